@@ -1,0 +1,46 @@
+"""The one way this package compiles Python: Numba, without the interpreter lock, cached on disk, no fast math.
+
+With `NUMBA_DISABLE_JIT=1` in the environment the same source runs as plain Python and can be stepped through.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+def _cache_folder() -> Path:
+    """Where compiled code is kept: a folder of the user's, one for each state of our source.
+
+    Numba itself looks only at the file of the outermost function, so that a change in a function which that one
+    calls would go unnoticed.
+    """
+    package = Path(__file__).parent
+    stamp = hashlib.sha256(sys.version.encode())
+    for path in sorted(package.rglob("*.py")):
+        status = path.stat()
+        stamp.update(f"{path.relative_to(package)} {status.st_size} {status.st_mtime_ns}".encode())
+    if sys.platform == "win32":
+        root = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        root = Path.home() / "Library" / "Caches"
+    else:
+        root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return root / "autodrive" / f"numba-{stamp.hexdigest()[:16]}"
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    numba.config.CACHE_DIR = str(_cache_folder())  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def jit(function: Function) -> Function:
+    """Compile at the first call (or read from the cache). Same bits on every run: no fast math, no threads."""
+    return numba.njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False)
