@@ -1,0 +1,74 @@
+"""A simulator for scaled autonomous vehicles: `autodrive.make(scenario)` gives a `World`, `World.step(commands)` a `Frame`.
+
+The names below are the public ones. Each is imported when it is first used, so that `import autodrive` is light: no
+MuJoCo, Numba or GL before a world is made.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from autodrive.errors import AutodriveError as AutodriveError
+    from autodrive.errors import CommandError as CommandError
+    from autodrive.errors import EngineError as EngineError
+    from autodrive.errors import SpecError as SpecError
+    from autodrive.protocol.messages import BackOnRoad as BackOnRoad
+    from autodrive.protocol.messages import Collision as Collision
+    from autodrive.protocol.messages import Command as Command
+    from autodrive.protocol.messages import EncoderReading as EncoderReading
+    from autodrive.protocol.messages import Frame as Frame
+    from autodrive.protocol.messages import Headlights as Headlights
+    from autodrive.protocol.messages import ImuReading as ImuReading
+    from autodrive.protocol.messages import Indicators as Indicators
+    from autodrive.protocol.messages import IpsReading as IpsReading
+    from autodrive.protocol.messages import LidarScan as LidarScan
+    from autodrive.protocol.messages import Lights as Lights
+    from autodrive.protocol.messages import ObjectFrame as ObjectFrame
+    from autodrive.protocol.messages import OffRoad as OffRoad
+    from autodrive.protocol.messages import Pose as Pose
+    from autodrive.protocol.messages import TailLights as TailLights
+    from autodrive.protocol.messages import VehicleFrame as VehicleFrame
+    from autodrive.protocol.messages import WheelsReading as WheelsReading
+
+_HOME = {
+    "errors": ("AutodriveError", "CommandError", "EngineError", "SpecError"),
+    "protocol.messages": (
+        "BackOnRoad",
+        "Collision",
+        "Command",
+        "EncoderReading",
+        "Frame",
+        "Headlights",
+        "ImuReading",
+        "Indicators",
+        "IpsReading",
+        "LidarScan",
+        "Lights",
+        "ObjectFrame",
+        "OffRoad",
+        "Pose",
+        "TailLights",
+        "VehicleFrame",
+        "WheelsReading",
+    ),
+}
+"""Module of this package -> the public names that live there."""
+
+_home_of = {name: module for module, names in _HOME.items() for name in names}
+
+__version__ = "0.1.0"
+__all__ = sorted([*_home_of, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _home_of:
+        raise AttributeError(f"module 'autodrive' has no attribute '{name}'")
+    value = getattr(importlib.import_module(f"autodrive.{_home_of[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
