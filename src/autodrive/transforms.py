@@ -1,0 +1,129 @@
+"""Rotations in plain scalar Python, which Numba compiles wherever a compiled function calls them.
+
+Quaternions are wxyz and of unit length. A vector or quaternion comes as a tuple or as an array and goes as a tuple.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+from numba.extending import register_jitable
+
+from autodrive.state import Floats
+
+Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+"""A rotation matrix, row-major."""
+
+
+@register_jitable
+def quaternion_from_yaw(yaw: float) -> Quaternion:
+    """Turn to the left by `yaw` [rad] about z."""
+    return math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)
+
+
+@register_jitable
+def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Quaternion of R = Rz(yaw) Ry(pitch) Rx(roll), angles in [rad]."""
+    cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
+    cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    return (
+        cy * cp * cr + sy * sp * sr,
+        cy * cp * sr - sy * sp * cr,
+        cy * sp * cr + sy * cp * sr,
+        sy * cp * cr - cy * sp * sr,
+    )
+
+
+@register_jitable
+def quaternion_from_rotation_vector(v: Vector | Floats) -> Quaternion:
+    """Turn by |v| [rad] about the axis v (the exponential map)."""
+    angle = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    # sin(x)/x by its series near 0, where the quotient is 0/0
+    k = 0.5 - angle * angle / 48.0 if angle < 1e-4 else math.sin(0.5 * angle) / angle
+    return math.cos(0.5 * angle), k * v[0], k * v[1], k * v[2]
+
+
+@register_jitable
+def euler_from_quaternion(q: Quaternion | Floats) -> Vector:
+    """Roll, pitch, yaw [rad] of R = Rz(yaw) Ry(pitch) Rx(roll): roll and yaw in (-pi, pi], pitch in [-pi/2, pi/2].
+
+    Looking straight up or down (gimbal lock), only roll -+ yaw is determined; roll is then 0.
+    """
+    m00, m01, _, m10, m11, _, m20, m21, m22 = rotation_from_quaternion(q)
+    cos_pitch = math.hypot(m00, m10)
+    pitch = math.atan2(-m20, cos_pitch)
+    if cos_pitch < 1e-9:
+        return 0.0, pitch, _upper_half(math.atan2(-m01, m11))
+    return _upper_half(math.atan2(m21, m22)), pitch, _upper_half(math.atan2(m10, m00))
+
+
+@register_jitable
+def rotation_from_quaternion(q: Quaternion | Floats) -> Rotation:
+    """The rotation matrix, row-major."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    return (
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )
+
+
+@register_jitable
+def rotate(q: Quaternion | Floats, v: Vector | Floats) -> Vector:
+    """The vector v turned by q: the velocity in the map, given map from vehicle and the velocity in the vehicle."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    # v' = v + 2 w (u x v) + 2 u x (u x v), u the vector part
+    tx = 2.0 * (y * v[2] - z * v[1])
+    ty = 2.0 * (z * v[0] - x * v[2])
+    tz = 2.0 * (x * v[1] - y * v[0])
+    return (
+        v[0] + w * tx + y * tz - z * ty,
+        v[1] + w * ty + z * tx - x * tz,
+        v[2] + w * tz + x * ty - y * tx,
+    )
+
+
+@register_jitable
+def inverse(q: Quaternion | Floats) -> Quaternion:
+    """The opposite turn."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+@register_jitable
+def compose(p: Quaternion | Floats, q: Quaternion | Floats) -> Quaternion:
+    """First q, then p: map from vehicle and vehicle from sensor make map from sensor."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    )
+
+
+@register_jitable
+def slerp(p: Quaternion | Floats, q: Quaternion | Floats, fraction: float) -> Quaternion:
+    """The turn on the shortest way from p (fraction 0) to q (fraction 1), at constant angular velocity."""
+    w, x, y, z = compose(inverse(p), q)
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = math.sqrt(x * x + y * y + z * z)
+    half_angle = math.atan2(sine, w)
+    # sin(f a) / sin(a) tends to f as the two turns meet
+    k = fraction if sine < 1e-12 else math.sin(fraction * half_angle) / sine
+    return compose(p, (math.cos(fraction * half_angle), k * x, k * y, k * z))
+
+
+@register_jitable
+def _upper_half(angle: float) -> float:
+    """An angle of [-pi, pi] in (-pi, pi]: the two names of straight back become one."""
+    return math.pi if angle == -math.pi else angle
