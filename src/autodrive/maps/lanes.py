@@ -1,0 +1,163 @@
+"""Lanes: directed centre lines through modules, joined at ports to a graph that can be searched."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from autodrive.maps.shapes import Pose, arc
+from autodrive.state import Floats, Integers
+
+_SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One lane of one placed module."""
+
+    name: str
+    """'placement:port in>port out'."""
+    points: Floats
+    """Centre line in driving direction [m], shape (n, 2)."""
+    start: int
+    """Node at its first point."""
+    end: int
+    """Node at its last point."""
+    successors: tuple[int, ...]
+    """Lanes that begin where this one ends."""
+
+    @cached_property
+    def length(self) -> float:
+        """Of the centre line [m]."""
+        return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+
+
+class LanePoint(NamedTuple):
+    """The point of a centre line that is nearest to somewhere."""
+
+    lane: int
+    distance_along: float
+    """From the start of the lane [m]."""
+    x: float
+    y: float
+    yaw: float
+    """Heading of the lane there [rad]."""
+    offset: float
+    """How far to the left of the centre line the asked point is [m]."""
+
+
+@dataclass(frozen=True)
+class LaneGraph:
+    """Lanes (edges) between nodes. A node is the pose where lanes of two modules meet, or where a lane begins or ends."""
+
+    nodes: Floats
+    """x [m], y [m], yaw [rad] of driving, shape (n, 3)."""
+    lanes: tuple[Lane, ...]
+
+    def nearest(self, x: float, y: float, yaw: float | None = None) -> LanePoint | None:
+        """The nearest point of all centre lines; with `yaw` [rad], of those within 90 degrees of that heading."""
+        first, step, lane, along = self._segments
+        if yaw is not None:
+            is_ahead = step @ (math.cos(yaw), math.sin(yaw)) > 0.0
+            first, step, lane, along = first[is_ahead], step[is_ahead], lane[is_ahead], along[is_ahead]
+        if not len(first):
+            return None
+        length = np.hypot(*step.T)
+        towards = np.array([x, y]) - first
+        fraction = np.clip(np.sum(towards * step, axis=1) / length**2, 0.0, 1.0)
+        points = first + fraction[:, None] * step
+        i = int(np.argmin(np.hypot(x - points[:, 0], y - points[:, 1])))
+        (px, py), (sx, sy) = points[i], step[i] / length[i]
+        offset = math.copysign(math.hypot(x - px, y - py), sx * (y - py) - sy * (x - px))
+        at = float(along[i] + fraction[i] * length[i])
+        return LanePoint(int(lane[i]), at, float(px), float(py), math.atan2(sy, sx), offset)
+
+    def route(self, start: int, goal: int) -> tuple[int, ...] | None:
+        """The shortest sequence of lanes from one lane to another, both included, or None (Dijkstra)."""
+        return (start,) if start == goal else self._shortest(start, goal)
+
+    def loop(self, lane: int) -> tuple[int, ...] | None:
+        """The shortest closed sequence of lanes that begins with that lane, or None if no way leads back to it."""
+        route = self._shortest(lane, lane)
+        return route[:-1] if route else None
+
+    def loops(self) -> tuple[tuple[int, ...], ...]:
+        """The shortest loop through each lane, each loop once, the shortest first."""
+        found: dict[frozenset[int], tuple[int, ...]] = {}
+        for lane in range(len(self.lanes)):
+            loop = self.loop(lane)
+            if loop:
+                found.setdefault(frozenset(loop), loop)
+        return tuple(sorted(found.values(), key=self.length))
+
+    def length(self, route: tuple[int, ...]) -> float:
+        """Of all lanes of a route together [m]."""
+        return sum(self.lanes[i].length for i in route)
+
+    def path(self, route: tuple[int, ...]) -> Floats:
+        """The centre line of a whole route [m], shape (n, 2)."""
+        first = self.lanes[route[0]].points[:1]
+        return np.vstack([first, *(self.lanes[i].points[1:] for i in route)])
+
+    def _shortest(self, start: int, goal: int) -> tuple[int, ...] | None:
+        queue: list[tuple[float, tuple[int, ...]]] = [(0.0, (start,))]
+        done: set[int] = set()
+        while queue:
+            cost, route = heapq.heappop(queue)
+            if route[-1] == goal and len(route) > 1:
+                return route
+            if len(route) > 1 and route[-1] in done:
+                continue
+            done.add(route[-1])
+            for successor in self.lanes[route[-1]].successors:
+                if successor not in done or successor == goal:
+                    heapq.heappush(queue, (cost + self.lanes[successor].length, (*route, successor)))
+        return None
+
+    @cached_property
+    def _segments(self) -> tuple[Floats, Floats, Integers, Floats]:
+        """First point, step, lane and distance along that lane of every straight piece of every lane."""
+        if not self.lanes:
+            return np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64), np.empty(0)
+        steps = [np.diff(lane.points, axis=0) for lane in self.lanes]
+        along = [np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))[:-1]]) for step in steps]
+        first = np.vstack([lane.points[:-1] for lane in self.lanes])
+        lane = np.repeat(np.arange(len(steps)), [len(step) for step in steps])
+        return first, np.vstack(steps), lane, np.concatenate(along)
+
+
+def lane_path(start: Pose, end: Pose) -> Floats:
+    """Points from one pose to another, both headings kept: a straight line, or one arc with a straight before or behind.
+
+    Raises ValueError when no such path leads there.
+    """
+    (x0, y0, yaw0), (x1, y1, yaw1) = start, end
+    ahead, out = np.array([math.cos(yaw0), math.sin(yaw0)]), np.array([math.cos(yaw1), math.sin(yaw1)])
+    way = np.array([x1 - x0, y1 - y0])
+    turn = _cross(ahead, out)
+    if abs(turn) < _SAME:
+        if ahead @ out < 0.0 or abs(_cross(ahead, way)) > 1e-6 or ahead @ way <= 0.0:
+            raise ValueError("neither a line nor one arc leads there")
+        return np.array([(x0, y0), (x1, y1)])
+    before, behind = _cross(way, out) / turn, _cross(ahead, way) / turn  # to the corner where the tangents meet
+    reach = min(before, behind)
+    if reach <= 0.0:
+        raise ValueError("neither a line nor one arc leads there")
+    angle = math.atan2(turn, ahead @ out)
+    radius = reach / math.tan(abs(angle) / 2.0)
+    side = math.copysign(1.0, angle)
+    tangent = np.array([x0, y0]) + (before - reach) * ahead
+    centre = tangent + side * radius * np.array([-ahead[1], ahead[0]])
+    begin = math.atan2(*(tangent - centre)[::-1])
+    bend = arc((centre[0], centre[1]), radius, begin, begin + angle)
+    points = np.vstack([[(x0, y0)], bend, [(x1, y1)]])
+    return points[np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > _SAME])]
+
+
+def _cross(a: Floats, b: Floats) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])

@@ -1,0 +1,346 @@
+"""Maps: a YAML file that places modules, walls, blocks and signs, compiled to what is driven on, hit and seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import shapely
+import yaml
+from pydantic import Field, TypeAdapter, ValidationError
+from shapely.geometry.base import BaseGeometry
+
+from autodrive import descriptions
+from autodrive.descriptions import Spec
+from autodrive.errors import SpecError
+from autodrive.maps.lanes import Lane, LaneGraph
+from autodrive.maps.module import MarkingKind
+from autodrive.maps.placing import PlacedModule, Placement, PortId, join, overlaps, place
+from autodrive.maps.props import Prop, PropSpec, StaticShape, solids
+from autodrive.maps.shapes import NotNegative, Point, Pose, Positive, Shape, rectangle
+from autodrive.model import BOX
+from autodrive.state import Floats
+from autodrive.units import DEGREE
+
+GRID = 1e-6
+"""Polygons are united on this grid [m], so that modules that touch leave no sliver between them."""
+
+
+class GroundSpec(Spec):
+    """The floor under everything: the plane z = 0."""
+
+    length: Positive = 20.0
+    """Extent along x that is drawn [m]; the plane itself has no end."""
+    width: Positive = 20.0
+    """Extent along y that is drawn [m]."""
+    friction: NotNegative = 0.6
+    """Coulomb coefficient between the ground and bodies such as boxes (Unity's default material)."""
+    grip: NotNegative = 1.0
+    """Factor on the friction of the tyres: 1 on dry road, less on a wet one."""
+
+
+class WallSpec(Spec):
+    """A wall along a line through points [m]."""
+
+    name: str = "wall"
+    points: Annotated[tuple[Point, ...], Field(min_length=2)]
+    """Of the middle of the wall."""
+    is_closed: bool = False
+    """True: from the last point back to the first."""
+    thickness: Positive = 0.1
+    height: Positive
+
+
+class BlockSpec(Spec):
+    """A box that never moves, such as a building, standing on the ground; x, y [m] is its centre."""
+
+    name: str = ""
+    x: float
+    y: float
+    yaw_deg: float = 0.0
+    length: Positive
+    width: Positive
+    height: Positive
+
+
+class SpawnSpec(Spec):
+    """Where a vehicle may begin: pose of its rear axle centre."""
+
+    x: float
+    y: float
+    yaw_deg: float = 0.0
+
+
+class MapSpec(Spec):
+    """A map: modules at places, and what stands around them."""
+
+    title: str
+    note: str = ""
+    ground: GroundSpec = GroundSpec()
+    paved: tuple[Shape, ...] = ()
+    """Ground that may be driven on, besides the roads of the modules."""
+    placements: tuple[Placement, ...] = ()
+    walls: tuple[WallSpec, ...] = ()
+    blocks: tuple[BlockSpec, ...] = ()
+    props: tuple[PropSpec, ...] = ()
+    spawns: dict[str, SpawnSpec] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class BoxPlacement:
+    """A box that can be pushed."""
+
+    name: str
+    size: tuple[float, float, float]
+    """Length, width, height [m]: whole, not half."""
+    mass: float
+    """[kg]."""
+    position: tuple[float, float, float]
+    """Centre [m]."""
+    yaw: float
+    """[rad]."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Ground of one kind, to be drawn; later ones lie over earlier ones."""
+
+    kind: str
+    """'lawn' or 'road'."""
+    geometry: BaseGeometry
+
+
+@dataclass(frozen=True)
+class Marking:
+    """Something painted on the road."""
+
+    kind: MarkingKind
+    colour: str
+    geometry: BaseGeometry
+    z_order: int
+    """Higher is painted later."""
+
+
+@dataclass(frozen=True)
+class ParkingBay:
+    """Where one vehicle may park."""
+
+    name: str
+    pose: Pose
+    """Centre and heading of a parked vehicle [m, m, rad]."""
+    length: float
+    width: float
+
+
+@dataclass(frozen=True)
+class Map:
+    """A compiled map. Everything is in its axes, metres and radians."""
+
+    name: str
+    title: str
+    ground: GroundSpec
+    drivable: BaseGeometry
+    """Union of all that may be driven on."""
+    drivable_edges: Floats
+    """x0, y0, x1, y1 of every edge of every ring of `drivable`, shape (n, 4): a point is inside if a ray from it crosses
+    an odd number of them (`is_inside`)."""
+    statics: tuple[StaticShape, ...]
+    boxes: tuple[BoxPlacement, ...]
+    surfaces: tuple[Surface, ...]
+    markings: tuple[Marking, ...]
+    props: tuple[Prop, ...]
+    bays: tuple[ParkingBay, ...]
+    spawns: dict[str, Pose]
+    lane_graph: LaneGraph
+    bounds: tuple[float, float, float, float]
+    """x_min, y_min, x_max, y_max of all that was placed; of the ground if nothing was [m]."""
+    modules: tuple[PlacedModule, ...]
+    joins: dict[PortId, PortId]
+    """Which port of which module meets which, both ways round."""
+
+
+def load_map(name: str | Path) -> Map:
+    """The map of that name, or of that YAML file, compiled. Raises `SpecError` with all faults of the file."""
+    path = descriptions.find("map", name)
+    text = path.read_text(encoding="utf-8")
+    try:
+        spec = descriptions.parse(text, MapSpec, where=str(path))
+    except SpecError as error:
+        raise SpecError([*error.faults, *_faults_of_the_rest(text, path)], str(path)) from None
+    return compile_map(spec, path.stem, path=path)
+
+
+def compile_map(spec: MapSpec, name: str = "map", *, path: Path | None = None) -> Map:
+    """What a description stands for. `path` is the file's, for messages and for modules beside it."""
+    folder = path.parent if path else None
+    placed, faults = place(enumerate(spec.placements, 1), folder)
+    joins, unjoined = join(placed, is_complete=len(placed) == len(spec.placements))
+    statics, props = _statics(spec)
+    boxes = tuple(_box(one) for one in placed if one.module.spec.type == "obstruction")
+    faults += [*unjoined, *_overlaps(placed, statics)]
+    if faults:
+        raise SpecError([f"map '{name}': {fault}" for fault in faults], str(path or ""))
+
+    drivable = shapely.union_all(
+        [*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)], grid_size=GRID
+    )
+    lawns = [one.footprint for one in placed if one.module.spec.type == "terrain"]
+    lawn = shapely.difference(shapely.union_all(lawns, grid_size=GRID), drivable, grid_size=GRID)
+    return Map(
+        name,
+        spec.title,
+        spec.ground,
+        drivable,
+        drivable_edges(drivable),
+        statics,
+        boxes,
+        surfaces=(Surface("lawn", lawn), Surface("road", drivable)),
+        markings=_markings(placed),
+        props=props,
+        bays=_bays(placed),
+        spawns={key: (spawn.x, spawn.y, spawn.yaw_deg * DEGREE) for key, spawn in spec.spawns.items()},
+        lane_graph=_lane_graph(placed, joins),
+        bounds=_bounds(spec, placed, statics),
+        modules=tuple(placed),
+        joins=joins,
+    )
+
+
+def drivable_edges(area: BaseGeometry) -> Floats:
+    """x0, y0, x1, y1 of every edge of every ring of a polygon or multipolygon, shape (n, 4)."""
+    rings = shapely.get_rings(shapely.get_parts(area))
+    edges = [np.hstack([ring[:-1], ring[1:]]) for ring in map(shapely.get_coordinates, rings)]
+    return np.ascontiguousarray(np.vstack(edges)) if edges else np.empty((0, 4))
+
+
+def is_inside(edges: Floats, x: float, y: float) -> bool:
+    """True if a point is inside the area with these edges, by the even-odd rule; plain Python that Numba can compile."""
+    inside = False
+    for i in range(edges.shape[0]):
+        x0, y0, x1, y1 = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        if (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
+            inside = not inside
+    return inside
+
+
+def _faults_of_the_rest(text: str, path: Path) -> list[str]:
+    """Faults in how the readable placements of an otherwise faulty file fit together."""
+    try:
+        tree: Any = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return []
+    raw = tree.get("placements") if isinstance(tree, dict) else None
+    numbered: list[tuple[int, Placement]] = []
+    for number, item in enumerate(raw if isinstance(raw, list) else [], 1):
+        try:
+            numbered.append((number, TypeAdapter(Placement).validate_python(item)))
+        except ValidationError:
+            continue
+    placed, faults = place(numbered, path.parent)
+    _, unjoined = join(placed, is_complete=False)
+    return [f"map '{path.stem}': {fault}" for fault in [*faults, *unjoined, *_overlaps(placed, ())]]
+
+
+def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[str]:
+    """Flat modules must not overlap each other; boxes must not overlap boxes or what stands fast."""
+    flat = [one for one in placed if one.module.spec.type not in {"terrain", "obstruction"}]
+    boxes = [one for one in placed if one.module.spec.type == "obstruction"]
+    fixed = [shape for shape in statics if shape.kind == BOX] if boxes else []
+    labels = [*(box.label for box in boxes), *(f"'{shape.name}'" for shape in fixed)]
+    plans = [*(box.footprint for box in boxes), *map(_plan, fixed)]
+    spans = [(box.placement.z, box.placement.z + box.size[2]) for box in boxes]
+    spans += [(shape.position[2] - shape.size[2], shape.position[2] + shape.size[2]) for shape in fixed]
+    solid = [fault for fault in overlaps(labels, plans, np.array(spans)) if fault.startswith("placement")]
+    return overlaps([one.label for one in flat], [one.footprint for one in flat]) + solid
+
+
+def _plan(shape: StaticShape) -> shapely.Polygon:
+    return rectangle((*shape.position[:2], shape.yaw), 2.0 * shape.size[0], 2.0 * shape.size[1])
+
+
+def _box(one: PlacedModule) -> BoxPlacement:
+    length, width, height = one.size
+    own = one.placement
+    mass = own.mass or one.module.spec.mass
+    assert mass is not None
+    return BoxPlacement(one.name, one.size, mass, (own.x, own.y, own.z + height / 2.0), own.pose[2])
+
+
+def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...]]:
+    props = tuple(Prop(prop.name or f"{prop.kind}_{i}", prop.kind, prop.pose) for i, prop in enumerate(spec.props, 1))
+    walls = [shape for wall in spec.walls for shape in _wall(wall)]
+    blocks = [_block(block, block.name or f"block_{i}") for i, block in enumerate(spec.blocks, 1)]
+    return (*walls, *blocks, *(shape for prop in props for shape in solids(prop))), props
+
+
+def _wall(wall: WallSpec) -> list[StaticShape]:
+    """A box for each straight piece, longer by its thickness so that corners are closed."""
+    points = [*wall.points, wall.points[0]] if wall.is_closed else list(wall.points)
+    shapes = []
+    for i, ((x0, y0), (x1, y1)) in enumerate(zip(points, points[1:], strict=False), 1):
+        half = ((math.hypot(x1 - x0, y1 - y0) + wall.thickness) / 2.0, wall.thickness / 2.0, wall.height / 2.0)
+        centre = ((x0 + x1) / 2.0, (y0 + y1) / 2.0, wall.height / 2.0)
+        shapes.append(StaticShape(f"{wall.name}_{i}", BOX, half, centre, math.atan2(y1 - y0, x1 - x0), "wall"))
+    return shapes
+
+
+def _block(block: BlockSpec, name: str) -> StaticShape:
+    half = (block.length / 2.0, block.width / 2.0, block.height / 2.0)
+    return StaticShape(name, BOX, half, (block.x, block.y, block.height / 2.0), block.yaw_deg * DEGREE, "block")
+
+
+def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:
+    return tuple(
+        Marking(kind, "white", geometry, z_order=1)
+        for one in placed
+        for (kind, _), geometry in zip(one.module.markings, one.markings, strict=True)
+    )
+
+
+def _bays(placed: list[PlacedModule]) -> tuple[ParkingBay, ...]:
+    bays = []
+    for one in placed:
+        x0, y0, yaw = one.placement.pose
+        for bay in one.module.spec.bays:
+            x = x0 + math.cos(yaw) * bay.x - math.sin(yaw) * bay.y
+            y = y0 + math.sin(yaw) * bay.x + math.cos(yaw) * bay.y
+            bays.append(ParkingBay(f"{one.name}.{bay.name}", (x, y, yaw + bay.yaw_deg * DEGREE), bay.length, bay.width))
+    return tuple(bays)
+
+
+def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> LaneGraph:
+    """Lanes that end at a port go on as those lanes that come in at the port that it meets."""
+    nodes: dict[tuple[str, PortId], int] = {}
+    poses: list[Pose] = []
+    ends: list[tuple[str, Floats, int, int]] = []
+
+    def node(key: tuple[str, PortId], point: Floats, step: Floats) -> int:
+        if key not in nodes:
+            nodes[key] = len(poses)
+            poses.append((float(point[0]), float(point[1]), math.atan2(step[1], step[0])))
+        return nodes[key]
+
+    for i, one in enumerate(placed):
+        for (port_in, port_out), points in zip(one.module.spec.lanes, one.lanes, strict=True):
+            met = joins.get((i, port_out))
+            start = node(("in", (i, port_in)), points[0], points[1] - points[0])
+            end = node(("in", met) if met else ("out", (i, port_out)), points[-1], points[-1] - points[-2])
+            ends.append((f"{one.name}:{port_in}>{port_out}", points, start, end))
+    starting: dict[int, list[int]] = {}
+    for lane, (_, _, start, _) in enumerate(ends):
+        starting.setdefault(start, []).append(lane)
+    lanes = [Lane(name, points, a, b, tuple(starting.get(b, ()))) for name, points, a, b in ends]
+    return LaneGraph(np.array(poses).reshape(-1, 3), tuple(lanes))
+
+
+def _bounds(
+    spec: MapSpec, placed: list[PlacedModule], statics: tuple[StaticShape, ...]
+) -> tuple[float, float, float, float]:
+    content = [one.footprint for one in placed] + [_plan(shape) for shape in statics if shape.kind == BOX]
+    content += [shape.geometry() for shape in spec.paved]
+    content = content or [rectangle((0.0, 0.0, 0.0), spec.ground.length, spec.ground.width)]
+    x0, y0, x1, y1 = shapely.total_bounds(np.array(content, dtype=object))
+    return float(x0), float(y0), float(x1), float(y1)
