@@ -1,4 +1,4 @@
-"""A simulator for scaled autonomous vehicles: `autodrive.make(scenario)` gives a `World`, `World.step(commands)` a `Frame`.
+"""A simulator for scaled autonomous vehicles: `make(scenario)` gives a `World`, `World.step(commands)` a `Frame`.
 
 The names below are the public ones. Each is imported when it is first used, so that `import autodrive` is light: no
 MuJoCo, Numba or GL before a world is made.
@@ -59,7 +59,7 @@ _HOME = {
 _home_of = {name: module for module, names in _HOME.items() for name in names}
 
 __version__ = "0.1.0"
-__all__ = sorted([*_home_of, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = [*_home_of]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

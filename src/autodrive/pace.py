@@ -1,0 +1,85 @@
+"""Pace: when the next tick is due, and how well that was kept. Wall time comes in as a number [s] from any clock."""
+
+from __future__ import annotations
+
+MAX_LAG = 0.1
+"""A debt of up to this much wall time [s] is caught up, so that a hiccup costs nothing; a greater one is forgotten, so
+that a machine that is too slow slows simulated time down and does not fall ever further behind."""
+
+COMPLAINT_INTERVAL = 10.0
+"""At least so much wall time [s] between two complaints."""
+
+MEASURING_TIME = 1.0
+"""The real-time factor is the mean over about this much wall time [s]."""
+
+
+class Pace:
+    """Keeps ticks of `tick_duration` [s] at `speed` simulated seconds per wall second (None: as fast as possible)."""
+
+    def __init__(self, tick_duration: float, speed: float | None) -> None:
+        self.speed = speed
+        self.ticks = 0
+        self.late_ticks = 0
+        self.real_time_factor = 0.0
+        self._tick_duration = tick_duration
+        self._due = 0.0
+        self._started: float | None = None
+        self._time_before = 0.0
+        self._measured_from = (0.0, 0)
+        self._quiet_until = float("-inf")
+
+    def restart(self, now: float) -> None:
+        """Begin, or begin anew after a rest: the next tick is due now."""
+        self.rest(now)
+        self._started = self._due = now
+        self._measured_from = (now, self.ticks)
+
+    def rest(self, now: float) -> None:
+        """Nothing is due until `restart`."""
+        self._time_before = self.running_time(now)
+        self._started = None
+
+    def set_speed(self, speed: float | None, now: float) -> None:
+        """Change the speed, running or resting; a debt of the old speed is forgotten."""
+        self.speed = speed
+        if self._started is not None:
+            self.restart(now)
+
+    def running_time(self, now: float) -> float:
+        """Wall time spent running, without rests [s]."""
+        started = self._started  # read once: others ask while the simulation's thread writes
+        return self._time_before + (now - started if started is not None else 0.0)
+
+    def delay(self, now: float) -> float:
+        """Wall time until the next tick is due [s], 0 or negative when it is."""
+        return 0.0 if self.speed is None else self._due - now
+
+    def count(self, now: float) -> bool:
+        """A tick was done. True if it is time to complain that the speed cannot be kept."""
+        self.ticks += 1
+        if self._started is None:
+            return False
+        self._measure(now)
+        if self.speed is None:
+            return False
+        period = self._tick_duration / self.speed
+        self._due += period
+        lag = now - self._due
+        if lag > period:
+            self.late_ticks += 1
+        if lag <= max(MAX_LAG, 2 * period):
+            return False
+        self._due = now
+        return self._is_time_to_complain(now)
+
+    def _measure(self, now: float) -> None:
+        began, ticks = self._measured_from
+        if now - began >= MEASURING_TIME:
+            self.real_time_factor = (self.ticks - ticks) * self._tick_duration / (now - began)
+            self._measured_from = (now, self.ticks)
+
+    def _is_time_to_complain(self, now: float) -> bool:
+        if now < self._quiet_until:
+            return False
+        self._quiet_until = now + COMPLAINT_INTERVAL
+        return True
