@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -53,7 +54,7 @@ class LanePoint(NamedTuple):
 
 @dataclass(frozen=True)
 class LaneGraph:
-    """Lanes (edges) between nodes. A node is the pose where lanes of two modules meet, or where a lane begins or ends."""
+    """Lanes (edges) between nodes: the poses where lanes of two modules meet, or where a lane begins or ends."""
 
     nodes: Floats
     """x [m], y [m], yaw [rad] of driving, shape (n, 3)."""
@@ -105,18 +106,18 @@ class LaneGraph:
         return np.vstack([first, *(self.lanes[i].points[1:] for i in route)])
 
     def _shortest(self, start: int, goal: int) -> tuple[int, ...] | None:
-        queue: list[tuple[float, tuple[int, ...]]] = [(0.0, (start,))]
+        """Dijkstra from the successors of `start`, so that start and goal may be the same lane."""
+        queue: list[tuple[float, int, tuple[int, ...]]] = [(0.0, start, (start,))]
         done: set[int] = set()
         while queue:
-            cost, route = heapq.heappop(queue)
-            if route[-1] == goal and len(route) > 1:
+            cost, lane, route = heapq.heappop(queue)
+            if lane == goal and len(route) > 1:
                 return route
-            if len(route) > 1 and route[-1] in done:
+            if lane in done:
                 continue
-            done.add(route[-1])
-            for successor in self.lanes[route[-1]].successors:
-                if successor not in done or successor == goal:
-                    heapq.heappush(queue, (cost + self.lanes[successor].length, (*route, successor)))
+            done.add(lane)
+            for successor in self.lanes[lane].successors:
+                heapq.heappush(queue, (cost + self.lanes[successor].length, successor, (*route, successor)))
         return None
 
     @cached_property
@@ -131,10 +132,38 @@ class LaneGraph:
         return first, np.vstack(steps), lane, np.concatenate(along)
 
 
-def lane_path(start: Pose, end: Pose) -> Floats:
-    """Points from one pose to another, both headings kept: a straight line, or one arc with a straight before or behind.
+def lane_graph(pieces: Sequence[tuple[str, Floats, Hashable, Hashable]]) -> LaneGraph:
+    """The graph of lanes given as name, points, and what stands for their start and their end.
 
-    Raises ValueError when no such path leads there.
+    Where one lane's end is the same as another's start, the other is its successor.
+    """
+    nodes: dict[Hashable, int] = {}
+    poses: list[Pose] = []
+
+    def node(key: Hashable, point: Floats, step: Floats) -> int:
+        if key not in nodes:
+            nodes[key] = len(poses)
+            poses.append((float(point[0]), float(point[1]), math.atan2(step[1], step[0])))
+        return nodes[key]
+
+    ends = [
+        (node(start, points[0], points[1] - points[0]), node(end, points[-1], points[-1] - points[-2]))
+        for _, points, start, end in pieces
+    ]
+    starting: dict[int, list[int]] = {}
+    for lane, (start, _) in enumerate(ends):
+        starting.setdefault(start, []).append(lane)
+    lanes = [
+        Lane(name, points, start, end, tuple(starting.get(end, ())))
+        for (name, points, _, _), (start, end) in zip(pieces, ends, strict=True)
+    ]
+    return LaneGraph(np.array(poses).reshape(-1, 3), tuple(lanes))
+
+
+def lane_path(start: Pose, end: Pose) -> Floats:
+    """Points from one pose to another, both headings kept: a line, or one arc with a line before or behind it.
+
+    The arc is as wide as there is room for. Raises ValueError when no such path leads there.
     """
     (x0, y0, yaw0), (x1, y1, yaw1) = start, end
     ahead, out = np.array([math.cos(yaw0), math.sin(yaw0)]), np.array([math.cos(yaw1), math.sin(yaw1)])

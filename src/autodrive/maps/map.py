@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -16,11 +17,13 @@ from shapely.geometry.base import BaseGeometry
 from autodrive import descriptions
 from autodrive.descriptions import Spec
 from autodrive.errors import SpecError
-from autodrive.maps.lanes import Lane, LaneGraph
+from autodrive.maps.area import drivable_edges
+from autodrive.maps.lanes import LaneGraph, lane_graph
 from autodrive.maps.module import MarkingKind
 from autodrive.maps.placing import PlacedModule, Placement, PortId, join, overlaps, place
-from autodrive.maps.props import Prop, PropSpec, StaticShape, solids
-from autodrive.maps.shapes import NotNegative, Point, Pose, Positive, Shape, rectangle
+from autodrive.maps.props import Prop, PropSpec, prop_shapes
+from autodrive.maps.shapes import NotNegative, Pose, Positive, Shape, rectangle
+from autodrive.maps.solids import BlockSpec, BoxPlacement, StaticShape, WallSpec, block_shape, wall_shapes
 from autodrive.model import BOX
 from autodrive.state import Floats
 from autodrive.units import DEGREE
@@ -40,30 +43,6 @@ class GroundSpec(Spec):
     """Coulomb coefficient between the ground and bodies such as boxes (Unity's default material)."""
     grip: NotNegative = 1.0
     """Factor on the friction of the tyres: 1 on dry road, less on a wet one."""
-
-
-class WallSpec(Spec):
-    """A wall along a line through points [m]."""
-
-    name: str = "wall"
-    points: Annotated[tuple[Point, ...], Field(min_length=2)]
-    """Of the middle of the wall."""
-    is_closed: bool = False
-    """True: from the last point back to the first."""
-    thickness: Positive = 0.1
-    height: Positive
-
-
-class BlockSpec(Spec):
-    """A box that never moves, such as a building, standing on the ground; x, y [m] is its centre."""
-
-    name: str = ""
-    x: float
-    y: float
-    yaw_deg: float = 0.0
-    length: Positive
-    width: Positive
-    height: Positive
 
 
 class SpawnSpec(Spec):
@@ -87,21 +66,6 @@ class MapSpec(Spec):
     blocks: tuple[BlockSpec, ...] = ()
     props: tuple[PropSpec, ...] = ()
     spawns: dict[str, SpawnSpec] = Field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class BoxPlacement:
-    """A box that can be pushed."""
-
-    name: str
-    size: tuple[float, float, float]
-    """Length, width, height [m]: whole, not half."""
-    mass: float
-    """[kg]."""
-    position: tuple[float, float, float]
-    """Centre [m]."""
-    yaw: float
-    """[rad]."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +109,7 @@ class Map:
     drivable: BaseGeometry
     """Union of all that may be driven on."""
     drivable_edges: Floats
-    """x0, y0, x1, y1 of every edge of every ring of `drivable`, shape (n, 4): a point is inside if a ray from it crosses
-    an odd number of them (`is_inside`)."""
+    """x0, y0, x1, y1 of every edge of every ring of `drivable` [m], shape (n, 4), for `area.is_inside`."""
     statics: tuple[StaticShape, ...]
     boxes: tuple[BoxPlacement, ...]
     surfaces: tuple[Surface, ...]
@@ -209,23 +172,6 @@ def compile_map(spec: MapSpec, name: str = "map", *, path: Path | None = None) -
     )
 
 
-def drivable_edges(area: BaseGeometry) -> Floats:
-    """x0, y0, x1, y1 of every edge of every ring of a polygon or multipolygon, shape (n, 4)."""
-    rings = shapely.get_rings(shapely.get_parts(area))
-    edges = [np.hstack([ring[:-1], ring[1:]]) for ring in map(shapely.get_coordinates, rings)]
-    return np.ascontiguousarray(np.vstack(edges)) if edges else np.empty((0, 4))
-
-
-def is_inside(edges: Floats, x: float, y: float) -> bool:
-    """True if a point is inside the area with these edges, by the even-odd rule; plain Python that Numba can compile."""
-    inside = False
-    for i in range(edges.shape[0]):
-        x0, y0, x1, y1 = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
-        if (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
-            inside = not inside
-    return inside
-
-
 def _faults_of_the_rest(text: str, path: Path) -> list[str]:
     """Faults in how the readable placements of an otherwise faulty file fit together."""
     try:
@@ -250,46 +196,25 @@ def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> l
     boxes = [one for one in placed if one.module.spec.type == "obstruction"]
     fixed = [shape for shape in statics if shape.kind == BOX] if boxes else []
     labels = [*(box.label for box in boxes), *(f"'{shape.name}'" for shape in fixed)]
-    plans = [*(box.footprint for box in boxes), *map(_plan, fixed)]
+    plans = [*(box.footprint for box in boxes), *(shape.plan for shape in fixed)]
     spans = [(box.placement.z, box.placement.z + box.size[2]) for box in boxes]
     spans += [(shape.position[2] - shape.size[2], shape.position[2] + shape.size[2]) for shape in fixed]
     solid = [fault for fault in overlaps(labels, plans, np.array(spans)) if fault.startswith("placement")]
     return overlaps([one.label for one in flat], [one.footprint for one in flat]) + solid
 
 
-def _plan(shape: StaticShape) -> shapely.Polygon:
-    return rectangle((*shape.position[:2], shape.yaw), 2.0 * shape.size[0], 2.0 * shape.size[1])
-
-
 def _box(one: PlacedModule) -> BoxPlacement:
-    length, width, height = one.size
     own = one.placement
     mass = own.mass or one.module.spec.mass
     assert mass is not None
-    return BoxPlacement(one.name, one.size, mass, (own.x, own.y, own.z + height / 2.0), own.pose[2])
+    return BoxPlacement(one.name, one.size, mass, (own.x, own.y, own.z + one.size[2] / 2.0), own.pose[2])
 
 
 def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...]]:
     props = tuple(Prop(prop.name or f"{prop.kind}_{i}", prop.kind, prop.pose) for i, prop in enumerate(spec.props, 1))
-    walls = [shape for wall in spec.walls for shape in _wall(wall)]
-    blocks = [_block(block, block.name or f"block_{i}") for i, block in enumerate(spec.blocks, 1)]
-    return (*walls, *blocks, *(shape for prop in props for shape in solids(prop))), props
-
-
-def _wall(wall: WallSpec) -> list[StaticShape]:
-    """A box for each straight piece, longer by its thickness so that corners are closed."""
-    points = [*wall.points, wall.points[0]] if wall.is_closed else list(wall.points)
-    shapes = []
-    for i, ((x0, y0), (x1, y1)) in enumerate(zip(points, points[1:], strict=False), 1):
-        half = ((math.hypot(x1 - x0, y1 - y0) + wall.thickness) / 2.0, wall.thickness / 2.0, wall.height / 2.0)
-        centre = ((x0 + x1) / 2.0, (y0 + y1) / 2.0, wall.height / 2.0)
-        shapes.append(StaticShape(f"{wall.name}_{i}", BOX, half, centre, math.atan2(y1 - y0, x1 - x0), "wall"))
-    return shapes
-
-
-def _block(block: BlockSpec, name: str) -> StaticShape:
-    half = (block.length / 2.0, block.width / 2.0, block.height / 2.0)
-    return StaticShape(name, BOX, half, (block.x, block.y, block.height / 2.0), block.yaw_deg * DEGREE, "block")
+    walls = [shape for wall in spec.walls for shape in wall_shapes(wall)]
+    blocks = [block_shape(block, block.name or f"block_{i}") for i, block in enumerate(spec.blocks, 1)]
+    return (*walls, *blocks, *(shape for prop in props for shape in prop_shapes(prop))), props
 
 
 def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:
@@ -312,34 +237,20 @@ def _bays(placed: list[PlacedModule]) -> tuple[ParkingBay, ...]:
 
 
 def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> LaneGraph:
-    """Lanes that end at a port go on as those lanes that come in at the port that it meets."""
-    nodes: dict[tuple[str, PortId], int] = {}
-    poses: list[Pose] = []
-    ends: list[tuple[str, Floats, int, int]] = []
-
-    def node(key: tuple[str, PortId], point: Floats, step: Floats) -> int:
-        if key not in nodes:
-            nodes[key] = len(poses)
-            poses.append((float(point[0]), float(point[1]), math.atan2(step[1], step[0])))
-        return nodes[key]
-
+    """A lane that ends at a port ends where those begin that come in at the port that it meets."""
+    pieces: list[tuple[str, Floats, Hashable, Hashable]] = []
     for i, one in enumerate(placed):
         for (port_in, port_out), points in zip(one.module.spec.lanes, one.lanes, strict=True):
             met = joins.get((i, port_out))
-            start = node(("in", (i, port_in)), points[0], points[1] - points[0])
-            end = node(("in", met) if met else ("out", (i, port_out)), points[-1], points[-1] - points[-2])
-            ends.append((f"{one.name}:{port_in}>{port_out}", points, start, end))
-    starting: dict[int, list[int]] = {}
-    for lane, (_, _, start, _) in enumerate(ends):
-        starting.setdefault(start, []).append(lane)
-    lanes = [Lane(name, points, a, b, tuple(starting.get(b, ()))) for name, points, a, b in ends]
-    return LaneGraph(np.array(poses).reshape(-1, 3), tuple(lanes))
+            end = ("in", met) if met else ("out", (i, port_out))
+            pieces.append((f"{one.name}:{port_in}>{port_out}", points, ("in", (i, port_in)), end))
+    return lane_graph(pieces)
 
 
 def _bounds(
     spec: MapSpec, placed: list[PlacedModule], statics: tuple[StaticShape, ...]
 ) -> tuple[float, float, float, float]:
-    content = [one.footprint for one in placed] + [_plan(shape) for shape in statics if shape.kind == BOX]
+    content = [one.footprint for one in placed] + [shape.plan for shape in statics]
     content += [shape.geometry() for shape in spec.paved]
     content = content or [rectangle((0.0, 0.0, 0.0), spec.ground.length, spec.ground.width)]
     x0, y0, x1, y1 = shapely.total_bounds(np.array(content, dtype=object))

@@ -154,7 +154,9 @@ def load_module(name: str | Path) -> Module:
 
 def compile_module(spec: ModuleSpec, name: str = "module") -> Module:
     """The polygons and lanes that a description stands for."""
-    shapes = [(kind, shape.geometry()) for kind, shapes in spec.markings.items() for shape in shapes]
+    shapes: list[tuple[MarkingKind, BaseGeometry]] = [
+        (kind, shape.geometry()) for kind, shapes in spec.markings.items() for shape in shapes
+    ]
     stops: list[tuple[MarkingKind, BaseGeometry]] = [("stop_line", _stop_line(spec, line)) for line in spec.stop_lines]
     return Module(
         name,

@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias, get_args
 
 from autodrive.descriptions import Spec
 from autodrive.maps.shapes import Pose
+from autodrive.maps.solids import StaticShape
 from autodrive.model import BOX, CYLINDER
 from autodrive.units import DEGREE
 
@@ -60,24 +61,7 @@ class Prop:
     """x [m], y [m] of the foot, yaw [rad] of the direction in which the face looks."""
 
 
-@dataclass(frozen=True)
-class StaticShape:
-    """Something solid that never moves."""
-
-    name: str
-    kind: int
-    """`BOX` or `CYLINDER` of `autodrive.model`."""
-    size: tuple[float, float, float]
-    """Box: half sizes; cylinder: radius, half height, 0 [m]; as in `model.Shapes`."""
-    position: tuple[float, float, float]
-    """Centre in the map [m]."""
-    yaw: float
-    """[rad]."""
-    material: str
-    """'wall', 'block', 'post', 'plate' or 'housing'."""
-
-
-def solids(prop: Prop) -> Iterator[StaticShape]:
+def prop_shapes(prop: Prop) -> Iterator[StaticShape]:
     """The post and the plate (or the housing of the lamps) of a prop."""
     if prop.kind == "traffic_light":
         low, high = min(LAMP_HEIGHTS.values()) - HOUSING_MARGIN, max(LAMP_HEIGHTS.values()) + HOUSING_MARGIN

@@ -1,0 +1,94 @@
+"""What is solid in a map: walls and blocks that never move, and boxes that can be pushed."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import shapely
+from pydantic import Field
+
+from autodrive.descriptions import Spec
+from autodrive.maps.shapes import Point, Positive, rectangle
+from autodrive.model import BOX
+from autodrive.units import DEGREE
+
+
+class WallSpec(Spec):
+    """A wall along a line through points [m]."""
+
+    name: str = "wall"
+    points: Annotated[tuple[Point, ...], Field(min_length=2)]
+    """Of the middle of the wall."""
+    is_closed: bool = False
+    """True: from the last point back to the first."""
+    thickness: Positive = 0.1
+    height: Positive
+
+
+class BlockSpec(Spec):
+    """A box that never moves, such as a building, standing on the ground; x, y [m] is its centre."""
+
+    name: str = ""
+    x: float
+    y: float
+    yaw_deg: float = 0.0
+    length: Positive
+    width: Positive
+    height: Positive
+
+
+@dataclass(frozen=True)
+class StaticShape:
+    """Something solid that never moves."""
+
+    name: str
+    kind: int
+    """`BOX` or `CYLINDER` of `autodrive.model`."""
+    size: tuple[float, float, float]
+    """Box: half sizes; cylinder: radius, half height, 0 [m]; as in `model.Shapes`."""
+    position: tuple[float, float, float]
+    """Centre in the map [m]."""
+    yaw: float
+    """[rad]."""
+    material: str
+    """'wall', 'block', 'post', 'plate' or 'housing'."""
+
+    @property
+    def plan(self) -> shapely.Polygon:
+        """The outline seen from above: that of a box, or the square around a cylinder."""
+        length, width = self.size[:2] if self.kind == BOX else (self.size[0], self.size[0])
+        return rectangle((*self.position[:2], self.yaw), 2.0 * length, 2.0 * width)
+
+
+@dataclass(frozen=True)
+class BoxPlacement:
+    """A box that can be pushed."""
+
+    name: str
+    size: tuple[float, float, float]
+    """Length, width, height [m]: whole, not half."""
+    mass: float
+    """[kg]."""
+    position: tuple[float, float, float]
+    """Centre [m]."""
+    yaw: float
+    """[rad]."""
+
+
+def wall_shapes(wall: WallSpec) -> Iterator[StaticShape]:
+    """A box for each straight piece, longer by its thickness so that corners are closed."""
+    points = [*wall.points, wall.points[0]] if wall.is_closed else wall.points
+    for i, ((x0, y0), (x1, y1)) in enumerate(itertools.pairwise(points), 1):
+        half = ((math.hypot(x1 - x0, y1 - y0) + wall.thickness) / 2.0, wall.thickness / 2.0, wall.height / 2.0)
+        centre = ((x0 + x1) / 2.0, (y0 + y1) / 2.0, wall.height / 2.0)
+        yield StaticShape(f"{wall.name}_{i}", BOX, half, centre, math.atan2(y1 - y0, x1 - x0), "wall")
+
+
+def block_shape(block: BlockSpec, name: str) -> StaticShape:
+    """The box that a block is."""
+    half = (block.length / 2.0, block.width / 2.0, block.height / 2.0)
+    return StaticShape(name, BOX, half, (block.x, block.y, block.height / 2.0), block.yaw_deg * DEGREE, "block")
