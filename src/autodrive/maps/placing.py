@@ -210,10 +210,11 @@ def _unsuitable(placement: Placement, module: Module) -> list[str]:
 def _mismatch(a: PlacedPort, b: PlacedPort) -> str:
     """What is wrong between two ports that should meet, and what would be right; '' if they match."""
     dx, dy = b.pose[0] - a.pose[0], b.pose[1] - a.pose[1]
-    if math.hypot(dx, dy) > PORT_TOLERANCE:
+    distance = math.hypot(dx, dy)
+    if distance > PORT_TOLERANCE:
         return (
-            f"do not meet: the first is at ({a.pose[0]:.4g}, {a.pose[1]:.4g}), the second {math.hypot(dx, dy):.3g} m away. Move "
-            f"the second module by ({-dx:.4g}, {-dy:.4g}) m"
+            f"do not meet: the first is at ({a.pose[0]:.4g}, {a.pose[1]:.4g}), the second {distance:.3g} m away. "
+            f"Move the second module by ({-dx:.4g}, {-dy:.4g}) m"
         )
     turn = math.remainder(b.pose[2] - a.pose[2] - math.pi, 2.0 * math.pi)
     if abs(turn) > HEADING_TOLERANCE:
