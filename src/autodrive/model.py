@@ -1,8 +1,11 @@
-"""Model: what stays while the world runs, as a NamedTuple of flat arrays that Numba takes as they are."""
+"""Model: what stays while the world runs, as tables of numbers that Numba takes as they are.
+
+A table is a structured array: one row a vehicle or a wheel, one named column a parameter.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +14,64 @@ from autodrive.state import Floats, Integers
 
 PLANE, SPHERE, CYLINDER, BOX = 0, 2, 5, 6
 """Kinds of shape, numbered as in MuJoCo (mjtGeom)."""
+
+Table = NDArray[Any]
+
+
+def _table(**columns: Any) -> np.dtype[Any]:
+    return np.dtype(list(columns.items()), align=True)
+
+
+VEHICLE = _table(
+    body=np.int64,  # of the engine
+    qpos=np.int64,  # where its position and quaternion begin in the engine's qpos
+    dof=np.int64,  # where its velocity begins in the engine's qvel
+    mass=np.float64,  # [kg]
+    inertia=(np.float64, 3),  # about the centre of mass, along the vehicle's axes [kg m^2]
+    center_of_mass=(np.float64, 3),  # in the vehicle frame [m]
+    drag=np.float64,  # [1/s]
+    angular_drag=np.float64,  # [1/s]
+    angular_velocity_max=np.float64,  # [rad/s]
+    wheelbase=np.float64,  # [m]
+    steering_limit=np.float64,  # [rad]
+    steering_rate_limit=np.float64,  # [rad/s]
+    steering_response=np.float64,  # 1 - exp(-dt / time constant)
+    steering_delay=np.int64,  # [substeps]
+    drive_is_speed_controlled=np.bool_,
+    drive_speed_limit=np.float64,  # [rad/s]
+    drive_torque_limit=np.float64,  # [N m]
+    drive_servo_gain=np.float64,  # [N m s/rad]
+    drive_response=np.float64,  # 1 - exp(-dt / time constant)
+    drive_delay=np.int64,  # [substeps]
+    brake_torque=np.float64,  # [N m], each wheel
+)
+"""Columns of `Model.vehicles`."""
+
+WHEEL = _table(
+    hub=(np.float64, 3),  # wheel centre at the suspension's target position, in the vehicle frame [m]
+    is_steered=np.bool_,
+    is_driven=np.bool_,
+    radius=np.float64,  # [m]
+    inertia=np.float64,  # about the axle [kg m^2]
+    damping_rate=np.float64,  # [N m s/rad]
+    sprung_mass=np.float64,  # [kg]
+    force_height=np.float64,  # of the point where the ground's force acts, above the wheel's base [m]
+    stiffness=np.float64,  # of the suspension [N/m]
+    damping=np.float64,  # of the suspension [N s/m]
+    compression_max=np.float64,  # [m]
+    droop_max=np.float64,  # [m]
+    bump_stiffness=np.float64,  # [N/m]
+    forward=(np.float64, 5),  # extremum slip and value, asymptote slip and value, initial slope
+    sideways=(np.float64, 5),  # likewise
+    active_slip_offset=np.float64,  # [m/s]
+    passive_slip_minimum=np.float64,  # [m/s]
+    slip_angle_offset=np.float64,  # [m/s]
+    hold_speed=np.float64,  # [m/s]
+    hold_stiffness=np.float64,  # [N/m]
+    hold_damping=np.float64,  # [N s/m]
+    effective_mass=np.float64,  # that a force at the contact point meets, per wheel [kg]
+)
+"""Columns of `Model.wheels`, four rows a vehicle: front left, front right, rear left, rear right."""
 
 
 class Shapes(NamedTuple):
@@ -29,3 +90,21 @@ class Shapes(NamedTuple):
     """Index of the vehicle that the shape is part of, or -1, shape (n_shape,)."""
     is_static: NDArray[np.bool_]
     """True for what never moves, shape (n_shape,)."""
+    dof: Integers
+    """Where the velocity of the shape's body begins in the engine's qvel, or -1 if it never moves, shape (n_shape,)."""
+    qpos: Integers
+    """Where the position of the shape's body begins in the engine's qpos, or -1, shape (n_shape,)."""
+
+
+class Model(NamedTuple):
+    """Everything that stays."""
+
+    dt: float
+    """Length of a substep [s]."""
+    gravity: float
+    """[m/s^2], downwards."""
+    vehicles: Table
+    """Columns `VEHICLE`, shape (n,)."""
+    wheels: Table
+    """Columns `WHEEL`, shape (4 n,)."""
+    shapes: Shapes

@@ -40,6 +40,10 @@ class State(NamedTuple):
     """Command that has reached the steering actuator, as an angle [rad], shape (n,)."""
     steering_angle: Floats
     """Angle of the steering actuator, left positive [rad], shape (n,)."""
+    throttle_queue: Floats
+    """Commands on their way to the drive actuators, a ring over substeps, shape (n, longest delay + 1)."""
+    steering_queue: Floats
+    """Likewise to the steering actuators, as angles [rad]."""
     # wheels
     wheel_angular_velocity: Floats
     """Spin, forward positive [rad/s], shape (n_wheel,)."""
@@ -55,6 +59,10 @@ class State(NamedTuple):
     """Shape (n_wheel,)."""
     wheel_slip_angle: Floats
     """[rad], shape (n_wheel,)."""
+    wheel_force: Floats
+    """Longitudinal and lateral force of the ground on the chassis [N], shape (n_wheel, 2)."""
+    wheel_hold: Floats
+    """Longitudinal and lateral deflection of a standing, braked wheel [m], shape (n_wheel, 2)."""
     # collision shapes: what a LIDAR ray, a wheel or another body can hit
     shape_position: Floats
     """Centre in the map [m], shape (n_shape, 3)."""

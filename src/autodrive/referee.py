@@ -1,0 +1,104 @@
+"""The referee: watches contacts and the drivable area, and says what happened as Events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from autodrive.jit import jit
+from autodrive.model import Model, Table
+from autodrive.physics.tick import Touches
+from autodrive.protocol.messages import BackOnRoad, Collision, Event, OffRoad
+from autodrive.state import Floats, State
+from autodrive.transforms import rotate
+
+SEPARATION = 0.2
+"""Who lets go of a thing for less than this [s] still touches it: a pushed box rattles."""
+
+
+class Referee:
+    """Turns contacts and places into Events; keeps only what it needs to tell a beginning from a continuation."""
+
+    def __init__(self, names: Sequence[str], owners: Sequence[str], drivable_edges: Floats, ticks_a_second: float) -> None:
+        self._names = names
+        self._owners = owners
+        self._edges = drivable_edges
+        self._patience = SEPARATION * ticks_a_second
+        self.reset()
+
+    def reset(self) -> None:
+        """As before the first tick."""
+        self.collision_counts = [0] * len(self._names)
+        self._last_touch: dict[tuple[int, str], int] = {}
+        self._is_off_road = [False] * len(self._names)
+
+    def save(self) -> Any:
+        """Everything that the future depends on, for `restore`."""
+        return list(self.collision_counts), dict(self._last_touch), list(self._is_off_road)
+
+    def restore(self, saved: Any) -> None:
+        """Go on as from the moment of `save`."""
+        counts, touches, off_road = saved
+        self.collision_counts, self._last_touch, self._is_off_road = list(counts), dict(touches), list(off_road)
+
+    def judge(self, tick: int, time: float, model: Model, state: State, touches: Touches) -> tuple[Event, ...]:
+        """What happened in the tick that ended at `time` [s]. Clears the touches."""
+        events: list[Event] = []
+        if touches.count[0]:
+            events += self._collisions(tick, time, touches)
+        if len(self._edges):
+            events += self._road(time, model, state)
+        return tuple(events)
+
+    def _collisions(self, tick: int, time: float, touches: Touches) -> list[Event]:
+        impulses: dict[tuple[int, str], float] = {}
+        places: dict[tuple[int, str], Floats] = {}
+        for vehicle, geom in touches.pairs[: touches.count[0]].tolist():
+            key = vehicle, self._owners[geom]
+            impulses[key] = impulses.get(key, 0.0) + float(touches.impulse[vehicle, geom])
+            places.setdefault(key, touches.position[vehicle, geom].copy())
+            touches.impulse[vehicle, geom] = 0.0
+        touches.count[0] = 0
+        events: list[Event] = []
+        for (vehicle, other), impulse in impulses.items():
+            last = self._last_touch.get((vehicle, other))
+            self._last_touch[vehicle, other] = tick
+            if last is None or tick - last > self._patience:
+                self.collision_counts[vehicle] += 1
+                place = places[vehicle, other]
+                place.flags.writeable = False
+                events.append(Collision(time, self._names[vehicle], other, impulse, place))
+        return events
+
+    def _road(self, time: float, model: Model, state: State) -> list[Event]:
+        events: list[Event] = []
+        for i, name in enumerate(self._names):
+            off = bool(
+                any_wheel_outside(
+                    self._edges, model.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
+                )
+            )
+            if off != self._is_off_road[i]:
+                self._is_off_road[i] = off
+                place = state.vehicle_position[i].copy()
+                place.flags.writeable = False
+                events.append((OffRoad if off else BackOnRoad)(time, name, place))
+        return events
+
+
+@jit
+def any_wheel_outside(edges: Floats, wheels: Table, vehicle: int, position: Floats, orientation: Floats) -> bool:
+    """Whether one of the vehicle's wheels stands outside the polygons whose edges are x0, y0, x1, y1, shape (n, 4)."""
+    for w in range(4):
+        x, y, _ = rotate(orientation, wheels[4 * vehicle + w]["hub"])
+        x, y = x + position[0], y + position[1]
+        inside = False
+        for e in range(edges.shape[0]):
+            x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+            if (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
+                inside = not inside
+        if not inside:
+            return True
+    return False
