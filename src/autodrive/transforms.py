@@ -55,7 +55,7 @@ def euler_from_quaternion(q: Quaternion | Floats) -> Vector:
     """
     m00, m01, _, m10, m11, _, m20, m21, m22 = rotation_from_quaternion(q)
     cos_pitch = math.hypot(m00, m10)
-    pitch = math.atan2(-m20, cos_pitch)
+    pitch = math.atan2(0.0 - m20, cos_pitch)
     if cos_pitch < 1e-9:
         return 0.0, pitch, _upper_half(math.atan2(-m01, m11))
     return _upper_half(math.atan2(m21, m22)), pitch, _upper_half(math.atan2(m10, m00))
@@ -108,6 +108,12 @@ def compose(p: Quaternion | Floats, q: Quaternion | Floats) -> Quaternion:
         p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
         p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
     )
+
+
+@register_jitable
+def cross(a: Vector | Floats, b: Vector | Floats) -> Vector:
+    """The vector product a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @register_jitable

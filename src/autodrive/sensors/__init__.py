@@ -1,0 +1,1 @@
+"""Sensors: each describes itself (its Spec) and measures the State."""

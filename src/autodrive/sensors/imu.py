@@ -1,0 +1,150 @@
+"""Inertial Measurement Unit: orientation, angular velocity and linear acceleration at its mount (report, table 6)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from pydantic import model_validator
+
+from autodrive.descriptions import Spec
+from autodrive.model import Shapes
+from autodrive.protocol.messages import ImuReading
+from autodrive.sensors.noise import Noise, NoiseSpec
+from autodrive.sensors.sensor import Mount, Sensor, SensorSpec
+from autodrive.state import Floats, State
+from autodrive.transforms import (
+    Quaternion,
+    Vector,
+    compose,
+    cross,
+    euler_from_quaternion,
+    inverse,
+    quaternion_from_rotation_vector,
+    rotate,
+)
+from autodrive.units import DEGREE, STANDARD_GRAVITY
+
+
+class ImuNoise(Spec):
+    """Noise of each of the three quantities. In a file, the word `realistic` stands for `ImuNoise.realistic()`."""
+
+    orientation: NoiseSpec = NoiseSpec()
+    """Small turn about each axis of the sensor [rad]."""
+    angular_velocity: NoiseSpec = NoiseSpec()
+    """[rad/s]."""
+    linear_acceleration: NoiseSpec = NoiseSpec()
+    """[m/s^2]."""
+
+    @classmethod
+    def realistic(cls) -> ImuNoise:
+        """MPU-9250 by its data sheet (InvenSense PS-MPU-9250A-01, revision 1.0, tables 1 and 2).
+
+        White noise is the spectral density through the 92 Hz (94 Hz) low-pass filter: gyroscope 0.01 deg/s/sqrt(Hz),
+        accelerometer 300 ug/sqrt(Hz). Offsets: the tolerances of a part that nobody calibrated, +-5 deg/s and +-60 mg,
+        taken as three standard deviations. Steps: 131 LSB/(deg/s) and 16384 LSB/g. The sheet has no figure for a bias
+        walk or for the orientation, so these stay silent.
+        """
+        return cls(
+            angular_velocity=NoiseSpec(
+                sigma=0.01 * math.sqrt(92.0) * DEGREE, offset=5.0 / 3.0 * DEGREE, step=DEGREE / 131.0
+            ),
+            linear_acceleration=NoiseSpec(
+                sigma=300e-6 * math.sqrt(94.0) * STANDARD_GRAVITY,
+                offset=60e-3 / 3.0 * STANDARD_GRAVITY,
+                step=STANDARD_GRAVITY / 16384.0,
+            ),
+        )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _preset(cls, value: Any) -> Any:
+        return cls.realistic().model_dump() if value == "realistic" else value
+
+
+class ImuSpec(SensorSpec):
+    """A nine-axis IMU."""
+
+    mount: Mount = Mount()
+    """Where it measures, and whose axes it reports in."""
+    measures_specific_force: bool = False
+    """False: acceleration with gravity removed. True: what an accelerometer feels, +g upward at rest (REP 145)."""
+    noise: ImuNoise = ImuNoise()
+
+
+class Imu(Sensor[ImuReading]):
+    """Reports in its own axes; the acceleration is the mean over the last tick at the place of its mount."""
+
+    def __init__(self, spec: ImuSpec, gravity: float) -> None:
+        """`gravity` [m/s^2] of the world, downward positive; it counts only for specific force."""
+        noise = spec.noise
+        self._noise = Noise.of((noise.orientation, 3), (noise.angular_velocity, 3), (noise.linear_acceleration, 3))
+        super().__init__(self._noise)
+        self._lever = spec.mount.position
+        self._vehicle_from_sensor = spec.mount.orientation
+        self._gravity = gravity if spec.measures_specific_force else 0.0
+
+    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> ImuReading:
+        """Orientation of the sensor in the map, and its motion in its own axes."""
+        out = np.empty(13)
+        _measure(
+            state.vehicle_orientation[vehicle],
+            state.vehicle_angular_velocity[vehicle],
+            state.vehicle_acceleration[vehicle],
+            state.vehicle_angular_acceleration[vehicle],
+            self._lever,
+            self._vehicle_from_sensor,
+            self._gravity,
+            out,
+        )
+        if self._noise is not None:
+            errors = np.zeros(9)
+            errors[3:] = out[7:]
+            self._noise.add(errors, time)
+            out[7:] = errors[3:]
+            _turn(out, errors)
+        out.flags.writeable = False
+        return ImuReading(time, out[:4], out[4:7], out[7:10], out[10:])
+
+
+@njit(
+    "void(f8[::1], f8[::1], f8[::1], f8[::1], UniTuple(f8, 3), UniTuple(f8, 4), f8, f8[::1])",
+    cache=True,
+    nogil=True,
+)
+def _measure(
+    map_from_vehicle: Floats,
+    angular_velocity: Floats,
+    acceleration: Floats,
+    angular_acceleration: Floats,
+    lever: Vector,
+    vehicle_from_sensor: Quaternion,
+    gravity: float,
+    out: Floats,
+) -> None:
+    """Write orientation (4), Euler angles (3), angular velocity (3) and linear acceleration (3)."""
+    map_from_sensor = compose(map_from_vehicle, vehicle_from_sensor)
+    sensor_from_vehicle = inverse(vehicle_from_sensor)
+    # a = a_origin + alpha x r + omega x (omega x r), in vehicle axes
+    euler_term = cross(angular_acceleration, lever)
+    centripetal = cross(angular_velocity, cross(angular_velocity, lever))
+    up = rotate(inverse(map_from_vehicle), (0.0, 0.0, 1.0))
+    at_mount = (
+        acceleration[0] + euler_term[0] + centripetal[0] + gravity * up[0],
+        acceleration[1] + euler_term[1] + centripetal[1] + gravity * up[1],
+        acceleration[2] + euler_term[2] + centripetal[2] + gravity * up[2],
+    )
+    out[0], out[1], out[2], out[3] = map_from_sensor
+    out[4], out[5], out[6] = euler_from_quaternion(map_from_sensor)
+    out[7], out[8], out[9] = rotate(sensor_from_vehicle, angular_velocity)
+    out[10], out[11], out[12] = rotate(sensor_from_vehicle, at_mount)
+
+
+@njit("void(f8[::1], f8[::1])", cache=True, nogil=True)
+def _turn(out: Floats, turn: Floats) -> None:
+    """Turn the reported orientation about the sensor's axes by the rotation vector turn[:3]."""
+    q = compose(out[:4], quaternion_from_rotation_vector(turn[:3]))
+    out[0], out[1], out[2], out[3] = q
+    out[4], out[5], out[6] = euler_from_quaternion(q)
