@@ -144,15 +144,18 @@ class World:
             column[4 * i : 4 * i + 4] = 0.0
         c.engine.update()
         observe(c.model, c.state, c.views)
+        self.frame = self._frame(())
 
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
-        """Who drives from the next Frame on: a script or a person. The World obeys whoever calls `step`."""
+        """Who drives from now on: a script or a person. The World obeys whoever calls `step`."""
         self._index(vehicle)
         self._is_autonomous[vehicle] = is_autonomous
+        self.frame = self._frame(())
 
     def set_scene_light(self, enabled: bool) -> None:
         """Day (True) or night (False)."""
         self.scene_light = enabled
+        self.frame = self._frame(())
 
     def save(self) -> Snapshot:
         """All that the future depends on."""
