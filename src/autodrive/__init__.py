@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from autodrive.errors import CommandError as CommandError
     from autodrive.errors import EngineError as EngineError
     from autodrive.errors import SpecError as SpecError
+    from autodrive.maps.map import Map as Map
+    from autodrive.maps.map import MapSpec as MapSpec
+    from autodrive.maps.map import load_map as load_map
     from autodrive.protocol.messages import BackOnRoad as BackOnRoad
     from autodrive.protocol.messages import Collision as Collision
     from autodrive.protocol.messages import Command as Command
@@ -31,6 +34,14 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import TailLights as TailLights
     from autodrive.protocol.messages import VehicleFrame as VehicleFrame
     from autodrive.protocol.messages import WheelsReading as WheelsReading
+    from autodrive.scenario import ScenarioSpec as ScenarioSpec
+    from autodrive.scenario import load_scenario as load_scenario
+    from autodrive.simulation import Simulation as Simulation
+    from autodrive.simulation import Sink as Sink
+    from autodrive.vehicles.spec import VehicleSpec as VehicleSpec
+    from autodrive.vehicles.spec import load_vehicle as load_vehicle
+    from autodrive.world import World as World
+    from autodrive.world import make as make
 
 _HOME = {
     "errors": ("AutodriveError", "CommandError", "EngineError", "SpecError"),
@@ -53,6 +64,11 @@ _HOME = {
         "VehicleFrame",
         "WheelsReading",
     ),
+    "maps.map": ("Map", "MapSpec", "load_map"),
+    "scenario": ("ScenarioSpec", "load_scenario"),
+    "simulation": ("Simulation", "Sink"),
+    "vehicles.spec": ("VehicleSpec", "load_vehicle"),
+    "world": ("World", "make"),
 }
 """Module of this package -> the public names that live there."""
 
