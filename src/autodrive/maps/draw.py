@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from autodrive.maps.icons import icon
-from autodrive.maps.map import Map, MapSpec, compile_map
+from autodrive.maps.map import GRID, Map, MapSpec, compile_map
 from autodrive.maps.module import load_module
 from autodrive.maps.placing import Placement
 from autodrive.maps.shapes import Pose, moved, rectangle
@@ -45,6 +45,8 @@ KERB_WIDTH = 0.02
 """Drawn outside of the road [m]; the drivable area ends where it begins."""
 SIGN_SIZE = 0.14
 """Signs are drawn lying, as their driver sees them, twice as large as they are [m]."""
+PARAPET = 0.025
+"""Rim of walls and blocks that is drawn darker [m]."""
 SUN = np.array([0.45, -0.35])
 """Shift of a shadow for each metre of height."""
 
@@ -92,8 +94,7 @@ def module_alone(name: str) -> Map:
 def _surfaces(map_: Map) -> Iterator[str]:
     for surface in map_.surfaces:
         if surface.kind == "road":
-            kerb = surface.geometry.buffer(KERB_WIDTH, join_style="mitre").intersection(_extent(map_))
-            yield f'<path d="{_d(kerb)}" fill="{COLOURS["kerb"]}" fill-rule="evenodd"/>'
+            yield f'<path class="kerb" d="{_d(_kerb(map_))}" fill="{COLOURS["kerb"]}" fill-rule="evenodd"/>'
         fill = "url(#lawn)" if surface.kind == "lawn" else COLOURS[surface.kind]
         yield f'<path class="{surface.kind}" d="{_d(surface.geometry)}" fill="{fill}" fill-rule="evenodd"/>'
     for marking in sorted(map_.markings, key=lambda one: one.z_order):
@@ -102,20 +103,18 @@ def _surfaces(map_: Map) -> Iterator[str]:
 
 def _solids(map_: Map) -> Iterator[str]:
     yield '<g fill="#1a2410" fill-opacity=".28">'
-    casters = [
-        (shape.plan, shape.position[2] - shape.size[2], shape.position[2] + shape.size[2]) for shape in _fixed(map_)
-    ]
-    casters += [
-        (_plan(box), box.position[2] - box.size[2] / 2, box.position[2] + box.size[2] / 2) for box in map_.boxes
-    ]
-    shadows = [_shadow(*caster) for caster in casters]
+    casters = [*_fixed(map_), *map_.boxes]
+    shadows = [_shadow(solid.plan, *solid.span) for solid in casters]
     yield f'<path d="{_d(shapely.union_all(shadows))}" fill-rule="evenodd"/></g>'
     for material in ("block", "wall"):
-        together = shapely.union_all([shape.plan for shape in _fixed(map_) if shape.material == material])
+        together = [shape.plan for shape in _fixed(map_) if shape.material == material]
+        outline = shapely.union_all(together, grid_size=GRID)
         yield (
-            f'<path class="{material}" d="{_d(together)}" fill="{COLOURS[material]}" fill-rule="evenodd" '
+            f'<path class="{material}" d="{_d(outline)}" fill="{COLOURS[material]}" fill-rule="evenodd" '
             'stroke="#00000055" stroke-width=".012"/>'
         )
+        roof = outline.buffer(-PARAPET, join_style="mitre")
+        yield f'<path d="{_d(roof)}" fill="#fff" fill-opacity=".22" fill-rule="evenodd"/>'
     for box in sorted(map_.boxes, key=lambda one: one.position[2]):
         yield _box(box)
 
@@ -124,7 +123,8 @@ def _box(box: BoxPlacement) -> str:
     """A lid with its two flaps."""
     length, width, _ = box.size
     return (
-        f'<g class="box" transform="{_at((*box.position[:2], box.yaw))}" stroke="{COLOURS["box_edge"]}" stroke-width=".008">'
+        f'<g class="box" transform="{_at((*box.position[:2], box.yaw))}" '
+        f'stroke="{COLOURS["box_edge"]}" stroke-width=".008">'
         f'<rect x="{-length / 2:.4f}" y="{-width / 2:.4f}" width="{length:.4f}" height="{width:.4f}" '
         f'fill="{COLOURS["box"]}"/><path d="M{-length / 2:.4f} 0 H{length / 2:.4f}"/></g>'
     )
@@ -164,7 +164,7 @@ def _bays(map_: Map) -> Iterator[str]:
     for bay in map_.bays:
         yield (
             f'<g class="bay" transform="{_at(bay.pose)}" fill="{COLOURS["bay"]}" fill-opacity=".25">'
-            f'<rect x="{-bay.length / 2:.4f}" y="{-bay.width / 2:.4f}" width="{bay.length:.4f}" height="{bay.width:.4f}"/>'
+            f'<path d="{_d(rectangle((0.0, 0.0, 0.0), bay.length, bay.width))}"/>'
             f'<path d="M-.08 -.05 L.09 0 L-.08 .05 Z" fill-opacity=".9"/></g>'
         )
 
@@ -190,15 +190,15 @@ def _fixed(map_: Map) -> list[StaticShape]:
     return [shape for shape in map_.statics if shape.material in {"wall", "block"}]
 
 
-def _extent(map_: Map) -> BaseGeometry:
-    """Where kerbs are drawn: not across the open ends of roads that leave the map."""
-    return shapely.union_all([*(one.footprint for one in map_.modules), *(s.geometry for s in map_.surfaces)]).buffer(
-        0.0
-    )
-
-
-def _plan(box: BoxPlacement) -> shapely.Polygon:
-    return rectangle((*box.position[:2], box.yaw), *box.size[:2])
+def _kerb(map_: Map) -> BaseGeometry:
+    """What surrounds the drivable area, but not across roads that are left open."""
+    mouths = [
+        rectangle((port.pose[0], port.pose[1], port.pose[2]), 2.0 * KERB_WIDTH, port.width + 3.0 * KERB_WIDTH)
+        for i, one in enumerate(map_.modules)
+        for port in one.ports
+        if not port.is_blind and (i, port.name) not in map_.joins
+    ]
+    return map_.drivable.buffer(KERB_WIDTH, join_style="mitre").difference(shapely.union_all(mouths))
 
 
 def _shadow(plan: shapely.Polygon, low: float, high: float) -> BaseGeometry:

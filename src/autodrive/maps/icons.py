@@ -41,8 +41,9 @@ _FACES: dict[PropKind, str] = {
     "side_road_left": _DIAMOND + _SIDE_ROAD,
     "side_road_right": _DIAMOND + _MIRROR.format(_SIDE_ROAD),
     "traffic_light": (
-        f'<rect x="-.2" y="-.5" width=".4" height="1" rx=".12" fill="{BLACK}"/><circle cy=".29" r=".13" fill="#ff4136"/>'
-        f'<circle r=".13" fill="#ffb700"/><circle cy="-.29" r=".13" fill="#2ecc40"/>'
+        f'<rect x="-.2" y="-.5" width=".4" height="1" rx=".12" fill="{BLACK}"/>'
+        '<circle cy=".29" r=".13" fill="#ff4136"/><circle r=".13" fill="#ffb700"/>'
+        '<circle cy="-.29" r=".13" fill="#2ecc40"/>'
     ),
 }
 

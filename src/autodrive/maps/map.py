@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
+from collections import Counter
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,6 @@ from autodrive.maps.placing import PlacedModule, Placement, PortId, join, overla
 from autodrive.maps.props import Prop, PropSpec, prop_shapes
 from autodrive.maps.shapes import NotNegative, Pose, Positive, Shape, rectangle
 from autodrive.maps.solids import BlockSpec, BoxPlacement, StaticShape, WallSpec, block_shape, wall_shapes
-from autodrive.model import BOX
 from autodrive.state import Floats
 from autodrive.units import DEGREE
 
@@ -143,7 +143,7 @@ def compile_map(spec: MapSpec, name: str = "map", *, path: Path | None = None) -
     joins, unjoined = join(placed, is_complete=len(placed) == len(spec.placements))
     statics, props = _statics(spec)
     boxes = tuple(_box(one) for one in placed if one.module.spec.type == "obstruction")
-    faults += [*unjoined, *_overlaps(placed, statics)]
+    faults += [*unjoined, *_overlaps(placed, statics), *_twice([*statics, *boxes])]
     if faults:
         raise SpecError([f"map '{name}': {fault}" for fault in faults], str(path or ""))
 
@@ -194,13 +194,20 @@ def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> l
     """Flat modules must not overlap each other; boxes must not overlap boxes or what stands fast."""
     flat = [one for one in placed if one.module.spec.type not in {"terrain", "obstruction"}]
     boxes = [one for one in placed if one.module.spec.type == "obstruction"]
-    fixed = [shape for shape in statics if shape.kind == BOX] if boxes else []
-    labels = [*(box.label for box in boxes), *(f"'{shape.name}'" for shape in fixed)]
-    plans = [*(box.footprint for box in boxes), *(shape.plan for shape in fixed)]
-    spans = [(box.placement.z, box.placement.z + box.size[2]) for box in boxes]
-    spans += [(shape.position[2] - shape.size[2], shape.position[2] + shape.size[2]) for shape in fixed]
-    solid = [fault for fault in overlaps(labels, plans, np.array(spans)) if fault.startswith("placement")]
-    return overlaps([one.label for one in flat], [one.footprint for one in flat]) + solid
+    solid = [(box.label, box.footprint, box.placement.z, box.placement.z + box.size[2]) for box in boxes]
+    for shape in statics if boxes else ():
+        low, high = shape.span
+        solid.append((f"'{shape.name}'", shape.plan, low, high))
+    return [
+        *overlaps([(one.label, one.footprint, 0.0, 1.0) for one in flat], len(flat)),
+        *overlaps(solid, len(boxes)),
+    ]
+
+
+def _twice(solids: Sequence[StaticShape | BoxPlacement]) -> list[str]:
+    """Solid things are known by their names."""
+    count = Counter(solid.name for solid in solids)
+    return [f"the name '{name}' is given to {n} solid things; names must differ" for name, n in count.items() if n > 1]
 
 
 def _box(one: PlacedModule) -> BoxPlacement:

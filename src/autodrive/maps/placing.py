@@ -151,20 +151,21 @@ def join(placed: Sequence[PlacedModule], *, is_complete: bool = True) -> tuple[d
     return joins, faults
 
 
-def overlaps(labels: Sequence[str], solids: Sequence[BaseGeometry], spans: Floats | None = None) -> list[str]:
-    """A fault for every two footprints that overlap; `spans` are bottom and top [m], shape (n, 2), of solid things."""
-    if len(solids) < 2:
+def overlaps(solids: Sequence[tuple[str, BaseGeometry, float, float]], movable: int) -> list[str]:
+    """A fault for every two things that overlap, given as label, footprint, bottom and top [m].
+
+    Only the first `movable` of them are at fault; what the others do among themselves is theirs.
+    """
+    if not movable:
         return []
-    first, second = shapely.STRtree(solids).query(solids, predicate="intersects")
-    first, second = first[first < second], second[first < second]
-    shapes = np.array(solids, dtype=object)
-    area = shapely.area(shapely.intersection(shapes[first], shapes[second]))
-    is_fault = area > SLIVER
-    if spans is not None:
-        common = np.minimum(spans[first, 1], spans[second, 1]) - np.maximum(spans[first, 0], spans[second, 0])
-        is_fault &= common > PORT_TOLERANCE
+    plans = np.array([plan for _, plan, _, _ in solids], dtype=object)
+    first, second = shapely.STRtree(plans).query(plans[:movable], predicate="intersects")
+    area = shapely.area(shapely.intersection(plans[first], plans[second]))
+    span = np.array([(low, high) for _, _, low, high in solids])
+    common = np.minimum(span[first, 1], span[second, 1]) - np.maximum(span[first, 0], span[second, 0])
+    is_fault = (first < second) & (area > SLIVER) & (common > PORT_TOLERANCE)
     return [
-        f"{labels[i]} overlaps {labels[j]} by {a * 1e4:.4g} cm^2. Move one of them."
+        f"{solids[i][0]} overlaps {solids[j][0]} by {a * 1e4:.4g} cm^2. Move one of them."
         for i, j, a in sorted(zip(first[is_fault], second[is_fault], area[is_fault], strict=True))
     ]
 

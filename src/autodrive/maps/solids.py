@@ -63,6 +63,12 @@ class StaticShape:
         length, width = self.size[:2] if self.kind == BOX else (self.size[0], self.size[0])
         return rectangle((*self.position[:2], self.yaw), 2.0 * length, 2.0 * width)
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """Heights of the bottom and of the top [m]."""
+        half = self.size[2] if self.kind == BOX else self.size[1]
+        return self.position[2] - half, self.position[2] + half
+
 
 @dataclass(frozen=True)
 class BoxPlacement:
@@ -77,6 +83,16 @@ class BoxPlacement:
     """Centre [m]."""
     yaw: float
     """[rad]."""
+
+    @property
+    def plan(self) -> shapely.Polygon:
+        """The outline seen from above."""
+        return rectangle((*self.position[:2], self.yaw), *self.size[:2])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Heights of the bottom and of the top [m]."""
+        return self.position[2] - self.size[2] / 2.0, self.position[2] + self.size[2] / 2.0
 
 
 def wall_shapes(wall: WallSpec) -> Iterator[StaticShape]:
