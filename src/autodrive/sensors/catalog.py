@@ -31,18 +31,14 @@ class SensorSuiteSpec(Spec):
         return self.model_copy(update={"imu": imu, "lidar": lidar})
 
 
-def build(spec: SensorSuiteSpec, *, vehicle: int, name: str, substep: Fraction, gravity: float) -> SensorSuite:
-    """Sensors of vehicle number `vehicle`, called `name`.
-
-    `substep` [s] is the unit of the world's clock and `gravity` [m/s^2] points down.
-    """
-    return SensorSuite(spec, vehicle=vehicle, name=name, substep=substep, gravity=gravity)
-
-
 class SensorSuite:
     """The sensors of one vehicle; each holds its latest reading."""
 
     def __init__(self, spec: SensorSuiteSpec, *, vehicle: int, name: str, substep: Fraction, gravity: float) -> None:
+        """Sensors of vehicle number `vehicle`, called `name`.
+
+        `substep` [s] is the unit of the world's clock; `gravity` [m/s^2] points down.
+        """
         self.encoders = Encoders(spec.encoders)
         self.ips = Ips(spec.ips)
         self.imu = Imu(spec.imu, gravity)

@@ -11,18 +11,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
+from autodrive.jit import jit
 from autodrive.sensors.raycast import cast_at_shape
 from autodrive.transforms import Vector
 
 BEARING_ERROR = 2e-5
 """Bound of what `approximate_bearing` errs by [rad], doubled."""
 
-compiled = njit(nogil=True, error_model="numpy")
 
-
-@compiled
+@jit
 def draw_floor(fan: Any, height: float, slope_x: float, slope_y: float) -> None:
     """Begin the buffer with the plane z = 0, below which all is solid."""
     cos, sin, _, _, inverse_range = fan
@@ -35,7 +32,7 @@ def draw_floor(fan: Any, height: float, slope_x: float, slope_y: float) -> None:
         inverse_range[i] = w if w > 0.0 else 0.0  # never -0, whose inverse is -inf
 
 
-@compiled
+@jit
 def draw_box(fan: Any, s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> bool:
     """Draw a box of which the plane cuts just the four edges along one axis; False if it cuts others, too."""
     x, y, z = abs(ez[0]), abs(ez[1]), abs(ez[2])
@@ -47,12 +44,12 @@ def draw_box(fan: Any, s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vector)
     return _draw_prism(fan, _cycle(s), _cycle(o), _cycle(ex), _cycle(ey), _cycle(ez))
 
 
-@compiled
+@jit
 def _cycle(v: Vector) -> Vector:
     return v[1], v[2], v[0]
 
 
-@compiled
+@jit
 def _draw_prism(fan: Any, s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> bool:
     """Draw a box cut across its z axis: the cut is a parallelogram."""
     # height of the plane over the box's x, y: z = z_center + slope_x x + slope_y y
@@ -95,12 +92,12 @@ def _draw_prism(fan: Any, s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vect
     return True
 
 
-@compiled
+@jit
 def _in_plane(x: float, y: float, z: float, ex: Vector, ey: Vector) -> tuple[float, float]:
     return x * ex[0] + y * ex[1] + z * ex[2], x * ey[0] + y * ey[1] + z * ey[2]
 
 
-@compiled
+@jit
 def _draw_edges(
     fan: Any, pu: float, pv: float, qu: float, qv: float, a0: float, b0: float, a1: float, b1: float
 ) -> None:
@@ -119,14 +116,14 @@ def _draw_edges(
         start += 2.0 * math.pi
 
 
-@compiled
+@jit
 def draw_sphere(fan: Any, u: float, v: float, radius_squared: float) -> None:
     """Draw a ball, of which the plane cuts a circle about u, v."""
     c = u * u + v * v - radius_squared
     _draw_arc(fan, u, v, math.sqrt(radius_squared), radius_squared, c, -u, -v, v, -u, 0.0, 0.0)
 
 
-@compiled
+@jit
 def draw_cylinder(fan: Any, radius: float, half_height: float, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> bool:
     """Draw a cylinder of which the plane cuts only the mantle (an ellipse); False if it cuts a cap, too."""
     cos_tilt = abs(ez[2])
@@ -147,7 +144,7 @@ def draw_cylinder(fan: Any, radius: float, half_height: float, o: Vector, ex: Ve
     return True
 
 
-@compiled
+@jit
 def _draw_arc(
     fan: Any,
     u: float,
@@ -184,7 +181,7 @@ def _draw_arc(
         start += 2.0 * math.pi
 
 
-@compiled
+@jit
 def draw_ray_by_ray(
     fan: Any, kind: int, s: Vector, o: Vector, ex: Vector, ey: Vector, u: float, v: float, outer_radius: float
 ) -> None:
@@ -203,7 +200,7 @@ def draw_ray_by_ray(
         start += 2.0 * math.pi
 
 
-@compiled
+@jit
 def _bearings(fan: Any, pu: float, pv: float, qu: float, qv: float) -> tuple[float, float]:
     """Bearing of p from the first ray, in [-2 pi, 0), and the angle from there to the left to q, below pi."""
     p, q = approximate_bearing(pu, pv), approximate_bearing(qu, qv)
@@ -214,7 +211,7 @@ def _bearings(fan: Any, pu: float, pv: float, qu: float, qv: float) -> tuple[flo
     return start - 2.0 * math.pi * (math.floor(start / (2.0 * math.pi)) + 1.0), width
 
 
-@compiled
+@jit
 def _bearings_of_disc(fan: Any, u: float, v: float, radius: float) -> tuple[float, float]:
     """The same of the two tangents at a disc; the whole circle if the sensor is in it."""
     distance = math.hypot(u, v)
@@ -225,7 +222,7 @@ def _bearings_of_disc(fan: Any, u: float, v: float, radius: float) -> tuple[floa
     return _bearings(fan, u * cosine + v * sine, v * cosine - u * sine, u * cosine - v * sine, v * cosine + u * sine)
 
 
-@compiled
+@jit
 def _rays(fan: Any, start: float, width: float) -> tuple[int, int]:
     """First and last of the rays between two bearings, and at most two too many."""
     rays_per_radian = fan[3]
@@ -234,7 +231,7 @@ def _rays(fan: Any, start: float, width: float) -> tuple[int, int]:
     return max(lo, 0), min(hi, len(fan[4]) - 1)
 
 
-@compiled
+@jit
 def approximate_bearing(x: float, y: float) -> float:
     """atan2(y, x) to 1e-5 rad. Abramowitz & Stegun, Handbook of Mathematical Functions (4.4.47)."""
     ax, ay = abs(x), abs(y)

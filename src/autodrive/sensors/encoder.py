@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from pydantic import Field
 
+from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.protocol.messages import EncoderReading
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -49,7 +49,7 @@ class Encoders(Sensor[EncoderReading]):
         return EncoderReading(time, ticks, angles)
 
 
-@njit("void(f8[::1], f8, i8[::1])", cache=True, nogil=True)
+@jit
 def _count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
     for i in range(2):
         ticks[i] = int(angles[i] * ticks_per_radian)  # int() rounds toward zero

@@ -9,21 +9,14 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from autodrive.jit import jit
 from autodrive.model import CYLINDER, SPHERE
 from autodrive.sensors.draw import draw_box, draw_cylinder, draw_floor, draw_ray_by_ray, draw_sphere
 from autodrive.state import Floats, Integers
 from autodrive.transforms import Quaternion, Vector, compose, rotate, rotation_from_quaternion
 
 
-@njit(
-    "void(f8[::1], f8[::1], UniTuple(f8, 3), UniTuple(f8, 4), f8[:, ::1], f8, f8, f8, i8,"
-    "i8[::1], f8[:, ::1], f8[::1], i8[::1], f8[:, ::1], f8[:, ::1], f8[::1])",
-    cache=True,
-    nogil=True,
-    error_model="numpy",
-)
+@jit
 def cast_fan(
     vehicle_position: Floats,
     vehicle_orientation: Floats,

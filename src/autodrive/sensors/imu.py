@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from pydantic import model_validator
 
 from autodrive.descriptions import Spec
+from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.protocol.messages import ImuReading
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -109,11 +109,7 @@ class Imu(Sensor[ImuReading]):
         return ImuReading(time, out[:4], out[4:7], out[7:10], out[10:])
 
 
-@njit(
-    "void(f8[::1], f8[::1], f8[::1], f8[::1], UniTuple(f8, 3), UniTuple(f8, 4), f8, f8[::1])",
-    cache=True,
-    nogil=True,
-)
+@jit
 def _measure(
     map_from_vehicle: Floats,
     angular_velocity: Floats,
@@ -142,7 +138,7 @@ def _measure(
     out[10], out[11], out[12] = rotate(sensor_from_vehicle, at_mount)
 
 
-@njit("void(f8[::1], f8[::1])", cache=True, nogil=True)
+@jit
 def _turn(out: Floats, turn: Floats) -> None:
     """Turn the reported orientation about the sensor's axes by the rotation vector turn[:3]."""
     q = compose(out[:4], quaternion_from_rotation_vector(turn[:3]))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.protocol.messages import IpsReading
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -40,7 +40,7 @@ class Ips(Sensor[IpsReading]):
         return IpsReading(time, position)
 
 
-@njit("void(f8[:,::1], f8[:,::1], i8, UniTuple(f8, 3), f8[::1])", cache=True, nogil=True)
+@jit
 def _locate(positions: Floats, orientations: Floats, vehicle: int, offset: Vector, out: Floats) -> None:
     lever = rotate(orientations[vehicle], offset)
     for i in range(3):

@@ -6,10 +6,10 @@ import math
 from typing import Self
 
 import numpy as np
-from numba import njit
 from pydantic import Field, model_validator
 
 from autodrive.descriptions import Spec
+from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.protocol.messages import LidarScan
 from autodrive.sensors.fan import cast_fan
@@ -147,7 +147,7 @@ class Lidar(Sensor[LidarScan]):
         )
 
 
-@njit("void(f8[::1], f8, f8, f8[::1])", cache=True, nogil=True, error_model="numpy")
+@jit
 def _measure(inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
     for i in range(len(ranges)):
         ranges[i] = classify(1.0 / inverse_range[i], range_min, range_max)

@@ -6,11 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
-from numba.extending import register_jitable
 from pydantic import Field, NonNegativeFloat, model_validator
 
 from autodrive.descriptions import Spec
+from autodrive.jit import jit
 from autodrive.state import Floats
 
 
@@ -75,7 +74,7 @@ class LidarErrors:
         self._scale, self._rng.bit_generator.state = saved
 
 
-@register_jitable
+@jit
 def classify(distance: float, range_min: float, range_max: float) -> float:
     """A measured range by REP 117: -inf is too near to measure, +inf is nothing within reach."""
     if distance < range_min:
@@ -83,7 +82,7 @@ def classify(distance: float, range_min: float, range_max: float) -> float:
     return distance if distance <= range_max else math.inf
 
 
-@njit("void(f8[::1], f8, f8[::1], f8[::1], UniTuple(f8, 4), f8, f8, f8[::1])", cache=True, error_model="numpy")
+@jit
 def _measure(
     inverse_range: Floats,
     scale: float,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from pydantic import NonNegativeFloat
 
 from autodrive.descriptions import Spec
+from autodrive.jit import jit
 from autodrive.state import Floats
 
 
@@ -69,7 +69,7 @@ class Noise:
         self._rng.bit_generator.state = stream
 
 
-@njit("void(f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8)", cache=True, nogil=True)
+@jit
 def _corrupt(values: Floats, spec: Floats, bias: Floats, normals: Floats, elapsed: float) -> None:
     for i in range(len(values)):
         sigma, walk, step = spec[i, 0], spec[i, 2], spec[i, 3]

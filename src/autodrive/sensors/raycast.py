@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import register_jitable
-
+from autodrive.jit import jit
 from autodrive.model import BOX, CYLINDER
 from autodrive.transforms import Vector
 
@@ -18,7 +17,7 @@ PARALLEL = 1e-150
 """A direction's component below this never reaches the plane (and its square is no longer a normal number)."""
 
 
-@register_jitable
+@jit
 def cast_at_shape(kind: int, size: Vector, o: Vector, r: Vector) -> float:
     """Inverse range at a box (half sizes), a cylinder about z (radius, half height) or a sphere (radius)."""
     if kind == BOX:
@@ -28,7 +27,7 @@ def cast_at_shape(kind: int, size: Vector, o: Vector, r: Vector) -> float:
     return cast_at_sphere(size[0], o, r)
 
 
-@register_jitable
+@jit
 def cast_at_box(size: Vector, o: Vector, r: Vector) -> float:
     """By slabs: a ray is in a box where it is between all three pairs of planes."""
     x0, x1 = _slab(size[0], o[0], r[0])
@@ -37,7 +36,7 @@ def cast_at_box(size: Vector, o: Vector, r: Vector) -> float:
     return _first(max(x0, y0, z0), min(x1, y1, z1))
 
 
-@register_jitable
+@jit
 def cast_at_cylinder(radius: float, half_height: float, o: Vector, r: Vector) -> float:
     """Between the caps, and within the radius."""
     z0, z1 = _slab(half_height, o[2], r[2])
@@ -59,7 +58,7 @@ def cast_at_cylinder(radius: float, half_height: float, o: Vector, r: Vector) ->
     return _first(max(near, z0), min(far, z1))
 
 
-@register_jitable
+@jit
 def cast_at_sphere(radius: float, o: Vector, r: Vector) -> float:
     """By the distance of the centre from the ray."""
     b = o[0] * r[0] + o[1] * r[1] + o[2] * r[2]
@@ -73,15 +72,7 @@ def cast_at_sphere(radius: float, o: Vector, r: Vector) -> float:
     return (math.sqrt(discriminant) - b) / c
 
 
-@register_jitable
-def cast_at_floor(height: float, slope: float) -> float:
-    """Ray from `height` above the plane z = 0 along a direction whose z is `slope`; below it all is solid."""
-    if height <= 0.0:
-        return math.inf
-    return max(-slope / height, 0.0)
-
-
-@register_jitable
+@jit
 def _slab(half_width: float, o: float, r: float) -> tuple[float, float]:
     """Where a ray enters and leaves the space between two planes."""
     if abs(r) < PARALLEL:
@@ -90,7 +81,7 @@ def _slab(half_width: float, o: float, r: float) -> tuple[float, float]:
     return (t0, t1) if t0 < t1 else (t1, t0)
 
 
-@register_jitable
+@jit
 def _first(enter: float, leave: float) -> float:
     """Inverse range of what fills the ray from `enter` to `leave`."""
     if leave < enter or leave < 0.0:
