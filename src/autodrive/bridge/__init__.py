@@ -1,0 +1,1 @@
+"""Bridges carry Frames out to users' programs and bring their Commands in."""

@@ -1,0 +1,218 @@
+"""One connection to a devkit script, from its first packet to its last."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
+
+from websockets.exceptions import WebSocketException
+
+from autodrive.bridge.engineio import (
+    FAREWELL,
+    Acknowledgement,
+    Conversation,
+    ConversationEnd,
+    Dialect,
+    Event,
+    PacketError,
+    event_packet,
+)
+from autodrive.bridge.ledger import Ledger
+from autodrive.bridge.turns import Turns
+from autodrive.protocol import devkit
+from autodrive.protocol.messages import Command, Reset
+
+if TYPE_CHECKING:
+    from websockets.asyncio.client import ClientConnection
+
+    from autodrive.protocol.messages import Frame, Request
+
+log = logging.getLogger(__name__)
+
+EVENT = "Bridge"
+"""The one event name of the devkits, in both directions."""
+
+
+class Driven(Protocol):
+    """What is needed of a Simulation; any thread may call it."""
+
+    @property
+    def frame(self) -> Frame:
+        """The latest Frame, whole."""
+        ...
+
+    def submit(self, vehicle: str, command: Command) -> None:
+        """Leave a command for the next tick; the latest wins."""
+        ...
+
+    def request(self, request: Request) -> object:
+        """Ask for something to be done before the next tick."""
+        ...
+
+
+class Session:
+    """Tells the script the state of `simulation` and does what it says.
+
+    `profile` None: recognise the era of the script. `traffic_lights` are the states by number that scripts gave; they
+    are told back. What happens is counted in `ledger`.
+    """
+
+    def __init__(
+        self,
+        socket: ClientConnection,
+        simulation: Driven,
+        ledger: Ledger,
+        *,
+        profile: devkit.Profile | None,
+        traffic_lights: dict[int, int],
+        images: Callable[[Frame], devkit.Images] | None,
+    ) -> None:
+        self.turns = Turns()
+        self.awaits_frame = False
+        """Whether `wake` is to be set when there is a new Frame."""
+        self.wake = asyncio.Event()
+        self.conversation = Conversation(time.monotonic())
+        self._socket = socket
+        self._simulation = simulation
+        self._ledger = ledger
+        self._profile = profile
+        self._is_profile_given = profile is not None
+        self._traffic_lights = traffic_lights
+        self._images = images
+        self._commands: dict[str, Command] = {}
+        self._held_resets: dict[str, bool] = {}
+        self._was_open = False
+
+    async def listen(self) -> None:
+        """Take what the server sends, until it sends no more. Raises `ConversationEnd` or what the socket raises."""
+        async for packet in self._socket:
+            try:
+                self._take(packet)
+            except PacketError as fault:
+                self._ledger.counters.bad_packets += 1
+                self._ledger.complain("packet", str(fault))
+            self.wake.set()
+        raise ConversationEnd("the server closed the connection")
+
+    async def speak(self) -> None:
+        """Send what is due, until the connection ends. Raises `ConversationEnd` or what the socket raises."""
+        while True:
+            self.wake.clear()
+            now = time.monotonic()
+            self.conversation.pass_time(now)
+            await self._empty_outbox()
+            is_open = self.conversation.is_open
+            if is_open and not self._was_open:
+                self._note_opening()
+            self.awaits_frame = (
+                is_open and self.turns.awaits_frame
+            )  # before the look at the latest Frame: none is missed
+            frame = self._simulation.frame
+            if is_open and self.turns.is_ours(frame, now):
+                await self._tell(frame, now)
+                continue
+            deadline = min(self.conversation.deadline, self.turns.deadline if is_open else math.inf)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(max(deadline - now, 0.0) if math.isfinite(deadline) else None):
+                    await self.wake.wait()
+
+    async def say_goodbye(self) -> None:
+        """Tell the server that we leave, if it listens."""
+        with contextlib.suppress(TimeoutError, WebSocketException):
+            async with asyncio.timeout(0.2):
+                for packet in FAREWELL:
+                    await self._socket.send(packet)
+
+    # -- what comes ---------------------------------------------------------------------------------------------
+
+    def _take(self, packet: str | bytes) -> None:
+        if isinstance(packet, bytes):
+            raise PacketError(f"{len(packet)} bytes of binary data")
+        match self.conversation.receive(packet, time.monotonic()):
+            case Event(name=name, arguments=[dict() as data, *_]) if name == EVENT:
+                self._ledger.counters.commands_received += 1
+                if round_trip := self.turns.answered(time.monotonic()):
+                    self._ledger.add_round_trip(round_trip)
+                self._obey(data)
+            case Event(name=name):
+                raise PacketError(f"an event '{name[:40]}' without commands; commands are '{EVENT}' with a dictionary")
+            case Acknowledgement(number=number):
+                self.turns.acknowledged(number)
+            case None:
+                pass
+
+    def _obey(self, data: dict[str, Any]) -> None:
+        self._recognise(data)
+        vehicles = self._simulation.frame.vehicles
+        previous = {name: self._commands.get(name, Command()) for name in vehicles}
+        orders = devkit.read_orders(data, self._profile or devkit.PROFILES["2025"], previous)
+        self._traffic_lights.update(orders.traffic_lights)
+        for vehicle, command in orders.commands.items():
+            if vehicles[vehicle].is_autonomous:
+                self._commands[vehicle] = command
+                self._simulation.submit(vehicle, command)
+        wishes = [name for name, is_held in orders.resets.items() if is_held and not self._held_resets.get(name)]
+        self._held_resets |= orders.resets
+        if any(vehicles[name].is_autonomous for name in wishes):
+            self._simulation.request(Reset())
+        for fault in orders.refused:
+            self._ledger.counters.refused_values += 1
+            self._ledger.complain("value", f"refused {fault}")
+
+    def _recognise(self, data: dict[str, Any]) -> None:
+        """Set the profile at the first sign of it. A 2023 script may still turn out to be of 2025, but no other."""
+        found = None if self._is_profile_given else devkit.recognise(data)
+        if found and (self._profile is None or (self._profile.name, found.name) == ("2023", "2025")):
+            log.info("devkit bridge: the script speaks as those of %s do", found.name)
+            self._profile = found
+            self._ledger.counters.profile = found.name
+
+    def _note_opening(self) -> None:
+        self._was_open = True
+        counters, dialect = self._ledger.counters, self.conversation.dialect
+        counters.dialect = dialect
+        counters.profile = self._profile.name if self._profile else None
+        counters.reconnects += counters.connections > 0
+        counters.connections += 1
+        log.info("devkit bridge: connected to a script (%s)", dialect)
+
+    # -- what goes ----------------------------------------------------------------------------------------------
+
+    async def _empty_outbox(self) -> None:
+        packets, self.conversation.outbox = self.conversation.outbox, []
+        for packet in packets:
+            await self._socket.send(packet)
+
+    async def _tell(self, frame: Frame, now: float) -> None:
+        number = self.turns.begin(frame, now, may_ask=self.conversation.dialect is not Dialect.RAW)
+        counters = self._ledger.counters
+        counters.resends += self.turns.is_repeat
+        if self.turns.silences:
+            self._ledger.complain(
+                "silence", "no commands from the script; the state is sent again (if it reports errors, give its era)"
+            )
+        text = self._telemetry(frame, number)
+        if text is None:
+            counters.oversized += 1
+            self._ledger.complain("size", f"telemetry is longer than {self.conversation.max_payload} and is not sent")
+            return
+        await self._socket.send(text)
+        counters.telemetry_sent += 1
+
+    def _telemetry(self, frame: Frame, number: int | None) -> str | None:
+        """The packet, without pictures if they make it too long, None if it still is."""
+        choices = (self._images(frame), None) if self._images else (None,)
+        packets = (event_packet(EVENT, self._data(frame, images), number) for images in choices)
+        return next((packet for packet in packets if len(packet) < self.conversation.max_payload), None)
+
+    def _data(self, frame: Frame, images: devkit.Images | None) -> dict[str, str]:
+        """The state for the era of the script; for all eras while that is not known, or was taken for a wrong one."""
+        is_doubtful = not self._is_profile_given and self.turns.silences > 1
+        if self._profile is None or is_doubtful:
+            return devkit.introduction(frame, self.turns.silences, images=images)
+        return devkit.telemetry(frame, self._profile, traffic_lights=self._traffic_lights, images=images)
