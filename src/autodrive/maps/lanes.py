@@ -61,10 +61,10 @@ class LaneGraph:
     lanes: tuple[Lane, ...]
 
     def nearest(self, x: float, y: float, yaw: float | None = None) -> LanePoint | None:
-        """The nearest point of all centre lines; with `yaw` [rad], of those within 90 degrees of that heading."""
+        """The nearest point of all centre lines; with `yaw` [rad], of those that lead within 60 degrees of it."""
         first, step, lane, along = self._segments
         if yaw is not None:
-            is_ahead = step @ (math.cos(yaw), math.sin(yaw)) > 0.0
+            is_ahead = step @ (math.cos(yaw), math.sin(yaw)) > 0.5 * np.hypot(*step.T)
             first, step, lane, along = first[is_ahead], step[is_ahead], lane[is_ahead], along[is_ahead]
         if not len(first):
             return None
@@ -132,32 +132,35 @@ class LaneGraph:
         return first, np.vstack(steps), lane, np.concatenate(along)
 
 
-def lane_graph(pieces: Sequence[tuple[str, Floats, Hashable, Hashable]]) -> LaneGraph:
-    """The graph of lanes given as name, points, and what stands for their start and their end.
+class Piece(NamedTuple):
+    """A lane that is to become part of a graph."""
 
-    Where one lane's end is the same as another's start, the other is its successor.
-    """
-    nodes: dict[Hashable, int] = {}
-    poses: list[Pose] = []
+    name: str
+    points: Floats
+    """Centre line in driving direction [m], shape (n, 2)."""
+    yaws: tuple[float, float]
+    """Heading at the start and at the end [rad]; chords of an arc know it less well."""
+    start: Hashable
+    """Stands for the node at the start."""
+    end: Hashable
+    """Where one lane's end is another's start, the other is its successor."""
 
-    def node(key: Hashable, point: Floats, step: Floats) -> int:
-        if key not in nodes:
-            nodes[key] = len(poses)
-            poses.append((float(point[0]), float(point[1]), math.atan2(step[1], step[0])))
-        return nodes[key]
 
-    ends = [
-        (node(start, points[0], points[1] - points[0]), node(end, points[-1], points[-1] - points[-2]))
-        for _, points, start, end in pieces
-    ]
-    starting: dict[int, list[int]] = {}
-    for lane, (start, _) in enumerate(ends):
-        starting.setdefault(start, []).append(lane)
+def lane_graph(pieces: Sequence[Piece]) -> LaneGraph:
+    """The graph of these lanes."""
+    poses: dict[Hashable, Pose] = {}
+    for piece in pieces:
+        poses.setdefault(piece.start, (*piece.points[0], piece.yaws[0]))
+        poses.setdefault(piece.end, (*piece.points[-1], piece.yaws[1]))
+    node = {key: i for i, key in enumerate(poses)}
+    starting: dict[Hashable, list[int]] = {}
+    for lane, piece in enumerate(pieces):
+        starting.setdefault(piece.start, []).append(lane)
     lanes = [
-        Lane(name, points, start, end, tuple(starting.get(end, ())))
-        for (name, points, _, _), (start, end) in zip(pieces, ends, strict=True)
+        Lane(piece.name, piece.points, node[piece.start], node[piece.end], tuple(starting.get(piece.end, ())))
+        for piece in pieces
     ]
-    return LaneGraph(np.array(poses).reshape(-1, 3), tuple(lanes))
+    return LaneGraph(np.array(list(poses.values())).reshape(-1, 3), tuple(lanes))
 
 
 def lane_path(start: Pose, end: Pose) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from autodrive import descriptions
 from autodrive.descriptions import Spec
 from autodrive.errors import SpecError
 from autodrive.maps.area import drivable_edges
-from autodrive.maps.lanes import LaneGraph, lane_graph
+from autodrive.maps.lanes import LaneGraph, Piece, lane_graph
 from autodrive.maps.module import MarkingKind
 from autodrive.maps.placing import PlacedModule, Placement, PortId, join, overlaps, place
 from autodrive.maps.props import Prop, PropSpec, prop_shapes
@@ -245,13 +245,20 @@ def _bays(placed: list[PlacedModule]) -> tuple[ParkingBay, ...]:
 
 def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> LaneGraph:
     """A lane that ends at a port ends where those begin that come in at the port that it meets."""
-    pieces: list[tuple[str, Floats, Hashable, Hashable]] = []
+    pieces: list[Piece] = []
     for i, one in enumerate(placed):
+        yaw = {port.name: port.pose[2] for port in one.ports}
         for (port_in, port_out), points in zip(one.module.spec.lanes, one.lanes, strict=True):
             met = joins.get((i, port_out))
             end = ("in", met) if met else ("out", (i, port_out))
-            pieces.append((f"{one.name}:{port_in}>{port_out}", points, ("in", (i, port_in)), end))
+            yaws = (_wrapped(yaw[port_in] + math.pi), _wrapped(yaw[port_out]))
+            pieces.append(Piece(f"{one.name}:{port_in}>{port_out}", points, yaws, ("in", (i, port_in)), end))
     return lane_graph(pieces)
+
+
+def _wrapped(angle: float) -> float:
+    """The same angle within half a turn of zero [rad]."""
+    return math.remainder(angle, 2.0 * math.pi)
 
 
 def _bounds(

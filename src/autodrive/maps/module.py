@@ -104,7 +104,8 @@ class ModuleSpec(Spec):
     @model_validator(mode="after")
     def _is_sound(self) -> ModuleSpec:
         faults = [*self._unknown_ports(), *self._ports_off_the_footprint(), *self._lanes_without_path()]
-        if (self.type == "obstruction") != (self.mass is not None and self.height > 0.0):
+        is_solid = [self.mass is not None, self.height > 0.0]
+        if not all(is_solid) if self.type == "obstruction" else any(is_solid):
             faults.append("an obstruction has height and mass, and nothing else has")
         if faults:
             raise ValueError("; ".join(faults))

@@ -214,8 +214,8 @@ def _mismatch(a: PlacedPort, b: PlacedPort) -> str:
     distance = math.hypot(dx, dy)
     if distance > PORT_TOLERANCE:
         return (
-            f"do not meet: the first is at ({a.pose[0]:.4g}, {a.pose[1]:.4g}), the second {distance:.3g} m away. "
-            f"Move the second module by ({-dx:.4g}, {-dy:.4g}) m"
+            f"do not meet: the first is at ({_text(a.pose[0])}, {_text(a.pose[1])}), the second {distance:.3g} m away. "
+            f"Move the second module by ({_text(-dx)}, {_text(-dy)}) m"
         )
     turn = math.remainder(b.pose[2] - a.pose[2] - math.pi, 2.0 * math.pi)
     if abs(turn) > HEADING_TOLERANCE:
@@ -229,10 +229,15 @@ def _remedy(port: PlacedPort) -> str:
     x, y, yaw = port.pose
     heading = math.remainder(yaw + math.pi, 2.0 * math.pi) / DEGREE
     return (
-        f"Put a port of another module at ({x:.4g}, {y:.4g}) that faces {heading:.4g} degrees, "
+        f"Put a port of another module at ({_text(x)}, {_text(y)}) that faces {heading:.4g} degrees, "
         f"or say 'open: [{port.name}]'"
     )
 
 
 def _with_article(word: str) -> str:
     return f"an {word}" if word[0] in "aeiou" else f"a {word}"
+
+
+def _text(metres: float) -> str:
+    """To a tenth of a millimetre, without needless zeros."""
+    return f"{round(metres, 4) + 0.0:g}"

@@ -58,11 +58,8 @@ class Sector(Spec):
 
     def geometry(self) -> BaseGeometry:
         """The polygon, shapely, in metres."""
-        start, end = self.start_deg * DEGREE, self.end_deg * DEGREE
-        outer = arc((self.x, self.y), self.outer_radius, start, end)
-        if self.inner_radius == 0.0:
-            return shapely.Polygon(np.vstack([outer, [(self.x, self.y)]]))
-        return shapely.Polygon(np.vstack([outer, arc((self.x, self.y), self.inner_radius, end, start)]))
+        angles = (self.start_deg * DEGREE, self.end_deg * DEGREE)
+        return _ring_piece((self.x, self.y), self.inner_radius, self.outer_radius, *angles)
 
 
 class Polygon(Spec):
@@ -97,7 +94,9 @@ class Line(Spec):
 
     def geometry(self) -> BaseGeometry:
         """The polygon, or one for each dash, shapely, in metres."""
-        return _stroke(np.array(self.points), self.width, self.dash, self.gap)
+        line = shapely.LineString(self.points)
+        pieces = [_piece(line, a, b) for a, b in _painted(line.length, self.dash, self.gap)]
+        return shapely.union_all(shapely.buffer(pieces, self.width / 2.0, cap_style="flat", join_style="mitre"))
 
 
 class Arc(Spec):
@@ -115,12 +114,21 @@ class Arc(Spec):
 
     @model_validator(mode="after")
     def _is_ordered(self) -> Arc:
+        if self.width >= 2.0 * self.radius:
+            raise ValueError(f"width must be less than twice the radius ({self.radius} m)")
         return _with_dash_and_gap(_with_ordered_angles(self))
 
     def geometry(self) -> BaseGeometry:
         """The polygon, or one for each dash, shapely, in metres."""
-        points = arc((self.x, self.y), self.radius, self.start_deg * DEGREE, self.end_deg * DEGREE)
-        return _stroke(points, self.width, self.dash, self.gap)
+        start = self.start_deg * DEGREE
+        length = self.radius * (self.end_deg - self.start_deg) * DEGREE
+        inner, outer = self.radius - self.width / 2.0, self.radius + self.width / 2.0
+        return shapely.union_all(
+            [
+                _ring_piece((self.x, self.y), inner, outer, start + a / self.radius, start + b / self.radius)
+                for a, b in _painted(length, self.dash, self.gap)
+            ]
+        )
 
 
 _Angled = TypeVar("_Angled", Sector, Arc)
@@ -149,19 +157,29 @@ def moved(points: Floats, pose: Pose) -> Floats:
     return np.column_stack([x + c * points[:, 0] - s * points[:, 1], y + s * points[:, 0] + c * points[:, 1]])
 
 
-def _stroke(points: Floats, width: float, dash: float | None, gap: float | None) -> BaseGeometry:
-    """A line with width. Dashes are fitted: a whole number of periods, half a gap at each end, so that pieces tile."""
-    line = shapely.LineString(points)
+def _ring_piece(centre: Point, inner: float, outer: float, start: float, end: float) -> shapely.Polygon:
+    rim = arc(centre, outer, start, end)
+    if inner == 0.0:
+        return shapely.Polygon(np.vstack([rim, [centre]]))
+    return shapely.Polygon(np.vstack([rim, arc(centre, inner, end, start)]))
+
+
+def _painted(length: float, dash: float | None, gap: float | None) -> list[tuple[float, float]]:
+    """From where to where a line is painted [m]: all of it, or dashes.
+
+    Dashes are stretched to a whole number of periods with half a gap at each end, so that lines of modules that meet
+    go on as one.
+    """
     if dash is None or gap is None:
-        return line.buffer(width / 2.0, cap_style="flat", join_style="mitre")
-    periods = max(1, round(line.length / (dash + gap)))
-    stretch = line.length / (periods * (dash + gap))
-    starts = (np.arange(periods) + 0.5) * (dash + gap) * stretch - dash * stretch / 2.0
-    pieces = [_piece(line, start, start + dash * stretch) for start in starts]
-    return shapely.union_all([piece.buffer(width / 2.0, cap_style="flat", join_style="mitre") for piece in pieces])
+        return [(0.0, length)]
+    periods = max(1, round(length / (dash + gap)))
+    period = length / periods
+    painted = period * dash / (dash + gap)
+    return [((i + 0.5) * period - painted / 2.0, (i + 0.5) * period + painted / 2.0) for i in range(periods)]
 
 
 def _piece(line: shapely.LineString, start: float, end: float) -> shapely.LineString:
+    """The part of a line between two distances along it."""
     corners = shapely.get_coordinates(line)
     at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     distances = np.concatenate([[start], at[(at > start) & (at < end)], [end]])

@@ -1,0 +1,178 @@
+"""Modules in a map: that they join wherever they are put, and that every fault is told."""
+
+import math
+
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from autodrive.errors import SpecError
+from autodrive.maps import MapSpec, compile_map, load_map, load_module
+from autodrive.maps.placing import Placement
+
+angles = st.floats(-180.0, 180.0)
+lengths = st.floats(-20.0, 20.0)
+chains = st.lists(
+    st.sampled_from(["straight_road", "road_patch", "roadside_parking", "curved_road"]), min_size=1, max_size=5
+)
+
+
+def chain(names, x, y, yaw_deg):
+    """Placements each of whose first port meets the last port of the one before, as x, y, yaw of map axes."""
+    placements = []
+    yaw = math.radians(yaw_deg)
+    for name in names:
+        ports = load_module(name).spec.ports
+        entry, leave = ports["west"], ports.get("north") or ports["east"]
+        heading = yaw - math.radians(entry.yaw_deg) + math.pi
+        c, s = math.cos(heading), math.sin(heading)
+        at = (x - c * entry.x + s * entry.y, y - s * entry.x - c * entry.y)
+        placements.append(Placement(module=name, x=at[0], y=at[1], yaw_deg=math.degrees(heading)))
+        x, y = at[0] + c * leave.x - s * leave.y, at[1] + s * leave.x + c * leave.y
+        yaw = heading + math.radians(leave.yaw_deg)
+    return placements
+
+
+def with_open_ends(placements):
+    first, last = placements[0], placements[-1]
+    placements[0] = first.model_copy(update={"open": True})
+    placements[-1] = last.model_copy(update={"open": True})
+    return placements
+
+
+@settings(max_examples=40, deadline=None)
+@given(names=chains, x=lengths, y=lengths, yaw_deg=angles)
+def test_chain_of_modules_joins_wherever_it_lies_and_however_it_is_turned(names, x, y, yaw_deg):
+    placements = with_open_ends(chain(["straight_road", *names], x, y, yaw_deg))
+    try:
+        map_ = compile_map(MapSpec(title="Chain", placements=tuple(placements)))
+    except SpecError as error:  # three curves and a bit: the chain ran into itself
+        assert all("overlaps" in fault for fault in error.faults)  # noqa: PT017
+        return
+    assert len(map_.joins) == 2 * len(names)
+    areas = sum(load_module(name).drivable.area for name in ["straight_road", *names])
+    # the union is taken on a grid of a micrometre, along a few metres of outline
+    assert map_.drivable.area == pytest.approx(areas, abs=1e-4)
+    assert map_.drivable.geom_type == "Polygon"
+    route = map_.lane_graph.route(0, 2 * len(names))
+    assert route is not None
+    assert len(route) == len(names) + 1
+
+
+@settings(max_examples=30, deadline=None)
+@given(yaw_deg=angles, dx=st.floats(0.01, 0.1), dy=st.floats(-0.1, 0.1))
+def test_module_a_centimetre_off_is_told_how_to_move(yaw_deg, dx, dy):
+    first, second = with_open_ends(chain(["straight_road", "straight_road"], 0.0, 0.0, yaw_deg))
+    moved = second.model_copy(update={"x": second.x + dx, "y": second.y + dy})
+    with pytest.raises(SpecError, match="do not meet") as caught:
+        compile_map(MapSpec(title="Gap", placements=(first, moved)))
+    told = next(fault for fault in caught.value.faults if "do not meet" in fault).split("by (")[1].split(")")[0]
+    assert [float(number) for number in told.split(",")] == pytest.approx([-dx, -dy], abs=1e-3)  # told to four digits
+
+
+def broken(tmp_path, text):
+    path = tmp_path / "oval.yaml"
+    path.write_text(text)
+    with pytest.raises(SpecError) as caught:
+        load_map(path)
+    return caught.value
+
+
+def test_all_faults_of_a_map_are_told_at_once_each_with_its_place(tmp_path):
+    error = broken(
+        tmp_path,
+        """
+title: Oval
+placements:
+  - {module: straight_road, x: 0.0, y: 0.0, open: true}
+  - {module: straight_road, name: shifted, x: 0.61, y: 0.0, open: [east]}
+  - {module: straight_road, x: 5.0, y: 0.0, open: true}
+  - {module: curve_9, x: 9.0, y: 9.0}
+  - {module: curved_road, x: 5.1, y: 0.1, open: true}
+  - {module: road_patch, name: turned, x: 0.0, y: 7.0, mass: 2.0, open: [north]}
+  - {module: construction_box, x: 3.0, y: 3.0, mass: -1.0}
+  - {module: construction_box, name: box, x: 2.0, y: 2.0}
+  - {module: construction_box, name: box, x: 2.05, y: 2.0}
+  - {module: straight_road, x: nowhere, y: 0.0}
+walls:
+  - {points: [[0, 0]], height: 0.2}
+colour: green
+""",
+    )
+    text = str(error)
+    expected = [
+        "placement 4 'curve_9': module 'curve_9' is not known. Known: ",
+        "Did you mean 'curved_road'?",
+        "placement 1 'straight_road': port 'east' and port 'west' of placement 2 'shifted' do not meet",
+        "Move the second module by (-0.01, 0) m",
+        "placement 3 'straight_road' overlaps placement 5 'curved_road'",
+        "placement 6 'turned': mass cannot be set for road_patch, which is a road",
+        "placement 6 'turned': open: road_patch has no port 'north'. It has: east, west",
+        "placements.6.mass (line 10): Input should be greater than 0, not -1.0",
+        "placement 9 'box': the name 'box' is taken",
+        "placement 8 'box' overlaps placement 9 'box' by 50 cm^2",
+        "placements.9.x (line 13): Input should be a valid number",
+        "walls.0.points (line 15)",
+        "'colour' is not known here",
+    ]
+    assert [part for part in expected if part not in text] == []
+    assert all(f"map 'oval': {fault}" in text for fault in expected if fault.startswith("placement "))
+    assert text.endswith(f"({error.path})")
+    assert "meets nothing" not in text  # what could not be read may be what is missing there
+
+
+def test_open_end_is_a_fault_unless_it_is_meant(tmp_path):
+    road = "title: Road\nplacements:\n  - {module: straight_road, x: 1.0, y: 0.0, yaw_deg: 90"
+    error = broken(tmp_path, f"{road}, open: [east]}}\n")
+    assert len(error.faults) == 1
+    assert "port 'west' meets nothing. Put a port of another module at (1, -0.3) that faces 90 degrees" in str(error)
+    path = tmp_path / "road.yaml"
+    path.write_text(f"{road}, open: true}}\n")
+    assert load_map(path).joins == {}
+
+
+def test_roads_that_do_not_face_each_other_or_differ_in_width_are_told(tmp_path):
+    (tmp_path / "lane.yaml").write_text(
+        "title: Lane\ntype: road\nlength: 1\nwidth: 0.3\n"
+        "ports: {west: {x: -0.5, y: 0, yaw_deg: 180, width: 0.3}}\n"
+        "drivable:\n  - {shape: rectangle, length: 1, width: 0.3}\n"
+    )
+    straight = "{module: straight_road, x: 0, y: 0, open: true}"
+    error = broken(tmp_path, f"title: T\nplacements:\n  - {straight}\n  - {{module: lane.yaml, x: 0.8, y: 0}}\n")
+    assert "are not equally wide: 0.6 m and 0.3 m" in str(error)
+    x, y = 0.3 + 0.3 * math.cos(0.1), 0.3 * math.sin(0.1)
+    turned = f"{{module: straight_road, x: {x}, y: {y}, yaw_deg: {math.degrees(0.1)}, open: true}}"
+    error = broken(tmp_path, f"title: T\nplacements:\n  - {straight}\n  - {turned}\n")
+    assert "do not face each other: turn the second module by -5.73 degrees" in str(error)
+
+
+def test_boxes_may_be_piled_but_not_put_into_each_other_or_into_a_wall(tmp_path):
+    boxes = (
+        "  - {module: construction_box, name: low, x: 0, y: 0}\n"
+        "  - {module: construction_box, name: high, x: 0, y: 0, z: 0.25, mass: 0.4, height: 0.1, length: 0.08}\n"
+    )
+    path = tmp_path / "pile.yaml"
+    path.write_text(f"title: Pile\nplacements:\n{boxes}")
+    low, high = load_map(path).boxes
+    assert low.position[2] == pytest.approx(0.125)
+    assert (high.position[2], high.mass, high.size) == (pytest.approx(0.3), 0.4, (0.08, 0.1, 0.1))
+    error = broken(tmp_path, f"title: Pile\nplacements:\n{boxes.replace('z: 0.25', 'z: 0.2')}")
+    assert "placement 1 'low' overlaps placement 2 'high'" in str(error)
+    wall = "walls:\n  - {points: [[-1, 0], [1, 0]], height: 0.1}\n"
+    assert "placement 1 'low' overlaps 'wall_1'" in str(broken(tmp_path, f"title: P\nplacements:\n{boxes}{wall}"))
+
+
+def test_solid_things_must_have_names_of_their_own(tmp_path):
+    block = "  - {name: house, x: 0, y: 0, length: 1, width: 1, height: 1}\n"
+    assert "the name 'house' is given to 2 solid things" in str(broken(tmp_path, f"title: T\nblocks:\n{block}{block}"))
+
+
+def test_module_files_may_lie_beside_the_map(tmp_path):
+    (tmp_path / "round.yaml").write_text(
+        "title: Round\ntype: road\nlength: 2\nwidth: 2\n"
+        "drivable:\n  - {shape: sector, outer_radius: 1, start_deg: 0, end_deg: 360}\n"
+    )
+    path = tmp_path / "arena.yaml"
+    path.write_text("title: Arena\nplacements:\n  - {module: round.yaml, x: 4, y: 0}\n")
+    assert load_map(path).drivable.distance(shapely.Point(4.0, 0.0)) == 0.0
