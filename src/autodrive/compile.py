@@ -88,13 +88,16 @@ def compile_scenario(spec: ScenarioSpec) -> Compiled:
             impulse=np.zeros((n, n_geom)),
             position=np.zeros((n, n_geom, 3)),
             pairs=np.zeros((64, 2), dtype=np.int64),
-            count=np.zeros(1, dtype=np.int64),
+            pair_count=np.zeros(1, dtype=np.int64),
         ),
         scratch=Scratch(
             nearby=np.zeros((n, len(geoms)), dtype=np.int64),
             nearby_count=np.zeros(n, dtype=np.int64),
             velocity=np.zeros((n, 3)),
             ground=np.zeros((4, GROUND_COLUMNS)),
+            contact_force=np.zeros(6),
+            contact_position=np.zeros(3),
+            contact_geoms=np.zeros(2, dtype=np.int32),
         ),
         objects={box.name: engine.body(box.name)[1] for box in boxes},
         owners=[name.split("/")[0] for name in engine.geom_names],
@@ -109,7 +112,7 @@ def empty_state(model: Model) -> State:
         **{f"vehicle_{name}": (n, 3) for name in ("position", "velocity", "angular_velocity", "acceleration")},
         "vehicle_angular_acceleration": (n, 3),
         "vehicle_orientation": (n, 4),
-        **{name: (n,) for name in ("throttle", "drive_level", "steering_target", "steering_angle")},
+        **dict.fromkeys(("throttle", "drive_level", "steering_target", "steering_angle"), (n,)),
         "throttle_queue": (n, queue),
         "steering_queue": (n, queue),
         "wheel_force": (4 * n, 2),
@@ -138,7 +141,9 @@ def _check_names(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement]) -> No
     names = [*spec.vehicles, *(box.name for box in boxes), *(shape.name for shape in map_.statics), "ground"]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise SpecError([f"the name '{name}' is given twice; vehicles, boxes and fixed things share names" for name in twice])
+        raise SpecError(
+            [f"the name '{name}' is given twice; vehicles, boxes and fixed things share names" for name in twice]
+        )
 
 
 def _sensors(spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]) -> dict[str, SensorSuite]:
@@ -207,8 +212,11 @@ def _response(time_constant: float, dt: float) -> float:
 
 
 def sprung_masses(spec: VehicleSpec) -> Floats:
-    """Mass on each wheel's spring [kg], shape (4,): they sum to the car's, balance about its centre of mass, and differ
-    as little as can be (PhysX, PxVehicleComputeSprungMasses)."""
+    """Mass on each wheel's spring [kg], shape (4,).
+
+    They sum to the car's, balance about its centre of mass, and differ as little as can be (PhysX,
+    PxVehicleComputeSprungMasses).
+    """
     hubs = np.array(spec.hubs)
     x, y, _ = spec.body.center_of_mass
     balance = np.stack([np.ones(4), hubs[:, 0], hubs[:, 1]])

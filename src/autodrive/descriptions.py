@@ -1,4 +1,4 @@
-"""Reads the YAML files that describe vehicles, modules, maps and scenarios: YAML in, checked Spec out, all faults at once."""
+"""Reads the YAML files that describe vehicles, modules, maps and scenarios: YAML in, checked Spec out."""
 
 from __future__ import annotations
 
@@ -45,7 +45,10 @@ def find(kind: Kind, name: str | Path) -> Path:
 
 
 def read(kind: Kind, name: str | Path, spec: type[T]) -> T:
-    """The checked Spec of a shipped description (by name) or of a file (by path). Raises `SpecError`, all faults at once."""
+    """The checked Spec of a shipped description (by name) or of a file (by path).
+
+    Raises `SpecError` with all faults of the file at once.
+    """
     path = find(kind, name)
     return parse(path.read_text(encoding="utf-8"), spec, where=str(path))
 

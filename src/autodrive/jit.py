@@ -44,3 +44,19 @@ if "NUMBA_CACHE_DIR" not in os.environ:
 def jit(function: Function) -> Function:
     """Compile at the first call (or read from the cache). Same bits on every run: no fast math, no threads."""
     return numba.njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False)
+
+
+def inlined(function: Function) -> Function:
+    """For the innermost loops: as `jit`, but LLVM copies the code into its callers, and arrays are not counted.
+
+    A call with a whole Model and State would cost more than what it does, and so would counting the references to
+    their arrays. Such a function, and a `jit_uncounted` one that calls it, cannot make arrays.
+    """
+    return numba.njit(
+        function, cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=True, _nrt=False
+    )
+
+
+def jit_uncounted(function: Function) -> Function:
+    """As `jit`, for the outermost of the functions above."""
+    return numba.njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False, _nrt=False)

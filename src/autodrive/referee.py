@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from autodrive.jit import jit
 from autodrive.model import Model, Table
 from autodrive.physics.tick import Touches
@@ -21,7 +19,9 @@ SEPARATION = 0.2
 class Referee:
     """Turns contacts and places into Events; keeps only what it needs to tell a beginning from a continuation."""
 
-    def __init__(self, names: Sequence[str], owners: Sequence[str], drivable_edges: Floats, ticks_a_second: float) -> None:
+    def __init__(
+        self, names: Sequence[str], owners: Sequence[str], drivable_edges: Floats, ticks_a_second: float
+    ) -> None:
         self._names = names
         self._owners = owners
         self._edges = drivable_edges
@@ -46,7 +46,7 @@ class Referee:
     def judge(self, tick: int, time: float, model: Model, state: State, touches: Touches) -> tuple[Event, ...]:
         """What happened in the tick that ended at `time` [s]. Clears the touches."""
         events: list[Event] = []
-        if touches.count[0]:
+        if touches.pair_count[0]:
             events += self._collisions(tick, time, touches)
         if len(self._edges):
             events += self._road(time, model, state)
@@ -55,12 +55,13 @@ class Referee:
     def _collisions(self, tick: int, time: float, touches: Touches) -> list[Event]:
         impulses: dict[tuple[int, str], float] = {}
         places: dict[tuple[int, str], Floats] = {}
-        for vehicle, geom in touches.pairs[: touches.count[0]].tolist():
+        pairs: Any = touches.pairs[: touches.pair_count[0]].tolist()
+        for vehicle, geom in pairs:
             key = vehicle, self._owners[geom]
             impulses[key] = impulses.get(key, 0.0) + float(touches.impulse[vehicle, geom])
             places.setdefault(key, touches.position[vehicle, geom].copy())
             touches.impulse[vehicle, geom] = 0.0
-        touches.count[0] = 0
+        touches.pair_count[0] = 0
         events: list[Event] = []
         for (vehicle, other), impulse in impulses.items():
             last = self._last_touch.get((vehicle, other))
@@ -76,9 +77,7 @@ class Referee:
         events: list[Event] = []
         for i, name in enumerate(self._names):
             off = bool(
-                any_wheel_outside(
-                    self._edges, model.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
-                )
+                any_wheel_outside(self._edges, model.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i])
             )
             if off != self._is_off_road[i]:
                 self._is_off_road[i] = off

@@ -28,7 +28,7 @@ class State(NamedTuple):
     vehicle_angular_velocity: Floats
     """In vehicle axes [rad/s], shape (n, 3)."""
     vehicle_acceleration: Floats
-    """Mean over the tick of the acceleration of the origin, gravity not included, vehicle axes [m/s^2], shape (n, 3)."""
+    """Of the origin, mean over the tick, gravity not included, vehicle axes [m/s^2], shape (n, 3)."""
     vehicle_angular_acceleration: Floats
     """Mean over the tick, vehicle axes [rad/s^2], shape (n, 3)."""
     # actuators

@@ -107,7 +107,7 @@ class World:
         for column in c.state:
             column[:] = 0.0
         c.touches.impulse[:] = 0.0
-        c.touches.count[0] = 0
+        c.touches.pair_count[0] = 0
         self._tick = 0
         self._drivers = {name: _Driver(NO_COMMAND, -math.inf) for name in self.vehicle_names}
         self._headlights = dict.fromkeys(self.vehicle_names, Headlights.OFF)
@@ -240,7 +240,9 @@ class World:
         sensors = self._compiled.sensors[name]
         wheels = slice(4 * i, 4 * i + 4)
         rear = state.wheel_angular_velocity[4 * i + 2] + state.wheel_angular_velocity[4 * i + 3]
-        phase = (self._tick - self._indicators_since[name]) * self.spec.tick / self.vehicle_specs[name].lights.blink_period
+        phase = (
+            (self._tick - self._indicators_since[name]) * self.spec.tick / self.vehicle_specs[name].lights.blink_period
+        )
         return VehicleFrame(
             pose=Pose(_frozen(state.vehicle_position[i]), _frozen(state.vehicle_orientation[i])),
             velocity=_frozen(state.vehicle_velocity[i]),

@@ -6,7 +6,7 @@ import types
 from typing import Any
 
 from autodrive.actuators import drivetrain, steering
-from autodrive.jit import jit
+from autodrive.jit import inlined
 from autodrive.physics import wheel
 
 
@@ -16,7 +16,7 @@ def _built(source: types.ModuleType) -> dict[str, Any]:
     for name, function in vars(source).items():
         if isinstance(function, types.FunctionType) and function.__module__ == source.__name__:
             namespace = {**vars(source), **built}
-            built[name] = jit(types.FunctionType(function.__code__, namespace, name))
+            built[name] = inlined(types.FunctionType(function.__code__, namespace, name))
     return built
 
 

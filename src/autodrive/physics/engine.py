@@ -1,5 +1,8 @@
 """MuJoCo behind a few verbs: reset, step (from compiled code), contacts, save, restore. Nobody else knows MuJoCo."""
 
+# pyright: reportAttributeAccessIssue=false
+# (the bindings are compiled and ship no types)
+
 from __future__ import annotations
 
 import ctypes
@@ -93,6 +96,7 @@ class Engine:
         self.model = mujoco.MjModel.from_xml_string(mjcf)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
+        self._warnings = self.data.warning.number
 
     @property
     def dt(self) -> float:
@@ -164,11 +168,10 @@ class Engine:
 
     def check(self) -> None:
         """Raises `EngineError` if the engine gave up on a state (it then resets itself)."""
-        for warning in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC):
-            if self.data.warning[warning].number:
-                raise EngineError(
-                    f"the physics became unstable at {self.data.time:.3f} s; use a shorter substep or gentler contacts"
-                )
+        if self._warnings[_BAD].any():
+            raise EngineError(
+                f"the physics became unstable at {self.data.time:.3f} s; use a shorter substep or gentler contacts"
+            )
 
     def save(self) -> Floats:
         """All that the future depends on."""
@@ -181,6 +184,10 @@ class Engine:
         """The same future as at `save`, bit for bit."""
         mujoco.mj_setState(self.model, self.data, saved, mujoco.mjtState.mjSTATE_INTEGRATION)
         mujoco.mj_step1(self.model, self.data)
+
+
+_BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+"""Warnings after which MuJoCo resets a state that it cannot go on from."""
 
 
 class _Layout(NamedTuple):

@@ -6,7 +6,7 @@ Points and directions are scalars x, y, z in the map frame; a shape is given by 
 
 from math import sqrt
 
-from autodrive.jit import jit
+from autodrive.jit import inlined
 from autodrive.model import BOX, CYLINDER
 from autodrive.state import Floats
 
@@ -14,7 +14,7 @@ MISS = 1.0e30
 """Distance of a ray that meets nothing [m]."""
 
 
-@jit
+@inlined
 def ray_shape(
     kind: int, size: Floats, centre: Floats, m: Floats, px: float, py: float, pz: float, ux: float, uy: float, uz: float
 ) -> tuple[float, float, float, float]:
@@ -44,7 +44,7 @@ def ray_shape(
     )
 
 
-@jit
+@inlined
 def _box(
     sx: float, sy: float, sz: float, ox: float, oy: float, oz: float, vx: float, vy: float, vz: float
 ) -> tuple[float, float, float, float]:
@@ -75,7 +75,7 @@ def _box(
     return enter, nx, ny, nz
 
 
-@jit
+@inlined
 def _cylinder(
     radius: float, half: float, ox: float, oy: float, oz: float, vx: float, vy: float, vz: float
 ) -> tuple[float, float, float, float]:
@@ -98,7 +98,7 @@ def _cylinder(
     return MISS, 0.0, 0.0, 0.0
 
 
-@jit
+@inlined
 def _sphere(
     radius: float, ox: float, oy: float, oz: float, vx: float, vy: float, vz: float
 ) -> tuple[float, float, float, float]:

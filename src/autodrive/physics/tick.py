@@ -11,8 +11,9 @@ from math import cos, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from autodrive.jit import jit
+from autodrive.jit import inlined, jit_uncounted
 from autodrive.model import Model
 from autodrive.physics.compile import (
     ackermann_angle,
@@ -48,7 +49,7 @@ class Touches(NamedTuple):
     """A point of that contact [m], shape (n, n_geom, 3)."""
     pairs: Integers
     """The (vehicle, geom) pairs with an impulse, shape (n_max, 2)."""
-    count: Integers
+    pair_count: Integers
     """How many pairs, shape (1,)."""
 
 
@@ -63,12 +64,18 @@ class Scratch(NamedTuple):
     """Of each vehicle's origin before the substep, map axes [m/s], shape (n, 3)."""
     ground: Floats
     """Of the four wheels of the vehicle at hand: `GROUND_COLUMNS` numbers each."""
+    contact_force: Floats
+    """Force and torque of the contact at hand, shape (6,)."""
+    contact_position: Floats
+    """Its place [m], shape (3,)."""
+    contact_geoms: NDArray[np.int32]
+    """The engine's two geoms that meet there, shape (2,)."""
 
 
 GROUND_COLUMNS = 24
 
 
-@jit
+@jit_uncounted
 def advance(
     model: Model,
     state: State,
@@ -85,10 +92,14 @@ def advance(
     `throttle` and `steering` are the commands of this tick, in [-1, 1], shape (n,).
     """
     n = model.vehicles.shape[0]
-    state.vehicle_acceleration[:] = 0.0
+    for i in range(n):
+        for axis in range(3):
+            state.vehicle_acceleration[i, axis] = 0.0
     for i in range(n):
         _find_nearby(i, model, state, views, scratch, substeps * model.dt)
-    before = state.vehicle_angular_velocity.copy()
+    for i in range(n):
+        for axis in range(3):  # the angular acceleration is the difference over the tick
+            state.vehicle_angular_acceleration[i, axis] = -state.vehicle_angular_velocity[i, axis]
     for k in range(first, first + substeps):
         views.applied[:] = 0.0
         for i in range(n):
@@ -98,7 +109,7 @@ def advance(
             for axis in range(3):
                 scratch.velocity[i, axis] = views.qvel[v["dof"] + axis]
         mj_step2(views.model, views.data)
-        _note_touches(model, views, touches)
+        _note_touches(model, views, touches, scratch)
         for i in range(n):
             _limit_spin(model.vehicles[i], views)
             _accumulate_acceleration(i, model, state, views, scratch, 1.0 / (substeps * model.dt))
@@ -106,11 +117,11 @@ def advance(
     observe(model, state, views)
     for i in range(n):
         for axis in range(3):
-            rate = (state.vehicle_angular_velocity[i, axis] - before[i, axis]) / (substeps * model.dt)
-            state.vehicle_angular_acceleration[i, axis] = rate
+            state.vehicle_angular_acceleration[i, axis] += state.vehicle_angular_velocity[i, axis]
+            state.vehicle_angular_acceleration[i, axis] /= substeps * model.dt
 
 
-@jit
+@jit_uncounted
 def observe(model: Model, state: State, views: Views) -> None:
     """Copies where bodies and shapes are now from the engine to the state."""
     for i in range(model.vehicles.shape[0]):
@@ -134,7 +145,7 @@ def observe(model: Model, state: State, views: Views) -> None:
             state.shape_rotation[s, axis] = views.geom_rotation[geom, axis]
 
 
-@jit
+@inlined
 def _rotation(q: Floats, at: int) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Rotation matrix, row by row, of the unit quaternion wxyz that begins at `at`."""
     w, x, y, z = q[at], q[at + 1], q[at + 2], q[at + 3]
@@ -151,7 +162,7 @@ def _rotation(q: Floats, at: int) -> tuple[float, float, float, float, float, fl
     )
 
 
-@jit
+@inlined
 def _find_nearby(i: int, model: Model, state: State, views: Views, scratch: Scratch, duration: float) -> None:
     """The shapes that a wheel of vehicle i could stand on during the tick."""
     x, y, z = state.vehicle_position[i, 0], state.vehicle_position[i, 1], state.vehicle_position[i, 2]
@@ -174,7 +185,7 @@ def _find_nearby(i: int, model: Model, state: State, views: Views, scratch: Scra
     scratch.nearby_count[i] = count
 
 
-@jit
+@inlined
 def _actuate(i: int, model: Model, state: State, throttle: float, steering: float, k: int) -> None:
     """Commands travel down their queues; servo and drive follow what comes out at the far end."""
     v = model.vehicles[i]
@@ -189,7 +200,7 @@ def _actuate(i: int, model: Model, state: State, throttle: float, steering: floa
     )
 
 
-@jit
+@inlined
 def _drive(i: int, model: Model, state: State, views: Views, scratch: Scratch) -> None:
     """Forces of the ground on vehicle i and on what it stands on, and the new spin of its wheels."""
     v = model.vehicles[i]
@@ -214,7 +225,7 @@ def _drive(i: int, model: Model, state: State, views: Views, scratch: Scratch) -
             v_long, wheel["radius"] * spin, is_active, wheel["active_slip_offset"], wheel["passive_slip_minimum"]
         )
         slide = slip_angle(v_lat, v_long, wheel["slip_angle_offset"])
-        fx, fy = _tyre(wheel, ratio, slide, load)
+        fx, _ = _tyre(wheel, ratio, slide, load)
         coasting, gain = coasting_spin(
             spin, fx, slip_speed, wheel["radius"], wheel["inertia"], wheel["damping_rate"], dt
         )
@@ -249,16 +260,14 @@ def _drive(i: int, model: Model, state: State, views: Views, scratch: Scratch) -
         _push(i, w, is_braking, model, state, views, scratch)
 
 
-@jit
+@inlined
 def _tyre(wheel: Any, ratio: float, slide: float, load: float) -> tuple[float, float]:
     f, s = wheel["forward"], wheel["sideways"]
     return tyre_force(ratio, slide, load, f[0], f[1], f[2], f[3], f[4], s[0], s[1], s[2], s[3], s[4])
 
 
-@jit
-def _find_ground(
-    i: int, w: int, angle: float, model: Model, state: State, views: Views, scratch: Scratch
-) -> None:
+@inlined
+def _find_ground(i: int, w: int, angle: float, model: Model, state: State, views: Views, scratch: Scratch) -> None:
     """Casts wheel w's suspension ray; leaves load, contact velocities, contact frame and lever arms in the scratch row.
 
     Row: 0 load, 1 longitudinal and 2 lateral velocity over the ground, (3-5 spin, set by `_drive`), 6-8 longitudinal,
@@ -295,7 +304,7 @@ def _find_ground(
         if cx * cx + cy * cy + cz * cz > far * far:
             continue
         t, sx, sy, sz = ray_shape(
-            model.shapes.kind[s],
+            int(model.shapes.kind[s]),
             model.shapes.size[s],
             views.geom_position[geom],
             views.geom_rotation[geom],
@@ -330,9 +339,7 @@ def _find_ground(
     vy = views.qvel[dof + 1] + wz * kx - wx * kz
     vz = views.qvel[dof + 2] + wx * ky - wy * kx
     if shape >= 0 and model.shapes.dof[shape] >= 0:
-        gx, gy, gz = _velocity_at(
-            views, model.shapes.qpos[shape], model.shapes.dof[shape], ox + kx, oy + ky, oz + kz
-        )
+        gx, gy, gz = _velocity_at(views, model.shapes.qpos[shape], model.shapes.dof[shape], ox + kx, oy + ky, oz + kz)
         vx, vy, vz = vx - gx, vy - gy, vz - gz
     speed = -(nx * vx + ny * vy + nz * vz) / upright
     load = upright * suspension_force(
@@ -367,10 +374,8 @@ def _find_ground(
     state.wheel_normal_load[row] = load
 
 
-@jit
-def _push(
-    i: int, w: int, is_braking: bool, model: Model, state: State, views: Views, scratch: Scratch
-) -> None:
+@inlined
+def _push(i: int, w: int, is_braking: bool, model: Model, state: State, views: Views, scratch: Scratch) -> None:
     """The ground's force at wheel w, at the wheel's new spin, on the chassis and, reversed, on a body below."""
     v = model.vehicles[i]
     wheel = model.wheels[4 * i + w]
@@ -417,7 +422,7 @@ def _push(
         )
 
 
-@jit
+@inlined
 def _hold(
     row: int, wheel: Any, state: State, v_long: float, v_lat: float, load: float, dt: float
 ) -> tuple[float, float]:
@@ -438,7 +443,7 @@ def _hold(
     return fx, fy
 
 
-@jit
+@inlined
 def _velocity_at(views: Views, qpos: int, dof: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Velocity [m/s], map axes, of the point x, y, z of a free body."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = _rotation(views.qpos, qpos + 3)
@@ -456,10 +461,8 @@ def _velocity_at(views: Views, qpos: int, dof: int, x: float, y: float, z: float
     )
 
 
-@jit
-def _apply(
-    views: Views, qpos: int, dof: int, x: float, y: float, z: float, fx: float, fy: float, fz: float
-) -> None:
+@inlined
+def _apply(views: Views, qpos: int, dof: int, x: float, y: float, z: float, fx: float, fy: float, fz: float) -> None:
     """Adds a force (map axes) at a point given from the free body's origin (map axes)."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = _rotation(views.qpos, qpos + 3)
     tx, ty, tz = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
@@ -471,7 +474,7 @@ def _apply(
     views.applied[dof + 5] += r02 * tx + r12 * ty + r22 * tz
 
 
-@jit
+@inlined
 def _resist_air(v: Any, views: Views) -> None:
     """Unity's drag: the body loses a share of its velocity and of its angular velocity in each second."""
     qpos, dof = v["qpos"], v["dof"]
@@ -488,7 +491,7 @@ def _resist_air(v: Any, views: Views) -> None:
         views.applied[dof + 3 + axis] -= v["angular_drag"] * v["inertia"][axis] * views.qvel[dof + 3 + axis]
 
 
-@jit
+@inlined
 def _limit_spin(v: Any, views: Views) -> None:
     """Unity's limit of a rigid body's angular velocity."""
     dof = v["dof"]
@@ -499,10 +502,8 @@ def _limit_spin(v: Any, views: Views) -> None:
             views.qvel[dof + 3 + axis] *= v["angular_velocity_max"] / speed
 
 
-@jit
-def _accumulate_acceleration(
-    i: int, model: Model, state: State, views: Views, scratch: Scratch, share: float
-) -> None:
+@inlined
+def _accumulate_acceleration(i: int, model: Model, state: State, views: Views, scratch: Scratch, share: float) -> None:
     """Adds the substep's change of velocity, in the vehicle's axes of that moment: what an accelerometer integrates."""
     v = model.vehicles[i]
     qpos, dof = v["qpos"], v["dof"]
@@ -515,14 +516,14 @@ def _accumulate_acceleration(
     state.vehicle_acceleration[i, 2] += r02 * x + r12 * y + r22 * z
 
 
-@jit
-def _note_touches(model: Model, views: Views, touches: Touches) -> None:
+@inlined
+def _note_touches(model: Model, views: Views, touches: Touches, scratch: Scratch) -> None:
     """Adds the impulse of each of the engine's contacts of a vehicle to what that vehicle touched in this tick."""
     count = views.contact_count[0]
     if count == 0:
         return
     stride, position, geoms = views.contact_layout[0], views.contact_layout[1], views.contact_layout[2]
-    force, where, pair = np.empty(6), np.empty(3), np.empty(2, np.int32)
+    force, where, pair = scratch.contact_force, scratch.contact_position, scratch.contact_geoms
     for c in range(count):
         contact = views.contacts[0] + c * stride
         copy_memory(pair.ctypes.data, contact + geoms, 8)
@@ -536,11 +537,11 @@ def _note_touches(model: Model, views: Views, touches: Touches) -> None:
                 continue
             other = pair[1 - side]
             if touches.impulse[vehicle, other] == 0.0:
-                if touches.count[0] == touches.pairs.shape[0]:
+                if touches.pair_count[0] == touches.pairs.shape[0]:
                     continue
-                touches.pairs[touches.count[0], 0] = vehicle
-                touches.pairs[touches.count[0], 1] = other
-                touches.count[0] += 1
+                touches.pairs[touches.pair_count[0], 0] = vehicle
+                touches.pairs[touches.pair_count[0], 1] = other
+                touches.pair_count[0] += 1
                 copy_memory(where.ctypes.data, contact + position, 24)
                 for axis in range(3):
                     touches.position[vehicle, other, axis] = where[axis]

@@ -68,7 +68,7 @@ def slip_ratio_denominator(
 
 
 def slip_angle(lateral_velocity: Real, longitudinal_velocity: Real, lateral_offset: Real) -> Real:
-    """Slip angle [rad], positive when the wheel moves to its left; the offset [m/s] keeps it regular at rest (PhysX)."""
+    """Slip angle [rad], positive when the wheel moves to its left; the offset [m/s] keeps it regular at rest."""
     return atan(lateral_velocity / (abs(longitudinal_velocity) + lateral_offset))
 
 
