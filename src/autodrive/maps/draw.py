@@ -97,8 +97,12 @@ def _surfaces(map_: Map) -> Iterator[str]:
             yield f'<path class="kerb" d="{_d(_kerb(map_))}" fill="{COLOURS["kerb"]}" fill-rule="evenodd"/>'
         fill = "url(#lawn)" if surface.kind == "lawn" else COLOURS[surface.kind]
         yield f'<path class="{surface.kind}" d="{_d(surface.geometry)}" fill="{fill}" fill-rule="evenodd"/>'
-    for marking in sorted(map_.markings, key=lambda one: one.z_order):
-        yield f'<path class="{marking.kind}" d="{_d(marking.geometry)}" fill="{COLOURS[marking.colour]}"/>'
+    looks = dict.fromkeys((m.z_order, m.kind, m.colour) for m in sorted(map_.markings, key=lambda one: one.z_order))
+    for z_order, kind, colour in looks:
+        # united, so that lines of modules that meet show no seam
+        lines = [m.geometry for m in map_.markings if (m.z_order, m.kind, m.colour) == (z_order, kind, colour)]
+        together = shapely.union_all(lines, grid_size=GRID)
+        yield f'<path class="{kind}" d="{_d(together)}" fill="{COLOURS[colour]}" fill-rule="evenodd"/>'
 
 
 def _solids(map_: Map) -> Iterator[str]:

@@ -21,7 +21,8 @@ _MIRROR = '<g transform="scale(-1 1)">{}</g>'
 _FACES: dict[PropKind, str] = {
     "stop": (
         f'<path d="{_OCTAGON}" fill="{WHITE}"/><path d="{_OCTAGON}" fill="{RED}" transform="scale(.9)"/>'
-        f'<rect x="-.3" y="-.07" width=".6" height=".14" fill="{WHITE}"/>'
+        f'<path d="M-.21 .11 H-.35 V0 H-.21 V-.11 H-.35 M-.17 .11 H.01 M-.08 .11 V-.11 M.05 .11 H.17 V-.11 H.05 Z '
+        f'M.22 -.135 V.11 H.35 V0 H.22" fill="none" stroke="{WHITE}" stroke-width=".05"/>'
     ),
     "give_way": (f'<path d="M0 -.5 L.5 .4 H-.5 Z" fill="{RED}"/><path d="M0 -.26 L.29 .28 H-.29 Z" fill="{WHITE}"/>'),
     "dead_end": (

@@ -10,7 +10,6 @@ from typing import TypeAlias
 
 import numpy as np
 import shapely
-from pydantic import Field
 from shapely.geometry.base import BaseGeometry
 
 from autodrive.descriptions import Spec
@@ -46,7 +45,7 @@ class Placement(Spec):
     length: Positive | None = None
     """Terrain and boxes only: instead of the module's own [m]."""
     width: Positive | None = None
-    height: Positive | None = Field(default=None)
+    height: Positive | None = None
     """Boxes only [m]."""
     z: NotNegative = 0.0
     """Boxes only: height of the underside above ground [m]."""
