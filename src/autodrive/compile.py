@@ -194,6 +194,7 @@ def _wheel_table(vehicles: dict[str, VehicleSpec], grip: float, dt: float) -> Ta
         suspension = wheel.suspension
         for field in ("stiffness", "damping", "compression_max", "droop_max", "bump_stiffness"):
             rows[field] = getattr(suspension, field)
+        rows["look_ahead"] = suspension.look_ahead(dt)
         factor = (1.0, grip, 1.0, grip, 1.0)
         rows["forward"] = np.multiply(wheel.forward_friction.numbers, factor)
         rows["sideways"] = np.multiply(wheel.sideways_friction.numbers, factor)
@@ -220,7 +221,7 @@ def sprung_masses(spec: VehicleSpec) -> Floats:
     hubs = np.array(spec.hubs)
     x, y, _ = spec.body.center_of_mass
     balance = np.stack([np.ones(4), hubs[:, 0], hubs[:, 1]])
-    return np.linalg.lstsq(balance, spec.body.mass * np.array([1.0, x, y]), rcond=None)[0]
+    return np.asarray(np.linalg.lstsq(balance, spec.body.mass * np.array([1.0, x, y]), rcond=None)[0], np.float64)
 
 
 def effective_masses(spec: VehicleSpec) -> Floats:

@@ -61,6 +61,7 @@ WHEEL = _table(
     compression_max=np.float64,  # [m]
     droop_max=np.float64,  # [m]
     bump_stiffness=np.float64,  # [N/m]
+    look_ahead=np.float64,  # of the suspension [s]
     forward=(np.float64, 5),  # extremum slip and value, asymptote slip and value, initial slope
     sideways=(np.float64, 5),  # likewise
     active_slip_offset=np.float64,  # [m/s]

@@ -22,8 +22,8 @@ class Referee:
     def __init__(
         self, names: Sequence[str], owners: Sequence[str], drivable_edges: Floats, ticks_a_second: float
     ) -> None:
-        self._names = names
-        self._owners = owners
+        self._names = list(names)
+        self._owners = list(owners)
         self._edges = drivable_edges
         self._patience = SEPARATION * ticks_a_second
         self.reset()
@@ -57,7 +57,7 @@ class Referee:
         places: dict[tuple[int, str], Floats] = {}
         pairs: Any = touches.pairs[: touches.pair_count[0]].tolist()
         for vehicle, geom in pairs:
-            key = vehicle, self._owners[geom]
+            key = (vehicle, self._owners[geom])
             impulses[key] = impulses.get(key, 0.0) + float(touches.impulse[vehicle, geom])
             places.setdefault(key, touches.position[vehicle, geom].copy())
             touches.impulse[vehicle, geom] = 0.0

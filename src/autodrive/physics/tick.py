@@ -350,6 +350,7 @@ def _find_ground(i: int, w: int, angle: float, model: Model, state: State, views
         wheel["damping"],
         high,
         wheel["bump_stiffness"],
+        wheel["look_ahead"],
     )
     # chassis axis in the contact plane, turned by the steering angle about the normal
     along = r00 * nx + r10 * ny + r20 * nz

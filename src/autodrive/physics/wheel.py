@@ -43,13 +43,16 @@ def suspension_force(
     damping: Real,
     compression_max: Real,
     bump_stiffness: Real,
+    look_ahead: Real,
 ) -> Real:
     """Force of the suspension [N] along its axis, never negative.
 
     The static load is carried at compression 0, whatever the stiffness (PhysX). Beyond `compression_max` [m] a stop
-    of `bump_stiffness` [N/m] takes over, where PhysX has a hard limit.
+    of `bump_stiffness` [N/m] takes over, where PhysX has a hard limit. The spring is read where it will be in
+    `look_ahead` [s], the mean place in PhysX's substeps of a wheel within one step of the body; it damps like
+    stiffness * look_ahead, which is all that holds a car without dampers still.
     """
-    travel = min(compression, compression_max)
+    travel = min(compression + look_ahead * compression_speed, compression_max)
     spring = max(Real(0.0), static_load + stiffness * travel)
     stop = bump_stiffness * max(Real(0.0), compression - compression_max)
     return max(Real(0.0), spring + damping * compression_speed + stop)

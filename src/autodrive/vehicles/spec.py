@@ -88,6 +88,12 @@ class SuspensionSpec(Spec):
     """[N s/m]."""
     bump_stiffness: float = Field(gt=0)
     """Of the stop at full compression [N/m]."""
+    substeps: int = Field(ge=1)
+    """PhysX moves a wheel this many times within one step of the body; see `look_ahead`."""
+
+    def look_ahead(self, dt: float) -> float:
+        """Mean time within a step of `dt` [s] at which PhysX's substeps, at 0, dt/n, 2 dt/n ..., read the spring [s]."""
+        return dt * (self.substeps - 1) / (2 * self.substeps)
 
     @property
     def compression_max(self) -> float:
