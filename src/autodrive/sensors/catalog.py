@@ -10,7 +10,7 @@ from autodrive.model import Shapes
 from autodrive.sensors.encoder import Encoders, EncoderSpec
 from autodrive.sensors.imu import Imu, ImuNoise, ImuSpec
 from autodrive.sensors.ips import Ips, IpsSpec
-from autodrive.sensors.lidar import Lidar, LidarSpec
+from autodrive.sensors.lidar import Lidar, LidarSpec, RollingLidar
 from autodrive.sensors.lidar_noise import LidarNoise
 from autodrive.sensors.sensor import Schedule, Sensor, SensorSpec, random_generator
 from autodrive.state import State
@@ -42,7 +42,7 @@ class SensorSuite:
         self.encoders = Encoders(spec.encoders)
         self.ips = Ips(spec.ips)
         self.imu = Imu(spec.imu, gravity)
-        self.lidar = None if spec.lidar is None else Lidar(spec.lidar)
+        self.lidar = None if spec.lidar is None else _lidar(spec.lidar)
         self._vehicle = vehicle
         self._name = name
         self._substep = substep
@@ -50,7 +50,8 @@ class SensorSuite:
         self._schedules = [_schedule(s, substep) for s in (spec.encoders, spec.ips, spec.imu)]
         if self.lidar is not None and spec.lidar is not None:
             self._sensors["lidar"] = self.lidar
-            self._schedules.append(Schedule.of(spec.lidar.rate, substep, first=1))
+            schedule = None if spec.lidar.is_rolling else Schedule.of(spec.lidar.rate, substep, first=1)
+            self._schedules.append(schedule)
         self._sampled_at: int | None = None
 
     def reset(self, seed: int) -> None:
@@ -80,3 +81,7 @@ class SensorSuite:
 
 def _schedule(spec: SensorSpec, substep: Fraction) -> Schedule | None:
     return None if spec.rate is None else Schedule.of(spec.rate, substep)
+
+
+def _lidar(spec: LidarSpec) -> Lidar:
+    return RollingLidar(spec) if spec.is_rolling else Lidar(spec)

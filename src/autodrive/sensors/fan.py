@@ -1,8 +1,9 @@
 """A fan of rays in one plane against many shapes: what a 2D LIDAR sees at one instant, exact and fast.
 
-Each shape is met by few rays: those between its two outlines. What the plane of the fan cuts out of a shape shows one
-or two straight edges (box) or an arc (cylinder, sphere); draw.py draws these into a buffer of inverse ranges, in which
-the nearest wins, as in a depth buffer.
+Each shape is met by few rays: those between its two outlines (outline.py). They are drawn into a buffer of inverse
+ranges, in which the nearest wins, as in a depth buffer. Along a straight edge the inverse range is a linear function of
+the ray's direction (cos, sin), so that a ray costs a few multiplications and a maximum. Where a cap of a cylinder or a
+third face of a box comes into the plane of the fan, its rays are cast one by one (raycast.py).
 """
 
 from __future__ import annotations
@@ -10,10 +11,22 @@ from __future__ import annotations
 import math
 
 from autodrive.jit import jit
-from autodrive.model import CYLINDER, SPHERE
-from autodrive.sensors.draw import draw_box, draw_cylinder, draw_floor, draw_ray_by_ray, draw_sphere
+from autodrive.model import BOX, CYLINDER
+from autodrive.sensors.outline import (
+    AROUND,
+    BEARING_ERROR,
+    HIDDEN,
+    PARTLY,
+    bearings_of_disc,
+    view_of_box,
+    view_of_cylinder,
+    view_of_sphere,
+)
+from autodrive.sensors.raycast import cast_at_shape
 from autodrive.state import Floats, Integers
 from autodrive.transforms import Quaternion, Vector, compose, rotate, rotation_from_quaternion
+
+TURN = 2.0 * math.pi
 
 
 @jit
@@ -35,7 +48,7 @@ def cast_fan(
     shape_rotation: Floats,
     inverse_range: Floats,
 ) -> None:
-    """Write the inverse range [1/m] of each ray, shape (n_ray,); 0 where nothing is hit.
+    """Write the inverse range [1/m] of each ray, shape (n_ray,); 0 where nothing is hit, infinity inside a shape.
 
     `directions` are cos and sin of the rays' angles, shape (2, n_ray), growing by `angle_increment` > 0 from
     `angle_min`. Shapes of `vehicle` itself are not seen; farther ones than `range_max` may be left out.
@@ -44,37 +57,79 @@ def cast_fan(
     px = vehicle_position[0] + lever[0]
     py = vehicle_position[1] + lever[1]
     pz = vehicle_position[2] + lever[2]
-    turn = rotation_from_quaternion(compose(vehicle_orientation, mount_orientation))
-    x0, y0, z0, x1, y1, z1, x2, y2, z2 = turn
-    fan = (directions[0], directions[1], angle_min, 1.0 / angle_increment, inverse_range)
-    draw_floor(fan, pz, x2, y2)
+    x0, y0, z0, x1, y1, z1, x2, y2, z2 = rotation_from_quaternion(compose(vehicle_orientation, mount_orientation))
+    rays_per_radian = 1.0 / angle_increment
+    if pz <= 0.0:
+        inverse_range[:] = math.inf  # below the floor all is solid
+        return
+    _draw_floor(directions, inverse_range, -x2 / pz, -y2 / pz)
+    n = len(inverse_range)
     for g in range(len(kind)):
-        if shape_vehicle[g] == vehicle:
-            continue
         dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
         h = dx * z0 + dy * z1 + dz * z2
         radius = bounding_radius[g]
         reach = range_max + radius
-        if abs(h) > radius or dx * dx + dy * dy + dz * dz > reach * reach:
-            continue
-        u, v = dx * x0 + dy * x1 + dz * x2, dx * y0 + dy * y1 + dz * y2
-        if kind[g] == SPHERE:
-            draw_sphere(fan, u, v, radius * radius - h * h)
+        if abs(h) > radius or dx * dx + dy * dy + dz * dz > reach * reach or shape_vehicle[g] == vehicle:
             continue
         # the sensor's place and axes in the shape's own axes
-        r = shape_rotation[g]
-        o = (
-            -(dx * r[0] + dy * r[3] + dz * r[6]),
-            -(dx * r[1] + dy * r[4] + dz * r[7]),
-            -(dx * r[2] + dy * r[5] + dz * r[8]),
-        )
-        ex = (x0 * r[0] + x1 * r[3] + x2 * r[6], x0 * r[1] + x1 * r[4] + x2 * r[7], x0 * r[2] + x1 * r[5] + x2 * r[8])
-        ey = (y0 * r[0] + y1 * r[3] + y2 * r[6], y0 * r[1] + y1 * r[4] + y2 * r[7], y0 * r[2] + y1 * r[5] + y2 * r[8])
-        ez = (z0 * r[0] + z1 * r[3] + z2 * r[6], z0 * r[1] + z1 * r[4] + z2 * r[7], z0 * r[2] + z1 * r[5] + z2 * r[8])
+        r0, r1, r2 = shape_rotation[g, 0], shape_rotation[g, 1], shape_rotation[g, 2]
+        r3, r4, r5 = shape_rotation[g, 3], shape_rotation[g, 4], shape_rotation[g, 5]
+        r6, r7, r8 = shape_rotation[g, 6], shape_rotation[g, 7], shape_rotation[g, 8]
+        o = (-(dx * r0 + dy * r3 + dz * r6), -(dx * r1 + dy * r4 + dz * r7), -(dx * r2 + dy * r5 + dz * r8))
+        ex = (x0 * r0 + x1 * r3 + x2 * r6, x0 * r1 + x1 * r4 + x2 * r7, x0 * r2 + x1 * r5 + x2 * r8)
+        ey = (y0 * r0 + y1 * r3 + y2 * r6, y0 * r1 + y1 * r4 + y2 * r7, y0 * r2 + y1 * r5 + y2 * r8)
+        ez = (z0 * r0 + z1 * r3 + z2 * r6, z0 * r1 + z1 * r4 + z2 * r7, z0 * r2 + z1 * r5 + z2 * r8)
         s = (size[g, 0], size[g, 1], size[g, 2])
-        if kind[g] == CYLINDER:
-            is_drawn = draw_cylinder(fan, s[0], s[1], o, ex, ey, ez)
+        u, v = dx * x0 + dy * x1 + dz * x2, dx * y0 + dy * y1 + dz * y2
+        circle = radius * radius - h * h
+        if kind[g] == BOX:
+            view, start, width, k0, k1, k2, k3, k4, k5, k6, k7 = view_of_box(s, o, ex, ey, ez)
+        elif kind[g] == CYLINDER:
+            view, start, width, k0, k1, k2, k3, k4, k5, k6, k7 = view_of_cylinder(s[0], s[1], o, ex, ey, ez)
         else:
-            is_drawn = draw_box(fan, s, o, ex, ey, ez)
-        if not is_drawn:
-            draw_ray_by_ray(fan, kind[g], s, o, ex, ey, u, v, math.sqrt(radius * radius - h * h))
+            view, start, width, k0, k1, k2, k3, k4, k5, k6, k7 = view_of_sphere(u, v, circle)
+        if view == HIDDEN:
+            continue
+        if view == AROUND:
+            inverse_range[:] = math.inf
+            return
+        if view == PARTLY:
+            start, width = bearings_of_disc(u, v, math.sqrt(circle))
+        start -= angle_min
+        start -= TURN * (math.floor(start * (1.0 / TURN)) + 1.0)
+        for _turn in range(3):
+            begin, end = start - BEARING_ERROR, start + width + BEARING_ERROR
+            start += TURN
+            if end < 0.0:
+                continue
+            lo = max(math.ceil(begin * rays_per_radian), 0)
+            hi = min(math.floor(end * rays_per_radian), n - 1)
+            if view == PARTLY:
+                for i in range(lo, hi + 1):
+                    cos, sin = directions[0, i], directions[1, i]
+                    r = (ex[0] * cos + ey[0] * sin, ex[1] * cos + ey[1] * sin, ex[2] * cos + ey[2] * sin)
+                    inverse_range[i] = max(inverse_range[i], cast_at_shape(kind[g], s, o, r))
+            elif kind[g] == BOX:
+                while lo <= hi and directions[0, lo] * k1 > directions[1, lo] * k0:
+                    lo += 1
+                while lo <= hi and directions[0, hi] * k3 < directions[1, hi] * k2:
+                    hi -= 1
+                for i in range(lo, hi + 1):
+                    cos, sin = directions[0, i], directions[1, i]
+                    inverse_range[i] = max(inverse_range[i], min(k4 * cos + k5 * sin, k6 * cos + k7 * sin))
+            else:
+                for i in range(lo, hi + 1):
+                    cos, sin = directions[0, i], directions[1, i]
+                    b = k0 * cos + k1 * sin
+                    m, z = k3 * cos + k4 * sin, k5 * cos + k6 * sin
+                    discriminant = k2 - m * m - z * z
+                    if discriminant >= 0.0 and b > 0.0:
+                        inverse_range[i] = max(inverse_range[i], b + math.sqrt(discriminant))
+
+
+@jit
+def _draw_floor(directions: Floats, inverse_range: Floats, a: float, b: float) -> None:
+    """Begin the buffer with the plane z = 0."""
+    for i in range(len(inverse_range)):
+        w = a * directions[0, i] + b * directions[1, i]
+        inverse_range[i] = w if w > 0.0 else 0.0  # never -0, whose inverse is -inf

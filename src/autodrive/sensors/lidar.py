@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -15,6 +15,7 @@ from autodrive.protocol.messages import LidarScan
 from autodrive.sensors.fan import cast_fan
 from autodrive.sensors.lidar_noise import LidarErrors, LidarNoise, classify
 from autodrive.sensors.sensor import Mount, Sensor
+from autodrive.sensors.sweep import Moment, cast_sweep
 from autodrive.state import Floats, State
 
 
@@ -91,16 +92,15 @@ class Lidar(Sensor[LidarScan]):
         super().__init__(self._noise)
         self._spec = spec
         self._mount = spec.mount.position, spec.mount.orientation
-        # rays are cast from right to left, and turned over afterwards where the index grows to the right
-        increment = spec.angle_increment
-        self._is_clockwise = increment < 0.0
-        self._increment = abs(increment)
-        self._lowest = min(spec.angle_min, spec.angle_min + (spec.rays - 1) * increment)
-        angles = self._lowest + self._increment * np.arange(spec.rays)
+        angles = spec.angle_min + spec.angle_increment * np.arange(spec.rays)
         self._directions = np.stack([np.cos(angles), np.sin(angles)])
         self._inverse_range = np.zeros(spec.rays)
         self._intensities = np.full(spec.rays, spec.intensity)
         self._intensities.flags.writeable = False
+        # a fan is cast from right to left, and turned over afterwards where the index grows to the right
+        self._is_clockwise = spec.angle_increment < 0.0
+        self._fan = np.ascontiguousarray(self._directions[:, ::-1]) if self._is_clockwise else self._directions
+        self._fan_start = float(angles.min())
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> LidarScan | None:
         """The scan as of now."""
@@ -108,9 +108,9 @@ class Lidar(Sensor[LidarScan]):
             state.vehicle_position[vehicle],
             state.vehicle_orientation[vehicle],
             *self._mount,
-            self._directions,
-            self._lowest,
-            self._increment,
+            self._fan,
+            self._fan_start,
+            abs(self._spec.angle_increment),
             self._spec.range_max,
             vehicle,
             shapes.kind,
@@ -121,17 +121,18 @@ class Lidar(Sensor[LidarScan]):
             state.shape_rotation,
             self._inverse_range,
         )
+        if self._is_clockwise:
+            self._inverse_range = self._inverse_range[::-1].copy()
         return self._scan(time)
 
     def _scan(self, time: float) -> LidarScan:
         """The reading made of the inverse ranges."""
         spec = self._spec
-        inverse_range = self._inverse_range[::-1].copy() if self._is_clockwise else self._inverse_range
         ranges = np.empty(spec.rays)
         if self._noise is None:
-            _measure(inverse_range, spec.range_min, spec.range_max, ranges)
+            _measure(self._inverse_range, spec.range_min, spec.range_max, ranges)
         else:
-            self._noise.measure(inverse_range, spec.range_min, spec.range_max, ranges)
+            self._noise.measure(self._inverse_range, spec.range_min, spec.range_max, ranges)
         ranges.flags.writeable = False
         return LidarScan(
             time=time,
@@ -145,6 +146,70 @@ class Lidar(Sensor[LidarScan]):
             scan_time=1.0 / spec.rate,
             time_increment=spec.time_increment,
         )
+
+
+class RollingLidar(Lidar):
+    """Casts each ray at its own time: `sample` it every tick. Between ticks the pose is interpolated.
+
+    The last ray of scan n leaves at n / rate, the ones before it each `time_increment` earlier.
+    """
+
+    def __init__(self, spec: LidarSpec) -> None:
+        super().__init__(spec)
+        self._time = 0.0
+        self._moment: Moment | None = None
+        self._scan_number = 1
+        self._next_ray = 0
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything, and draw all noise from `rng` from now on."""
+        super().reset(rng)
+        self._moment = None
+        self._scan_number, self._next_ray = 1, 0
+
+    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> LidarScan | None:
+        """The newest complete scan."""
+        newest = self.latest
+        moment = Moment.of(state, vehicle)
+        while self._moment is not None:
+            ray_times = self._ray_times()
+            due = int(np.searchsorted(ray_times, time + 1e-9, side="right"))  # a clock's rounding error is no delay
+            fractions = np.clip((ray_times - self._time) / max(time - self._time, 1e-12), 0.0, 1.0)
+            cast_sweep(
+                self._moment,
+                moment,
+                self._mount,
+                self._directions,
+                range(self._next_ray, due),
+                fractions,
+                self._spec.range_max,
+                vehicle,
+                shapes,
+                self._inverse_range,
+            )
+            self._next_ray = due
+            if due < self._spec.rays:
+                break
+            newest = self._scan(float(ray_times[-1]))
+            self._scan_number, self._next_ray = self._scan_number + 1, 0
+        self._time, self._moment = time, moment
+        return newest
+
+    def _ray_times(self) -> Floats:
+        """When each ray of the scan in progress leaves [s], shape (n_ray,)."""
+        rays_to_go = np.arange(self._spec.rays - 1, -1, -1, dtype=np.float64)
+        return self._scan_number / self._spec.rate - self._spec.time_increment * rays_to_go
+
+    def save(self) -> Any:
+        """Everything that the future depends on, for `restore`."""
+        progress = self._time, self._moment, self._scan_number, self._next_ray, self._inverse_range.copy()
+        return super().save(), progress
+
+    def restore(self, saved: Any) -> None:
+        """Go on as from the moment of `save`."""
+        sensor, (self._time, self._moment, self._scan_number, self._next_ray, inverse_range) = saved
+        super().restore(sensor)
+        self._inverse_range[:] = inverse_range
 
 
 @jit

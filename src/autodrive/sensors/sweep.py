@@ -1,0 +1,136 @@
+"""Rays cast one after another while everything moves: what the turning head of a 2D LIDAR sees during a tick."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from autodrive.jit import jit
+from autodrive.model import Shapes
+from autodrive.sensors.raycast import cast_at_shape
+from autodrive.state import Floats, Integers, State
+from autodrive.transforms import Quaternion, Vector, compose, rotate, slerp
+
+
+class Moment(NamedTuple):
+    """Where the vehicle and all shapes were."""
+
+    position: Floats
+    orientation: Floats
+    shape_position: Floats
+    shape_rotation: Floats
+
+    @classmethod
+    def of(cls, state: State, vehicle: int) -> Moment:
+        """A copy of what State holds now."""
+        return cls(
+            state.vehicle_position[vehicle].copy(),
+            state.vehicle_orientation[vehicle].copy(),
+            state.shape_position.copy(),
+            state.shape_rotation.copy(),
+        )
+
+
+def cast_sweep(
+    before: Moment,
+    after: Moment,
+    mount: tuple[Vector, Quaternion],
+    directions: Floats,
+    rays: range,
+    fractions: Floats,
+    range_max: float,
+    vehicle: int,
+    shapes: Shapes,
+    inverse_range: Floats,
+) -> None:
+    """Write the inverse range [1/m] of the rays numbered `rays`, as `fan.cast_fan` does for all at one instant.
+
+    `fractions`, shape (n_ray,), say at which part of the way from `before` to `after` each ray leaves. The vehicle turns
+    at a constant rate on that way; a moving shape's place and rotation matrix are interpolated linearly, which for a turn
+    of 0.01 rad a tick is exact to 1e-5 of its size.
+    """
+    _cast(
+        *before,
+        *after,
+        *mount,
+        directions,
+        rays.start,
+        rays.stop,
+        fractions,
+        range_max,
+        vehicle,
+        shapes.kind,
+        shapes.size,
+        shapes.bounding_radius,
+        shapes.vehicle,
+        inverse_range,
+    )
+
+
+@jit
+def _cast(
+    position_before: Floats,
+    orientation_before: Floats,
+    shape_position_before: Floats,
+    shape_rotation_before: Floats,
+    position: Floats,
+    orientation: Floats,
+    shape_position: Floats,
+    shape_rotation: Floats,
+    mount_position: Vector,
+    mount_orientation: Quaternion,
+    directions: Floats,
+    first: int,
+    last: int,
+    fractions: Floats,
+    range_max: float,
+    vehicle: int,
+    kind: Integers,
+    size: Floats,
+    bounding_radius: Floats,
+    shape_vehicle: Integers,
+    inverse_range: Floats,
+) -> None:
+    for i in range(first, last):
+        f = fractions[i]
+        turn = slerp(orientation_before, orientation, f)
+        lever = rotate(turn, mount_position)
+        p = (
+            position_before[0] + f * (position[0] - position_before[0]) + lever[0],
+            position_before[1] + f * (position[1] - position_before[1]) + lever[1],
+            position_before[2] + f * (position[2] - position_before[2]) + lever[2],
+        )
+        ray = rotate(compose(turn, mount_orientation), (directions[0, i], directions[1, i], 0.0))
+        nearest = math.inf if p[2] <= 0.0 else max(-ray[2] / p[2], 0.0)  # the floor, below which all is solid
+        for g in range(len(kind)):
+            if shape_vehicle[g] == vehicle:
+                continue
+            dx = shape_position_before[g, 0] + f * (shape_position[g, 0] - shape_position_before[g, 0]) - p[0]
+            dy = shape_position_before[g, 1] + f * (shape_position[g, 1] - shape_position_before[g, 1]) - p[1]
+            dz = shape_position_before[g, 2] + f * (shape_position[g, 2] - shape_position_before[g, 2]) - p[2]
+            along = dx * ray[0] + dy * ray[1] + dz * ray[2]
+            radius = bounding_radius[g]
+            if abs(along - 0.5 * range_max) > 0.5 * range_max + radius:
+                continue
+            if dx * dx + dy * dy + dz * dz - along * along > radius * radius * (1.0 + 1e-9) + 1e-9:
+                continue
+            w = cast_at_shape(
+                kind[g],
+                (size[g, 0], size[g, 1], size[g, 2]),
+                _in_shape(shape_rotation_before, shape_rotation, g, f, (-dx, -dy, -dz)),
+                _in_shape(shape_rotation_before, shape_rotation, g, f, ray),
+            )
+            nearest = max(nearest, w)
+        inverse_range[i] = nearest
+
+
+@jit
+def _in_shape(before: Floats, after: Floats, g: int, fraction: float, v: Vector) -> Vector:
+    """A vector of the map in the axes of shape g."""
+    x = y = z = 0.0
+    for row in range(3):
+        k = 3 * row
+        x += v[row] * (before[g, k] + fraction * (after[g, k] - before[g, k]))
+        y += v[row] * (before[g, k + 1] + fraction * (after[g, k + 1] - before[g, k + 1]))
+        z += v[row] * (before[g, k + 2] + fraction * (after[g, k + 2] - before[g, k + 2]))
+    return x, y, z
