@@ -1,0 +1,217 @@
+"""The whole car against closed forms: Nigel of the report on a plane."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from autodrive import Command, Frame
+from autodrive.scenario import BoxSpec
+from autodrive.transforms import rotate
+from autodrive.world import World
+
+from .conftest import NO_DELAYS, ROLLS_FREELY, WorldWith
+
+G = 9.81
+MASS = 1.75
+WHEELBASE = 0.14154
+FULL_SPEED = 130 * 2 * math.pi / 60 * 0.0325
+
+
+def drive(world: World, seconds: float, throttle: float = 0.0, steering: float = 0.0) -> Frame:
+    frame = world.frame
+    for _ in range(round(seconds / world.tick_duration)):
+        frame = world.step({"V1": Command(throttle=throttle, steering=steering)})
+    return frame
+
+
+def x_of(frame: Frame) -> float:
+    return float(frame.vehicles["V1"].pose.position[0])
+
+
+def test_car_at_rest_stands_at_wheel_radius_with_a_quarter_of_its_weight_on_each_wheel(world_with: WorldWith) -> None:
+    car = drive(world_with(), 1.0).vehicles["V1"]
+    assert car.pose.position[2] == pytest.approx(0.0325, abs=1e-9)
+    assert car.wheels.normal_load == pytest.approx(MASS * G / 4, abs=1e-6)  # 4.2919 N
+    assert car.wheels.compression == pytest.approx(0.0, abs=1e-9)
+
+
+def test_car_at_rest_does_not_drift_in_a_minute(world_with: WorldWith) -> None:
+    world = world_with()
+    start = drive(world, 1.0).vehicles["V1"]
+    end = drive(world, 60.0).vehicles["V1"]
+    assert np.abs(end.pose.position - start.pose.position).max() < 1e-9  # rounding alone
+    assert np.abs(end.pose.orientation - start.pose.orientation).max() < 1e-9
+
+
+def test_braked_car_holds_on_a_slope_without_creeping(world_with: WorldWith) -> None:
+    world = world_with()
+    slope = 0.2  # 11 degrees, as gravity sees it
+    world._compiled.engine.model.opt.gravity[:] = (-G * math.sin(slope), 0.0, -G * math.cos(slope))
+    settled = x_of(drive(world, 2.0))
+    assert -4e-4 < settled < 0.0  # the holding spring of 25 Hz yields 0.08 mm, the pitch as much again
+    assert x_of(drive(world, 30.0)) == pytest.approx(settled, abs=1e-8)
+
+
+def test_bounce_frequency_is_that_of_spring_and_damper(world_with: WorldWith) -> None:
+    world = world_with()
+    views, dof = world._compiled.views, int(world._compiled.model.vehicles[0]["dof"])
+    views.qvel[dof + 2] = 0.01
+    height = []
+    for _ in range(40):
+        frame = drive(world, world.tick_duration)
+        height.append(float(frame.vehicles["V1"].pose.position[2]) - 0.0325)
+    # fit a damped cosine: the poles of x[n+1] = a x[n] + b x[n-1]
+    h = np.array(height[:25])
+    a, b = np.linalg.lstsq(np.stack([h[1:-1], h[:-2]], axis=1), h[2:], rcond=None)[0]
+    pole = np.roots([1.0, -a, -b])[0]
+    frequency = abs(np.angle(pole)) / (2 * math.pi * 0.01)
+    m, k, c = MASS / 4, 5040.0, 20.0
+    expected = math.sqrt(k / m - (c / (2 * m)) ** 2) / (2 * math.pi)
+    assert expected == pytest.approx(16.69, abs=0.01)
+    assert frequency == pytest.approx(expected, rel=0.015)  # semi-implicit steps of 1 ms are 1.1 % too fast
+
+
+@pytest.mark.parametrize("throttle", [1.0, 0.5, -1.0])
+def test_driven_wheels_turn_at_the_speed_of_the_throttle(world_with: WorldWith, throttle: float) -> None:
+    car = drive(world_with(), 3.0, throttle=throttle).vehicles["V1"]
+    tread = car.wheels.angular_velocity[2:] * 0.0325
+    assert pytest.approx(0.44244, abs=1e-5) == FULL_SPEED
+    assert tread == pytest.approx(throttle * FULL_SPEED, rel=1e-3)  # the servo's gain is finite: 0.03 %
+
+
+def test_car_without_losses_reaches_tread_speed(world_with: WorldWith) -> None:
+    car = drive(world_with(changes=ROLLS_FREELY), 6.0, throttle=1.0).vehicles["V1"]
+    assert car.speed == pytest.approx(FULL_SPEED, rel=1e-3)
+
+
+def test_reverse_mirrors_forward(world_with: WorldWith) -> None:
+    forward = drive(world_with(), 3.0, throttle=0.8).vehicles["V1"]
+    backward = drive(world_with(), 3.0, throttle=-0.8).vehicles["V1"]
+    # drive forces load the rear axle forward and unload it backward, by 2 m a h / L: not exactly a mirror
+    assert backward.speed == pytest.approx(-forward.speed, rel=0.02)
+
+
+def test_left_mirrors_right(world_with: WorldWith) -> None:
+    left, right = world_with(), world_with()
+    for k in range(300):
+        steering = math.sin(0.05 * k)
+        a = left.step({"V1": Command(throttle=0.8, steering=steering)}).vehicles["V1"]
+        b = right.step({"V1": Command(throttle=0.8, steering=-steering)}).vehicles["V1"]
+    assert a.pose.position == pytest.approx(b.pose.position * (1, -1, 1), abs=1e-9)  # rounding, grown over 3 s
+    assert a.pose.orientation == pytest.approx(b.pose.orientation * (1, -1, 1, -1), abs=1e-9)
+
+
+@pytest.mark.parametrize("substep", [0.0005, 0.001, 0.002])
+def test_braking_distance_lies_between_the_friction_limits(world_with: WorldWith, substep: float) -> None:
+    world = world_with(changes=NO_DELAYS, substep=substep)
+    before = drive(world, 3.0, throttle=1.0)
+    v = before.vehicles["V1"].speed
+    distance = x_of(drive(world, 1.0)) - x_of(before)
+    assert v**2 / (2 * 1.0 * G) < distance < v**2 / (2 * 0.5 * G)  # friction 1 at the extremum, 0.5 at the asymptote
+
+
+@pytest.mark.parametrize("steering_deg", [10.0, 20.0, 30.0])
+def test_slow_circle_has_the_radius_of_the_kinematic_bicycle(world_with: WorldWith, steering_deg: float) -> None:
+    car = drive(world_with(changes=ROLLS_FREELY), 8.0, throttle=0.1, steering=steering_deg / 30.0).vehicles["V1"]
+    radius = car.speed / car.angular_velocity[2]
+    assert radius == pytest.approx(WHEELBASE / math.tan(math.radians(steering_deg)), rel=0.015)  # slip grows with speed
+
+
+def test_turning_radii_are_those_of_table_10(world_with: WorldWith) -> None:
+    car = drive(world_with(changes=ROLLS_FREELY), 8.0, throttle=0.1, steering=1.0).vehicles["V1"]
+    rear = car.speed / car.angular_velocity[2]
+    assert rear == pytest.approx(0.24515, rel=0.015)
+    assert math.hypot(rear, WHEELBASE) == pytest.approx(0.28308, rel=0.015)
+
+
+def test_circle_approaches_the_kinematic_one_as_speed_falls(world_with: WorldWith) -> None:
+    excess = []
+    for throttle in (0.8, 0.4, 0.2):
+        car = drive(world_with(changes=ROLLS_FREELY), 8.0, throttle=throttle, steering=0.5).vehicles["V1"]
+        radius = car.speed / car.angular_velocity[2]
+        excess.append(radius / (WHEELBASE / math.tan(math.radians(15))) - 1.0)
+    assert excess[0] > excess[1] > excess[2] > -1e-3
+
+
+def test_coasting_car_never_gains_energy(world_with: WorldWith) -> None:
+    world = world_with(changes={**ROLLS_FREELY, **NO_DELAYS, "drivetrain.brake_torque": 0.0})
+    drive(world, 2.0, throttle=0.8, steering=0.4)
+    inertia = 0.5 * 0.034 * 0.0325**2
+    energies = []
+    for _ in range(300):
+        car = world.step({"V1": Command(0.0, 0.4)}).vehicles["V1"]
+        com = car.velocity + np.cross(car.angular_velocity, (0.07077, 0.0, 0.0418))
+        energies.append(
+            0.5 * MASS * com @ com
+            + 0.5 * car.angular_velocity**2 @ np.array([0.009297, 0.017956, 0.017591])
+            + 0.5 * inertia * np.sum(car.wheels.angular_velocity**2)
+        )
+    start = energies[0]
+    gains = np.diff(energies)
+    # springs give back what they hold, which is far less than this share of the kinetic energy
+    assert gains.max() < 1e-4 * start
+    assert energies[-1] < start
+
+
+def test_pose_converges_with_first_order_in_the_substep(world_with: WorldWith) -> None:
+    def end(substep: float) -> np.ndarray:
+        world = world_with(changes=NO_DELAYS, substep=substep)
+        for k in range(300):
+            frame = world.step({"V1": Command(throttle=0.8, steering=0.6 * math.sin(0.02 * k))})
+        return frame.vehicles["V1"].pose.position[:2]
+
+    fine = end(0.000125)
+    errors = [float(np.linalg.norm(end(substep) - fine)) for substep in (0.0005, 0.001, 0.002)]
+    assert errors[0] < 0.001  # of a metre driven
+    for smaller, larger in itertools.pairwise(errors):
+        assert 1.3 < larger / smaller < 4.0  # 2 for first order; a little of the second is left at 2 ms
+
+
+def test_pushed_box_slides_its_friction_distance_after_the_car_brakes(world_with: WorldWith) -> None:
+    world = world_with(changes=NO_DELAYS, boxes={"box": BoxSpec(x=0.5, y=0.0, mass=0.1)})
+    frame = drive(world, 3.0, throttle=1.0)
+    before = float(frame.objects["box"].pose.position[0])
+    assert before > 0.6  # it was pushed
+    v = frame.vehicles["V1"].speed
+    slid = float(drive(world, 1.0).objects["box"].pose.position[0]) - before
+    assert slid == pytest.approx(v**2 / (2 * 0.6 * G), rel=0.2)  # the box rattles about the car's speed by 10 %
+
+
+def test_wheels_drive_on_a_body_and_push_it_back(world_with: WorldWith) -> None:
+    plate = BoxSpec(x=0.07, y=0.0, z=2.0, size=(1.0, 1.0, 0.1), mass=3.0)
+    world = world_with(changes={**ROLLS_FREELY, **NO_DELAYS}, boxes={"plate": plate})
+    views, qpos = world._compiled.views, int(world._compiled.model.vehicles[0]["qpos"])
+    views.qpos[qpos + 2] = 2.05 + 0.0325
+    world._compiled.engine.update()
+    car = drive(world, 0.05, throttle=0.5).vehicles["V1"]  # both fall freely; nothing else touches them
+    com = car.velocity + np.cross(car.angular_velocity, (0.07077, 0.0, 0.0418))
+    car_momentum = MASS * np.array(rotate(car.pose.orientation, com))
+    plate_dof = world._compiled.engine.body("plate")[2]
+    plate_momentum = 3.0 * views.qvel[plate_dof : plate_dof + 3]
+    assert car_momentum[0] > 0.01  # it does drive [N s]
+    assert car_momentum[:2] + plate_momentum[:2] == pytest.approx(
+        0.0, abs=1e-6
+    )  # Newton; the engine's step is first order
+    fallen = -(MASS + 3.0) * G * 0.05
+    assert car_momentum[2] + plate_momentum[2] == pytest.approx(fallen, rel=1e-5)
+
+
+def test_car_stands_on_a_body_as_on_the_ground(world_with: WorldWith) -> None:
+    plate = BoxSpec(x=0.07, y=0.0, size=(1.0, 1.0, 0.1), mass=3.0)
+    world = world_with(boxes={"plate": plate})
+    qpos = int(world._compiled.model.vehicles[0]["qpos"])
+    world._compiled.views.qpos[qpos + 2] += 0.1
+    world._compiled.engine.update()
+    car = drive(world, 2.0).vehicles["V1"]
+    assert car.pose.position[2] == pytest.approx(0.1325, abs=2e-4)  # the engine's contact of plate and floor is soft
+    assert car.wheels.normal_load == pytest.approx(MASS * G / 4, rel=1e-3)
+
+
+def test_wheels_roll_up_and_down_a_low_plate(world_with: WorldWith) -> None:
+    world = world_with(boxes={"plate": BoxSpec(x=0.6, y=0.0, size=(0.4, 0.4, 0.004), mass=2.0)})
+    heights = [drive(world, world.tick_duration, throttle=1.0).vehicles["V1"].pose.position[2] for _ in range(400)]
+    assert 0.0365 < max(heights) < 0.0405  # 4 mm higher, and the step throws it by less than as much again
+    assert heights[-1] == pytest.approx(0.0325, abs=2e-4)
+    assert x_of(world.frame) > 1.0
