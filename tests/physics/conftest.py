@@ -17,7 +17,7 @@ WorldWith = Callable[..., World]
 
 @pytest.fixture
 def world_with(tmp_path: Path) -> WorldWith:
-    """Makes a world on the empty plane; `changes`: places in the vehicle's file, as 'wheels.damping_rate', to values."""
+    """Makes a world on the plane; `changes`: places in the vehicle's file, as 'wheels.damping_rate', to values."""
 
     def make(
         vehicle: str = "nigel",
