@@ -338,5 +338,5 @@ def _pose(qpos: Floats, start: int) -> Pose:
 def _frozen(values: Floats) -> Floats:
     """A copy that nobody can change."""
     kept = values.copy()
-    kept.flags.writeable = False
+    kept.setflags(write=False)
     return kept

@@ -2,7 +2,7 @@
 
 Units are SI and radians. Axes are x forward, y left, z up (REP 103); left turns are positive. Quaternions are
 wxyz. Arrays are read-only float64 numpy arrays unless said otherwise. Every reading carries the simulated time at
-which it was measured.
+which it was measured. (`gc=False`: what cannot be part of a cycle need not be searched for one, many times a second.)
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class TailLights(enum.IntEnum):
 # -- messages in ------------------------------------------------------------------------------------------------
 
 
-class Command(msgspec.Struct, frozen=True):
+class Command(msgspec.Struct, frozen=True, gc=False):
     """What a driver wants of one vehicle.
 
     `throttle` [-1, 1]: fraction of the drive limit, forward positive; 0 brakes. `steering` [-1, 1]: fraction of
@@ -114,14 +114,14 @@ Request: TypeAlias = Reset | Pause | Resume | Step | SetSpeed | Teleport | SetSc
 # -- readings ---------------------------------------------------------------------------------------------------
 
 
-class Pose(msgspec.Struct, frozen=True):
+class Pose(msgspec.Struct, frozen=True, gc=False):
     """Position [m], shape (3,), and orientation (quaternion wxyz), shape (4,), in the map frame."""
 
     position: Array
     orientation: Array
 
 
-class EncoderReading(msgspec.Struct, frozen=True):
+class EncoderReading(msgspec.Struct, frozen=True, gc=False):
     """Rear wheels, left then right: `ticks` (int64, shape (2,)) and `angles` [rad], shape (2,); never wrap."""
 
     time: float
@@ -129,14 +129,14 @@ class EncoderReading(msgspec.Struct, frozen=True):
     angles: Array
 
 
-class IpsReading(msgspec.Struct, frozen=True):
+class IpsReading(msgspec.Struct, frozen=True, gc=False):
     """Position [m] of the rear axle centre in the map frame, shape (3,)."""
 
     time: float
     position: Array
 
 
-class ImuReading(msgspec.Struct, frozen=True):
+class ImuReading(msgspec.Struct, frozen=True, gc=False):
     """Inertial data in the axes of the sensor (REP 103, REP 145).
 
     `orientation` wxyz, shape (4,); `euler` roll, pitch, yaw [rad] in (-pi, pi], shape (3,), with
@@ -151,7 +151,7 @@ class ImuReading(msgspec.Struct, frozen=True):
     linear_acceleration: Array
 
 
-class LidarScan(msgspec.Struct, frozen=True):
+class LidarScan(msgspec.Struct, frozen=True, gc=False):
     """One scan. Ray i looks along angle_min + i * angle_increment [rad] in the sensor's axes, left positive.
 
     `ranges` [m], shape (n_ray,): by REP 117, -inf is "too near to measure" and +inf is "nothing within range_max".
@@ -171,7 +171,7 @@ class LidarScan(msgspec.Struct, frozen=True):
     time_increment: float
 
 
-class Lights(msgspec.Struct, frozen=True):
+class Lights(msgspec.Struct, frozen=True, gc=False):
     """What the lamps do now. `left_indicator` and `right_indicator` say whether the lamp is lit at this moment."""
 
     headlights: Headlights
@@ -182,7 +182,7 @@ class Lights(msgspec.Struct, frozen=True):
     reverse_lights: bool
 
 
-class WheelsReading(msgspec.Struct, frozen=True):
+class WheelsReading(msgspec.Struct, frozen=True, gc=False):
     """Ground truth of the wheels, shape (4,) each: front left, front right, rear left, rear right.
 
     `steering_angle` [rad], `rotation_angle` [rad], `angular_velocity` [rad/s], `compression` [m] of the suspension
@@ -198,7 +198,7 @@ class WheelsReading(msgspec.Struct, frozen=True):
     slip_angle: Array
 
 
-class VehicleFrame(msgspec.Struct, frozen=True):
+class VehicleFrame(msgspec.Struct, frozen=True, gc=False):
     """One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest of every sensor.
 
     `pose` is that of the vehicle frame: centre of the rear axle at wheel-centre height. `velocity` [m/s] of that
@@ -227,7 +227,7 @@ class VehicleFrame(msgspec.Struct, frozen=True):
         return float(self.velocity[0])
 
 
-class ObjectFrame(msgspec.Struct, frozen=True):
+class ObjectFrame(msgspec.Struct, frozen=True, gc=False):
     """A movable object, for example a construction box."""
 
     pose: Pose
@@ -269,7 +269,7 @@ class BackOnRoad(msgspec.Struct, frozen=True, tag=True):
 Event: TypeAlias = Collision | OffRoad | BackOnRoad
 
 
-class Frame(msgspec.Struct, frozen=True):
+class Frame(msgspec.Struct, frozen=True, gc=False):
     """The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
 
     `events` are those of this tick, in order. `scene_light` is True by day.

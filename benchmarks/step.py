@@ -1,0 +1,83 @@
+"""What a tick costs: `world.step` of 10 ms with a 1080-ray scan in each, the whole Frame made.
+
+    uv run benchmarks/step.py [--f1tenth-gym PYTHON]
+
+With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with its 1080-ray scan) runs in turn with ours.
+CPU time of one core, medians.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import yaml
+
+import autodrive
+from autodrive.descriptions import find
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+
+ROUNDS, TICKS = 15, 200
+
+PEER = """
+import time, numpy as np, gym, f110_gym, sys
+env = gym.make('f110_gym:f110-v0', map=sys.argv[1], map_ext='.png', num_agents=1)
+env.reset(np.array([[0.0, 0.0, 0.0]]))
+for _ in range(50): env.step(np.array([[0.1, 1.0]]))
+for _ in range(15):
+    start = time.process_time()
+    for _ in range(200): env.step(np.array([[0.1, 1.0]]))
+    print((time.process_time() - start) / 200 * 1e6)
+"""
+
+
+def with_fast_lidar(folder: Path) -> str:
+    """Nigel with 1080 rays at 100 Hz: a scan in every tick."""
+    tree = yaml.safe_load(find("vehicle", "nigel").read_text())
+    tree["sensors"]["lidar"] |= {"rays": 1080, "rate": 100.0}
+    file = folder / "nigel_1080.yaml"
+    file.write_text(yaml.safe_dump(tree))
+    return str(file)
+
+
+def ours(scenario_map: str, folder: Path) -> list[float]:
+    """CPU microseconds a tick, a figure a round."""
+    spec = ScenarioSpec(
+        map=scenario_map, vehicles={"V1": VehiclePlacement(type=with_fast_lidar(folder), x=-1.1, y=-0.15)}
+    )
+    world = autodrive.make(spec)
+    figures = []
+    for _ in range(ROUNDS):
+        world.reset()
+        command = {"V1": autodrive.Command(throttle=0.4, steering=0.05)}
+        for _ in range(20):
+            world.step(command)
+        start = time.process_time()
+        for _ in range(TICKS):
+            world.step(command)
+        figures.append((time.process_time() - start) / TICKS * 1e6)
+    return figures
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--f1tenth-gym", metavar="PYTHON", help="interpreter of an environment with f1tenth_gym")
+    parser.add_argument("--f1tenth-map", metavar="MAP", help="map of f1tenth_gym, without .yaml", default="vegas")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        figures = ours("tiny_town", Path(folder))
+    print(f"world.step, tiny_town, 1080 rays each tick: {statistics.median(figures):.1f} us (best {min(figures):.1f})")
+    if arguments.f1tenth_gym:
+        peer = subprocess.run(
+            [arguments.f1tenth_gym, "-c", PEER, arguments.f1tenth_map], check=True, capture_output=True, text=True
+        )
+        median = statistics.median(float(line) for line in peer.stdout.split())
+        print(f"f1tenth_gym env.step: {median:.1f} us; ratio ours/theirs {statistics.median(figures) / median:.2f}")
+
+
+if __name__ == "__main__":
+    main()
