@@ -8,11 +8,13 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numba
+from numba.core import event
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -60,3 +62,24 @@ def inlined(function: Function) -> Function:
 def jit_uncounted(function: Function) -> Function:
     """As `jit`, for the outermost of the functions above."""
     return numba.njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False, _nrt=False)
+
+
+@contextmanager
+def compiling(progress: Callable[[str], None]) -> Iterator[None]:
+    """Tells `progress` the name of every function that is compiled meanwhile, when it is done.
+
+    Silent where all comes from the cache. The first run on a machine compiles for about a quarter of a minute.
+    """
+    with event.install_listener("numba:compile", _Compilations(progress)):
+        yield
+
+
+class _Compilations(event.Listener):
+    def __init__(self, progress: Callable[[str], None]) -> None:
+        self._progress = progress
+
+    def on_start(self, event: Any) -> None:
+        pass
+
+    def on_end(self, event: Any) -> None:
+        self._progress(event.data["dispatcher"].py_func.__name__.lstrip("_"))

@@ -1,0 +1,101 @@
+"""Nigel's file against the report's tables, digit by digit."""
+
+import math
+
+import numpy as np
+import pytest
+
+from autodrive.compile import effective_masses, sprung_masses
+from autodrive.descriptions import parse
+from autodrive.errors import SpecError
+from autodrive.vehicles.spec import VehicleSpec, load_vehicle
+
+NIGEL = load_vehicle("nigel")
+
+
+def test_table_1_design_summary() -> None:
+    assert NIGEL.size == (0.300, 0.175, 0.182)
+    assert NIGEL.body.mass == 1.75
+    assert NIGEL.drivetrain.speed_limit_rpm == 130.0
+    assert NIGEL.summary["steering actuator"] == "SG90"
+    assert len(NIGEL.platforms) == 4
+    assert all(platform.size[2] == 0.003 for platform in NIGEL.platforms)
+
+
+def test_platforms_span_the_length_of_the_car() -> None:
+    front = max(box.position[0] + box.size[0] / 2 for box in NIGEL.platforms)
+    back = min(box.position[0] - box.size[0] / 2 for box in NIGEL.platforms)
+    assert front - back == pytest.approx(NIGEL.size[0])
+    assert NIGEL.track + NIGEL.wheels.width == pytest.approx(NIGEL.size[1])
+
+
+def test_tables_4_to_8_sensors() -> None:
+    sensors = NIGEL.sensors
+    assert sensors.encoders.pulses_per_revolution == 16
+    lidar = sensors.lidar
+    assert lidar is not None
+    assert (lidar.rate, lidar.rays, lidar.range_min, lidar.range_max, lidar.intensity) == (7.0, 360, 0.15, 12.0, 47.0)
+    for camera in NIGEL.cameras.values():
+        assert (camera.width, camera.height, camera.field_of_view_deg) == (640, 480, 41.669)
+        assert (camera.focal_length, camera.sensor_size) == (0.0036, (0.00376, 0.00274))
+
+
+def test_field_of_view_of_table_8_is_the_vertical_one() -> None:
+    camera = NIGEL.cameras["front"]
+    vertical = 2 * math.degrees(math.atan(camera.sensor_size[1] / 2 / camera.focal_length))
+    assert vertical == pytest.approx(camera.field_of_view_deg, abs=0.001)  # the table's last digit
+
+
+def test_table_9_system_parameters() -> None:
+    body, wheels = NIGEL.body, NIGEL.wheels
+    assert (body.mass, body.drag, body.angular_drag) == (1.75, 0.1, 0.05)
+    assert (wheels.mass, wheels.radius, wheels.damping_rate, wheels.force_height) == (0.034, 0.0325, 0.025, 0.0)
+    suspension = wheels.suspension
+    assert (suspension.distance, suspension.stiffness, suspension.damping) == (0.01, 5040.0, 20.0)
+    assert suspension.target_position == 0.5
+    assert wheels.collider_center == suspension.droop_max == 0.005
+    assert wheels.forward_friction.numbers[:4] == (0.4, 1.0, 0.8, 0.5)
+    assert wheels.sideways_friction.numbers[:4] == (0.2, 1.0, 0.5, 0.75)
+    assert NIGEL.steering.limit_deg == 30.0
+
+
+def test_inertia_is_that_of_a_box_of_the_cars_size() -> None:
+    a, b, c = np.square(NIGEL.size)
+    expected = NIGEL.body.mass / 12 * np.array([b + c, a + c, a + b])
+    assert NIGEL.body.inertia == pytest.approx(expected, rel=1e-4)  # written with four digits
+
+
+@pytest.mark.parametrize("name", ["nigel", "nigel_2023"])
+def test_sprung_masses_carry_the_car_and_balance_about_its_centre_of_mass(name: str) -> None:
+    spec = load_vehicle(name)
+    masses = sprung_masses(spec)
+    assert masses.sum() == pytest.approx(spec.body.mass)
+    centre = masses @ np.array(spec.hubs) / spec.body.mass
+    assert centre[:2] == pytest.approx(spec.body.center_of_mass[:2], abs=1e-12)
+
+
+def test_each_wheel_of_nigel_carries_a_quarter() -> None:
+    assert sprung_masses(NIGEL) == pytest.approx(1.75 / 4)
+
+
+def test_effective_mass_is_less_than_a_quarter_of_the_car() -> None:
+    assert np.all(effective_masses(NIGEL) < 1.75 / 4)
+
+
+def test_faults_of_a_vehicle_file_are_all_told_with_their_places() -> None:
+    with pytest.raises(SpecError) as caught:
+        parse("title: x\nbody: {mass: -1}\nweels: {}\n", VehicleSpec, where="car.yaml")
+    text = str(caught.value)
+    assert "body.mass" in text
+    assert "Did you mean 'wheels'?" in text
+    assert "car.yaml" in text
+    assert len(caught.value.faults) > 5  # and all that is missing
+
+
+def test_asymptote_before_the_extremum_is_refused() -> None:
+    with pytest.raises(SpecError, match="asymptote_slip"):
+        parse(
+            "{extremum_slip: 0.4, extremum_value: 1, asymptote_slip: 0.2, asymptote_value: 1, stiffness: 1, "
+            "initial_slope: 1}",
+            type(NIGEL.wheels.forward_friction),
+        )
