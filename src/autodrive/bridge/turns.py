@@ -18,8 +18,8 @@ class Turns:
 
     We answer a command with the latest state, at most once a Frame. Replies of a Socket.IO server go to all its
     clients, so with two simulators a command may answer the other one; answering each would pile up messages without
-    end. So the server is also asked to acknowledge our telemetry, and nothing more is sent before it did. A server that
-    never acknowledges is soon no longer asked.
+    end. So the server is also asked to acknowledge our telemetry, and at most the latest is still unacknowledged when
+    the next is sent. A server that never acknowledges is soon no longer asked.
     """
 
     def __init__(self) -> None:
@@ -35,14 +35,14 @@ class Turns:
         self._round_trip = 0.0
         self._is_answered = False
         self._number = 0
-        self._awaited: int | None = None
+        self._unacknowledged: list[int] = []
         self._has_acknowledged = False
-        self._unacknowledged = 0
+        self._gave_up = 0
 
     @property
     def awaits_frame(self) -> bool:
         """Whether only a new Frame is wanting."""
-        return self._is_answered and self._awaited is None
+        return self._is_answered and len(self._unacknowledged) < 2
 
     @property
     def deadline(self) -> float:
@@ -58,20 +58,21 @@ class Turns:
         self.is_repeat = self._frame is not None and not self._is_asked_for(frame)
         if self.is_repeat:
             self.silences += not self._is_answered
-            self._unacknowledged += self._awaited is not None
+            self._gave_up += bool(self._unacknowledged)
+            self._unacknowledged.clear()
         if self._is_answered or self._frame is None:
             self._asked_at = now
         self._frame, self._sent_at, self._is_answered = frame, now, False
         self._number += 1
-        shall = may_ask and not self.is_repeat and (self._has_acknowledged or self._unacknowledged < 2)
-        self._awaited = self._number if shall else None
-        return self._awaited
+        if not may_ask or self.is_repeat or (self._gave_up >= 2 and not self._has_acknowledged):
+            return None
+        self._unacknowledged.append(self._number)
+        return self._number
 
     def acknowledged(self, number: int) -> None:
         """The server has done its work on the telemetry of that number."""
         self._has_acknowledged = True
-        if number == self._awaited:
-            self._awaited = None
+        self._unacknowledged = [waiting for waiting in self._unacknowledged if waiting > number]
 
     def answered(self, now: float) -> float | None:
         """A command came. Returns the time since it was asked for [s], None if it was not."""
