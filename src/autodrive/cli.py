@@ -1,0 +1,310 @@
+"""The command line: `autodrive run, list, show, check, doctor`. Heavy imports wait until a command needs them."""
+
+from __future__ import annotations
+
+import logging
+import math
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from autodrive import __version__
+from autodrive.errors import AutodriveError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.status import Status
+
+    from autodrive.app import DrivingMode, Run
+    from autodrive.descriptions import Kind
+
+app = typer.Typer(name="autodrive", add_completion=True, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+DEVKIT_PORT = 4567
+"""The devkits listen here unless told otherwise."""
+
+LOOKS_PER_LOG_LINE = 50
+"""Where no live line is possible, only one in so many is printed: one in ten seconds."""
+
+
+class Mode(StrEnum):
+    """Who drives."""
+
+    manual = "manual"
+    autonomous = "autonomous"
+
+
+class Profile(StrEnum):
+    """Era of a devkit."""
+
+    y2020 = "2020"
+    y2022 = "2022"
+    y2023 = "2023"
+    y2025 = "2025"
+
+
+class Shelf(StrEnum):
+    """What can be listed."""
+
+    scenarios = "scenarios"
+    maps = "maps"
+    vehicles = "vehicles"
+    modules = "modules"
+
+
+class KindName(StrEnum):
+    """What a file can describe."""
+
+    scenario = "scenario"
+    map = "map"
+    vehicle = "vehicle"
+    module = "module"
+
+
+def main() -> None:
+    """Entry point: a fault that the user can mend is one line on stderr and exit code 2."""
+    try:
+        code = app(standalone_mode=False)
+    except AutodriveError as error:
+        code = _fail(str(error))
+    except typer.exceptions.TyperException as error:
+        code = _fail(_usage(error))
+    except (KeyboardInterrupt, typer.Abort):
+        code = 130
+    except BrokenPipeError:  # whoever read our output has gone
+        sys.stderr.close()
+        code = 141
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    """Simulate scaled autonomous vehicles and connect them to your driving scripts."""
+    if version:
+        typer.echo(f"autodrive {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@app.command()
+def run(
+    scenario: Annotated[
+        str, typer.Argument(help="Name, or path of a YAML file. See: autodrive list scenarios")
+    ] = "mini_map",
+    headless: Annotated[
+        bool, typer.Option("--headless", help="Show nothing but the status line (so far the only way).")
+    ] = False,
+    devkit: Annotated[
+        str, typer.Option(metavar="HOST:PORT", help="Connect to the devkit script that listens there.")
+    ] = "",
+    devkit_profile: Annotated[
+        Profile | None, typer.Option(help="Era of the script's devkit.  [default: recognised]")
+    ] = None,
+    mode: Annotated[
+        Mode | None,
+        typer.Option(help="Who drives: a person or a script.  [default: autonomous with --devkit, else manual]"),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", min=0, help="Simulated seconds.  [default: until Ctrl-C]")
+    ] = None,
+    speed: Annotated[
+        str, typer.Option(metavar="N|max", help="Simulated seconds per second; max: as fast as possible.")
+    ] = "1",
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of all noise.  [default: the scenario's]")] = None,
+    summary: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write what happened there at the end.")
+    ] = None,
+) -> None:
+    """Run a scenario until its duration is over, or Ctrl-C."""
+    options: dict[str, Any] = {
+        "scenario": scenario,
+        "mode": cast("DrivingMode | None", mode and mode.value),
+        "duration": duration,
+        "speed": _speed(speed),
+        "seed": seed,
+        "devkit": _address(devkit) if devkit else None,
+        "devkit_profile": devkit_profile and devkit_profile.value,
+        "summary": summary,
+    }
+    if duration is not None and not math.isfinite(duration):
+        raise typer.BadParameter(f"--duration is a number of seconds, not {duration}")
+    _run(options)
+
+
+@app.command("list")
+def list_(shelf: Annotated[Shelf, typer.Argument(help="What to list.")]) -> None:
+    """List what comes with the simulator."""
+    from autodrive.browse import titles
+
+    for name, title in titles(cast("Kind", shelf.value.removesuffix("s"))).items():
+        typer.echo(f"{name:<24} {title}".rstrip())
+
+
+@app.command()
+def show(
+    name: Annotated[str, typer.Argument(help="Name of a map, module, vehicle or scenario, or path of its YAML file.")],
+    kind: Annotated[KindName | None, typer.Option(help="Which of them, where a name is used twice.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="PNG or SVG to draw to.  [default: NAME.png]")
+    ] = None,
+) -> None:
+    """Draw a map or module as a picture; print a vehicle or scenario as a table."""
+    from autodrive import browse
+
+    found = cast("Kind", kind.value) if kind else browse.kind_of_name(name)
+    if found in {"map", "module"}:
+        path = output or Path(f"{Path(name).stem}.png")
+        if path.suffix.lower() not in {".png", ".svg"}:
+            raise typer.BadParameter(f"--output ends in .png or .svg, not '{path.suffix}'")
+        try:
+            browse.draw(found, name, path)
+        except OSError as error:
+            raise AutodriveError(f"the picture cannot be written: {error.strerror}  ({path})") from None
+        typer.echo(f"{found} '{Path(name).stem}' is drawn in {path}")
+        return
+    if output is not None:
+        raise typer.BadParameter(f"--output is for pictures of maps and modules; '{name}' is a {found}")
+    rows = list(browse.fields(found, name))
+    width = max(len(field) for field, _ in rows)
+    for field, value in rows:
+        typer.echo(f"{field:<{width}}  {value}".rstrip())
+
+
+@app.command()
+def check(
+    file: Annotated[Path, typer.Argument(help="YAML file of a scenario, map, vehicle or module.")],
+    kind: Annotated[KindName | None, typer.Option(help="What it describes.  [default: told by its content]")] = None,
+) -> None:
+    """Check a file and all that it names; tell every fault."""
+    from autodrive import browse
+
+    found, title = browse.check(file, cast("Kind | None", kind and kind.value))
+    typer.echo(f"{file}: {found} '{title}' is in order")
+
+
+@app.command()
+def doctor() -> None:
+    """Tell what this machine has and lacks, and the line that mends it."""
+    from autodrive.doctor import examine
+
+    faults = 0
+    for finding in examine():
+        typer.echo(f"{'ok  ' if finding.is_well else 'BAD '} {finding.subject:<14} {finding.says}")
+        if not finding.is_well:
+            faults += 1
+            typer.echo(f"     mend it with:  {finding.mend}" if finding.mend else "")
+    typer.echo("All is well." if not faults else f"{faults} to mend.")
+    raise typer.Exit(1 if faults else 0)
+
+
+# -- run --------------------------------------------------------------------------------------------------------
+
+
+def _run(options: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.logging import RichHandler
+
+    from autodrive.app import RunOptions
+    from autodrive.app import run as run_app
+
+    console = Console(stderr=True, highlight=False)
+    handler = RichHandler(console=console, show_path=False) if console.is_terminal else logging.StreamHandler()
+    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
+    wanted = RunOptions(**options)
+    with console.status("preparing the world") as line:
+        summary = run_app(wanted, _Screen(console, line, f"running '{wanted.scenario}', {wanted.driving_mode}"))
+    _tell(summary)
+
+
+class _Screen:
+    """A status line: live on a terminal, every ten seconds elsewhere."""
+
+    def __init__(self, console: Console, line: Status, title: str) -> None:
+        self._console = console
+        self._line = line
+        self._title = title
+        self._compiled = 0
+        self._looks = 0
+
+    def compiled(self, function: str) -> None:
+        if not self._compiled:
+            self._console.print("compiling the physics for this machine: half a minute, on the first start only")
+        self._compiled += 1
+        self._line.update(f"compiled {self._compiled} functions: {function}")
+
+    def prepared(self) -> None:
+        if self._compiled:
+            self._console.print(f"compiled {self._compiled} functions")
+        self._console.print(f"{self._title}; Ctrl-C ends it")
+
+    def show(self, run: Run) -> None:
+        self._looks += 1
+        if self._console.is_terminal:
+            self._line.update(run.status())
+        elif self._looks % LOOKS_PER_LOG_LINE == 0:
+            self._console.print(run.status(), soft_wrap=True)
+
+
+def _tell(summary: dict[str, Any]) -> None:
+    """The summary in a few lines on stdout."""
+    typer.echo(
+        f"{summary['simulated_time']:.2f} s simulated in {summary['wall_time']:.2f} s "
+        f"(x{summary['real_time_factor']:.2f}), {summary['ticks']} ticks, {summary['late_ticks']} late; "
+        f"ended by {summary['ended_by']}"
+    )
+    for name, vehicle in summary["vehicles"].items():
+        x, y, _ = vehicle["pose"]["position"]
+        typer.echo(
+            f"{name}: {vehicle['distance']:.2f} m driven, {vehicle['collisions']} collisions, "
+            f"at ({x:.3f}, {y:.3f}) m, heading {math.degrees(vehicle['pose']['yaw']):.1f} degrees"
+        )
+    if bridge := summary["bridge"]:
+        trip = bridge["round_trip"]
+        typer.echo(
+            f"devkit at {bridge['address']}: {bridge['telemetry_sent']} telemetry, "
+            f"{bridge['commands_received']} commands"
+            + (f", round trip {1e3 * trip:.1f} ms (median)" if trip is not None else "")
+        )
+
+
+# -- words of the command line ----------------------------------------------------------------------------------
+
+
+def _speed(text: str) -> float | None:
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not (math.isfinite(speed) and speed > 0):
+        raise typer.BadParameter(f"--speed is a positive number or max, not '{text}'")
+    return speed
+
+
+def _address(text: str) -> tuple[str, int]:
+    """Host and port of 'HOST:PORT', 'HOST', ':PORT' or '[IPV6]:PORT'."""
+    host, colon, port = text.rpartition(":")
+    if not colon or text.endswith("]"):
+        host, port = text, str(DEVKIT_PORT)
+    if not port.isdecimal():
+        raise typer.BadParameter(f"--devkit is HOST:PORT, for example 127.0.0.1:{DEVKIT_PORT}, not '{text}'")
+    return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
+
+
+def _usage(error: Any) -> str:
+    """A fault in the command line, in one line."""
+    text = error.format_message() if hasattr(error, "format_message") else str(error)
+    return f"{' '.join(text.split()).replace('Value error, ', '')}  (see: autodrive --help)"
+
+
+def _fail(text: str) -> int:
+    typer.echo(f"autodrive: {text}", err=True)
+    return 2
