@@ -1,0 +1,266 @@
+"""The devkit's wire against recorded frames, the measured sign table, and anything that a script may send."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+import re
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from autodrive.protocol import devkit
+from autodrive.protocol.devkit import PROFILES, introduction, read_orders, recognise, telemetry
+from autodrive.protocol.messages import Command, Headlights, Indicators
+from tests.protocol.devkit_frames import frame, scan, vehicle
+
+RECORDED = json.loads((Path(__file__).parent / "data" / "devkit_2023.json").read_text())
+"""One telemetry and one command, recorded between a simulator stand-in and a running devkit; pictures cut short."""
+
+LEFT, RIGHT = 1, -1
+SIGNS = {"2020": (RIGHT, RIGHT), "2022": (RIGHT, RIGHT), "2023": (RIGHT, LEFT), "2025": (LEFT, LEFT)}
+"""Where a positive command and a positive feedback point, by the measured table of simulator builds."""
+
+
+def shape_of(text: str) -> str:
+    """The number format of a text: each run of digits before the point is one sign, each digit after it stands."""
+    return re.sub(r"\d+(?=\.|\s|$)", "N", re.sub(r"(?<=\.)\d+", lambda m: "d" * len(m[0]), text.replace("-", "")))
+
+
+@pytest.mark.parametrize("year", ["2022", "2023"])
+def test_telemetry_has_the_recorded_keys_in_the_recorded_order(year: str) -> None:
+    assert list(telemetry(frame(), PROFILES[year])) == list(RECORDED["telemetry"])
+
+
+@pytest.mark.parametrize("year", ["2022", "2023"])
+def test_telemetry_has_the_recorded_number_formats(year: str) -> None:
+    ours = telemetry(frame(), PROFILES[year])
+    fixed = [key for key in ours if "Array" not in key and "Image" not in key]
+    assert {key: shape_of(ours[key]) for key in fixed} == {key: shape_of(RECORDED["telemetry"][key]) for key in fixed}
+
+
+def test_lidar_text_is_the_recorded_text() -> None:
+    text = RECORDED["telemetry"]["V1 LIDAR Range Array"]
+    ahead_first = [float(word) for word in text.split()]
+    for angle_min in (0.0, -math.pi):
+        steps = round(angle_min / math.radians(1.0))
+        told = telemetry(frame(vehicle(lidar=scan(list(np.roll(ahead_first, -steps)), angle_min))), PROFILES["2023"])
+        assert told["V1 LIDAR Range Array"] == text
+
+
+def test_the_2020_wire_has_neither_prefixes_nor_traffic_lights() -> None:
+    recorded = [key.removeprefix("V1 ") for key in RECORDED["telemetry"] if not key.startswith("TL")]
+    assert list(telemetry(frame(), PROFILES["2020"])) == recorded
+
+
+def test_the_2025_wire_adds_the_speed_and_a_decimal() -> None:
+    told = telemetry(frame(), PROFILES["2025"])
+    assert [key for key in told if key not in RECORDED["telemetry"]] == ["V1 Speed"]
+    assert list(told).index("V1 Speed") == list(told).index("V1 Steering") + 1
+    assert told["V1 Speed"] == "0.2000"  # driving backwards: the magnitude
+    assert told["V1 Position"] == "1.0000 2.0000 0.0325"
+    ranges = gzip.decompress(base64.b64decode(told["V1 LIDAR Range Array"])).decode()
+    assert ranges == "\n".join(["1"] * 360)
+
+
+@pytest.mark.parametrize("year", SIGNS)
+def test_steering_has_the_sign_of_its_year(year: str) -> None:
+    command, feedback = SIGNS[year]
+    prefix = "" if year == "2020" else "V1 "
+    assert float(telemetry(frame(), PROFILES[year])[prefix + "Steering"]) == feedback * 0.25
+    orders = read_orders({prefix + "Steering": "0.5"}, PROFILES[year], {"red": Command()})
+    assert orders.commands["red"].steering == command * 0.5
+
+
+def test_quaternions_go_out_as_xyzw() -> None:
+    assert telemetry(frame(), PROFILES["2023"])["V1 Orientation Quaternion"] == "0.000 0.000 0.707 0.707"
+
+
+def test_the_2020_position_is_that_of_the_body_centre() -> None:
+    # heading along y: 0.08 m ahead of the rear axle is 0.08 m of y
+    assert telemetry(frame(), PROFILES["2020"])["Position"] == "1.000 2.080 0.048"
+
+
+@given(st.floats(-10, 10), st.sampled_from(list(PROFILES)))
+def test_euler_angles_go_out_in_zero_to_two_pi_even_when_rounded(angle: float, year: str) -> None:
+    imu = msgspec.structs.replace(vehicle().imu, euler=np.array([angle, 0.0, -1e-9]))
+    told = telemetry(frame(vehicle(imu=imu)), PROFILES[year])
+    texts = told["Orientation Euler Angles" if year == "2020" else "V1 Orientation Euler Angles"].split()
+    assert all(0.0 <= float(text) < 2.0 * math.pi and not text.startswith("-") for text in texts)
+    difference = (float(texts[0]) - angle) % (2.0 * math.pi)
+    assert min(difference, 2.0 * math.pi - difference) < 0.00051  # half of the last digit of F3
+
+
+def test_too_near_and_nothing_there_are_both_inf() -> None:
+    told = telemetry(frame(vehicle(lidar=scan([-math.inf, math.inf, 1.23456789, 0.15], 0.0))), PROFILES["2022"])
+    assert told["V1 LIDAR Range Array"] == "inf inf 1.234568 0.15"
+    assert told["V1 LIDAR Intensity Array"] == "47 47 47 47"
+
+
+def test_a_scan_that_is_no_circle_keeps_its_order() -> None:
+    part = scan([1.0, 2.0, 3.0], angle_min=-1.0, increment=1.0)
+    assert telemetry(frame(vehicle(lidar=part)), PROFILES["2022"])["V1 LIDAR Range Array"] == "1 2 3"
+
+
+@pytest.mark.parametrize("year", PROFILES)
+def test_before_the_first_scan_the_lidar_keys_are_there_and_empty(year: str) -> None:
+    told = telemetry(frame(vehicle(lidar=None)), PROFILES[year])
+    assert [text for key, text in told.items() if "Array" in key] == ["", ""]
+
+
+def test_vehicles_are_numbered_in_the_order_of_the_frame() -> None:
+    told = telemetry(frame(vehicle(throttle=0.1), vehicle(throttle=0.2)), PROFILES["2025"])
+    assert (told["V1 Throttle"], told["V2 Throttle"]) == ("0.1000", "0.2000")
+    orders = read_orders({"V2 Throttle": 1}, PROFILES["2025"], {"red": Command(), "green": Command()})
+    assert orders.commands == {"green": Command(throttle=1.0)}
+
+
+def test_traffic_lights_tell_what_was_commanded() -> None:
+    orders = read_orders(RECORDED["commands"], PROFILES["2023"], {"red": Command()})
+    told = telemetry(frame(), PROFILES["2023"], traffic_lights=orders.traffic_lights)
+    assert [told[f"TL{n} State"] for n in (1, 2, 3, 4)] == ["1", "2", "3", "3"]
+
+
+# -- pictures ----------------------------------------------------------------------------------------------------
+
+
+def test_a_given_picture_goes_out_as_it_is() -> None:
+    told = telemetry(frame(), PROFILES["2023"], images={("red", "rear"): b"\xff\xd8picture"})
+    assert base64.b64decode(told["V1 Rear Camera Image"]) == b"\xff\xd8picture"
+    assert told["V1 Front Camera Image"] == devkit.no_picture()
+
+
+def poisoned(at: int) -> bytes:
+    """A picture whose base64 holds 'null' in that one of the places, 0 to 3 characters into a group of four."""
+    text = base64.b64encode(b"\xff\xd8\x00" * 40).decode()
+    return base64.b64decode(text[: 40 + at] + "null" + text[44 + at :])
+
+
+@pytest.mark.parametrize("at", range(4))
+def test_no_picture_spells_null(at: int) -> None:
+    picture = poisoned(at)
+    assert b"null" in base64.b64encode(picture)
+    text = telemetry(frame(), PROFILES["2023"], images={("red", "front"): picture})["V1 Front Camera Image"]
+    assert "null" not in text
+    sent = base64.b64decode(text)
+    comment = len(sent) - len(picture)
+    assert sent[:2] + sent[2 + comment :] == picture
+    assert sent[2:4] == b"\xff\xfe"  # ITU-T T.81: COM, whose length counts itself but not the marker
+    assert int.from_bytes(sent[4:6], "big") == comment - 2
+
+
+@given(st.lists(st.floats(0.15, 12.0), min_size=300, max_size=360))
+def test_no_scan_spells_null(ranges: list[float]) -> None:
+    told = telemetry(frame(vehicle(lidar=scan(ranges))), PROFILES["2025"])
+    assert "null" not in told["V1 LIDAR Range Array"]
+
+
+# -- which era ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("keys", "year"),
+    [
+        (["Throttle", "Steering", "Headlights", "Indicators"], "2020"),
+        (list(RECORDED["commands"]), "2023"),
+        (["V1 Throttle", "V1 Steering", "V1 Reset"], "2025"),
+        (["V1 CoSim", "V1 PosX"], "2025"),
+        (["V12 Throttle"], "2023"),
+        (["TL1 State"], None),
+        ([], None),
+    ],
+)
+def test_the_era_is_told_by_the_keys_of_the_commands(keys: list[str], year: str | None) -> None:
+    found = recognise(dict.fromkeys(keys, "0"))
+    assert (found.name if found else None) == year
+
+
+def test_the_introduction_holds_the_keys_of_all_eras() -> None:
+    told = introduction(frame())
+    assert all(set(telemetry(frame(), profile)) <= set(told) for profile in PROFILES.values())
+
+
+def test_the_introduction_brings_the_scan_in_every_format_in_turn() -> None:
+    texts = [introduction(frame(), attempt)["V1 LIDAR Range Array"] for attempt in range(4)]
+    assert texts == [
+        "",
+        telemetry(frame(), PROFILES["2023"])["V1 LIDAR Range Array"],
+        telemetry(frame(), PROFILES["2025"])["V1 LIDAR Range Array"],
+        "",
+    ]
+
+
+# -- orders ------------------------------------------------------------------------------------------------------
+
+
+def test_recorded_commands_are_understood() -> None:
+    orders = read_orders(RECORDED["commands"], PROFILES["2025"], {"red": Command()})
+    assert orders.commands == {"red": Command(1.0, 1.0, Headlights.LOW, Indicators.HAZARD)}
+    assert orders.refused == []
+
+
+def test_every_key_is_optional_and_the_last_value_stands() -> None:
+    before = Command(throttle=0.3, steering=-0.4, headlights=Headlights.HIGH)
+    orders = read_orders({"V1 Throttle": "0.5"}, PROFILES["2025"], {"red": before})
+    assert orders.commands == {"red": msgspec.structs.replace(before, throttle=0.5)}
+
+
+@pytest.mark.parametrize("text", ["1", "1.000000", 1, 1.0, " 1e0 ", 7, "99"])
+def test_numbers_come_as_text_or_as_numbers_and_are_clamped(text: object) -> None:
+    orders = read_orders({"V1 Throttle": text, "V1 Headlights": text}, PROFILES["2025"], {"red": Command()})
+    assert orders.commands["red"].throttle == 1.0
+    assert orders.commands["red"].headlights in {Headlights.LOW, Headlights.HIGH}
+
+
+@pytest.mark.parametrize("value", [None, "None", ""])
+def test_what_the_user_never_set_is_left_out(value: object) -> None:
+    orders = read_orders({"V1 Throttle": value, "V1 Indicators": value}, PROFILES["2023"], {"red": Command()})
+    assert (orders.commands, orders.refused) == ({}, [])
+
+
+@pytest.mark.parametrize("value", ["nan", "-inf", math.nan, math.inf, "0,5", "full", True, [1], {}, 10**400, "1e999"])
+def test_what_is_no_finite_number_is_refused(value: object) -> None:
+    orders = read_orders({"V1 Steering": value, "V1 Throttle": "0.1"}, PROFILES["2025"], {"red": Command()})
+    assert orders.commands == {"red": Command(throttle=0.1)}
+    assert len(orders.refused) == 1
+    assert orders.refused[0].startswith("V1 Steering: must be a finite number, not ")
+
+
+def test_a_vehicle_that_is_not_there_is_refused() -> None:
+    orders = read_orders({"V2 Throttle": "1"}, PROFILES["2025"], {"red": Command()})
+    assert orders.refused == ["V2 Throttle: there is no such vehicle; there are 1"]
+
+
+@pytest.mark.parametrize(("text", "is_held"), [("True", True), ("False", False), (True, True), (0, False), ("1", True)])
+def test_reset_is_read(text: object, is_held: bool) -> None:
+    assert read_orders({"V1 Reset": text}, PROFILES["2025"], {"red": Command()}).resets == {"red": is_held}
+
+
+KEYS = st.one_of(
+    st.text(max_size=20),
+    st.builds(
+        "{}{}".format,
+        st.sampled_from(["", "V1 ", "V2 ", "V0 ", "V99 ", "V٣ "]),
+        st.sampled_from(["Throttle", "Steering", "Headlights", "Indicators", "Reset", "Brake", ""]),
+    ),
+    st.sampled_from(["TL1 State", "TL0 State", "TL9 State", "Traffic Light 2", "Weather"]),
+)
+SCALARS = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=12))
+VALUES = st.one_of(SCALARS, st.lists(SCALARS, max_size=2), st.dictionaries(st.text(max_size=3), SCALARS, max_size=2))
+
+
+@given(st.dictionaries(KEYS, VALUES, max_size=8), st.sampled_from(list(PROFILES.values())))
+def test_whatever_comes_the_commands_are_sound(data: dict[str, object], profile: devkit.Profile) -> None:
+    recognise(data)
+    orders = read_orders(data, profile, {"red": Command(), "green": Command()})
+    assert len(orders.refused) <= len(data)
+    for command in orders.commands.values():
+        assert -1.0 <= command.throttle <= 1.0
+        assert -1.0 <= command.steering <= 1.0
+    assert all(state in range(4) for state in orders.traffic_lights.values())
