@@ -13,7 +13,8 @@ import numpy as np
 from autodrive.actuators.lights import lit_lamps
 from autodrive.compile import Compiled, compile_scenario
 from autodrive.descriptions import suggest
-from autodrive.errors import CommandError
+from autodrive.errors import CommandError, EngineError
+from autodrive.jit import resolved
 from autodrive.physics.tick import advance, observe
 from autodrive.protocol.messages import (
     Command,
@@ -66,6 +67,10 @@ class World:
         )
         self._throttle = np.zeros(len(self.vehicle_names))
         self._steering = np.zeros(len(self.vehicle_names))
+        c = compiled
+        self._advance = resolved(
+            advance, c.model, c.state, c.views, c.touches, c.scratch, self._throttle, self._steering, 0, 0
+        )
         self.reset()
 
     # -- the tick ------------------------------------------------------------------------------------------------
@@ -73,13 +78,14 @@ class World:
     def step(self, commands: Mapping[str, Command] | None = None) -> Frame:
         """One tick with these commands; a vehicle without one keeps its last until that is too old.
 
-        Raises `CommandError` for an unknown vehicle or a value that is not finite; nothing has moved then.
+        Raises `CommandError` for an unknown vehicle or a value that is not finite; nothing has moved then. Raises
+        `EngineError` where the physics cannot go on; `reset` or `restore` brings the world back.
         """
         if commands:
             self._accept(commands)
         self._expire_commands()
         c = self._compiled
-        advance(
+        is_sound = self._advance(
             c.model,
             c.state,
             c.views,
@@ -91,7 +97,11 @@ class World:
             self._substeps,
         )
         self._tick += 1
-        c.engine.check()
+        if not is_sound:
+            raise EngineError(
+                f"the physics became unstable at {self.time:.3f} s; reset the world, and use a shorter substep or "
+                "a vehicle with softer springs"
+            )
         events = self._referee.judge(self._tick, self.time, c.model, c.state, c.touches)
         self._sample()
         self.frame = self._frame(events)

@@ -71,6 +71,8 @@ class Views(NamedTuple):
     """Number of contacts now, shape (1,)."""
     contacts: NDArray[np.int64]
     """Address of the first contact now, shape (1,)."""
+    warnings: NDArray[np.int32]
+    """How often the engine gave up on a state, for each of its reasons."""
     contact_layout: Integers
     """Bytes: from one contact to the next, and from its start to its position and to its pair of geoms."""
 
@@ -96,7 +98,6 @@ class Engine:
         self.model = mujoco.MjModel.from_xml_string(mjcf)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
-        self._warnings = self.data.warning.number
 
     @property
     def dt(self) -> float:
@@ -155,6 +156,7 @@ class Engine:
             shape_geom=shape_geom,
             contact_count=_memory(data._address + layout.contact_count, ctypes.c_int32),
             contacts=_memory(data._address + layout.contacts, ctypes.c_int64),
+            warnings=data.warning.number[_BAD],
             contact_layout=np.array([layout.stride, layout.position, layout.geoms], dtype=np.int64),
         )
 
@@ -165,13 +167,6 @@ class Engine:
     def update(self) -> None:
         """Makes all that follows from positions and velocities follow, after they were set from outside."""
         mujoco.mj_forward(self.model, self.data)
-
-    def check(self) -> None:
-        """Raises `EngineError` if the engine gave up on a state (it then resets itself)."""
-        if self._warnings[_BAD].any():
-            raise EngineError(
-                f"the physics became unstable at {self.data.time:.3f} s; use a shorter substep or gentler contacts"
-            )
 
     def save(self) -> Floats:
         """All that the future depends on."""

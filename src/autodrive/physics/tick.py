@@ -73,6 +73,8 @@ class Scratch(NamedTuple):
 
 
 GROUND_COLUMNS = 24
+UNSOUND = 1.0e9
+"""A velocity or a force that large comes from a state that has burst."""
 
 
 @jit_uncounted
@@ -86,8 +88,8 @@ def advance(
     steering: Floats,
     first: int,
     substeps: int,
-) -> None:
-    """Moves the state by `substeps`, of which `first` is the number since reset.
+) -> bool:
+    """Moves the state by `substeps`, of which `first` is the number since reset; False if the engine gave up.
 
     `throttle` and `steering` are the commands of this tick, in [-1, 1], shape (n,).
     """
@@ -108,6 +110,8 @@ def advance(
             v = model.vehicles[i]
             for axis in range(3):
                 scratch.velocity[i, axis] = views.qvel[v["dof"] + axis]
+        if not _is_sound(views):
+            return False
         mj_step2(views.model, views.data)
         _note_touches(model, views, touches, scratch)
         for i in range(n):
@@ -119,6 +123,7 @@ def advance(
         for axis in range(3):
             state.vehicle_angular_acceleration[i, axis] += state.vehicle_angular_velocity[i, axis]
             state.vehicle_angular_acceleration[i, axis] /= substeps * model.dt
+    return views.warnings[0] == 0 and views.warnings[1] == 0 and views.warnings[2] == 0
 
 
 @jit_uncounted
@@ -490,6 +495,15 @@ def _resist_air(v: Any, views: Views) -> None:
     _apply(views, qpos, dof, x, y, z, drag * vx, drag * vy, drag * vz)
     for axis in range(3):
         views.applied[dof + 3 + axis] -= v["angular_drag"] * v["inertia"][axis] * views.qvel[dof + 3 + axis]
+
+
+@inlined
+def _is_sound(views: Views) -> bool:
+    """Whether the engine can go on from these velocities and forces: none is infinite or not a number."""
+    for k in range(views.qvel.shape[0]):  # noqa: SIM110 (Numba makes no generators)
+        if not abs(views.qvel[k]) + abs(views.applied[k]) < UNSOUND:
+            return False
+    return True
 
 
 @inlined
