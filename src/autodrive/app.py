@@ -104,12 +104,12 @@ def run(options: RunOptions, screen: Screen) -> dict[str, Any]:
     with compiling(screen.compiled):
         world = autodrive.make(_scenario(options))
         _compile(world)
-    screen.prepared()
     simulation = Simulation(world, speed=options.speed)
     odometer = Odometer(world.tick_duration)
     simulation.add_sink(odometer)
     with ExitStack() as stack:
         bridge = _bridge(simulation, options)
+        screen.prepared()
         if bridge is not None:
             stack.enter_context(bridge)
         signals = stack.enter_context(_signals())
