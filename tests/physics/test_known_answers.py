@@ -223,3 +223,27 @@ def test_a_state_that_bursts_is_an_error_and_a_reset_mends_it(world_with: WorldW
         world.step()
     world.reset()
     assert drive(world, 0.1).vehicles["V1"].pose.position[2] == pytest.approx(0.0325)
+
+
+def test_car_climbs_a_plank_that_leans_on_a_box(world_with: WorldWith) -> None:
+    pitch = -0.06  # nose up [rad]
+    plank = BoxSpec(x=1.0, y=0.0, z=0.034, size=(1.0, 0.4, 0.004), mass=1.0)
+    post = BoxSpec(x=1.40, y=0.0, size=(0.05, 0.4, 0.045), mass=5.0)
+    world = world_with(changes=ROLLS_FREELY, boxes={"plank": plank, "post": post})
+    qpos = world._compiled.objects["plank"]
+    world._compiled.views.qpos[qpos + 3 : qpos + 7] = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
+    world._compiled.engine.update()
+    drive(world, 1.0)
+    while x_of(world.frame) < 0.95:
+        car = drive(world, 0.01, throttle=0.8).vehicles["V1"]
+        assert world.time < 10.0
+    tilt = world.frame.objects["plank"].pose.orientation
+    up_of_plank = np.array(rotate(tilt, (0.0, 0.0, 1.0)))
+    up_of_car = np.array(rotate(car.pose.orientation, (0.0, 0.0, 1.0)))
+    assert up_of_plank[0] < -0.03  # it still leans
+    assert up_of_car == pytest.approx(up_of_plank, abs=0.02)  # a spring travel of 1 mm over the wheelbase is 0.007
+    assert car.pose.position[2] > 0.0325 + 0.02
+    drive(world, 1.0)
+    stopped = x_of(world.frame)
+    drive(world, 10.0)
+    assert x_of(world.frame) == pytest.approx(stopped, abs=2e-3)  # the engine's own contacts creep, 0.2 mm/s at most
