@@ -294,7 +294,7 @@ def _address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon or text.endswith("]"):
         host, port = text, str(DEVKIT_PORT)
-    if not port.isdecimal():
+    if not (port.isdecimal() and 0 < int(port) < 65536):
         raise typer.BadParameter(f"--devkit is HOST:PORT, for example 127.0.0.1:{DEVKIT_PORT}, not '{text}'")
     return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
 
