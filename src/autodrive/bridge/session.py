@@ -134,6 +134,7 @@ class Session:
             async with asyncio.timeout(0.2):
                 for packet in FAREWELL:
                     await self._socket.send(packet)
+        await self._socket.close()
 
     # -- what comes ---------------------------------------------------------------------------------------------
 

@@ -1,0 +1,101 @@
+"""A running Simulation, and servers to talk to: odd ones in a thread, users' scripts in environments of their own."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection, serve
+
+import autodrive
+from autodrive import Simulation
+from autodrive.world import World
+
+ROOT = Path(__file__).parents[2]
+PATIENCE = 20.0
+"""Wall time that a loaded machine is given [s]; a passing test needs far less."""
+
+
+def eventually(is_so: Callable[[], object]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not is_so():
+        assert time.monotonic() < deadline, "it never came to be"
+        time.sleep(0.005)
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return listener.getsockname()[1]
+
+
+@pytest.fixture(scope="session")
+def one_world() -> World:
+    return autodrive.make("plane")
+
+
+@pytest.fixture
+def simulation(one_world: World) -> Iterator[Simulation]:
+    """The car on the empty plane, in autonomous mode, in real time."""
+    one_world.reset(0)
+    one_world.set_driving_mode("V1", True)
+    with Simulation(one_world) as running:
+        yield running
+
+
+@contextlib.contextmanager
+def peer(talk: Callable[[ServerConnection], None], port: int = 0) -> Iterator[int]:
+    """A WebSocket server that talks so with each client; its port. What `talk` asserts counts."""
+    faults: list[Exception] = []
+
+    def politely(connection: ServerConnection) -> None:
+        try:
+            talk(connection)
+        except Exception as fault:
+            if not isinstance(fault, ConnectionClosed):
+                faults.append(fault)
+
+    with serve(politely, "127.0.0.1", port, max_size=None, close_timeout=0.2) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield server.socket.getsockname()[1]
+        finally:
+            server.shutdown()
+            thread.join()
+    if faults:
+        raise faults[0]
+
+
+def python_of(stack: str) -> Path:
+    """The interpreter of a server's environment, 'legacy' or 'newest'."""
+    python = ROOT / f".venv-devkit-{stack}" / "bin" / "python"
+    if not python.exists():
+        pytest.fail(f"the environment of the {stack} devkit server is missing: run scripts/devkit-servers ({python})")
+    return python
+
+
+@contextlib.contextmanager
+def script(stack: str, path: Path, *arguments: object, port: int) -> Iterator[subprocess.Popen[bytes]]:
+    """A user's script as a process of its own, when it listens on that port."""
+    command = [python_of(stack), path, "--port", port, *arguments]
+    process = subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        eventually(lambda: is_listening(port) or process.poll() is not None)
+        assert process.poll() is None, f"{path.name} did not start"
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def is_listening(port: int) -> bool:
+    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+        return True
+    return False
