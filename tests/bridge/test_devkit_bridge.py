@@ -8,7 +8,7 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -25,7 +25,7 @@ FULL_THROTTLE = {"V1 Throttle": "1.000000", "V1 Steering": "0.000000", "V1 Headl
 """As the C++ devkit writes numbers."""
 
 
-def packet(commands: dict[str, object]) -> str:
+def packet(commands: Mapping[str, object]) -> str:
     return "42" + json.dumps(["Bridge", commands])
 
 

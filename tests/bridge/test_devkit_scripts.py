@@ -62,7 +62,7 @@ class Drive:
 def test_a_script_follows_the_loop_of_the_mini_map(
     town: World, lanes: LaneGraph, stack: str, year: str, duration: float
 ) -> None:
-    """At three times real time, so that it takes less than a minute: a round trip is then some 30 ms of simulated time."""
+    """At three times real time, so that it takes less than a minute."""
     town.reset(0)
     port, drive = free_port(), Drive()
     simulation = Simulation(town, speed=3.0)
@@ -117,7 +117,7 @@ def slow_script(stack: str, port: int, lines: Path) -> Iterator[None]:
 
 @pytest.mark.parametrize("stack", STACKS)
 def test_two_simulators_at_one_slow_script_pile_up_nothing(simulation: Simulation, stack: str, tmp_path: Path) -> None:
-    """Its replies go to both. If each answered each of them, ten messages a second more would wait every second."""
+    """Its replies go to both. If each answered each of them, twice as many would come as the script reads."""
     port, lines = free_port(), tmp_path / "lines"
     other = Simulation(autodrive.make("plane"))
     with (
@@ -134,7 +134,7 @@ def test_two_simulators_at_one_slow_script_pile_up_nothing(simulation: Simulatio
         assert "disconnect" not in lines.read_text()
         for driven in (simulation, other):
             assert driven.frame.vehicles["V1"].throttle == 1.0
-    assert read > 20
+    assert read > 10
     assert sent - read <= 6  # two each, and those that pass between the two looks
 
 

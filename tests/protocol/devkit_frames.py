@@ -73,5 +73,5 @@ def vehicle(**changes: Any) -> VehicleFrame:
 
 def frame(*vehicles: VehicleFrame) -> Frame:
     """Of vehicles named 'red', 'green', 'blue': names of ours are not those of the wire."""
-    named = dict(zip(("red", "green", "blue"), vehicles or (vehicle(),), strict=False))
+    named: dict[str, VehicleFrame] = dict(zip(("red", "green", "blue"), vehicles or (vehicle(),), strict=False))
     return Frame(time=0.0, tick=0, vehicles=named, objects={}, events=(), scene_light=True)
