@@ -93,6 +93,11 @@ def test_rotation_vector_is_axis_times_angle(angle, y, z):
     np.testing.assert_allclose(q, (math.cos(angle / 2), *(math.sin(angle / 2) * axis)), atol=CLOSE)
 
 
+@given(vectors, vectors)
+def test_cross_product_is_that_of_the_books(a, b):
+    np.testing.assert_allclose(tf.cross(a, b), np.cross(a, b), atol=100 * CLOSE)
+
+
 @given(quaternions, st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.floats(0.0, 1.0))
 def test_slerp_turns_at_constant_speed(p, v, fraction):
     q = tf.compose(p, tf.quaternion_from_rotation_vector(v))

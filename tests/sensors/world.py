@@ -41,13 +41,13 @@ class Thing:
 
 def shapes_of(things):
     unread = dict.fromkeys(Shapes._fields, np.full(len(things), -1, np.int64))
-    known = dict(
-        kind=np.array([t.kind for t in things], np.int64),
-        size=np.array([t.size for t in things]).reshape(-1, 3),
-        bounding_radius=np.array([t.bounding_radius for t in things], float),
-        vehicle=np.array([t.vehicle for t in things], np.int64),
-        is_static=np.array([t.is_static for t in things], bool),
-    )
+    known = {
+        "kind": np.array([t.kind for t in things], np.int64),
+        "size": np.array([t.size for t in things]).reshape(-1, 3),
+        "bounding_radius": np.array([t.bounding_radius for t in things], float),
+        "vehicle": np.array([t.vehicle for t in things], np.int64),
+        "is_static": np.array([t.is_static for t in things], bool),
+    }
     return Shapes(**(unread | known))
 
 

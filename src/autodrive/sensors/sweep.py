@@ -45,9 +45,9 @@ def cast_sweep(
 ) -> None:
     """Write the inverse range [1/m] of the rays numbered `rays`, as `fan.cast_fan` does for all at one instant.
 
-    `fractions`, shape (n_ray,), say at which part of the way from `before` to `after` each ray leaves. The vehicle turns
-    at a constant rate on that way; a moving shape's place and rotation matrix are interpolated linearly, which for a turn
-    of 0.01 rad a tick is exact to 1e-5 of its size.
+    `fractions`, shape (n_ray,), say at which part of the way from `before` to `after` each ray leaves. The vehicle
+    turns at a constant rate on that way; a moving shape's place and rotation matrix are interpolated linearly, which
+    for a turn of 0.01 rad a tick is exact to 1e-5 of its size.
     """
     _cast(
         *before,
@@ -101,7 +101,11 @@ def _cast(
             position_before[2] + f * (position[2] - position_before[2]) + lever[2],
         )
         ray = rotate(compose(turn, mount_orientation), (directions[0, i], directions[1, i], 0.0))
-        nearest = math.inf if p[2] <= 0.0 else max(-ray[2] / p[2], 0.0)  # the floor, below which all is solid
+        nearest = 0.0
+        if p[2] <= 0.0:
+            nearest = math.inf  # below the floor all is solid
+        elif ray[2] < 0.0:
+            nearest = -ray[2] / p[2]
         for g in range(len(kind)):
             if shape_vehicle[g] == vehicle:
                 continue
