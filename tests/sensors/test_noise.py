@@ -1,4 +1,4 @@
-"""Statistics of the noise. Seeds are fixed; bounds are five standard errors (chance: one in two million)."""
+"""Statistics of the noise. Seeds are fixed; bounds are five standard errors (chance: 1 in 2 million)."""
 
 import math
 

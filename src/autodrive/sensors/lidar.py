@@ -95,12 +95,11 @@ class Lidar(Sensor[LidarScan]):
         angles = spec.angle_min + spec.angle_increment * np.arange(spec.rays)
         self._directions = np.stack([np.cos(angles), np.sin(angles)])
         self._inverse_range = np.zeros(spec.rays)
-        self._intensities = np.full(spec.rays, spec.intensity)
-        self._intensities.flags.writeable = False
+        self._constants = _constants(spec)
         # a fan is cast from right to left, and turned over afterwards where the index grows to the right
         self._is_clockwise = spec.angle_increment < 0.0
         self._fan = np.ascontiguousarray(self._directions[:, ::-1]) if self._is_clockwise else self._directions
-        self._fan_start = float(angles.min())
+        self._fan_start, self._fan_increment = float(angles.min()), abs(spec.angle_increment)
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> LidarScan | None:
         """The scan as of now."""
@@ -110,7 +109,7 @@ class Lidar(Sensor[LidarScan]):
             *self._mount,
             self._fan,
             self._fan_start,
-            abs(self._spec.angle_increment),
+            self._fan_increment,
             self._spec.range_max,
             vehicle,
             shapes.kind,
@@ -134,18 +133,7 @@ class Lidar(Sensor[LidarScan]):
         else:
             self._noise.measure(self._inverse_range, spec.range_min, spec.range_max, ranges)
         ranges.flags.writeable = False
-        return LidarScan(
-            time=time,
-            ranges=ranges,
-            intensities=self._intensities,
-            angle_min=spec.angle_min,
-            angle_increment=spec.angle_increment,
-            range_min=spec.range_min,
-            range_max=spec.range_max,
-            scan_rate=spec.rate,
-            scan_time=1.0 / spec.rate,
-            time_increment=spec.time_increment,
-        )
+        return LidarScan(time=time, ranges=ranges, **self._constants)
 
 
 class RollingLidar(Lidar):
@@ -210,6 +198,22 @@ class RollingLidar(Lidar):
         sensor, (self._time, self._moment, self._scan_number, self._next_ray, inverse_range) = saved
         super().restore(sensor)
         self._inverse_range[:] = inverse_range
+
+
+def _constants(spec: LidarSpec) -> dict[str, Any]:
+    """What every scan of that LIDAR has in common."""
+    intensities = np.full(spec.rays, spec.intensity)
+    intensities.flags.writeable = False
+    return {
+        "intensities": intensities,
+        "angle_min": spec.angle_min,
+        "angle_increment": spec.angle_increment,
+        "range_min": spec.range_min,
+        "range_max": spec.range_max,
+        "scan_rate": spec.rate,
+        "scan_time": 1.0 / spec.rate,
+        "time_increment": spec.time_increment,
+    }
 
 
 @jit

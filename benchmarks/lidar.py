@@ -1,0 +1,100 @@
+"""What a LIDAR scan costs, against MuJoCo's mj_multiRay at the same place in the same world.
+
+    uv run benchmarks/lidar.py [SCENARIO ...]
+
+CPU time of one core, medians over rounds that take turns; both answers are compared first.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+import autodrive
+from autodrive.compile import Compiled
+from autodrive.scenario import load_scenario
+from autodrive.sensors.lidar import Lidar, LidarSpec, RollingLidar
+from autodrive.transforms import compose, rotate, rotation_from_quaternion
+
+ROUNDS, CALLS = 21, 200
+RAYS = (360, 1080)
+
+
+def main() -> None:
+    scenarios = sys.argv[1:] or ["tiny_town"]
+    print(f"{'scenario':12} {'shapes':>6} {'rays':>5} {'scan':>8} {'rolling':>8} {'mj_multiRay':>12}   [us a scan]")
+    for name in scenarios:
+        world = autodrive.make(load_scenario(name))
+        for _ in range(50):
+            world.step()  # the car settles, and with that it is a little tilted
+        for rays in RAYS:
+            c = world._compiled
+            costs = medians(contestants(c, rays))
+            print(f"{name:12} {len(c.model.shapes.kind):6} {rays:5} " + " ".join(f"{cost:8.1f}" for cost in costs))
+
+
+def contestants(c: Compiled, rays: int) -> list[Callable[[], object]]:
+    """Our instantaneous scan, our rolling one (at rest, a whole period in one tick), and MuJoCo's."""
+    mounted = next(iter(c.vehicles.values())).sensors.lidar
+    assert mounted is not None, "the scenario's first vehicle has no LIDAR"
+    spec = LidarSpec(rays=rays, mount=mounted.mount)
+    instant, rolling = Lidar(spec), RollingLidar(spec.model_copy(update={"is_rolling": True}))
+    period = [0]
+
+    def roll() -> object:
+        period[0] += 1
+        return rolling.sample(c.model.shapes, c.state, 0, period[0] / spec.rate)
+
+    for lidar in (instant, rolling):
+        lidar.reset(np.random.default_rng(0))
+    rolling.sample(c.model.shapes, c.state, 0, 0.0)
+    theirs = mujoco_scan(c, spec)
+    ours = instant.sample(c.model.shapes, c.state, 0, 0.0)
+    assert ours is not None
+    distances = theirs().copy()
+    distances[(distances < 0.0) | (distances > spec.range_max)] = np.inf
+    distances[distances < spec.range_min] = -np.inf
+    assert np.allclose(ours.ranges, distances, rtol=0.0, atol=1e-9), "the two do not see the same"
+    return [lambda: instant.sample(c.model.shapes, c.state, 0, 0.0), roll, theirs]
+
+
+def mujoco_scan(c: Compiled, spec: LidarSpec) -> Callable[[], np.ndarray]:
+    """MuJoCo's rays from the same LIDAR, its own car excluded; what it would need each scan is made once."""
+    state, model, data = c.state, c.engine.model, c.engine.data
+    q = state.vehicle_orientation[0]
+    start = state.vehicle_position[0] + rotate(q, spec.mount.position)
+    turn = np.array(rotation_from_quaternion(compose(q, spec.mount.orientation))).reshape(3, 3)
+    angles = spec.angle_min + spec.angle_increment * np.arange(spec.rays)
+    directions = (np.stack([np.cos(angles), np.sin(angles), np.zeros(spec.rays)], axis=1) @ turn.T).ravel()
+    body = c.engine.body(next(iter(c.vehicles)))[0]
+    geoms, distances = np.zeros(spec.rays, np.int32), np.zeros(spec.rays)
+
+    def run() -> np.ndarray:
+        mujoco.mj_multiRay(
+            model, data, start, directions, None, True, body, geoms, distances, None, spec.rays, spec.range_max
+        )
+        return distances
+
+    return run
+
+
+def medians(calls: list[Callable[[], object]]) -> list[float]:
+    """CPU microseconds a call."""
+    figures: list[list[float]] = [[] for _ in calls]
+    for _ in range(ROUNDS):
+        for call, figure in zip(calls, figures, strict=True):
+            call()
+            begin = time.process_time_ns()
+            for _ in range(CALLS):
+                call()
+            figure.append((time.process_time_ns() - begin) / CALLS / 1e3)
+    return [statistics.median(figure) for figure in figures]
+
+
+if __name__ == "__main__":
+    main()
