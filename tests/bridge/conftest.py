@@ -37,7 +37,10 @@ def free_port() -> int:
 
 @pytest.fixture(scope="session")
 def one_world() -> World:
-    return autodrive.make("plane")
+    world = autodrive.make("plane")
+    for _ in range(30):  # until after the first scan: what is compiled on first use is now compiled
+        world.step()
+    return world
 
 
 @pytest.fixture

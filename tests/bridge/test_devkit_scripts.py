@@ -19,6 +19,7 @@ from autodrive.bridge.devkit import DevkitBridge
 from autodrive.bridge.engineio import Dialect
 from autodrive.maps import LaneGraph, load_map
 from autodrive.protocol.devkit import PROFILES, introduction, telemetry
+from autodrive.scenario import VehiclePlacement
 from autodrive.world import World
 from tests.bridge.conftest import PATIENCE, ROOT, eventually, free_port, python_of, script
 from tests.protocol.devkit_frames import frame, scan, vehicle
@@ -35,7 +36,8 @@ def lanes() -> LaneGraph:
 
 
 @pytest.fixture(scope="module")
-def town() -> World:
+def town(one_world: World) -> World:
+    """After the other world, with which everything was compiled."""
     return autodrive.make(ScenarioSpec(map="mini_map"))
 
 
@@ -127,7 +129,7 @@ def test_two_simulators_at_one_slow_script_pile_up_nothing(simulation: Simulatio
         DevkitBridge(other, port=port) as second,
     ):
         eventually(lambda: first.counters.commands_received and second.counters.commands_received)
-        time.sleep(5.0)  # longer than the script waits for a sign of life
+        time.sleep(8.0)  # longer than Engine.IO 3 (6 s) and 4 (3 s) here wait for a sign of life
         sent = first.counters.telemetry_sent + second.counters.telemetry_sent
         read = lines.read_text().split().count("telemetry")
         assert first.counters.reconnects == second.counters.reconnects == 0
@@ -136,6 +138,15 @@ def test_two_simulators_at_one_slow_script_pile_up_nothing(simulation: Simulatio
             assert driven.frame.vehicles["V1"].throttle == 1.0
     assert read > 10
     assert sent - read <= 6  # two each, and those that pass between the two looks
+
+
+def test_each_vehicle_obeys_its_own_keys(tmp_path: Path) -> None:
+    places = {name: VehiclePlacement(y=y) for name, y in (("red", 0.0), ("green", 1.0))}
+    simulation = Simulation(autodrive.make(ScenarioSpec(vehicles=places)))
+    port = free_port()
+    with slow_script("newest", port, tmp_path / "lines"), simulation, DevkitBridge(simulation, port=port):
+        eventually(lambda: simulation.frame.vehicles["red"].speed > 0.1)  # the script speaks of V1 only
+        assert simulation.frame.vehicles["green"].throttle == 0.0
 
 
 # -- the parsers of the devkits ----------------------------------------------------------------------------------

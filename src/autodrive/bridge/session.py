@@ -142,19 +142,17 @@ class Session:
         if isinstance(packet, bytes):
             raise PacketError(f"{len(packet)} bytes of binary data")
         match self.conversation.receive(packet, time.monotonic()):
-            case Event(name=name, arguments=[dict() as data, *_]) if name == EVENT:
-                self._ledger.counters.commands_received += 1
-                if round_trip := self.turns.answered(time.monotonic()):
+            case Event() as event:
+                if round_trip := self.turns.answered(time.monotonic()):  # an answer even if there is nothing in it
                     self._ledger.add_round_trip(round_trip)
-                self._obey(data)
-            case Event(name=name):
-                raise PacketError(f"an event '{name[:40]}' without commands; commands are '{EVENT}' with a dictionary")
+                self._obey(_commands_in(event))
             case Acknowledgement(number=number):
                 self.turns.acknowledged(number)
             case None:
                 pass
 
     def _obey(self, data: dict[str, Any]) -> None:
+        self._ledger.counters.commands_received += 1
         self._recognise(data)
         vehicles = self._simulation.frame.vehicles
         previous = {name: self._commands.get(name, Command()) for name in vehicles}
@@ -203,7 +201,7 @@ class Session:
         counters.resends += self.turns.is_repeat
         if self.turns.silences:
             self._ledger.complain(
-                "silence", "no commands; the state is sent again (does the script raise? Give its era)"
+                "silence", "the script is silent and gets the state again (if it raises: name its era)"
             )
         text = self._telemetry(frame, number)
         if text is None:
@@ -225,3 +223,10 @@ class Session:
         if self._profile is None or is_doubtful:
             return devkit.introduction(frame, self.turns.silences, images=images)
         return devkit.telemetry(frame, self._profile, traffic_lights=self._traffic_lights, images=images)
+
+
+def _commands_in(event: Event) -> dict[str, Any]:
+    match event:
+        case Event(name=name, arguments=[dict() as data, *_]) if name == EVENT:
+            return data
+    raise PacketError(f"an event '{event.name[:40]}' without commands; they come as '{EVENT}' with a dictionary")

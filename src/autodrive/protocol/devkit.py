@@ -194,11 +194,7 @@ def _picture_text(jpeg: bytes) -> str | None:
 
     A comment of a few bytes at the front of the JPEG shifts all that follows: other letters, the same picture.
     """
-    comments = (
-        b"",
-        b"\xff\xfe\x00\x02",
-        b"\xff\xfe\x00\x03 ",
-    )  # shift by 0, 4, 5 bytes: the three alignments of base64
+    comments = (b"", b"\xff\xfe\x00\x02", b"\xff\xfe\x00\x03 ")  # shifts of 0, 4, 5 bytes: base64 has three alignments
     packed = (base64.b64encode(jpeg[:2] + comment + jpeg[2:]).decode() for comment in comments)
     return next((candidate for candidate in packed if "null" not in candidate), None)
 
