@@ -176,7 +176,7 @@ class World:
             engine=c.engine.save(),
             state=State(*(column.copy() for column in c.state)),
             referee=self._referee.save(),
-            sensors={name: copy.deepcopy(sensors.save()) for name, sensors in c.sensors.items()},
+            sensors={name: sensors.save() for name, sensors in c.sensors.items()},
             driving=copy.deepcopy([getattr(self, name) for name in _DRIVING]),
             frame=self.frame,
         )
@@ -190,7 +190,7 @@ class World:
             column[:] = kept
         self._referee.restore(saved.referee)
         for name, sensors in c.sensors.items():
-            sensors.restore(copy.deepcopy(saved.sensors[name]))
+            sensors.restore(saved.sensors[name])
         for name, value in zip(_DRIVING, copy.deepcopy(saved.driving), strict=True):
             setattr(self, name, value)
         return self.frame
@@ -259,9 +259,9 @@ class World:
             angular_velocity=_frozen(state.vehicle_angular_velocity[i]),
             throttle=feedback.throttle(state, i),
             steering=feedback.steering(state, i),
-            encoders=sensors.encoders.latest,  # pyright: ignore[reportArgumentType]
-            ips=sensors.ips.latest,  # pyright: ignore[reportArgumentType]
-            imu=sensors.imu.latest,  # pyright: ignore[reportArgumentType]
+            encoders=sensors.encoders.reading,
+            ips=sensors.ips.reading,
+            imu=sensors.imu.reading,
             lidar=sensors.lidar and sensors.lidar.latest,
             lights=lit_lamps(
                 self._headlights[name],
