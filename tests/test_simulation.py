@@ -205,6 +205,11 @@ def test_a_command_that_is_not_a_finite_number_is_refused(world: World, field: s
         Simulation(world).submit("V1", Command(**{field: bad}))
 
 
+def test_a_lamp_that_there_is_not_is_refused(world: World) -> None:
+    with pytest.raises(CommandError, match="headlights of vehicle 'V1' must be one of 0 off, 1 low, 2 high, not 7"):
+        Simulation(world).submit("V1", Command(headlights=7))  # pyright: ignore[reportArgumentType]
+
+
 def test_a_command_to_an_unknown_vehicle_names_the_known_ones(world: World) -> None:
     with pytest.raises(CommandError, match=r"vehicle 'v1' is not known\. Known: V1\."):
         Simulation(world).submit("v1", Command())

@@ -16,6 +16,8 @@ from autodrive.pace import Pace
 from autodrive.protocol.messages import (
     Command,
     Frame,
+    Headlights,
+    Indicators,
     Pause,
     Request,
     Reset,
@@ -53,7 +55,7 @@ class Simulation:
     def __init__(self, world: World, *, speed: float | None = 1.0, is_paused: bool = False) -> None:
         _check_speed(speed)
         self.world = world
-        self.is_paused = is_paused
+        self._is_paused = is_paused
         self._pace = Pace(world.tick_duration, speed)
         self._frame = world.frame
         self._sinks: tuple[Sink, ...] = ()
@@ -88,7 +90,7 @@ class Simulation:
 
     @property
     def late_ticks(self) -> int:
-        """Ticks that began more than one tick after they were due."""
+        """Ticks that were done more than a tick's time later than they should have been."""
         return self._pace.late_ticks
 
     @property
@@ -100,6 +102,11 @@ class Simulation:
     def running_time(self) -> float:
         """Wall time spent running, without pauses [s]."""
         return self._pace.running_time(time.perf_counter())
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether simulated time stands still until a Resume."""
+        return self._is_paused
 
     @property
     def is_running(self) -> bool:
@@ -114,9 +121,7 @@ class Simulation:
         It is obeyed only if the vehicle's driving mode names its source at that tick.
         """
         self._check_vehicle(vehicle)
-        for name, value in (("throttle", command.throttle), ("steering", command.steering)):
-            if not math.isfinite(value):
-                raise CommandError(f"{name} of vehicle '{vehicle}' must be a finite number in [-1, 1], not {value}")
+        _check_command(vehicle, command)
         with self._mail:
             self._commands[vehicle, source] = command
 
@@ -148,7 +153,10 @@ class Simulation:
         """Run in the caller's thread for `duration` simulated seconds (None: until `stop`); the last Frame."""
         ticks = self._ticks_in(duration)
         self._claim(threading.current_thread())
-        self._loop(ticks)
+        try:
+            self._loop(ticks)
+        finally:
+            self._release()
         return self._frame
 
     def start(self, duration: float | None = None) -> None:
@@ -191,11 +199,18 @@ class Simulation:
             self._thread = thread
             self._is_stopping = False
 
+    def _release(self) -> None:
+        with self._mail:
+            self._thread = None
+            self._mail.notify_all()
+
     def _run_thread(self, ticks: float) -> None:
         try:
             self._loop(ticks)
         except BaseException as error:  # handed to whoever waits
             self._error = error
+        finally:
+            self._release()
 
     def _loop(self, ticks: float) -> None:
         end = self._pace.ticks + ticks
@@ -208,9 +223,6 @@ class Simulation:
                     self._tick()
         finally:
             self._pace.rest(time.perf_counter())
-            with self._mail:
-                self._thread = None
-                self._mail.notify_all()
 
     def _is_due(self) -> bool:
         """Whether to tick now. If not, sleeps until then or until there is mail."""
@@ -261,10 +273,10 @@ class Simulation:
     def _carry_out(self, request: Request) -> None:
         match request:
             case Pause():
-                self.is_paused = True
+                self._is_paused = True
                 self._pace.rest(time.perf_counter())
             case Resume():
-                self.is_paused = False
+                self._is_paused = False
                 self._pace.restart(time.perf_counter())
             case Step(ticks=ticks):
                 self._step(ticks)
@@ -313,6 +325,19 @@ class Simulation:
                 self._check_vehicle(vehicle)
                 if not all(map(math.isfinite, (x, y, yaw))):
                     raise CommandError(f"a Teleport needs finite x, y [m] and yaw [rad], not {x}, {y}, {yaw}")
+
+
+def _check_command(vehicle: str, command: Command) -> None:
+    for name, value in (("throttle", command.throttle), ("steering", command.steering)):
+        if not math.isfinite(value):
+            raise CommandError(f"{name} of vehicle '{vehicle}' must be a finite number in [-1, 1], not {value}")
+    for name, value, lamps in (
+        ("headlights", command.headlights, Headlights),
+        ("indicators", command.indicators, Indicators),
+    ):
+        if value is not None and value not in tuple(lamps):
+            known = ", ".join(f"{int(lamp)} {lamp.name.lower()}" for lamp in lamps)
+            raise CommandError(f"{name} of vehicle '{vehicle}' must be one of {known}, not {value}")
 
 
 def _check_speed(speed: float | None) -> None:
