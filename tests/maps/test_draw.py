@@ -50,14 +50,14 @@ def test_picture_has_the_size_of_the_map_and_a_margin(tmp_path):
     assert png_size(path.read_bytes()) == (round((x1 - x0 + 0.2) * 100), round((y1 - y0 + 0.2) * 100))
 
 
-def test_overlays_show_each_lane_port_bay_and_spawn():
+def test_overlays_show_each_lane_port_bay_and_start():
     map_ = load_map("tiny_town")
-    svg = to_svg(map_, overlays=OVERLAYS)
+    svg = to_svg(map_, overlays=OVERLAYS, starts=[(-1.1, -0.15, 0.0)])
     assert len(paths(svg, "lane")) == len(map_.lane_graph.lanes)
     for kind, count in (
         ("port", sum(len(one.ports) for one in map_.modules)),
         ("bay", len(map_.bays)),
-        ("spawn", len(map_.spawns)),
+        ("start", 1),
     ):
         assert svg.count(f'<g class="{kind}"') == count
     assert 'class="lane"' not in to_svg(map_)

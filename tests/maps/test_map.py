@@ -10,6 +10,7 @@ from autodrive import descriptions
 from autodrive.maps import load_map
 from autodrive.maps.shapes import CHORD_ERROR
 from autodrive.model import BOX
+from autodrive.scenario import load_scenario
 
 LIDAR_HEIGHT = 0.208
 """Of the plane in which the car's LIDAR looks [m]."""
@@ -33,17 +34,16 @@ def test_every_port_of_a_town_meets_another(name):
 
 
 @pytest.mark.parametrize("name", TOWNS)
-def test_vehicle_spawns_in_the_middle_of_a_lane_and_along_it(name):
-    map_ = load_map(name)
-    point = map_.lane_graph.nearest(*map_.spawns["V1"])
+def test_vehicle_starts_in_the_middle_of_a_lane_and_along_it(name):
+    start = load_scenario(name).vehicles["V1"]
+    point = load_map(name).lane_graph.nearest(start.x, start.y, start.yaw)
     assert point is not None
-    assert (point.offset, point.yaw) == pytest.approx((0.0, map_.spawns["V1"][2]), abs=1e-9)
+    assert (point.offset, point.yaw) == pytest.approx((0.0, start.yaw), abs=1e-9)
 
 
-def test_mini_map_holds_every_module_and_its_spawn_is_the_origin():
+def test_mini_map_holds_every_module():
     map_ = load_map("mini_map")
     assert {one.module.name for one in map_.modules} == set(descriptions.names("module"))
-    assert map_.spawns["V1"] == (0.0, 0.0, 0.0)
     assert len(map_.boxes) == 8
 
 
@@ -56,7 +56,7 @@ def test_loop_round_a_town_is_four_straights_and_four_quarter_circles(name, stra
         assert min(abs(graph.length(loop) - exact) for loop in graph.loops()) < 1e-4 * exact
 
 
-def test_vehicle_on_the_mini_map_can_go_round_from_its_spawn():
+def test_vehicle_on_the_mini_map_can_go_round_from_the_origin():
     graph = load_map("mini_map").lane_graph
     start = graph.nearest(0.0, 0.0, 0.0)
     assert start is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -21,8 +21,8 @@ from autodrive.maps.solids import BoxPlacement, StaticShape
 from autodrive.state import Floats
 from autodrive.units import DEGREE
 
-Overlay: TypeAlias = Literal["lanes", "ports", "bays", "spawns"]
-OVERLAYS: tuple[Overlay, ...] = ("lanes", "ports", "bays", "spawns")
+Overlay: TypeAlias = Literal["lanes", "ports", "bays"]
+OVERLAYS: tuple[Overlay, ...] = ("lanes", "ports", "bays")
 
 COLOURS = {
     "ground": "#cfcabf",
@@ -39,7 +39,7 @@ COLOURS = {
     "lane": "#35c8e8",
     "port": "#ff4f9a",
     "bay": "#ffd54a",
-    "spawn": "#ff3b30",
+    "start": "#ff3b30",
 }
 KERB_WIDTH = 0.02
 """Drawn outside of the road [m]; the drivable area ends where it begins."""
@@ -51,8 +51,13 @@ SUN = np.array([0.45, -0.35])
 """Shift of a shadow for each metre of height."""
 
 
-def to_svg(map_: Map, *, pixels_per_metre: float = 200.0, overlays: Collection[Overlay] = ("spawns",)) -> str:
-    """The map from above, x to the right and y up, 0.1 m more than its bounds on every side."""
+def to_svg(
+    map_: Map, *, pixels_per_metre: float = 200.0, overlays: Collection[Overlay] = (), starts: Iterable[Pose] = ()
+) -> str:
+    """The map from above, x to the right and y up, 0.1 m more than its bounds on every side.
+
+    `starts`: where vehicles begin (x, y [m], yaw [rad]), drawn as arrows.
+    """
     x0, y0, x1, y1 = np.array(map_.bounds) + np.array([-0.1, -0.1, 0.1, 0.1])
     width, height = round((x1 - x0) * pixels_per_metre), round((y1 - y0) * pixels_per_metre)
     layers = [
@@ -61,6 +66,7 @@ def to_svg(map_: Map, *, pixels_per_metre: float = 200.0, overlays: Collection[O
         *_solids(map_),
         *_signs(map_),
         *(line for overlay in OVERLAYS if overlay in overlays for line in _OVERLAY[overlay](map_)),
+        *map(_start, starts),
     ]
     return "\n".join(
         [
@@ -77,10 +83,15 @@ def to_svg(map_: Map, *, pixels_per_metre: float = 200.0, overlays: Collection[O
 
 
 def to_png(
-    map_: Map, path: str | Path, pixels_per_metre: float = 200.0, *, overlays: Collection[Overlay] = ("spawns",)
+    map_: Map,
+    path: str | Path,
+    pixels_per_metre: float = 200.0,
+    *,
+    overlays: Collection[Overlay] = (),
+    starts: Iterable[Pose] = (),
 ) -> None:
     """Write the SVG of the map as a PNG file."""
-    svg = to_svg(map_, pixels_per_metre=pixels_per_metre, overlays=overlays)
+    svg = to_svg(map_, pixels_per_metre=pixels_per_metre, overlays=overlays, starts=starts)
     Path(path).write_bytes(resvg_py.svg_to_bytes(svg_string=svg, skip_system_fonts=True))
 
 
@@ -173,15 +184,14 @@ def _bays(map_: Map) -> Iterator[str]:
         )
 
 
-def _spawns(map_: Map) -> Iterator[str]:
-    for pose in map_.spawns.values():
-        yield (
-            f'<g class="spawn" transform="{_at(pose)}" fill="{COLOURS["spawn"]}" stroke="#fff" stroke-width=".008">'
-            '<path d="M0 -.028 H.12 V-.065 L.235 0 L.12 .065 V.028 H0 Z"/><circle r=".045"/></g>'
-        )
+def _start(pose: Pose) -> str:
+    return (
+        f'<g class="start" transform="{_at(pose)}" fill="{COLOURS["start"]}" stroke="#fff" stroke-width=".008">'
+        '<path d="M0 -.028 H.12 V-.065 L.235 0 L.12 .065 V.028 H0 Z"/><circle r=".045"/></g>'
+    )
 
 
-_OVERLAY = {"lanes": _lanes, "ports": _ports, "bays": _bays, "spawns": _spawns}
+_OVERLAY = {"lanes": _lanes, "ports": _ports, "bays": _bays}
 
 _DEFINITIONS = (
     '<defs><pattern id="lawn" width=".4" height=".4" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'

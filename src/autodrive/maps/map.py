@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 import yaml
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from shapely.geometry.base import BaseGeometry
 
 from autodrive import descriptions
@@ -45,14 +45,6 @@ class GroundSpec(Spec):
     """Factor on the friction of the tyres: 1 on dry road, less on a wet one."""
 
 
-class SpawnSpec(Spec):
-    """Where a vehicle may begin: pose of its rear axle centre."""
-
-    x: float
-    y: float
-    yaw_deg: float = 0.0
-
-
 class MapSpec(Spec):
     """A map: modules at places, and what stands around them."""
 
@@ -65,7 +57,6 @@ class MapSpec(Spec):
     walls: tuple[WallSpec, ...] = ()
     blocks: tuple[BlockSpec, ...] = ()
     props: tuple[PropSpec, ...] = ()
-    spawns: dict[str, SpawnSpec] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -116,7 +107,6 @@ class Map:
     markings: tuple[Marking, ...]
     props: tuple[Prop, ...]
     bays: tuple[ParkingBay, ...]
-    spawns: dict[str, Pose]
     lane_graph: LaneGraph
     bounds: tuple[float, float, float, float]
     """x_min, y_min, x_max, y_max of all that was placed; of the ground if nothing was [m]."""
@@ -147,9 +137,7 @@ def compile_map(spec: MapSpec, name: str = "map", *, path: Path | None = None) -
     if faults:
         raise SpecError([f"map '{name}': {fault}" for fault in faults], str(path or ""))
 
-    drivable = shapely.union_all(
-        [*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)], grid_size=GRID
-    )
+    drivable = _united([*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)])
     lawns = [one.footprint for one in placed if one.module.spec.type == "terrain"]
     lawn = shapely.difference(shapely.union_all(lawns, grid_size=GRID), drivable, grid_size=GRID)
     return Map(
@@ -164,12 +152,17 @@ def compile_map(spec: MapSpec, name: str = "map", *, path: Path | None = None) -
         markings=_markings(placed),
         props=props,
         bays=_bays(placed),
-        spawns={key: (spawn.x, spawn.y, spawn.yaw_deg * DEGREE) for key, spawn in spec.spawns.items()},
         lane_graph=_lane_graph(placed, joins),
         bounds=_bounds(spec, placed, statics),
         modules=tuple(placed),
         joins=joins,
     )
+
+
+def _united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
+    """Their union; what meets but for rounding is one, as edges of turned modules are."""
+    wider = [polygon.buffer(GRID, join_style="mitre") for polygon in polygons if not polygon.is_empty]
+    return shapely.set_precision(shapely.union_all(wider).buffer(-GRID, join_style="mitre"), GRID)
 
 
 def _faults_of_the_rest(text: str, path: Path) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from autodrive.maps.map import BoxPlacement, Map
-from autodrive.maps.props import StaticShape
+from autodrive.maps.solids import StaticShape
 from autodrive.model import BOX
 from autodrive.transforms import quaternion_from_yaw
 
