@@ -77,14 +77,23 @@ def check(path: Path, kind: Kind | None = None) -> tuple[Kind, str]:
 
 
 def draw(kind: Kind, name: str, path: Path) -> None:
-    """The map or module from above, as PNG or SVG by the suffix of `path`. Raises `SpecError`."""
+    """The map or module from above, with its lanes, as PNG or SVG by the suffix of `path`. Raises `SpecError`.
+
+    Of a scenario: its map, with an arrow where each vehicle starts.
+    """
     from autodrive.maps.draw import module_alone, to_png, to_svg
 
-    map_ = load_map(name) if kind == "map" else module_alone(name)
-    if path.suffix.lower() == ".svg":
-        path.write_text(to_svg(map_), encoding="utf-8")
+    starts: list[tuple[float, float, float]] = []
+    if kind == "scenario":
+        scenario = load_scenario(name)
+        starts = [(vehicle.x, vehicle.y, vehicle.yaw) for vehicle in scenario.vehicles.values()]
+        map_ = load_map(scenario.map)
     else:
-        to_png(map_, path)
+        map_ = load_map(name) if kind == "map" else module_alone(name)
+    if path.suffix.lower() == ".svg":
+        path.write_text(to_svg(map_, overlays=["lanes"], starts=starts), encoding="utf-8")
+    else:
+        to_png(map_, path, overlays=["lanes"], starts=starts)
 
 
 def fields(kind: Kind, name: str) -> Iterator[tuple[str, str]]:

@@ -159,7 +159,7 @@ def show(
     from autodrive import browse
 
     found = cast("Kind", kind.value) if kind else browse.kind_of_name(name)
-    if found in {"map", "module"}:
+    if found in {"map", "module"} or (found == "scenario" and output):
         path = output or Path(f"{Path(name).stem}.png")
         if path.suffix.lower() not in {".png", ".svg"}:
             raise typer.BadParameter(f"--output ends in .png or .svg, not '{path.suffix}'")

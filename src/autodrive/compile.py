@@ -45,8 +45,7 @@ class Compiled:
 
 def compile_scenario(spec: ScenarioSpec) -> Compiled:
     """Loads all that the scenario names. Raises `SpecError` with all faults."""
-    map_ = load_map(spec.map)
-    vehicles = {name: load_vehicle(placement.type) for name, placement in spec.vehicles.items()}
+    map_, vehicles = _load(spec)
     boxes = _boxes(spec, map_)
     _check_names(spec, map_, boxes)
     bodies = [
@@ -54,6 +53,7 @@ def compile_scenario(spec: ScenarioSpec) -> Compiled:
         for name, vehicle in vehicles.items()
     ]
     engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity))
+    _check_places(vehicles, engine)
     geoms = engine.geoms()
     body_vehicle = {engine.body(name)[0]: i for i, name in enumerate(vehicles)}
     shapes = Shapes(
@@ -100,7 +100,7 @@ def compile_scenario(spec: ScenarioSpec) -> Compiled:
             contact_geoms=np.zeros(2, dtype=np.int32),
         ),
         objects={box.name: engine.body(box.name)[1] for box in boxes},
-        owners=[name.split("/")[0] for name in engine.geom_names],
+        owners=_owners(engine),
     )
 
 
@@ -121,6 +121,43 @@ def empty_state(model: Model) -> State:
         "shape_rotation": (n_shape, 9),
     }
     return State(**{name: np.zeros(widths.get(name, (4 * n,))) for name in State._fields})
+
+
+def _load(spec: ScenarioSpec) -> tuple[Map, dict[str, VehicleSpec]]:
+    """The map and the vehicles that the scenario names; the faults of all of them are told at once."""
+    faults: list[str] = []
+
+    def told(place: str, error: SpecError) -> None:
+        faults.extend(f"{place}: {fault}" + (f"  ({error.path})" if error.path else "") for fault in error.faults)
+
+    map_: Map | None = None
+    vehicles: dict[str, VehicleSpec] = {}
+    try:
+        map_ = load_map(spec.map)
+    except SpecError as error:
+        told("map", error)
+    for name, placement in spec.vehicles.items():
+        try:
+            vehicles[name] = load_vehicle(placement.type)
+        except SpecError as error:
+            told(f"vehicles.{name}.type", error)
+    if map_ is None or faults:
+        raise SpecError(faults)
+    return map_, vehicles
+
+
+def _owners(engine: Engine) -> list[str]:
+    """Name of the thing that each geom is part of."""
+    return [name.split("/")[0] for name in engine.geom_names]
+
+
+def _check_places(vehicles: dict[str, VehicleSpec], engine: Engine) -> None:
+    """No vehicle may begin inside another thing."""
+    owners = _owners(engine)
+    pairs = sorted({(owners[a], owners[b]) for a, b in engine.overlapping() if {owners[a], owners[b]} & set(vehicles)})
+    faults = [f"'{a}' and '{b}' stand in each other at the start; move one of them" for a, b in pairs]
+    if faults:
+        raise SpecError(faults)
 
 
 def _boxes(spec: ScenarioSpec, map_: Map) -> list[BoxPlacement]:

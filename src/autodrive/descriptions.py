@@ -122,7 +122,7 @@ def _inner_spec(annotation: Any) -> Any:
     return None
 
 
-def _line(node: yaml.Node | None, location: tuple[Any, ...]) -> int | None:
+def _line(node: Any, location: tuple[Any, ...]) -> int | None:
     """Line (from 1) of the deepest part of that place that the text holds."""
     found: int | None = None
     for part in location:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.core import event
+from numba.core import config, event
 from numba.core.dispatcher import Dispatcher
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -41,12 +41,14 @@ def _cache_folder() -> Path:
 
 
 if "NUMBA_CACHE_DIR" not in os.environ:
-    numba.config.CACHE_DIR = str(_cache_folder())  # pyright: ignore[reportAttributeAccessIssue]
+    vars(config)["CACHE_DIR"] = str(_cache_folder())
+
+_njit: Any = numba.njit
 
 
 def jit(function: Function) -> Function:
     """Compile at the first call (or read from the cache). Same bits on every run: no fast math, no threads."""
-    return numba.njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False)
+    return _njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False)
 
 
 def inlined(function: Function) -> Function:
@@ -55,14 +57,12 @@ def inlined(function: Function) -> Function:
     A call with a whole Model and State would cost more than what it does, and so would counting the references to
     their arrays. Such a function, and a `jit_uncounted` one that calls it, cannot make arrays.
     """
-    return numba.njit(
-        function, cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=True, _nrt=False
-    )
+    return _njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=True, _nrt=False)
 
 
 def jit_uncounted(function: Function) -> Function:
     """As `jit`, for the outermost of the functions above."""
-    return numba.njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False, _nrt=False)
+    return _njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False, _nrt=False)
 
 
 def resolved(function: Function, *arguments: Any) -> Function:
@@ -70,11 +70,13 @@ def resolved(function: Function, *arguments: Any) -> Function:
 
     For what is called in every tick: Numba takes 10 us to look at a Model and a State, and 1.5 us to pass them.
     """
-    if not isinstance(function, Dispatcher):  # compilation is switched off
+    dispatcher: Any = function
+    if not isinstance(dispatcher, Dispatcher):  # compilation is switched off
         return function
     signature = tuple(numba.typeof(argument) for argument in arguments)
-    function.compile(signature)
-    return function.get_overload(signature)
+    dispatcher.compile(signature)
+    compiled: Any = dispatcher.get_overload(signature)
+    return compiled
 
 
 @contextmanager

@@ -141,6 +141,11 @@ class Engine:
             )
         return found
 
+    def overlapping(self, depth: float = 0.001) -> list[tuple[int, int]]:
+        """Pairs of geoms that are in each other by more than `depth` [m] now."""
+        contact = self.data.contact
+        return [(int(a), int(b)) for (a, b), gap in zip(contact.geom, contact.dist, strict=True) if gap < -depth]
+
     def views(self, shape_geom: Integers) -> Views:
         """What compiled code needs; valid as long as this engine."""
         layout = _data_layout()

@@ -92,7 +92,7 @@ class SuspensionSpec(Spec):
     """PhysX moves a wheel this many times within one step of the body; see `look_ahead`."""
 
     def look_ahead(self, dt: float) -> float:
-        """Mean time within a step of `dt` [s] at which PhysX's substeps, at 0, dt/n, 2 dt/n ..., read the spring [s]."""
+        """Mean time [s], within a step of `dt`, at which PhysX's substeps (0, dt/n, 2 dt/n ...) read the spring."""
         return dt * (self.substeps - 1) / (2 * self.substeps)
 
     @property
