@@ -41,7 +41,7 @@ def _cache_folder() -> Path:
 
 
 if "NUMBA_CACHE_DIR" not in os.environ:
-    vars(config)["CACHE_DIR"] = str(_cache_folder())
+    config.CACHE_DIR = str(_cache_folder())  # pyright: ignore[reportAttributeAccessIssue]
 
 _njit: Any = numba.njit
 
