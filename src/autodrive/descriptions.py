@@ -86,7 +86,7 @@ def _folder(kind: Kind) -> Path:
 def _sentence(fault: Any, node: yaml.Node | None, spec: type[BaseModel]) -> str:
     """One fault found by pydantic, as 'place (line n): what is wrong, what would be right'."""
     location = fault["loc"]
-    place = ".".join(str(part) for part in location) or spec.__name__
+    place = _place(location) or spec.__name__
     line = _line(node, location)
     text = fault["msg"].removeprefix("Value error, ")
     if fault["type"] == "extra_forbidden":
@@ -97,6 +97,17 @@ def _sentence(fault: Any, node: yaml.Node | None, spec: type[BaseModel]) -> str:
     elif isinstance(fault.get("input"), str | int | float):
         text = f"{text}, not {fault['input']!r}"
     return f"{place}{f' (line {line})' if line else ''}: {text}"
+
+
+def _place(location: tuple[Any, ...]) -> str:
+    """('placements', 3, 'x') as 'placement 4.x': people count from 1."""
+    parts: list[str] = []
+    for part in location:
+        if isinstance(part, int) and parts:
+            parts[-1] = f"{parts[-1].removesuffix('s')} {part + 1}"
+        else:
+            parts.append(str(part))
+    return ".".join(parts)
 
 
 def _fields(spec: type[BaseModel], location: tuple[Any, ...]) -> list[str]:

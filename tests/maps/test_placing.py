@@ -109,11 +109,11 @@ colour: green
         "placement 3 'straight_road' overlaps placement 5 'curved_road'",
         "placement 6 'turned': mass cannot be set for road_patch, which is a road",
         "placement 6 'turned': open: road_patch has no port 'north'. It has: east, west",
-        "placements.6.mass (line 10): Input should be greater than 0, not -1.0",
+        "placement 7.mass (line 10): Input should be greater than 0, not -1.0",
         "placement 9 'box': the name 'box' is taken",
         "placement 8 'box' overlaps placement 9 'box' by 50 cm^2",
-        "placements.9.x (line 13): Input should be a valid number",
-        "walls.0.points (line 15)",
+        "placement 10.x (line 13): Input should be a valid number",
+        "wall 1.points (line 15)",
         "'colour' is not known here",
     ]
     assert [part for part in expected if part not in text] == []

@@ -1,0 +1,82 @@
+"""Scenarios: what they say, and what is told of one that cannot be."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+import autodrive
+from autodrive.descriptions import names
+from autodrive.errors import SpecError
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario
+
+
+@pytest.mark.parametrize("name", names("scenario"))
+def test_every_scenario_that_comes_with_the_simulator_runs(name: str) -> None:
+    world = autodrive.make(name)
+    for _ in range(20):
+        frame = world.step()
+    assert list(frame.vehicles) == list(load_scenario(name).vehicles)
+    for vehicle in frame.vehicles.values():
+        assert vehicle.collision_count == 0
+        assert abs(vehicle.speed) < 1e-6  # it stands where it was put
+
+
+def test_vehicles_begin_where_the_scenario_puts_them() -> None:
+    spec = ScenarioSpec(vehicles={"A": VehiclePlacement(x=1.0, y=-2.0, yaw_deg=90.0), "B": VehiclePlacement()})
+    vehicles = autodrive.make(spec).frame.vehicles
+    assert vehicles["A"].pose.position == pytest.approx([1.0, -2.0, 0.0325])
+    assert vehicles["A"].pose.orientation == pytest.approx([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])
+    assert vehicles["B"].pose.position == pytest.approx([0.0, 0.0, 0.0325])
+
+
+def test_boxes_of_the_scenario_stand_on_the_ground_or_where_they_are_put() -> None:
+    boxes = {"low": BoxSpec(x=1.0, y=0.0, size=(0.2, 0.2, 0.4)), "high": BoxSpec(x=1.0, y=0.0, z=0.45)}
+    objects = autodrive.make(ScenarioSpec(boxes=boxes)).frame.objects
+    assert objects["low"].pose.position == pytest.approx([1.0, 0.0, 0.2])
+    assert objects["high"].pose.position == pytest.approx([1.0, 0.0, 0.45])
+
+
+def test_tick_must_be_a_whole_number_of_substeps() -> None:
+    with pytest.raises(ValueError, match=r"tick 0\.01 s must be a whole number of substeps of 0\.003 s"):
+        ScenarioSpec(substep=0.003)
+    assert ScenarioSpec(tick=0.03, substep=0.001).substeps == 30  # 0.03 / 0.001 is 29.999... in binary
+
+
+def test_seed_given_to_make_rules_over_that_of_the_file() -> None:
+    assert autodrive.make("plane", seed=7).spec.seed == 7
+
+
+def test_unknown_map_and_vehicles_are_told_at_once() -> None:
+    spec = ScenarioSpec(map="tiny_twon", vehicles={"V1": VehiclePlacement(type="nigle")})
+    with pytest.raises(SpecError) as caught:
+        autodrive.make(spec)
+    assert len(caught.value.faults) == 2
+    assert "Did you mean 'tiny_town'?" in caught.value.faults[0]
+    assert caught.value.faults[1].startswith("vehicles.V1.type: ")
+
+
+def test_vehicles_that_stand_in_each_other_are_told() -> None:
+    spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=0.1)})
+    with pytest.raises(SpecError, match="'V1' and 'V2' stand in each other at the start"):
+        autodrive.make(spec)
+
+
+def test_vehicle_that_stands_in_a_wall_is_told() -> None:
+    spec = ScenarioSpec(map="tiny_town", vehicles={"V1": VehiclePlacement(x=4.95)})
+    with pytest.raises(SpecError, match=r"'(V1|wall.*)' and '(V1|wall.*)' stand in each other"):
+        autodrive.make(spec)
+
+
+def test_name_used_twice_is_told() -> None:
+    spec = ScenarioSpec(map="mini_map", boxes={"pile_1": BoxSpec(x=0.0, y=0.15)})
+    with pytest.raises(SpecError, match="the name 'pile_1' is given twice"):
+        autodrive.make(spec)
+
+
+def test_file_of_ones_own_is_as_good_as_a_name(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("map: mini_map\nvehicles:\n  V1: {x: 0.2}\nscene_light: false\n")
+    frame = autodrive.make(file).frame
+    assert not frame.scene_light
+    assert frame.vehicles["V1"].pose.position[0] == pytest.approx(0.2)
