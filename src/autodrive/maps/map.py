@@ -122,7 +122,8 @@ def load_map(name: str | Path) -> Map:
     try:
         spec = descriptions.parse(text, MapSpec, where=str(path))
     except SpecError as error:
-        raise SpecError([*error.faults, *_faults_of_the_rest(text, path)], str(path)) from None
+        faults = [f"map '{path.stem}': {fault}" for fault in error.faults]
+        raise SpecError([*faults, *_faults_of_the_rest(text, path)], str(path)) from None
     return compile_map(spec, path.stem, path=path)
 
 
