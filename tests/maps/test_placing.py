@@ -4,7 +4,7 @@ import math
 
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from autodrive.errors import SpecError
@@ -44,21 +44,15 @@ def with_open_ends(placements):
 @settings(max_examples=40, deadline=None)
 @given(names=chains, x=lengths, y=lengths, yaw_deg=angles)
 def test_chain_of_modules_joins_wherever_it_lies_and_however_it_is_turned(names, x, y, yaw_deg):
+    turns = sum("north" in load_module(name).spec.ports for name in names)
+    assume(turns <= 2)  # three left turns and a bit: the chain would run into itself
     placements = with_open_ends(chain(["straight_road", *names], x, y, yaw_deg))
-    try:
-        map_ = compile_map(MapSpec(title="Chain", placements=tuple(placements)))
-    except SpecError as error:  # three curves and a bit: the chain ran into itself
-        assert all("overlaps" in fault for fault in error.faults)  # noqa: PT017
-        return
-    is_ring = len(map_.joins) == 2 * (len(names) + 1)
-    assert is_ring or len(map_.joins) == 2 * len(names)
+    map_ = compile_map(MapSpec(title="Chain", placements=tuple(placements)))
+    assert len(map_.joins) == 2 * len(names)
     areas = sum(load_module(name).drivable.area for name in ["straight_road", *names])
     # the union is taken on a grid of a micrometre, along a few metres of outline
     assert map_.drivable.area == pytest.approx(areas, abs=1e-4)
     assert map_.drivable.geom_type == "Polygon"
-    if is_ring:
-        assert map_.lane_graph.loop(0) is not None
-        return
     route = map_.lane_graph.route(0, 2 * len(names))
     assert route is not None
     assert len(route) == len(names) + 1
