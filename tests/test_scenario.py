@@ -80,3 +80,18 @@ def test_file_of_ones_own_is_as_good_as_a_name(tmp_path: Path) -> None:
     frame = autodrive.make(file).frame
     assert not frame.scene_light
     assert frame.vehicles["V1"].pose.position[0] == pytest.approx(0.2)
+
+
+def test_realistic_sensors_err_and_ideal_ones_do_not() -> None:
+    spec = ScenarioSpec(
+        map="mini_map",
+        vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=1.0, has_realistic_sensors=True)},
+    )
+    world = autodrive.make(spec)
+    readings = []
+    for _ in range(50):
+        vehicles = world.step().vehicles
+        readings.append([float(vehicles[name].imu.angular_velocity[2]) for name in ("V1", "V2")])
+    ideal, real = zip(*readings, strict=True)
+    assert max(map(abs, ideal)) < 1e-9
+    assert len(set(real)) == len(real)  # each draws anew

@@ -28,6 +28,8 @@ DEVKIT_PORT = 4567
 
 LOOKS_PER_LOG_LINE = 50
 """Where no live line is possible, only one in so many is printed: one in ten seconds."""
+COMPILED_FUNCTIONS = 80
+"""As many are compiled on the first start, give or take a few: the length of the progress bar."""
 
 
 class Mode(StrEnum):
@@ -237,7 +239,9 @@ class _Screen:
         if not self._compiled:
             self._console.print("compiling the physics for this machine: half a minute, on the first start only")
         self._compiled += 1
-        self._line.update(f"compiled {self._compiled} functions: {function}")
+        share = min(1.0, self._compiled / COMPILED_FUNCTIONS)
+        bar = "█" * round(30 * share) + "░" * (30 - round(30 * share))
+        self._line.update(f"{bar} {self._compiled}/{COMPILED_FUNCTIONS} {function}")
 
     def prepared(self) -> None:
         if self._compiled:

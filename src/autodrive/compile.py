@@ -185,9 +185,13 @@ def _check_names(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement]) -> No
 
 def _sensors(spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]) -> dict[str, SensorSuite]:
     substep = Fraction(str(spec.substep))
+    suites = {
+        name: vehicle.sensors.realistic() if spec.vehicles[name].has_realistic_sensors else vehicle.sensors
+        for name, vehicle in vehicles.items()
+    }
     return {
-        name: SensorSuite(vehicle.sensors, vehicle=i, name=name, substep=substep, gravity=spec.gravity)
-        for i, (name, vehicle) in enumerate(vehicles.items())
+        name: SensorSuite(suite, vehicle=i, name=name, substep=substep, gravity=spec.gravity)
+        for i, (name, suite) in enumerate(suites.items())
     }
 
 

@@ -22,6 +22,8 @@ class VehiclePlacement(Spec):
     """[m]."""
     yaw_deg: float = 0.0
     """Heading, left positive [degree]."""
+    has_realistic_sensors: bool = False
+    """True: the sensors err as their data sheets say, whatever noise the vehicle's file gives them."""
     is_autonomous: bool = True
     """Whether a script drives it at the start; else a person."""
 
