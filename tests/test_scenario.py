@@ -94,4 +94,4 @@ def test_realistic_sensors_err_and_ideal_ones_do_not() -> None:
         readings.append([float(vehicles[name].imu.angular_velocity[2]) for name in ("V1", "V2")])
     ideal, real = zip(*readings, strict=True)
     assert max(map(abs, ideal)) < 1e-9
-    assert len(set(real)) == len(real)  # each draws anew
+    assert len(set(real)) > 10  # each draws anew, on a grid of the least digit
