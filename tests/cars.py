@@ -1,0 +1,30 @@
+"""Vehicle files with some figures changed, as a person would edit them."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from autodrive.descriptions import find
+
+OBEYS_AT_ONCE = {
+    "steering.dead_time": 0.0,
+    "steering.time_constant": 0.0,
+    "drivetrain.dead_time": 0.0,
+    "drivetrain.time_constant": 0.0,
+}
+"""Nothing delays the actuators; the steering's rate limit stays."""
+
+
+def car_file(folder: Path, changes: dict[str, Any], vehicle: str = "nigel") -> str:
+    """Path of a copy of a shipped vehicle's file; `changes`: places in it, as 'steering.dead_time', to values."""
+    tree = yaml.safe_load(find("vehicle", vehicle).read_text(encoding="utf-8"))
+    for place, value in changes.items():
+        *path, last = place.split(".")
+        branch = tree
+        for part in path:
+            branch = branch[part]
+        branch[last] = value
+    file = folder / "car.yaml"
+    file.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    return str(file)
