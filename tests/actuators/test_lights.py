@@ -41,7 +41,8 @@ def test_indicators_are_dark_in_the_first_half_of_the_period_and_lit_in_the_seco
 ) -> None:
     for phase in (0.0, 0.01, 0.499):
         lamps = lit_lamps(Headlights.OFF, indicators, phase, False, False)
-        assert not lamps.left_indicator and not lamps.right_indicator
+        assert not lamps.left_indicator
+        assert not lamps.right_indicator
     for phase in (0.5, 0.51, 0.999):
         lamps = lit_lamps(Headlights.OFF, indicators, phase, False, False)
         assert (lamps.left_indicator, lamps.right_indicator) == (left, right)
