@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
+import numbers
 from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,7 +63,7 @@ class World:
         self.tick_duration = compiled.spec.tick
         self._seed = compiled.spec.seed
         self._substeps = compiled.spec.substeps
-        self._timeout = compiled.spec.command_timeout / compiled.spec.tick
+        self._timeout = Fraction(str(compiled.spec.command_timeout)) / Fraction(str(compiled.spec.tick))
         self._referee = Referee(
             self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
         )
@@ -186,6 +188,9 @@ class World:
         c = self._compiled
         self._tick, self._seed, self.frame = saved.tick, saved.seed, saved.frame
         c.engine.restore(saved.engine)
+        c.views.warnings[:] = 0
+        c.touches.impulse[:] = 0.0
+        c.touches.pair_count[0] = 0
         for column, kept in zip(c.state, saved.state, strict=True):
             column[:] = kept
         self._referee.restore(saved.referee)
@@ -209,11 +214,7 @@ class World:
     def _accept(self, commands: Mapping[str, Command]) -> None:
         for name, command in commands.items():
             self._index(name)
-            if not (math.isfinite(command.throttle) and math.isfinite(command.steering)):
-                raise CommandError(
-                    f"vehicle '{name}': throttle {command.throttle} and steering {command.steering} must be numbers, "
-                    "best in [-1, 1]"
-                )
+            _check(name, command)
         for name, command in commands.items():
             self._drivers[name] = _Driver(command, self._tick)
             if command.headlights is not None:
@@ -282,6 +283,24 @@ class World:
             is_autonomous=self._is_autonomous[name],
             collision_count=self._referee.collision_counts[i],
         )
+
+
+def _check(vehicle: str, command: Command) -> None:
+    """Raises `CommandError` where a vehicle cannot obey."""
+    if not (_is_number(command.throttle) and _is_number(command.steering)):
+        raise CommandError(
+            f"vehicle '{vehicle}': throttle {command.throttle} and steering {command.steering} must be numbers, "
+            "best in [-1, 1]"
+        )
+    for name, kind in (("headlights", Headlights), ("indicators", Indicators)):
+        value = getattr(command, name)
+        if value is not None and value not in list(kind):
+            known = ", ".join(f"{one.value} {one.name}" for one in kind)
+            raise CommandError(f"vehicle '{vehicle}': {name} {value} are not known. Known: {known}, or None")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, numbers.Real) and math.isfinite(value)
 
 
 class _Driver(NamedTuple):
