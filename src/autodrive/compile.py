@@ -154,8 +154,12 @@ def _owners(engine: Engine) -> list[str]:
 def _check_places(vehicles: dict[str, VehicleSpec], engine: Engine) -> None:
     """No vehicle may begin inside another thing."""
     owners = _owners(engine)
-    pairs = sorted({(owners[a], owners[b]) for a, b in engine.overlapping() if {owners[a], owners[b]} & set(vehicles)})
-    faults = [f"'{a}' and '{b}' stand in each other at the start; move one of them" for a, b in pairs]
+    pairs = {tuple(sorted((owners[a], owners[b]))) for a, b in engine.overlapping()}
+    faults = [
+        f"'{a}' and '{b}' stand in each other at the start; move one of them"
+        for a, b in sorted(pairs)
+        if {a, b} & set(vehicles)
+    ]
     if faults:
         raise SpecError(faults)
 

@@ -198,10 +198,11 @@ def test_wheels_drive_on_a_body_and_push_it_back(world_with: WorldWith) -> None:
 
 
 def test_car_stands_on_a_body_as_on_the_ground(world_with: WorldWith) -> None:
-    plate = BoxSpec(x=0.07, y=0.0, size=(1.0, 1.0, 0.1), mass=3.0)
+    plate = BoxSpec(x=3.0, y=0.0, size=(1.0, 1.0, 0.1), mass=3.0)
     world = world_with(boxes={"plate": plate})
     qpos = int(world._compiled.model.vehicles[0]["qpos"])
     world._compiled.views.qpos[qpos + 2] += 0.1
+    world._compiled.views.qpos[world._compiled.objects["plate"]] = 0.07
     world._compiled.engine.update()
     car = drive(world, 2.0).vehicles["V1"]
     assert car.pose.position[2] == pytest.approx(0.1325, abs=2e-4)  # the engine's contact of plate and floor is soft

@@ -74,7 +74,7 @@ class Scratch(NamedTuple):
 
 GROUND_COLUMNS = 24
 UNSOUND = 1.0e9
-"""A velocity or a force that large comes from a state that has burst."""
+"""A position, velocity or force that large comes from a state that has burst."""
 
 
 @jit_uncounted
@@ -499,7 +499,10 @@ def _resist_air(v: Any, views: Views) -> None:
 
 @inlined
 def _is_sound(views: Views) -> bool:
-    """Whether the engine can go on from these velocities and forces: none is infinite or not a number."""
+    """Whether the engine can go on from this state and these forces: nothing is infinite or not a number."""
+    for k in range(views.qpos.shape[0]):
+        if not abs(views.qpos[k]) < UNSOUND:
+            return False
     for k in range(views.qvel.shape[0]):  # noqa: SIM110 (Numba makes no generators)
         if not abs(views.qvel[k]) + abs(views.applied[k]) < UNSOUND:
             return False
