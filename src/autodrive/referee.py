@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from autodrive.jit import jit
 from autodrive.model import Model, Table
 from autodrive.physics.tick import Touches
@@ -90,14 +92,17 @@ class Referee:
 @jit
 def any_wheel_outside(edges: Floats, wheels: Table, vehicle: int, position: Floats, orientation: Floats) -> bool:
     """Whether one of the vehicle's wheels stands outside the polygons whose edges are x0, y0, x1, y1, shape (n, 4)."""
+    x, y = np.empty(4), np.empty(4)
+    inside = np.zeros(4, np.bool_)
     for w in range(4):
-        x, y, _ = rotate(orientation, wheels[4 * vehicle + w]["hub"])
-        x, y = x + position[0], y + position[1]
-        inside = False
-        for e in range(edges.shape[0]):
-            x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-            if (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
-                inside = not inside
-        if not inside:
-            return True
-    return False
+        hub_x, hub_y, _ = rotate(orientation, wheels[4 * vehicle + w]["hub"])
+        x[w], y[w] = hub_x + position[0], hub_y + position[1]
+    low, high = y.min(), y.max()
+    for e in range(edges.shape[0]):
+        x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+        if max(y0, y1) < low or min(y0, y1) > high:
+            continue  # most edges are at no wheel's height
+        for w in range(4):
+            if (y0 > y[w]) != (y1 > y[w]) and x[w] < x0 + (y[w] - y0) / (y1 - y0) * (x1 - x0):
+                inside[w] = not inside[w]
+    return not inside.all()

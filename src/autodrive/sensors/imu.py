@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from pydantic import model_validator
 
 from autodrive.descriptions import Spec
-from autodrive.jit import jit
+from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
 from autodrive.protocol.messages import ImuReading
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -82,6 +83,7 @@ class Imu(Sensor[ImuReading]):
         noise = spec.noise
         self._noise = Noise.of((noise.orientation, 3), (noise.angular_velocity, 3), (noise.linear_acceleration, 3))
         super().__init__(self._noise)
+        self._compiled: Callable[..., None] | None = None
         self._lever = spec.mount.position
         self._vehicle_from_sensor = spec.mount.orientation
         self._gravity = gravity if spec.measures_specific_force else 0.0
@@ -89,7 +91,7 @@ class Imu(Sensor[ImuReading]):
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> ImuReading:
         """Orientation of the sensor in the map, and its motion in its own axes."""
         out = np.empty(13)
-        _measure(
+        arguments = (
             state.vehicle_orientation[vehicle],
             state.vehicle_angular_velocity[vehicle],
             state.vehicle_acceleration[vehicle],
@@ -99,6 +101,9 @@ class Imu(Sensor[ImuReading]):
             self._gravity,
             out,
         )
+        if self._compiled is None:
+            self._compiled = resolved(_measure, *arguments)
+        self._compiled(*arguments)
         if self._noise is not None:
             errors = np.zeros(9)
             errors[3:] = out[7:]

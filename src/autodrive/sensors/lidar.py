@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from autodrive.descriptions import Spec
-from autodrive.jit import jit
+from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
 from autodrive.protocol.messages import LidarScan
 from autodrive.sensors.fan import cast_fan
@@ -99,11 +100,18 @@ class Lidar(Sensor[LidarScan]):
         # a fan is cast from right to left, and turned over afterwards where the index grows to the right
         self._is_clockwise = spec.angle_increment < 0.0
         self._fan = np.ascontiguousarray(self._directions[:, ::-1]) if self._is_clockwise else self._directions
+        self._cast_fan: Callable[..., None] | None = None
         self._fan_start, self._fan_increment = float(angles.min()), abs(spec.angle_increment)
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> LidarScan | None:
         """The scan as of now."""
-        cast_fan(
+        self._cast(shapes, state, vehicle)
+        if self._is_clockwise:
+            self._inverse_range = self._inverse_range[::-1].copy()
+        return self._scan(time)
+
+    def _cast(self, shapes: Shapes, state: State, vehicle: int) -> None:
+        arguments = (
             state.vehicle_position[vehicle],
             state.vehicle_orientation[vehicle],
             *self._mount,
@@ -120,9 +128,9 @@ class Lidar(Sensor[LidarScan]):
             state.shape_rotation,
             self._inverse_range,
         )
-        if self._is_clockwise:
-            self._inverse_range = self._inverse_range[::-1].copy()
-        return self._scan(time)
+        if self._cast_fan is None:
+            self._cast_fan = resolved(cast_fan, *arguments)
+        self._cast_fan(*arguments)
 
     def _scan(self, time: float) -> LidarScan:
         """The reading made of the inverse ranges."""
