@@ -138,7 +138,6 @@ def test_a_moment_can_be_restored_in_another_world_of_the_same_scenario(tmp_path
     assert film(other, 100, drive) == film(world, 100, drive)
 
 
-@pytest.mark.xfail(strict=True, reason="Engine.save leaves out who sleeps: MuJoCo's state vector has no tree_asleep")
 @pytest.mark.parametrize("at", [50, 170, 263])  # asleep before it is touched; about to sleep after it was; asleep again
 def test_a_box_that_sleeps_at_the_save_sleeps_again_after_the_restore(at: int) -> None:
     def push_twice(frame: Frame) -> dict[str, Command]:

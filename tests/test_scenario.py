@@ -95,3 +95,23 @@ def test_realistic_sensors_err_and_ideal_ones_do_not() -> None:
     ideal, real = zip(*readings, strict=True)
     assert max(map(abs, ideal)) < 1e-9
     assert len(set(real)) > 10  # each draws anew, on a grid of the least digit
+
+
+@pytest.mark.parametrize("name", ["", 'q"<&', "a/b", "two words"])
+def test_box_whose_name_is_not_plain_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="a name is letters, digits and '_'"):
+        ScenarioSpec(boxes={name: BoxSpec(x=0.0, y=0.0)})
+
+
+def test_box_under_the_ground_is_refused() -> None:
+    with pytest.raises(ValueError, match="z is the height of its centre"):
+        BoxSpec(x=0.0, y=0.0, z=-3.0)
+
+
+def test_teleport_into_a_box_is_refused_and_nothing_moves() -> None:
+    world = autodrive.make(ScenarioSpec(boxes={"crate": BoxSpec(x=1.0, y=0.0)}))
+    with pytest.raises(autodrive.CommandError, match="it would stand in 'crate'"):
+        world.teleport("V1", 1.0, 0.0)
+    assert world.step().vehicles["V1"].pose.position == pytest.approx([0.0, 0.0, 0.0325])
+    world.teleport("V1", 2.0, 0.0)
+    assert world.frame.vehicles["V1"].pose.position == pytest.approx([2.0, 0.0, 0.0325])

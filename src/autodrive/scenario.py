@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
@@ -56,6 +57,12 @@ class BoxSpec(Spec):
             raise ValueError("length, width and height must all be greater than 0 m")
         return size
 
+    @model_validator(mode="after")
+    def _above_ground(self) -> BoxSpec:
+        if self.z is not None and self.z < self.size[2] / 2 - 1e-6:
+            raise ValueError(f"z is the height of its centre, at least half its height of {self.size[2]} m")
+        return self
+
 
 class ScenarioSpec(Spec):
     """Everything that decides how a run begins; the rest is commands."""
@@ -87,13 +94,13 @@ class ScenarioSpec(Spec):
             raise ValueError(f"tick {self.tick} s must be a whole number of substeps of {self.substep} s")
         return self
 
-    @field_validator("vehicles")
+    @field_validator("vehicles", "boxes")
     @classmethod
-    def _plain_names(cls, vehicles: dict[str, VehiclePlacement]) -> dict[str, VehiclePlacement]:
-        for name in vehicles:
+    def _plain_names(cls, named: dict[str, Any]) -> dict[str, Any]:
+        for name in named:
             if not name.isidentifier():
-                raise ValueError(f"a vehicle's name is letters, digits and '_', such as V1, not '{name}'")
-        return vehicles
+                raise ValueError(f"a name is letters, digits and '_', such as V1 or box_1, not '{name}'")
+        return named
 
     @property
     def substeps(self) -> int:

@@ -63,7 +63,8 @@ class World:
         self.tick_duration = compiled.spec.tick
         self._seed = compiled.spec.seed
         self._substeps = compiled.spec.substeps
-        self._timeout = Fraction(str(compiled.spec.command_timeout)) / Fraction(str(compiled.spec.tick))
+        self._tick_length = Fraction(str(compiled.spec.tick))
+        self._timeout = Fraction(str(compiled.spec.command_timeout)) / self._tick_length
         self._referee = Referee(
             self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
         )
@@ -138,19 +139,28 @@ class World:
     @property
     def time(self) -> float:
         """Simulated time since reset [s]."""
-        return self._tick * self.spec.tick
+        return self._tick * self._tick_length.numerator / self._tick_length.denominator
 
     # -- what else can be done to it -----------------------------------------------------------------------------
 
     def teleport(self, vehicle: str, x: float, y: float, yaw: float = 0.0) -> None:
-        """Puts a vehicle, at rest, on the ground at x, y [m] with heading yaw [rad]. Its encoders keep their count."""
+        """Puts a vehicle, at rest, on the ground at x, y [m] with heading yaw [rad]. Its encoders keep their count.
+
+        Raises `CommandError`, and leaves it where it is, if it would stand in something there.
+        """
         i = self._index(vehicle)
         if not all(math.isfinite(value) for value in (x, y, yaw)):
             raise CommandError(f"vehicle '{vehicle}' cannot be put at x={x}, y={y}, yaw={yaw}: these are not numbers")
         c = self._compiled
         row = c.model.vehicles[i]
         qpos, dof = int(row["qpos"]), int(row["dof"])
+        before = c.views.qpos[qpos : qpos + 7].copy()
         c.views.qpos[qpos : qpos + 7] = (x, y, self.vehicle_specs[vehicle].ride_height, *quaternion_from_yaw(yaw))
+        c.engine.update()
+        if others := _in_the_way(c, vehicle):
+            c.views.qpos[qpos : qpos + 7] = before
+            c.engine.update()
+            raise CommandError(f"vehicle '{vehicle}' cannot be put at x={x}, y={y}: it would stand in {others}")
         c.views.qvel[dof : dof + 6] = 0.0
         for column in (c.state.wheel_angular_velocity, c.state.wheel_force, c.state.wheel_hold):
             column[4 * i : 4 * i + 4] = 0.0
@@ -188,7 +198,6 @@ class World:
         c = self._compiled
         self._tick, self._seed, self.frame = saved.tick, saved.seed, saved.frame
         c.engine.restore(saved.engine)
-        c.views.warnings[:] = 0
         c.touches.impulse[:] = 0.0
         c.touches.pair_count[0] = 0
         for column, kept in zip(c.state, saved.state, strict=True):
@@ -319,7 +328,7 @@ class Snapshot(NamedTuple):
 
     tick: int
     seed: int
-    engine: Floats
+    engine: Any
     state: State
     referee: Any
     sensors: dict[str, Any]
@@ -358,6 +367,12 @@ class WheelView:
 
 def _plain(value: Any) -> Any:
     return float(value) if np.ndim(value) == 0 else value.copy()
+
+
+def _in_the_way(c: Compiled, vehicle: str) -> str:
+    """Names of the things that the vehicle is in now."""
+    pairs = [{c.owners[a], c.owners[b]} for a, b in c.engine.overlapping()]
+    return ", ".join(sorted({f"'{name}'" for pair in pairs if vehicle in pair for name in pair - {vehicle}}))
 
 
 def _pose(qpos: Floats, start: int) -> Pose:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from autodrive.maps.map import BoxPlacement, Map
 from autodrive.maps.solids import StaticShape
 from autodrive.model import BOX
+from autodrive.physics.engine import text
 from autodrive.transforms import quaternion_from_yaw
 
 CLASSES = """
@@ -46,19 +47,15 @@ def _static(shape: StaticShape, friction: str) -> str:
     kind = "box" if shape.kind == BOX else "cylinder"
     size = shape.size if shape.kind == BOX else shape.size[:2]
     return (
-        f'<geom name="{shape.name}" class="static" type="{kind}" size="{_text(size)}" pos="{_text(shape.position)}" '
-        f'quat="{_text(quaternion_from_yaw(shape.yaw))}" {friction}/>'
+        f'<geom name="{shape.name}" class="static" type="{kind}" size="{text(size)}" pos="{text(shape.position)}" '
+        f'quat="{text(quaternion_from_yaw(shape.yaw))}" {friction}/>'
     )
 
 
 def _movable(box: BoxPlacement, friction: str) -> str:
     half = tuple(length / 2 for length in box.size)
     return (
-        f'<body name="{box.name}" pos="{_text(box.position)}" quat="{_text(quaternion_from_yaw(box.yaw))}">'
-        f'<freejoint name="{box.name}"/><geom name="{box.name}" class="movable" type="box" size="{_text(half)}" '
+        f'<body name="{box.name}" pos="{text(box.position)}" quat="{text(quaternion_from_yaw(box.yaw))}">'
+        f'<freejoint name="{box.name}"/><geom name="{box.name}" class="movable" type="box" size="{text(half)}" '
         f'mass="{box.mass:.17g}" {friction}/></body>'
     )
-
-
-def _text(numbers: tuple[float, ...]) -> str:
-    return " ".join(f"{number:.17g}" for number in numbers)

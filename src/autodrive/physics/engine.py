@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -75,6 +76,11 @@ class Views(NamedTuple):
     """How often the engine gave up on a state, for each of its reasons."""
     contact_layout: Integers
     """Bytes: from one contact to the next, and from its start to its position and to its pair of geoms."""
+
+
+def text(numbers: Iterable[float]) -> str:
+    """Numbers as MuJoCo's files write them, to the last bit."""
+    return " ".join(f"{number:.17g}" for number in numbers)
 
 
 class Geom(NamedTuple):
@@ -173,17 +179,13 @@ class Engine:
         """Makes all that follows from positions and velocities follow, after they were set from outside."""
         mujoco.mj_forward(self.model, self.data)
 
-    def save(self) -> Floats:
-        """All that the future depends on."""
-        signature = mujoco.mjtState.mjSTATE_INTEGRATION
-        saved = np.empty(mujoco.mj_stateSize(self.model, signature))
-        mujoco.mj_getState(self.model, self.data, saved, signature)
-        return saved
+    def save(self) -> Any:
+        """All that the future depends on: the whole data, for MuJoCo's state vectors do not tell who sleeps."""
+        return copy.copy(self.data)
 
-    def restore(self, saved: Floats) -> None:
+    def restore(self, saved: Any) -> None:
         """The same future as at `save`, bit for bit."""
-        mujoco.mj_setState(self.model, self.data, saved, mujoco.mjtState.mjSTATE_INTEGRATION)
-        mujoco.mj_step1(self.model, self.data)
+        mujoco.mj_copyData(self.data, self.model, saved)
 
 
 _BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from autodrive.physics.engine import text
 from autodrive.transforms import quaternion_from_yaw
 from autodrive.vehicles.spec import BoxSpec, VehicleSpec
 
@@ -17,21 +18,17 @@ def vehicle_mjcf(name: str, spec: VehicleSpec, x: float, y: float, yaw: float) -
     radius = spec.wheels.radius - spec.wheels.suspension.compression_max
     geoms += [
         f'<geom name="{name}/wheel_{side}" class="wheel" size="{radius:.17g} {spec.wheels.width / 2:.17g}" '
-        f'pos="{_text(hub)}"/>'
+        f'pos="{text(hub)}"/>'
         for side, hub in zip(WHEEL_NAMES, spec.hubs, strict=True)
     ]
     return (
-        f'<body name="{name}" pos="{_text((x, y, spec.ride_height))}" quat="{_text(quaternion_from_yaw(yaw))}">'
+        f'<body name="{name}" pos="{text((x, y, spec.ride_height))}" quat="{text(quaternion_from_yaw(yaw))}">'
         f'<freejoint name="{name}"/>'
-        f'<inertial pos="{_text(body.center_of_mass)}" mass="{body.mass:.17g}" diaginertia="{_text(body.inertia)}"/>'
+        f'<inertial pos="{text(body.center_of_mass)}" mass="{body.mass:.17g}" diaginertia="{text(body.inertia)}"/>'
         f"{''.join(geoms)}</body>"
     ).replace('class="chassis"', f'class="chassis" friction="{body.friction:.17g} 0.005 0.0001"')
 
 
 def _box(name: str, box: BoxSpec) -> str:
     half = tuple(length / 2 for length in box.size)
-    return f'<geom name="{name}" class="chassis" type="box" size="{_text(half)}" pos="{_text(box.position)}"/>'
-
-
-def _text(numbers: tuple[float, ...]) -> str:
-    return " ".join(f"{number:.17g}" for number in numbers)
+    return f'<geom name="{name}" class="chassis" type="box" size="{text(half)}" pos="{text(box.position)}"/>'
