@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import numbers
 from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
@@ -64,7 +63,7 @@ class World:
         self._seed = compiled.spec.seed
         self._substeps = compiled.spec.substeps
         self._tick_length = Fraction(str(compiled.spec.tick))
-        self._timeout = Fraction(str(compiled.spec.command_timeout)) / self._tick_length
+        self._timeout = math.floor(Fraction(str(compiled.spec.command_timeout)) / self._tick_length)  # in ticks
         self._referee = Referee(
             self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
         )
@@ -301,15 +300,17 @@ def _check(vehicle: str, command: Command) -> None:
             f"vehicle '{vehicle}': throttle {command.throttle} and steering {command.steering} must be numbers, "
             "best in [-1, 1]"
         )
-    for name, kind in (("headlights", Headlights), ("indicators", Indicators)):
-        value = getattr(command, name)
+    for name, kind, value in (
+        ("headlights", Headlights, command.headlights),
+        ("indicators", Indicators, command.indicators),
+    ):
         if value is not None and value not in list(kind):
             known = ", ".join(f"{one.value} {one.name}" for one in kind)
             raise CommandError(f"vehicle '{vehicle}': {name} {value} are not known. Known: {known}, or None")
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, numbers.Real) and math.isfinite(value)
+    return isinstance(value, float | int | np.number) and math.isfinite(value)
 
 
 class _Driver(NamedTuple):

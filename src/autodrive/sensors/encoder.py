@@ -7,12 +7,11 @@ import math
 import numpy as np
 from pydantic import Field
 
-from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.protocol.messages import EncoderReading
 from autodrive.sensors.noise import Noise, NoiseSpec
 from autodrive.sensors.sensor import Sensor, SensorSpec
-from autodrive.state import Floats, Integers, State
+from autodrive.state import State
 
 REAR_LEFT = 2
 """Rear left among a vehicle's four wheels; rear right follows."""
@@ -42,15 +41,8 @@ class Encoders(Sensor[EncoderReading]):
         angles = state.wheel_rotation[4 * vehicle + REAR_LEFT : 4 * vehicle + REAR_LEFT + 2].copy()
         if self._noise is not None:
             self._noise.add(angles, time)
-        ticks = np.empty(2, np.int64)
-        _count(angles, self._ticks_per_radian, ticks)
-        angles.flags.writeable = False
-        ticks.flags.writeable = False
+        ticks = (angles * self._ticks_per_radian).astype(np.int64)  # rounds toward zero
+        angles = ticks / self._ticks_per_radian
+        angles.setflags(write=False)
+        ticks.setflags(write=False)
         return EncoderReading(time, ticks, angles)
-
-
-@jit
-def _count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
-    for i in range(2):
-        ticks[i] = int(angles[i] * ticks_per_radian)  # int() rounds toward zero
-        angles[i] = ticks[i] / ticks_per_radian

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.protocol.messages import IpsReading
 from autodrive.sensors.noise import Noise, NoiseSpec
 from autodrive.sensors.sensor import Mount, Sensor, SensorSpec
-from autodrive.state import Floats, State
-from autodrive.transforms import Vector, rotate
+from autodrive.state import State
+from autodrive.transforms import rotate
 
 
 class IpsSpec(SensorSpec):
@@ -32,16 +29,10 @@ class Ips(Sensor[IpsReading]):
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> IpsReading:
         """Position in the map."""
-        position = np.empty(3)
-        _locate(state.vehicle_position, state.vehicle_orientation, vehicle, self._offset, position)
+        position = state.vehicle_position[vehicle].copy()
+        if any(self._offset):
+            position += rotate(state.vehicle_orientation[vehicle], self._offset)
         if self._noise is not None:
             self._noise.add(position, time)
-        position.flags.writeable = False
+        position.setflags(write=False)
         return IpsReading(time, position)
-
-
-@jit
-def _locate(positions: Floats, orientations: Floats, vehicle: int, offset: Vector, out: Floats) -> None:
-    lever = rotate(orientations[vehicle], offset)
-    for i in range(3):
-        out[i] = positions[vehicle, i] + lever[i]
