@@ -28,7 +28,7 @@ DEVKIT_PORT = 4567
 
 LOOKS_PER_LOG_LINE = 50
 """Where no live line is possible, only one in so many is printed: one in ten seconds."""
-COMPILED_FUNCTIONS = 80
+COMPILED_FUNCTIONS = 90
 """As many are compiled on the first start, give or take a few: the length of the progress bar."""
 
 

@@ -33,6 +33,7 @@ from autodrive.physics.compile import (
 from autodrive.physics.engine import Views, copy_memory, mj_contact_force, mj_step1, mj_step2
 from autodrive.physics.ray import MISS, ray_shape
 from autodrive.state import Floats, Integers, State
+from autodrive.transforms import Rotation, rotation_from_quaternion
 
 REACH = 0.5
 """Shapes whose bounding sphere is farther from a vehicle frame than this [m] are out of its wheels' reach in a tick."""
@@ -151,20 +152,9 @@ def observe(model: Model, state: State, views: Views) -> None:
 
 
 @inlined
-def _rotation(q: Floats, at: int) -> tuple[float, float, float, float, float, float, float, float, float]:
+def _rotation(q: Floats, at: int) -> Rotation:
     """Rotation matrix, row by row, of the unit quaternion wxyz that begins at `at`."""
-    w, x, y, z = q[at], q[at + 1], q[at + 2], q[at + 3]
-    return (
-        1.0 - 2.0 * (y * y + z * z),
-        2.0 * (x * y - w * z),
-        2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z),
-        1.0 - 2.0 * (x * x + z * z),
-        2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y),
-        2.0 * (y * z + w * x),
-        1.0 - 2.0 * (x * x + y * y),
-    )
+    return rotation_from_quaternion((q[at], q[at + 1], q[at + 2], q[at + 3]))
 
 
 @inlined
