@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import mujoco
 import numpy as np
-from numba.core import types
+from numba.core import config, types
 from numpy.typing import NDArray
 
 from autodrive.errors import EngineError
@@ -35,6 +35,10 @@ _library = _mujoco_library()
 
 def _external(name: str, function: Any, *arguments: Any) -> Callable[..., Any]:
     """A C function that compiled code calls by name, so that what calls it can be kept in Numba's cache."""
+    if config.DISABLE_JIT:
+        sizes = {types.intp: ctypes.c_ssize_t, types.int32: ctypes.c_int32}
+        prototype = ctypes.CFUNCTYPE(None, *(sizes[argument] for argument in arguments))
+        return ctypes.cast(function, prototype)
     llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
     return types.ExternalFunction(name, types.void(*arguments))  # pyright: ignore[reportReturnType]
 
