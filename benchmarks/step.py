@@ -2,7 +2,7 @@
 
     uv run benchmarks/step.py [--f1tenth-gym PYTHON]
 
-With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with its 1080-ray scan) runs in turn with ours.
+With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with its 1080-ray scan) runs after ours.
 CPU time of one core, medians.
 """
 

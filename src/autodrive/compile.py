@@ -61,7 +61,6 @@ def compile_scenario(spec: ScenarioSpec) -> Compiled:
         size=np.array([geom.size for geom in geoms], dtype=np.float64).reshape(-1, 3),
         bounding_radius=np.array([geom.bounding_radius for geom in geoms], dtype=np.float64),
         vehicle=np.array([body_vehicle.get(geom.body, -1) for geom in geoms], dtype=np.int64),
-        is_static=np.array([geom.dof < 0 for geom in geoms], dtype=np.bool_),
         dof=np.array([geom.dof for geom in geoms], dtype=np.int64),
         qpos=np.array([geom.qpos for geom in geoms], dtype=np.int64),
     )
@@ -202,7 +201,7 @@ def _sensors(spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]) -> dict[str, 
 def _vehicle_table(vehicles: dict[str, VehicleSpec], engine: Engine, dt: float) -> Table:
     table = np.zeros(len(vehicles), dtype=VEHICLE)
     for row, (name, spec) in zip(table, vehicles.items(), strict=True):
-        row["body"], row["qpos"], row["dof"] = engine.body(name)
+        _, row["qpos"], row["dof"] = engine.body(name)
         for field in ("mass", "inertia", "center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
             row[field] = getattr(spec.body, field)
         row["wheelbase"] = spec.wheelbase

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from autodrive.state import Floats, Integers
 
-PLANE, SPHERE, CYLINDER, BOX = 0, 2, 5, 6
+SPHERE, CYLINDER, BOX = 2, 5, 6
 """Kinds of shape, numbered as in MuJoCo (mjtGeom)."""
 
 Table = NDArray[Any]
@@ -23,7 +23,6 @@ def _table(**columns: Any) -> np.dtype[Any]:
 
 
 VEHICLE = _table(
-    body=np.int64,  # of the engine
     qpos=np.int64,  # where its position and quaternion begin in the engine's qpos
     dof=np.int64,  # where its velocity begins in the engine's qvel
     mass=np.float64,  # [kg]
@@ -89,8 +88,6 @@ class Shapes(NamedTuple):
     """[m], shape (n_shape,)."""
     vehicle: Integers
     """Index of the vehicle that the shape is part of, or -1, shape (n_shape,)."""
-    is_static: NDArray[np.bool_]
-    """True for what never moves, shape (n_shape,)."""
     dof: Integers
     """Where the velocity of the shape's body begins in the engine's qvel, or -1 if it never moves, shape (n_shape,)."""
     qpos: Integers

@@ -340,7 +340,7 @@ def test_rolling_scan_of_a_turning_car_is_skewed_by_its_turn():
 
 def test_rolling_scan_sees_a_moving_box_where_it_was_at_each_ray():
     speed = 0.6
-    box = Thing(BOX, (0.5, 50.0, 1.0), (0.0, 0.0, 0.0), is_static=False)
+    box = Thing(BOX, (0.5, 50.0, 1.0), (0.0, 0.0, 0.0))
     still = ((0.0, 0.0, HEIGHT), (1.0, 0.0, 0.0, 0.0))
     scans = drive(LidarSpec(is_rolling=True), [box], lambda t: still, 40, move=lambda t: (3.5 + speed * t, 0.0, 0.0))
     for result in scans:

@@ -25,13 +25,12 @@ def state_of(vehicles=1, **columns):
 class Thing:
     """One shape: kind, size, where it is, how it is turned."""
 
-    def __init__(self, kind, size, position, rotation=None, vehicle=-1, is_static=True):
+    def __init__(self, kind, size, position, rotation=None, vehicle=-1):
         self.kind = kind
         self.size = np.resize(np.array([*size, 0.0, 0.0]), 3) if kind != BOX else np.array(size)
         self.position = np.array(position, float)
         self.rotation = np.eye(3) if rotation is None else np.array(rotation, float).reshape(3, 3)
         self.vehicle = vehicle
-        self.is_static = is_static
 
     @property
     def bounding_radius(self):
@@ -46,7 +45,6 @@ def shapes_of(things):
         "size": np.array([t.size for t in things]).reshape(-1, 3),
         "bounding_radius": np.array([t.bounding_radius for t in things], float),
         "vehicle": np.array([t.vehicle for t in things], np.int64),
-        "is_static": np.array([t.is_static for t in things], bool),
     }
     return Shapes(**(unread | known))
 

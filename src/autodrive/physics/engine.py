@@ -109,11 +109,6 @@ class Engine:
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
 
-    @property
-    def dt(self) -> float:
-        """Length of a substep [s]."""
-        return float(self.model.opt.timestep)
-
     def body(self, name: str) -> tuple[int, int, int]:
         """Number of a free body, and where its rows begin in qpos and qvel."""
         body = self.model.body(name)
