@@ -36,6 +36,22 @@ class LightsSpec(Spec):
     """Indicators: dark for the first half of it, lit for the second [s]."""
 
 
+LAMPS = tuple(
+    f"{lamp}_{side}"
+    for lamp in ("head", "high_beam", "front_indicator", "rear_indicator", "tail", "reverse")
+    for side in ("left", "right")
+)
+"""Every lamp of a vehicle, by the names of `LightsSpec` and the side that it is on."""
+
+
+def lamp_levels(lights: Lights) -> tuple[float, ...]:
+    """How brightly each of `LAMPS` burns, 0 to 1. Tail lights burn at half when partial (scene)."""
+    low, high = lights.headlights != Headlights.OFF, lights.headlights == Headlights.HIGH
+    left, right = lights.left_indicator, lights.right_indicator
+    tail, reverse = lights.tail_lights / TailLights.BRIGHT, lights.reverse_lights
+    return tuple(map(float, (low, low, high, high, left, right, left, right, tail, tail, reverse, reverse)))
+
+
 def lit_lamps(
     headlights: Headlights, indicators: Indicators, blink_phase: float, is_braking: bool, is_reversing: bool
 ) -> Lights:

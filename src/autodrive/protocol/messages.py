@@ -171,6 +171,44 @@ class LidarScan(msgspec.Struct, frozen=True, gc=False):
     time_increment: float
 
 
+class CameraIntrinsics(msgspec.Struct, frozen=True, gc=False):
+    """The pinhole of a camera, in pixels.
+
+    A point (x, y, z) of the optical frame is seen at u = cx + fx x / z, v = cy + fy y / z, from the picture's upper left
+    corner; pixel (0, 0) covers 0 to 1 of both. `distortion` k1, k2, p1, p2, k3 moves x / z and y / z before that (Brown-Conrady, as OpenCV and ROS 'plumb_bob').
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class CameraImage(msgspec.Struct, frozen=True, gc=False):
+    """One picture, of the moment `time` [s].
+
+    `pose` is that of the optical frame (x right, y down, z forward, REP 103) in the map: world from camera. `rgba`
+    uint8, shape (height, width, 4), first row on top, sRGB; the fourth is 255. Where asked for: `depth` [m] float32,
+    shape (height, width), along z of the optical frame, inf where nothing is; `labels` uint8, likewise, see
+    `autodrive.render.asset.Label`.
+    """
+
+    time: float
+    pose: Pose
+    intrinsics: CameraIntrinsics
+    rgba: NDArray[np.uint8]
+    depth: NDArray[np.float32] | None = None
+    labels: NDArray[np.uint8] | None = None
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """The picture without the fourth value, shape (height, width, 3); a view, not a copy."""
+        return self.rgba[..., :3]
+
+
 class Lights(msgspec.Struct, frozen=True, gc=False):
     """What the lamps do now. `left_indicator` and `right_indicator` say whether the lamp is lit at this moment."""
 
@@ -204,7 +242,8 @@ class VehicleFrame(msgspec.Struct, frozen=True, gc=False):
     `pose` is that of the vehicle frame: centre of the rear axle at wheel-centre height. `velocity` [m/s] of that
     point and `angular_velocity` [rad/s], shape (3,), are in vehicle axes. `throttle` [-1, 1] is the latest command
     given to the drive actuators and `steering` [rad], left positive, the angle of the steering actuator (report,
-    tables 2 and 3; sampled every tick). `lidar` is None before the first scan is complete.
+    tables 2 and 3; sampled every tick). `lidar` is None before the first scan is complete. `cameras` holds the latest
+    picture of each camera by its name ('front', 'rear'); none where cameras are off, or before the first.
     """
 
     pose: Pose
@@ -220,6 +259,7 @@ class VehicleFrame(msgspec.Struct, frozen=True, gc=False):
     wheels: WheelsReading
     is_autonomous: bool
     collision_count: int
+    cameras: dict[str, CameraImage] = {}
 
     @property
     def speed(self) -> float:

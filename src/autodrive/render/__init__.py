@@ -1,0 +1,1 @@
+"""What the cameras look at, and the renderer that draws it."""
