@@ -174,8 +174,9 @@ class LidarScan(msgspec.Struct, frozen=True, gc=False):
 class CameraIntrinsics(msgspec.Struct, frozen=True, gc=False):
     """The pinhole of a camera, in pixels.
 
-    A point (x, y, z) of the optical frame is seen at u = cx + fx x / z, v = cy + fy y / z, from the picture's upper left
-    corner; pixel (0, 0) covers 0 to 1 of both. `distortion` k1, k2, p1, p2, k3 moves x / z and y / z before that (Brown-Conrady, as OpenCV and ROS 'plumb_bob').
+    A point (x, y, z) of the optical frame is seen at u = cx + fx x / z, v = cy + fy y / z, from the picture's upper
+    left corner; pixel (0, 0) covers 0 to 1 of both. `distortion` k1, k2, p1, p2, k3 moves x / z and y / z before that
+    (Brown-Conrady, as OpenCV and ROS 'plumb_bob').
     """
 
     width: int
