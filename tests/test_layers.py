@@ -13,15 +13,16 @@ import autodrive
 PACKAGE = Path(autodrive.__file__).parent
 
 LAYERS: list[set[str]] = [
-    {"protocol", "model", "state", "transforms", "units", "errors", "descriptions", "jit", "pace"},
+    {"protocol", "model", "state", "transforms", "units", "errors", "descriptions", "cache", "jit", "pace"},
     {"actuators", "physics", "render", "sensors"},
     {"scenario", "vehicles", "maps"},
-    {"world", "compile", "referee"},
-    {"simulation"},
+    {"world", "compile", "referee", "assets", "cameras"},
+    {"simulation", "camera_process"},
     {"app", "bridge", "recording", "envs", "batch", "browse", "doctor"},
     {"cli"},
 ]
-"""Rooms from the ground up. `descriptions` reads files for all above; `jit` compiles; `pace` is arithmetic."""
+"""Rooms from the ground up. `descriptions` reads files for all above; `cache` says where what can be made again is
+kept; `jit` compiles; `pace` is arithmetic."""
 
 NEED_PROTOCOL_ONLY = {"client", "devkit", "ros"}
 """They run where no simulator is installed."""

@@ -5,43 +5,24 @@ With `NUMBA_DISABLE_JIT=1` in the environment the same source runs as plain Pyth
 
 from __future__ import annotations
 
-import hashlib
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 from numba.core import config, event
 from numba.core.dispatcher import Dispatcher
 
+from autodrive.cache import cache_folder
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
-def _cache_folder() -> Path:
-    """Where compiled code is kept: a folder of the user's, one for each state of our source.
-
-    Numba itself looks only at the file of the outermost function, so that a change in a function which that one
-    calls would go unnoticed.
-    """
-    package = Path(__file__).parent
-    stamp = hashlib.sha256(sys.version.encode())
-    for path in sorted(package.rglob("*.py")):
-        status = path.stat()
-        stamp.update(f"{path.relative_to(package)} {status.st_size} {status.st_mtime_ns}".encode())
-    if sys.platform == "win32":
-        root = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        root = Path.home() / "Library" / "Caches"
-    else:
-        root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    return root / "autodrive" / f"numba-{stamp.hexdigest()[:16]}"
-
-
+# Numba itself looks only at the file of the outermost function, so that a change in a function which that one calls
+# would go unnoticed: a folder for each state of our whole source
 if "NUMBA_CACHE_DIR" not in os.environ:
-    config.CACHE_DIR = str(_cache_folder())  # pyright: ignore[reportAttributeAccessIssue]
+    config.CACHE_DIR = str(cache_folder("numba"))  # pyright: ignore[reportAttributeAccessIssue]
 
 _njit: Any = numba.njit
 
