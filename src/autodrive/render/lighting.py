@@ -1,0 +1,116 @@
+"""Which lamps burn and where the shadows of a moment fall: numbers for the shaders, no drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from autodrive.actuators.lights import LAMPS, LightsSpec
+from autodrive.render.look import BEAMS
+
+if TYPE_CHECKING:
+    from autodrive.state import Floats
+
+HEADLIGHTS = tuple(i for i, name in enumerate(LAMPS) if name.startswith(("head", "high_beam")))
+"""Rows of a vehicle's lamps that throw far and cast shadows."""
+
+LAMP = np.dtype(
+    [
+        ("place", np.float64, 3),
+        ("range", np.float64),
+        ("aim", np.float64, 3),
+        ("cos_outer", np.float64),
+        ("color", np.float64, 3),
+        ("sharpness", np.float64),
+        ("up", np.float64, 3),
+        ("cutoff", np.float64),
+    ]
+)
+
+
+def lamp_table(spec: LightsSpec) -> np.ndarray:
+    """Every lamp of a vehicle when fully lit, in vehicle axes, shape (len(LAMPS),), dtype `LAMP`."""
+    table = np.zeros(len(LAMPS), LAMP)
+    for row, lamp in zip(table, LAMPS, strict=True):
+        name, side = lamp.rsplit("_", 1)
+        own, beam = getattr(spec, name), BEAMS[name]
+        x, y, z = own.position
+        ahead = 1.0 if beam.is_forward else -1.0
+        c, s = np.cos(beam.pitch), np.sin(beam.pitch)
+        row["place"] = x + 0.006 * ahead, y if side == "left" else -y, z
+        row["range"] = own.range
+        row["aim"], row["up"] = (ahead * c, 0.0, -s), (ahead * s, 0.0, c)
+        row["cos_outer"] = np.cos(beam.outer)
+        row["sharpness"] = 1.0 / (np.cos(beam.inner) - row["cos_outer"])
+        row["color"] = beam.intensity * np.array(own.color)
+        row["cutoff"] = beam.cutoff
+    return table
+
+
+def burning(tables: Sequence[np.ndarray], roots: Floats, levels: Floats) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lamps that are lit, in map axes (dtype `LAMP`), the vehicle of each, and which of them are headlights.
+
+    `roots`: vehicle poses, shape (n, 4, 4); `levels`: how brightly each lamp burns, shape (n, len(LAMPS)).
+    """
+    vehicle, lamp = np.nonzero(levels)
+    lit = np.stack(tables)[vehicle, lamp]
+    turn = roots[vehicle, :3, :3]
+    lit["place"] = np.einsum("nij,nj->ni", turn, lit["place"]) + roots[vehicle, :3, 3]
+    for axis in ("aim", "up"):
+        lit[axis] = np.einsum("nij,nj->ni", turn, lit[axis])
+    lit["color"] *= levels[vehicle, lamp, None]
+    return lit, vehicle, np.isin(lamp, HEADLIGHTS)
+
+
+def reach(lit: np.ndarray, centers: Floats, radii: Floats) -> np.ndarray:
+    """Whether each lamp can light anything of each sphere, shape (n_sphere, n_lamp).
+
+    In range, and not wholly outside the cone (a sphere whose middle lies beyond the cone's edge by more than its
+    radius at that distance).
+    """
+    to = centers[:, None] - lit["place"][None]
+    far = np.linalg.norm(to, axis=2)
+    along = np.einsum("snk,nk->sn", to, lit["aim"])
+    aside = np.sqrt(np.maximum(far**2 - along**2, 0.0))
+    cos = lit["cos_outer"]
+    beyond = aside * cos - along * np.sqrt(1.0 - cos**2)  # signed distance to the cone's edge
+    r = radii[:, None]
+    return (far < lit["range"] + r) & (beyond < r)
+
+
+def strength(lit: np.ndarray, centers: Floats) -> Floats:
+    """How much each lamp gives each place, roughly, to choose the strongest: shape (n_place, n_lamp)."""
+    to = centers[:, None] - lit["place"][None]
+    return lit["color"].sum(1) / (np.sum(to**2, axis=2) + 0.05)
+
+
+def beam_matrix(place: Floats, aim: Floats, up: Floats, cos_outer: float, range_: float) -> Floats:
+    """Clip space of a headlight's shadow map from the map frame, shape (4, 4)."""
+    near, tangent = 0.03, 1.05 * float(np.sqrt(1.0 - cos_outer**2) / cos_outer)
+    side = np.cross(up, aim)
+    look = np.eye(4)
+    look[:3, :3] = np.stack([side, up, aim])
+    look[:3, 3] = -look[:3, :3] @ place
+    return perspective(tangent, tangent, near, range_) @ look
+
+
+def perspective(tan_x: float, tan_y: float, near: float, far: float) -> Floats:
+    """Clip space from an eye that looks along +z, shape (4, 4)."""
+    return np.array(
+        [
+            [1.0 / tan_x, 0.0, 0.0, 0.0],
+            [0.0, 1.0 / tan_y, 0.0, 0.0],
+            [0.0, 0.0, (far + near) / (far - near), -2.0 * far * near / (far - near)],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )
+
+
+def sun_axes(direction: Sequence[float]) -> Floats:
+    """Rows x, y across the light and z away from the sun: sun axes from map axes, shape (3, 3)."""
+    z = -np.asarray(direction, np.float64)
+    x = np.cross((0.0, 0.0, 1.0), z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])

@@ -1,0 +1,40 @@
+"""An asset on the graphics side."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from autodrive.render.scene import VERTEX, Geometry
+
+_FIELDS = [(name, int(np.prod(VERTEX[name].shape))) for name in VERTEX.names or ()]
+
+
+class Model:
+    """Vertices and indices of an asset, to be drawn by any program."""
+
+    def __init__(self, context: moderngl.Context, own: Geometry) -> None:
+        self.geometry = own
+        self._context = context
+        self._is_empty = len(own.indices) == 0
+        if not self._is_empty:
+            self._vertices = context.buffer(own.vertices.tobytes())
+            self._indices = context.buffer(own.indices.tobytes())
+        self._arrays: dict[int, moderngl.VertexArray] = {}
+
+    @property
+    def radius(self) -> float:
+        """Of a sphere around the asset's origin that holds all of it [m]."""
+        return max((float(np.linalg.norm(r.center)) + r.radius for r in self.geometry.ranges), default=0.0)
+
+    def draw(self, program: moderngl.Program, first: int = 0, count: int = -1) -> None:
+        """`count` indices from `first`, by a program whose uniforms are set; -1: all."""
+        if self._is_empty:
+            return
+        array = self._arrays.get(program.glo)
+        if array is None:
+            used = [name for name, _ in _FIELDS if name in program]
+            layout = " ".join(f"{width}f" if name in used else f"{4 * width}x" for name, width in _FIELDS)
+            array = self._context.vertex_array(program, [(self._vertices, layout, *used)], self._indices)
+            self._arrays[program.glo] = array
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)

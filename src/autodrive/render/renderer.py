@@ -1,0 +1,271 @@
+"""Draws moments of a scene without a screen: a small forward renderer on OpenGL 3.3."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import moderngl
+import numpy as np
+
+from autodrive.render import texture_arrays
+from autodrive.render.gl import open_context, source, write
+from autodrive.render.model import Model
+from autodrive.render.quality import quality
+from autodrive.render.scene import Rig, geometry, rigid
+from autodrive.render.shadows import BONES, Shadows, columns
+from autodrive.render.stage import FRAME, Lit, Stage
+from autodrive.render.target import ExactTarget, Target
+from autodrive.render.view import Picture, View
+
+if TYPE_CHECKING:
+    from autodrive.render.asset import Asset, Detail
+    from autodrive.render.moment import Moment
+    from autodrive.render.scene import Scene
+    from autodrive.state import Floats
+
+TEXTURES, STILL, CASTER, BEAM = range(4)
+"""Texture units."""
+
+
+class Variant(NamedTuple):
+    """What a shader program is made for."""
+
+    is_jointed: bool
+    is_flat: bool
+    is_textured: bool
+    is_sunlit: bool
+    casters: int
+    beams: int
+    lamps: int
+
+
+class Renderer:
+    """Draws one Scene. It belongs to the thread that made it.
+
+    `quality_name` is one of `render.quality.NAMES`. Raises `GlUnavailable`.
+    """
+
+    def __init__(self, scene: Scene, quality_name: str = "auto") -> None:
+        self._context = context = open_context()
+        context.gc_mode = "auto"
+        self.name = str(context.info["GL_RENDERER"])
+        """Of what draws, for example 'llvmpipe (...)'."""
+        self.quality = quality(quality_name, self.name)
+        assets = [scene.static, *scene.vehicles, *scene.objects]
+        self._textures, layers = texture_arrays.load(context, assets, self.quality)
+        rigs = {id(asset): Rig(asset) for asset in assets}
+        models: dict[tuple[int, Detail], Model] = {}
+
+        def model(asset: Asset, detail: Detail) -> Model:
+            key = id(asset), detail
+            if key not in models:
+                models[key] = Model(context, geometry(asset, rigs[id(asset)], detail, layers))
+            return models[key]
+
+        detail = self.quality.detail
+        self._static = model(scene.static, detail)
+        vehicles = [model(asset, detail) for asset in scene.vehicles]
+        objects = [model(asset, detail) for asset in scene.objects]
+        self._shadows = Shadows(
+            context,
+            self.quality,
+            model(scene.static, "shadow"),
+            [model(asset, "shadow") for asset in scene.vehicles],
+            [model(asset, "shadow") for asset in scene.objects],
+        )
+        vehicle_rigs = [rigs[id(asset)] for asset in scene.vehicles]
+        self._stage = Stage(scene, self.quality, vehicle_rigs, self._static, vehicles, objects, self._shadows)
+        self._frame = context.buffer(reserve=FRAME.itemsize)
+        self._sight = context.buffer(reserve=80)
+        self._programs: dict[Variant, moderngl.Program] = {}
+        self._label_programs: dict[bool, moderngl.Program] = {}
+        self._sky = self._linked("corner.vert", "sky.frag")
+        self._sky_corners = context.vertex_array(self._sky, [])
+        self._targets: dict[tuple[int, int, int], Target] = {}
+        self._exact_targets: dict[tuple[int, int, int], ExactTarget] = {}
+        context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        context.depth_func = "<="
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """Give back all that the graphics side holds."""
+        self._context.release()
+
+    def draw(
+        self, moment: Moment, views: Sequence[View], *, depth: bool = False, labels: bool = False
+    ) -> list[Picture]:
+        """What each view sees of that moment, in the order of the views."""
+        self._context.front_face = "ccw"
+        self._stage.set(moment, views)
+        self._frame.write(self._stage.frame.tobytes())
+        self._frame.bind_to_uniform_block(0)
+        self._sight.bind_to_uniform_block(1)
+        self._shadows.still.use(STILL)
+        self._shadows.caster.use(CASTER)
+        self._shadows.beam.use(BEAM)
+        self._context.front_face = "cw"  # rows from top to bottom mirror what is drawn
+        sizes: dict[tuple[int, int], list[int]] = {}
+        for i, view in enumerate(views):
+            sizes.setdefault((view.intrinsics.width, view.intrinsics.height), []).append(i)
+        pictures: dict[int, Picture] = {}
+        for members in sizes.values():
+            own = [views[i] for i in members]
+            colors = self._draw_colors(own, moment.is_day)
+            depths, marks = self._draw_exact(own) if depth or labels else (None, None)
+            for n, i in enumerate(members):
+                pictures[i] = Picture(
+                    colors[n],
+                    depths[n] if depth and depths is not None else None,
+                    marks[n] if labels and marks is not None else None,
+                )
+        return [pictures[i] for i in range(len(views))]
+
+    # -- a view -----------------------------------------------------------------------------------------------------
+
+    def _draw_colors(self, views: Sequence[View], is_day: bool) -> np.ndarray:
+        key = views[0].intrinsics.width, views[0].intrinsics.height, len(views)
+        if key not in self._targets:
+            self._targets[key] = Target(self._context, *key, self.quality.antialiasing)
+        target = self._targets[key]
+        for i, view in enumerate(views):
+            target.begin(i)
+            clip = self._look(view)
+            used: tuple[Variant, str, Lit] | None = None
+            for model, piece, bones, glow, lit in self._seen(clip):
+                first, count, is_flat, textures = piece
+                variant = Variant(bones is not None, is_flat, bool(textures), is_day, *(len(slots) for slots in lit))
+                program = self._program(variant)
+                if (variant, textures, lit) != used:
+                    used = variant, textures, lit
+                    if textures:
+                        self._textures[textures].use(TEXTURES)
+                    for name, slots in zip(("casters", "beams", "lamp_numbers"), lit, strict=True):
+                        if slots:
+                            write(program, name, np.array(slots, np.int32).tobytes())
+                if bones is not None and glow is not None:
+                    write(program, "bones", bones)
+                    write(program, "lamps", glow)
+                model.draw(program, first, count)
+            write(self._sky, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
+            self._context.disable(moderngl.CULL_FACE)
+            self._sky_corners.render(moderngl.TRIANGLES, 3)
+            self._context.enable(moderngl.CULL_FACE)
+        return target.read()
+
+    def _draw_exact(self, views: Sequence[View]) -> tuple[np.ndarray, np.ndarray]:
+        """Depths [m] and labels, shape (n, height, width) each."""
+        key = views[0].intrinsics.width, views[0].intrinsics.height, len(views)
+        if key not in self._exact_targets:
+            self._exact_targets[key] = ExactTarget(self._context, *key)
+        target = self._exact_targets[key]
+        for i, view in enumerate(views):
+            target.begin(i)
+            for model, piece, bones, _, _ in self._seen(self._look(view)):
+                program = self._label_program(bones is not None)
+                if bones is not None:
+                    write(program, "bones", bones)
+                model.draw(program, *piece[:2])
+        depth, labels = target.read()
+        near = np.array([view.near for view in views])[:, None, None]
+        far = np.array([view.far for view in views])[:, None, None]
+        # the inverse of the third row of `clip_from_optical`
+        metres = far * near / (far - depth.astype(np.float64) * (far - near))
+        return np.where(depth < 1.0, metres, np.inf).astype(np.float32), labels
+
+    def _look(self, view: View) -> Floats:
+        """Clip space from the map frame for that view, now set."""
+        clip = clip_from_optical(view) @ np.linalg.inv(rigid(view.position, view.orientation))
+        self._sight.write(columns(clip) + np.array([*view.position, 1.0], np.float32).tobytes())
+        return clip
+
+    def _seen(
+        self, clip: Floats
+    ) -> Iterator[tuple[Model, tuple[int, int, bool, str], bytes | None, bytes | None, Lit]]:
+        """What is in sight, near things first: they hide what need not be shaded then."""
+        planes = np.stack(
+            [clip[3] + clip[0], clip[3] - clip[0], clip[3] + clip[1], clip[3] - clip[1], clip[3] + clip[2]]
+        )
+        planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+        stage = self._stage
+        if stage.posed:
+            centers, radii = np.array([p.center for p in stage.posed]), np.array([p.radius for p in stage.posed])
+            for i in np.nonzero(_visible(planes, centers, radii))[0].tolist():
+                posed = stage.posed[i]
+                for r in posed.model.geometry.ranges:
+                    yield posed.model, (r.first, r.length, False, r.textures), posed.bones, posed.glow, posed.lit
+        ranges = self._static.geometry.ranges
+        in_sight = np.nonzero(_visible(planes, *self._static.geometry.spheres))[0].tolist()
+        for is_flat in (False, True):
+            yield from self._runs([i for i in in_sight if ranges[i].is_flat == is_flat])
+
+    def _runs(self, numbers: list[int]) -> Iterator[tuple[Model, tuple[int, int, bool, str], None, None, Lit]]:
+        """Ranges of the static model; those that follow each other and look alike as one."""
+        ranges, lit = self._static.geometry.ranges, self._stage.static_lit
+        first = count = 0
+        last: tuple[bool, str, Lit] | None = None
+        for i in numbers:
+            r = ranges[i]
+            alike = r.is_flat, r.textures, lit[i]
+            if alike == last and first + count == r.first:
+                count += r.length
+                continue
+            if last is not None:
+                yield self._static, (first, count, last[0], last[1]), None, None, last[2]
+            first, count, last = r.first, r.length, alike
+        if last is not None:
+            yield self._static, (first, count, last[0], last[1]), None, None, last[2]
+
+    # -- programs ---------------------------------------------------------------------------------------------------
+
+    def _program(self, variant: Variant) -> moderngl.Program:
+        if variant not in self._programs:
+            flags = {"FLAT": variant.is_flat, "TEXTURED": variant.is_textured, "SUNLIT": variant.is_sunlit}
+            definitions = {name: 1 for name, is_set in flags.items() if is_set}
+            definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
+            definitions["TAPS"] = self.quality.taps
+            texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"
+            program = self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
+            units = {"textures": TEXTURES, "still_map": STILL, "caster_map": CASTER, "beam_map": BEAM}
+            for name, unit in units.items():
+                if name in program:
+                    program[name] = unit
+            self._programs[variant] = program
+        return self._programs[variant]
+
+    def _label_program(self, is_jointed: bool) -> moderngl.Program:
+        if is_jointed not in self._label_programs:
+            self._label_programs[is_jointed] = self._linked("scene.vert", "label.frag", is_jointed)
+        return self._label_programs[is_jointed]
+
+    def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
+        joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
+        program = self._context.program(source(vertex, **joints), source(fragment, **definitions))
+        for name, binding in (("Frame", 0), ("Sight", 1)):
+            block = program.get(name, None)
+            if isinstance(block, moderngl.UniformBlock):
+                block.binding = binding
+        return program
+
+
+def clip_from_optical(view: View) -> Floats:
+    """Clip space from the optical frame (x right, y down, z forward), the picture's first row at the bottom of it."""
+    k, near, far = view.intrinsics, view.near, view.far
+    return np.array(
+        [
+            [2.0 * k.fx / k.width, 0.0, 2.0 * k.cx / k.width - 1.0, 0.0],
+            [0.0, 2.0 * k.fy / k.height, 2.0 * k.cy / k.height - 1.0, 0.0],
+            [0.0, 0.0, (far + near) / (far - near), -2.0 * far * near / (far - near)],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )
+
+
+def _visible(planes: Floats, centers: Floats, radii: Floats) -> np.ndarray:
+    """Whether each sphere reaches into the space within all planes, shape (n,)."""
+    return np.all(centers @ planes[:, :3].T + planes[:, 3] > -radii[:, None], axis=1)

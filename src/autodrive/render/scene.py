@@ -1,0 +1,197 @@
+"""What there is to draw, once: assets, how their bones move, and their triangles as flat arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from autodrive.actuators.lights import LAMPS, LightsSpec
+from autodrive.render.asset import Asset, Detail, Joint, Node, Surface
+from autodrive.state import Floats
+from autodrive.transforms import Quaternion, Vector, rotation_from_quaternion
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+
+VERTEX = np.dtype(
+    [
+        ("position", np.float32, 3),
+        ("normal", np.float32, 3),
+        ("color", np.float32, 3),
+        ("emission", np.float32, 3),
+        ("uv", np.float32, 2),
+        ("finish", np.float32, 4),  # roughness, metallic, texture layer, label
+        ("rig", np.float32, 2),  # bone, lamp
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Vehicles and objects stand in the order of a Moment's rows; equal ones may be the same Asset."""
+
+    static: Asset
+    vehicles: Sequence[Asset]
+    objects: Sequence[Asset]
+    lights: Sequence[LightsSpec]
+    """Of each vehicle."""
+
+
+# -- bones ------------------------------------------------------------------------------------------------------
+
+
+class Rig:
+    """The bones of an asset: the nodes that move, each against the one above it. Bone 0 is the asset itself."""
+
+    def __init__(self, asset: Asset) -> None:
+        self.bone_of: dict[str, int] = {"": 0}
+        """Node -> the bone that carries it."""
+        self.place_of: dict[str, Floats] = {"": np.eye(4)}
+        """Node -> its pose in the axes of that bone at rest, shape (4, 4)."""
+        self._bones: list[tuple[int, Floats, Joint]] = []
+        for node in asset.nodes:
+            place = self.place_of[node.parent] @ rigid(node.position, node.orientation)
+            bone = self.bone_of[node.parent]
+            if node.joint is not None:
+                self._bones.append((bone, place, node.joint))
+                bone, place = len(self._bones), np.eye(4)
+            self.bone_of[node.name], self.place_of[node.name] = bone, place
+
+    @property
+    def size(self) -> int:
+        """Number of bones."""
+        return 1 + len(self._bones)
+
+    def pose(self, root: Floats, signals: dict[str, float]) -> Floats:
+        """Map from each bone, shape (size, 4, 4), for the asset at `root` and the signals that its joints name."""
+        poses = np.empty((self.size, 4, 4))
+        poses[0] = root
+        for i, (parent, place, joint) in enumerate(self._bones, 1):
+            poses[i] = poses[parent] @ place @ moved(joint, signals[joint.signal])
+        return poses
+
+
+def signals_of(row: np.void) -> dict[str, float]:
+    """Every signal that a vehicle's joints may follow, of a row of `moment.VEHICLE`."""
+    steering = row["steering"].tolist()
+    return {
+        "steering": 0.5 * (steering[0] + steering[1]),
+        **{f"steering_{wheel}": angle for wheel, angle in zip(WHEELS, steering, strict=True)},
+        **{f"spin_{wheel}": angle for wheel, angle in zip(WHEELS, row["spin"].tolist(), strict=True)},
+        **{f"compression_{wheel}": way for wheel, way in zip(WHEELS, row["compression"].tolist(), strict=True)},
+    }
+
+
+def moved(joint: Joint, signal: float) -> Floats:
+    """How a joint has moved, shape (4, 4)."""
+    way = np.eye(4)
+    amount = joint.gain * signal
+    c, s = np.cos(amount), np.sin(amount)
+    if joint.kind == "slide":
+        way[:3, 3] = amount * np.array(joint.axis)
+    elif joint.kind == "crank":
+        x, y, _ = joint.arm
+        way[:2, 3] = c * x - s * y - x, s * x + c * y - y
+    else:
+        k = np.array(joint.axis)
+        cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
+        way[:3, :3] = np.eye(3) + s * cross + (1.0 - c) * cross @ cross  # Rodrigues
+    return way
+
+
+def rigid(position: Vector | Floats, orientation: Quaternion | Floats) -> Floats:
+    """The pose as a matrix, shape (4, 4)."""
+    pose = np.eye(4)
+    pose[:3, :3] = np.reshape(rotation_from_quaternion(orientation), (3, 3))
+    pose[:3, 3] = position
+    return pose
+
+
+# -- triangles --------------------------------------------------------------------------------------------------
+
+
+class Range(NamedTuple):
+    """Triangles that are drawn together."""
+
+    first: int
+    """Index."""
+    length: int
+    """Indices."""
+    is_flat: bool
+    """Level ground: all normals are up."""
+    textures: str
+    """Which array of textures; none if empty."""
+    center: Floats
+    radius: float
+    """Of a sphere around all of it [m]."""
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """All triangles of an asset in one detail."""
+
+    vertices: NDArray[np.void]
+    """dtype `VERTEX`."""
+    indices: NDArray[np.uint32]
+    ranges: tuple[Range, ...]
+
+    @cached_property
+    def spheres(self) -> tuple[Floats, Floats]:
+        """Centres, shape (n, 3), and radii, shape (n,), of the ranges."""
+        return np.array([r.center for r in self.ranges]).reshape(-1, 3), np.array([r.radius for r in self.ranges])
+
+
+def geometry(asset: Asset, rig: Rig, detail: Detail, layers: dict[str, tuple[str, int]]) -> Geometry:
+    """Flat arrays of the asset; `layers` says in which array, and where in it, each texture is.
+
+    Surfaces of a node that can be drawn together are; nodes keep apart, so that what is out of sight is left out.
+    """
+    vertices: list[NDArray[np.void]] = []
+    indices: list[NDArray[np.uint32]] = []
+    ranges: list[Range] = []
+    n_vertex = n_index = 0
+    for node in asset.nodes:
+        groups: dict[tuple[bool, str], list[Surface]] = {}
+        surfaces = node.surfaces.get(detail, ())
+        textured = next((layers[s.material.texture][0] for s in surfaces if s.material.texture), "")
+        for surface in surfaces:
+            own = layers[surface.material.texture][0] if surface.material.texture else textured
+            groups.setdefault((bool(np.all(surface.normals[:, 2] > 0.999)), own), []).append(surface)
+        for (is_flat, array), members in groups.items():
+            parts = [_vertices(surface, node, rig, layers) for surface in members]
+            starts = n_vertex + np.cumsum([0, *(len(part) for part in parts[:-1])])
+            own_indices = np.concatenate(
+                [s.triangles.ravel() + start for s, start in zip(members, starts, strict=True)]
+            )
+            points = np.concatenate([part["position"] for part in parts])
+            center = 0.5 * (points.min(0) + points.max(0)).astype(np.float64)
+            radius = float(np.linalg.norm(points - center, axis=1).max())
+            ranges.append(Range(n_index, len(own_indices), is_flat, array, center, radius))
+            vertices += parts
+            indices.append(own_indices.astype(np.uint32))
+            n_vertex, n_index = n_vertex + len(points), n_index + len(own_indices)
+    return Geometry(
+        np.concatenate(vertices) if vertices else np.empty(0, VERTEX),
+        np.concatenate(indices) if indices else np.empty(0, np.uint32),
+        tuple(ranges),
+    )
+
+
+def _vertices(surface: Surface, node: Node, rig: Rig, layers: dict[str, tuple[str, int]]) -> NDArray[np.void]:
+    place, material = rig.place_of[node.name], surface.material
+    part = np.zeros(len(surface.positions), VERTEX)
+    part["position"] = surface.positions @ place[:3, :3].T + place[:3, 3]
+    part["normal"] = surface.normals @ place[:3, :3].T
+    part["color"], part["emission"] = material.color, material.emission
+    if surface.uvs is not None:
+        part["uv"] = surface.uvs
+    layer = layers[material.texture][1] if material.texture else 0
+    part["finish"] = material.roughness, material.metallic, layer, surface.label
+    part["rig"] = rig.bone_of[node.name], 1 + LAMPS.index(node.lamp) if node.lamp else 0
+    return part

@@ -1,0 +1,35 @@
+// Every vertex of the scene, in map axes. JOINTED: each vertex moves with a bone of its vehicle or box.
+layout(std140) uniform Frame { FRAME_FIELDS };
+layout(std140) uniform Sight { mat4 clip_from_map; vec4 eye; };
+
+in vec3 position, normal, color, emission;
+in vec2 uv;
+in vec4 finish;  // roughness, metallic, texture layer, label
+#ifdef JOINTED
+uniform mat4 bones[BONES];
+uniform float lamps[13];  // 0: what glows always; 1 ... 12: the lamps
+in vec2 rig;  // bone, lamp
+#endif
+
+out vec3 place, facing, in_sun;
+flat out vec3 own_color, own_emission;
+flat out vec4 own_finish;
+out vec2 own_uv;
+
+void main() {
+#ifdef JOINTED
+    mat4 bone = bones[int(rig.x)];
+    place = (bone * vec4(position, 1.0)).xyz;
+    facing = mat3(bone) * normal;
+    own_emission = emission * lamps[int(rig.y)];
+#else
+    place = position;
+    facing = normal;
+    own_emission = emission;
+#endif
+    own_color = color;
+    own_finish = finish;
+    own_uv = uv;
+    in_sun = mat3(sun_from_map) * (place + 0.004 * facing);  // moved off the surface, against speckled shadows
+    gl_Position = clip_from_map * vec4(place, 1.0);
+}

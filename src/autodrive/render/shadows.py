@@ -1,0 +1,172 @@
+"""Shadow maps: of all that stands still, of each vehicle, and of what stands in the beam of a headlight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+from autodrive.render.gl import source, write
+from autodrive.render.lighting import beam_matrix, sun_axes
+from autodrive.render.look import DAY
+
+if TYPE_CHECKING:
+    from autodrive.render.model import Model
+    from autodrive.render.quality import Quality
+    from autodrive.state import Floats
+
+TILES = 4
+"""The vehicles' map has as many by as many tiles."""
+CASTERS = TILES * TILES
+BEAMS = 8
+"""Headlights that cast shadows at once."""
+BONES = 24
+"""A vehicle has no more."""
+
+CLIP_TO_MAP = np.array([[0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5], [0.0, 0.0, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]])
+"""From [-1, 1] to [0, 1]."""
+
+
+def columns(matrix: Floats) -> bytes:
+    """A matrix, or several, as OpenGL wants them: column by column."""
+    return np.ascontiguousarray(np.swapaxes(matrix, -1, -2), np.float32).tobytes()
+
+
+class Shadows:
+    """Draws and keeps the maps; models are those of the detail 'shadow'."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        quality: Quality,
+        static: Model,
+        vehicles: Sequence[Model],
+        objects: Sequence[Model],
+    ) -> None:
+        self._context = context
+        self._static, self._vehicles, self._objects = static, vehicles, objects
+        fragment = source("depth.frag")
+        self._fixed = context.program(source("depth.vert"), fragment)
+        self._jointed = context.program(source("depth.vert", JOINTED=1, BONES=BONES), fragment)
+        self.still_size, self.caster_size, self.beam_size = quality.still_map, quality.caster_map, quality.beam_map
+        self.still, self._still_frame = self._map(self.still_size, self.still_size)
+        self.caster, self._caster_frame = self._map(self.caster_size, self.caster_size)
+        self.beam, self._beam_frame = self._map(self.beam_size * 2 * quality.beam_vehicles, self.beam_size)
+        self._drawn_objects: bytes | None = None
+        self.sun = sun_axes(DAY.sun_direction)
+        """Rows: sun axes from map axes, shape (3, 3)."""
+        self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
+        """sun axes * scale + offset lies in the map of what stands still, where within [0, 1]."""
+        extent = max([model.radius for model in vehicles], default=0.25)
+        self.caster_scale = np.array([0.5 / extent, 0.5 / extent, 1.0 / (2.0 * extent + 0.6)])
+        self._extent = extent
+
+    def _map(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        texture = self._context.depth_texture((width, height))
+        texture.compare_func = "<="
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = False
+        return texture, self._context.framebuffer(depth_attachment=texture)
+
+    def draw_still(self, objects: Floats) -> None:
+        """What the sun sees of all that stands still, if anything moved. `objects`: poses, shape (n, 4, 4)."""
+        key = objects.tobytes()
+        if key == self._drawn_objects:
+            return
+        self._drawn_objects = key
+        points = [self._static.geometry.vertices["position"].astype(np.float64)]
+        for model, pose in zip(self._objects, objects, strict=True):
+            points.append(model.geometry.vertices["position"] @ pose[:3, :3].T + pose[:3, 3])
+        all_points = np.concatenate(points)
+        if len(all_points) == 0:
+            return
+        in_sun = all_points @ self.sun.T
+        low, high = in_sun.min(0) - 0.02, in_sun.max(0) + 0.02
+        high[2] += all_points[:, 2].max() / DAY.sun_direction[2] + 0.2  # as far as shadows fall
+        self.still_scale = 1.0 / (high - low)
+        self.still_offset = -low * self.still_scale
+        with self._drawing(self._still_frame):
+            self._still_frame.clear()
+            clip = self._sun_clip(self.still_scale, self.still_offset)
+            write(self._fixed, "clip_from_map", columns(clip))
+            self._static.draw(self._fixed)
+            self._draw_objects(clip, objects)
+
+    def draw_casters(self, vehicles: Sequence[int], roots: Floats, bones: Sequence[bytes]) -> tuple[Floats, Floats]:
+        """A tile for each of those vehicles: what sun axes * caster_scale need to be in it, and the tile's place.
+
+        `roots`: of all vehicles, shape (n, 4, 4); `bones`: columns. Both results have shape (n_tile, 3): offset, and
+        corner and edge of the tile.
+        """
+        offsets, tiles = np.zeros((len(vehicles), 3)), np.zeros((len(vehicles), 3))
+        edge = self.caster_size // TILES
+        with self._drawing(self._caster_frame):
+            self._caster_frame.clear()
+            for slot, vehicle in enumerate(vehicles):
+                center = self.sun @ roots[vehicle, :3, 3]
+                low = center - self._extent
+                offsets[slot] = -low * self.caster_scale
+                row, column = divmod(slot, TILES)
+                tiles[slot] = column / TILES, row / TILES, 1.0 / TILES
+                self._caster_frame.viewport = (column * edge, row * edge, edge, edge)
+                clip = self._sun_clip(self.caster_scale, offsets[slot])
+                self._draw_vehicle(vehicle, clip, bones[vehicle])
+        return offsets, tiles
+
+    def draw_beams(
+        self, lamps: np.ndarray, owners: Sequence[int], objects: Floats, roots: Floats, bones: Sequence[bytes]
+    ) -> Floats:
+        """A tile for each of those headlights (dtype `lighting.LAMP`, `owners` are their vehicles); map from map axes.
+
+        A vehicle does not stand in its own light. The results, shape (n, 4, 4), lead to [0, 1] of the whole map.
+        """
+        width = self.beam.size[0] // self.beam_size
+        matrices = np.zeros((len(lamps), 4, 4))
+        with self._drawing(self._beam_frame):
+            self._beam_frame.clear()
+            for slot, (lamp, owner) in enumerate(zip(lamps, owners, strict=True)):
+                clip = beam_matrix(lamp["place"], lamp["aim"], lamp["up"], lamp["cos_outer"], lamp["range"])
+                self._beam_frame.viewport = (slot * self.beam_size, 0, self.beam_size, self.beam_size)
+                write(self._fixed, "clip_from_map", columns(clip))
+                self._static.draw(self._fixed)
+                self._draw_objects(clip, objects)
+                ahead = (roots[:, :3, 3] - lamp["place"]) @ lamp["aim"]
+                for vehicle in np.nonzero((ahead > -self._extent) & (ahead < lamp["range"]))[0].tolist():
+                    if vehicle != owner:
+                        self._draw_vehicle(vehicle, clip, bones[vehicle])
+                tile = np.diag([1.0 / width, 1.0, 1.0, 1.0])
+                tile[0, 3] = slot / width
+                matrices[slot] = tile @ CLIP_TO_MAP @ clip
+        return matrices
+
+    # -- within ---------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _drawing(self, frame: moderngl.Framebuffer) -> Iterator[None]:
+        """Depths a little farther than they are, against speckles; both sides, as thin things cast shadows too."""
+        frame.viewport = (0, 0, *frame.size)
+        frame.use()
+        self._context.polygon_offset = 1.5, 2.0
+        self._context.disable(moderngl.CULL_FACE)
+        yield
+        self._context.enable(moderngl.CULL_FACE)
+        self._context.polygon_offset = 0.0, 0.0
+
+    def _sun_clip(self, scale: Floats, offset: Floats) -> Floats:
+        clip = np.eye(4)
+        clip[:3, :3] = 2.0 * scale[:, None] * self.sun
+        clip[:3, 3] = 2.0 * offset - 1.0
+        return clip
+
+    def _draw_objects(self, clip: Floats, objects: Floats) -> None:
+        for model, pose in zip(self._objects, objects, strict=True):
+            write(self._fixed, "clip_from_map", columns(clip @ pose))
+            model.draw(self._fixed)
+
+    def _draw_vehicle(self, vehicle: int, clip: Floats, bones: bytes) -> None:
+        write(self._jointed, "clip_from_map", columns(clip))
+        write(self._jointed, "bones", bones)
+        self._vehicles[vehicle].draw(self._jointed)

@@ -1,0 +1,254 @@
+"""A moment set up for drawing: where everything is, which lamps burn, and which of them reach what."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from autodrive.actuators.lights import LAMPS
+from autodrive.render.lighting import LAMP, burning, lamp_table, reach, strength
+from autodrive.render.look import DAY, NIGHT
+from autodrive.render.scene import rigid, signals_of
+from autodrive.render.shadows import BEAMS, BONES, CASTERS, columns
+
+if TYPE_CHECKING:
+    from autodrive.render.model import Model
+    from autodrive.render.moment import Moment
+    from autodrive.render.quality import Quality
+    from autodrive.render.scene import Rig, Scene
+    from autodrive.render.shadows import Shadows
+    from autodrive.render.view import View
+    from autodrive.state import Floats
+
+LAMP_SLOTS = 48
+NO_CASTER, NO_BEAM, NO_LAMP = CASTERS - 1, BEAMS - 1, LAMP_SLOTS - 1
+"""Slots that stay empty, to fill up lists."""
+
+FRAME = np.dtype(
+    [
+        ("sun_direction", "f4", 4),
+        ("sun_color", "f4", 4),
+        ("zenith", "f4", 4),
+        ("horizon", "f4", 4),
+        ("floor_glow", "f4", 4),
+        ("exposure", "f4", 4),
+        ("sun_from_map", "f4", (4, 4)),
+        ("still_scale", "f4", 4),
+        ("still_offset", "f4", 4),
+        ("caster_offset", "f4", (CASTERS, 4)),
+        ("caster_tile", "f4", (CASTERS, 4)),
+        ("caster_place", "f4", (CASTERS, 4)),
+        ("caster_half", "f4", 4),
+        ("lamp_place", "f4", (LAMP_SLOTS, 4)),
+        ("lamp_aim", "f4", (LAMP_SLOTS, 4)),
+        ("lamp_color", "f4", (LAMP_SLOTS, 4)),
+        ("beam_up", "f4", (BEAMS, 4)),
+        ("beam_from_map", "f4", (BEAMS, 4, 4)),
+    ]
+)
+"""As shaders/frame.glsl; matrices column by column."""
+
+Slots: TypeAlias = tuple[int, ...]
+
+
+class Lit(NamedTuple):
+    """What reaches a thing: slots of vehicles that shade it, of headlights, of other lamps."""
+
+    casters: Slots = ()
+    beams: Slots = ()
+    lamps: Slots = ()
+
+
+class Posed(NamedTuple):
+    """A vehicle or an object in its place."""
+
+    model: Model
+    bones: bytes
+    """Columns of `BONES` matrices."""
+    glow: bytes
+    """Of each lamp, 0 to 1, after a 1 for what always glows; float32."""
+    center: Floats
+    radius: float
+    lit: Lit
+
+
+class Stage:
+    """Sets up one moment after another of a scene."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        quality: Quality,
+        rigs: Sequence[Rig],
+        static: Model,
+        vehicles: Sequence[Model],
+        objects: Sequence[Model],
+        shadows: Shadows,
+    ) -> None:
+        """`rigs`: of each vehicle."""
+        self._quality, self._rigs, self._shadows = quality, rigs, shadows
+        self._vehicles, self._objects = vehicles, objects
+        self._tables = [lamp_table(spec) for spec in scene.lights]
+        self._spheres = static.geometry.spheres
+        self._outlines = [_outline(model) for model in vehicles]
+        self.frame = np.zeros((), FRAME)
+        self.posed: list[Posed] = []
+        self.static_lit: list[Lit] = []
+        """Of each range of the static model."""
+
+    def set(self, moment: Moment, views: Sequence[View]) -> None:
+        """Take that moment, to be seen by these views; draws the shadow maps."""
+        roots = _rigid_all(moment.vehicles)
+        places = _rigid_all(moment.objects)
+        bones = [self._bones(i, root, row) for i, (root, row) in enumerate(zip(roots, moment.vehicles, strict=True))]
+        eyes = np.array([view.position for view in views])
+        near = np.argsort(_distances(roots[:, :3, 3], eyes), kind="stable").tolist()
+        centers = np.array([root[:3, 3] + root[:3, :3] @ c for root, (c, _) in zip(roots, self._outlines, strict=True)])
+        self.frame[...] = 0
+        self._set_sky(moment.is_day)
+        casters = near[: CASTERS - 1]
+        self._set_casters(casters, roots, centers.reshape(-1, 3), bones, places, is_day=moment.is_day)
+        lit, n_beam = self._set_lamps(moment, near, roots, places, bones)
+
+        spheres = [self._spheres]
+        spheres.append((centers.reshape(-1, 3), np.array([m.radius for m in self._vehicles])))
+        spheres.append((places[:, :3, 3], np.array([m.radius for m in self._objects])))
+        all_centers = np.concatenate([c for c, _ in spheres])
+        all_radii = np.concatenate([r for _, r in spheres])
+        reached = self._reached(all_centers, all_radii, centers.reshape(-1, 3)[casters], lit, n_beam)
+        n = len(self._spheres[0])
+        self.static_lit = reached[:n]
+        levels = np.concatenate([np.ones((len(roots), 1)), moment.vehicles["lamps"]], axis=1).astype(np.float32)
+        glow = [row.tobytes() for row in levels]
+        dark = np.eye(1, 1 + len(LAMPS), dtype=np.float32).tobytes()
+        models = [*self._vehicles, *self._objects]
+        own_bones = [*bones, *(_padded(place[None]) for place in places)]
+        glows = [*glow, *(dark for _ in places)]
+        self.posed = [
+            Posed(*each)
+            for each in zip(models, own_bones, glows, all_centers[n:], all_radii[n:], reached[n:], strict=True)
+        ]
+
+    # -- parts ----------------------------------------------------------------------------------------------------
+
+    def _bones(self, i: int, root: Floats, row: np.void) -> bytes:
+        return _padded(self._rigs[i].pose(root, signals_of(row)))
+
+    def _set_sky(self, is_day: bool) -> None:
+        look = DAY if is_day else NIGHT
+        for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow"):
+            self.frame[name][:3] = getattr(look, name)
+        self.frame["exposure"][0] = look.exposure
+        self.frame["sun_from_map"][:3, :3] = self._shadows.sun.T
+
+    def _set_casters(
+        self, casters: list[int], roots: Floats, centers: Floats, bones: list[bytes], places: Floats, *, is_day: bool
+    ) -> None:
+        frame, shadows = self.frame, self._shadows
+        for slot, vehicle in enumerate(casters):
+            heading = roots[vehicle, :2, 0] / max(np.linalg.norm(roots[vehicle, :2, 0]), 1e-6)
+            frame["caster_place"][slot] = *centers[vehicle, :2], *heading
+            frame["caster_tile"][slot, 3] = 1.0
+            frame["caster_half"][:2] = self._outlines[vehicle][1]
+        if not is_day:
+            return
+        shadows.draw_still(places)
+        frame["still_scale"][:3], frame["still_offset"][:3] = shadows.still_scale, shadows.still_offset
+        frame["still_scale"][3] = 1.0 / shadows.still_size
+        frame["caster_half"][2:] = shadows.caster_scale[[0, 2]]
+        if casters:
+            offsets, tiles = shadows.draw_casters(casters, roots, bones)
+            frame["caster_offset"][: len(casters), :3] = offsets
+            frame["caster_tile"][: len(casters), :3] = tiles
+            frame["caster_tile"][: len(casters), 3] = 1.0 / shadows.caster_size
+
+    def _set_lamps(
+        self, moment: Moment, near: list[int], roots: Floats, places: Floats, bones: list[bytes]
+    ) -> tuple[np.ndarray, int]:
+        """Lamps in the order of their slots, and how many of them are headlights with shadows. By day: none."""
+        if moment.is_day or not moment.vehicles["lamps"].any():
+            return np.zeros(0, LAMP), 0
+        lit, owner, is_headlight = burning(self._tables, roots, moment.vehicles["lamps"])
+        rank = np.argsort(np.array(near))[owner]  # 0: of the vehicle nearest to a camera
+        casting = is_headlight & (rank < self._quality.beam_vehicles)
+        order = np.lexsort((rank, ~casting))
+        beams = order[: min(int(casting.sum()), NO_BEAM - NO_BEAM % 2)]
+        others = [i for i in order if i not in set(beams.tolist())][: NO_LAMP - BEAMS]
+        frame = self.frame
+        if len(beams):
+            tiles = self._shadows.draw_beams(lit[beams], owner[beams].tolist(), places, roots, bones)
+            frame["beam_from_map"][: len(beams)] = np.swapaxes(tiles, 1, 2)
+            frame["beam_up"][: len(beams)] = np.column_stack([lit["up"][beams], lit["cutoff"][beams]])
+        for chosen, first in ((beams, 0), (others, BEAMS)):
+            slots = slice(first, first + len(chosen))
+            frame["lamp_place"][slots] = np.column_stack([lit["place"][chosen], lit["range"][chosen]])
+            frame["lamp_aim"][slots] = np.column_stack([lit["aim"][chosen], lit["cos_outer"][chosen]])
+            frame["lamp_color"][slots] = np.column_stack([lit["color"][chosen], lit["sharpness"][chosen]])
+        return np.concatenate([lit[beams], lit[others]]), len(beams)
+
+    def _reached(self, centers: Floats, radii: Floats, casters: Floats, lamps: np.ndarray, n_beam: int) -> list[Lit]:
+        """What reaches each sphere."""
+        quality = self._quality
+        found = [Lit()] * len(centers)
+        touched = np.zeros(len(centers), bool)
+        if len(casters):
+            # a shadow falls away from the sun, as far as the vehicle is high over the sun's slope
+            drift = -0.25 * np.array(DAY.sun_direction[:2]) / DAY.sun_direction[2]
+            away = np.linalg.norm(centers[:, None, :2] - casters[None, :, :2] - 0.5 * drift, axis=2)
+            span = 0.5 * float(np.linalg.norm(drift)) + 0.25
+            shaded = away < radii[:, None] + span
+            touched |= shaded.any(1)
+        if len(lamps):
+            lights = reach(lamps, centers, radii)
+            power = strength(lamps, centers)
+            touched |= lights.any(1)
+        for i in np.nonzero(touched)[0].tolist():
+            shade: Slots = ()
+            beams: Slots = ()
+            small: Slots = ()
+            if len(casters):
+                mine = np.nonzero(shaded[i])[0]  # pyright: ignore[reportPossiblyUnboundVariable]
+                nearest = mine[np.argsort(away[i, mine], kind="stable")][: quality.casters]  # pyright: ignore[reportPossiblyUnboundVariable]
+                shade = _filled(nearest.tolist(), (1, 2, 4), NO_CASTER)
+            if len(lamps):
+                mine = np.nonzero(lights[i])[0]  # pyright: ignore[reportPossiblyUnboundVariable]
+                beams = _filled(mine[mine < n_beam].tolist(), (2, 4, 8), NO_BEAM)
+                rest = mine[mine >= n_beam]
+                rest = rest[np.argsort(-power[i, rest], kind="stable")][: quality.lamps]  # pyright: ignore[reportPossiblyUnboundVariable]
+                small = _filled((rest - n_beam + BEAMS).tolist(), (4, 8), NO_LAMP)
+            found[i] = Lit(shade, beams, small)
+        return found
+
+
+def _filled(slots: list[int], levels: tuple[int, ...], empty: int) -> Slots:
+    """The list filled up to the next of a few lengths, so that few shader variants are needed."""
+    if not slots:
+        return ()
+    length = next(level for level in levels if level >= len(slots))
+    return (*sorted(slots), *[empty] * (length - len(slots)))
+
+
+def _rigid_all(rows: np.ndarray) -> Floats:
+    return np.array([rigid(row["position"], row["orientation"]) for row in rows]).reshape(-1, 4, 4)
+
+
+def _padded(poses: Floats) -> bytes:
+    full = np.zeros((BONES, 4, 4))
+    full[: len(poses)] = poses
+    return columns(full)
+
+
+def _distances(places: Floats, eyes: Floats) -> Floats:
+    """From each place to the nearest eye [m]."""
+    return np.linalg.norm(places[:, None] - eyes[None], axis=2).min(1)
+
+
+def _outline(model: Model) -> tuple[Floats, Floats]:
+    """Middle, shape (3,), and half length and width, shape (2,), of a vehicle at rest [m]."""
+    points = model.geometry.vertices["position"].astype(np.float64)
+    if len(points) == 0:
+        return np.zeros(3), np.zeros(2)
+    low, high = points.min(0), points.max(0)
+    return 0.5 * (low + high), 0.5 * (high - low)[:2] * 0.92
