@@ -20,12 +20,9 @@ class Model:
         if not self._is_empty:
             self._vertices = context.buffer(own.vertices.tobytes())
             self._indices = context.buffer(own.indices.tobytes())
-        self._arrays: dict[int, moderngl.VertexArray] = {}
-
-    @property
-    def radius(self) -> float:
+        self.radius = max((float(np.linalg.norm(r.center)) + r.radius for r in own.ranges), default=0.0)
         """Of a sphere around the asset's origin that holds all of it [m]."""
-        return max((float(np.linalg.norm(r.center)) + r.radius for r in self.geometry.ranges), default=0.0)
+        self._arrays: dict[int, moderngl.VertexArray] = {}
 
     def draw(self, program: moderngl.Program, first: int = 0, count: int = -1) -> None:
         """`count` indices from `first`, by a program whose uniforms are set; -1: all."""

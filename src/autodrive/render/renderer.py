@@ -80,7 +80,7 @@ class Renderer:
         self._sight = context.buffer(reserve=80)
         self._programs: dict[Variant, moderngl.Program] = {}
         self._label_programs: dict[bool, moderngl.Program] = {}
-        self._sky = self._linked("corner.vert", "sky.frag")
+        self._sky = self._linked("sky.vert", "sky.frag")
         self._sky_corners = context.vertex_array(self._sky, [])
         self._targets: dict[tuple[int, int, int], Target] = {}
         self._exact_targets: dict[tuple[int, int, int], ExactTarget] = {}

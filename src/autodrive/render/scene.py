@@ -54,27 +54,58 @@ class Rig:
         """Node -> the bone that carries it."""
         self.place_of: dict[str, Floats] = {"": np.eye(4)}
         """Node -> its pose in the axes of that bone at rest, shape (4, 4)."""
-        self._bones: list[tuple[int, Floats, Joint]] = []
+        self._parents: list[int] = []
+        self._joints: list[Joint] = []
+        places: list[Floats] = []
         for node in asset.nodes:
             place = self.place_of[node.parent] @ rigid(node.position, node.orientation)
             bone = self.bone_of[node.parent]
             if node.joint is not None:
-                self._bones.append((bone, place, node.joint))
-                bone, place = len(self._bones), np.eye(4)
+                self._parents.append(bone)
+                self._joints.append(node.joint)
+                places.append(place)
+                bone, place = len(places), np.eye(4)
             self.bone_of[node.name], self.place_of[node.name] = bone, place
+        self._places = np.array(places).reshape(-1, 4, 4)
+        self._gains = np.array([joint.gain for joint in self._joints])
+        self._arms = np.array([joint.arm[:2] if joint.kind == "crank" else (0.0, 0.0) for joint in self._joints])
+        self._slides = np.array([joint.axis if joint.kind == "slide" else (0.0,) * 3 for joint in self._joints])
+        self._turns = np.array(
+            [_cross(joint.axis) if joint.kind == "hinge" else np.zeros((3, 3)) for joint in self._joints]
+        )
+        self._turns = self._turns.reshape(-1, 3, 3)
+        self._turns_twice = self._turns @ self._turns
 
     @property
     def size(self) -> int:
         """Number of bones."""
-        return 1 + len(self._bones)
+        return 1 + len(self._joints)
 
     def pose(self, root: Floats, signals: dict[str, float]) -> Floats:
         """Map from each bone, shape (size, 4, 4), for the asset at `root` and the signals that its joints name."""
         poses = np.empty((self.size, 4, 4))
         poses[0] = root
-        for i, (parent, place, joint) in enumerate(self._bones, 1):
-            poses[i] = poses[parent] @ place @ moved(joint, signals[joint.signal])
+        if not self._joints:
+            return poses
+        amounts = self._gains * [signals[joint.signal] for joint in self._joints]
+        c, s = np.cos(amounts)[:, None], np.sin(amounts)[:, None]
+        moved = np.zeros((len(amounts), 4, 4))
+        moved[:, 3, 3] = 1.0
+        moved[:, :3, :3] = (
+            np.eye(3) + s[..., None] * self._turns + (1.0 - c[..., None]) * self._turns_twice
+        )  # Rodrigues
+        moved[:, :3, 3] = amounts[:, None] * self._slides
+        moved[:, :2, 3] += (c - 1.0) * self._arms + s * self._arms[:, ::-1] * (-1.0, 1.0)
+        moved = self._places @ moved
+        for i, parent in enumerate(self._parents):
+            poses[i + 1] = poses[parent] @ moved[i]
         return poses
+
+
+def _cross(axis: Vector) -> Floats:
+    """The matrix of the vector product with that axis, shape (3, 3)."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def signals_of(row: np.void) -> dict[str, float]:
@@ -86,23 +117,6 @@ def signals_of(row: np.void) -> dict[str, float]:
         **{f"spin_{wheel}": angle for wheel, angle in zip(WHEELS, row["spin"].tolist(), strict=True)},
         **{f"compression_{wheel}": way for wheel, way in zip(WHEELS, row["compression"].tolist(), strict=True)},
     }
-
-
-def moved(joint: Joint, signal: float) -> Floats:
-    """How a joint has moved, shape (4, 4)."""
-    way = np.eye(4)
-    amount = joint.gain * signal
-    c, s = np.cos(amount), np.sin(amount)
-    if joint.kind == "slide":
-        way[:3, 3] = amount * np.array(joint.axis)
-    elif joint.kind == "crank":
-        x, y, _ = joint.arm
-        way[:2, 3] = c * x - s * y - x, s * x + c * y - y
-    else:
-        k = np.array(joint.axis)
-        cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
-        way[:3, :3] = np.eye(3) + s * cross + (1.0 - c) * cross @ cross  # Rodrigues
-    return way
 
 
 def rigid(position: Vector | Floats, orientation: Quaternion | Floats) -> Floats:

@@ -104,14 +104,15 @@ class Shadows:
         offsets, tiles = np.zeros((len(vehicles), 3)), np.zeros((len(vehicles), 3))
         edge = self.caster_size // TILES
         with self._drawing(self._caster_frame):
-            self._caster_frame.clear()
             for slot, vehicle in enumerate(vehicles):
                 center = self.sun @ roots[vehicle, :3, 3]
                 low = center - self._extent
                 offsets[slot] = -low * self.caster_scale
                 row, column = divmod(slot, TILES)
                 tiles[slot] = column / TILES, row / TILES, 1.0 / TILES
-                self._caster_frame.viewport = (column * edge, row * edge, edge, edge)
+                tile = (column * edge, row * edge, edge, edge)
+                self._caster_frame.clear(viewport=tile)
+                self._caster_frame.viewport = tile
                 clip = self._sun_clip(self.caster_scale, offsets[slot])
                 self._draw_vehicle(vehicle, clip, bones[vehicle])
         return offsets, tiles

@@ -190,36 +190,32 @@ class Stage:
 
     def _reached(self, centers: Floats, radii: Floats, casters: Floats, lamps: np.ndarray, n_beam: int) -> list[Lit]:
         """What reaches each sphere."""
-        quality = self._quality
-        found = [Lit()] * len(centers)
-        touched = np.zeros(len(centers), bool)
+        n = len(centers)
+        shaded, away = np.zeros((n, 0), bool), np.zeros((n, 0))
         if len(casters):
             # a shadow falls away from the sun, as far as the vehicle is high over the sun's slope
             drift = -0.25 * np.array(DAY.sun_direction[:2]) / DAY.sun_direction[2]
             away = np.linalg.norm(centers[:, None, :2] - casters[None, :, :2] - 0.5 * drift, axis=2)
-            span = 0.5 * float(np.linalg.norm(drift)) + 0.25
-            shaded = away < radii[:, None] + span
-            touched |= shaded.any(1)
-        if len(lamps):
-            lights = reach(lamps, centers, radii)
-            power = strength(lamps, centers)
-            touched |= lights.any(1)
-        for i in np.nonzero(touched)[0].tolist():
-            shade: Slots = ()
-            beams: Slots = ()
-            small: Slots = ()
-            if len(casters):
-                mine = np.nonzero(shaded[i])[0]  # pyright: ignore[reportPossiblyUnboundVariable]
-                nearest = mine[np.argsort(away[i, mine], kind="stable")][: quality.casters]  # pyright: ignore[reportPossiblyUnboundVariable]
-                shade = _filled(nearest.tolist(), (1, 2, 4), NO_CASTER)
-            if len(lamps):
-                mine = np.nonzero(lights[i])[0]  # pyright: ignore[reportPossiblyUnboundVariable]
-                beams = _filled(mine[mine < n_beam].tolist(), (2, 4, 8), NO_BEAM)
-                rest = mine[mine >= n_beam]
-                rest = rest[np.argsort(-power[i, rest], kind="stable")][: quality.lamps]  # pyright: ignore[reportPossiblyUnboundVariable]
-                small = _filled((rest - n_beam + BEAMS).tolist(), (4, 8), NO_LAMP)
-            found[i] = Lit(shade, beams, small)
+            shaded = away < radii[:, None] + 0.5 * float(np.linalg.norm(drift)) + 0.25
+        lights, power = reach(lamps, centers, radii), strength(lamps, centers)
+        found = [Lit()] * n
+        for i in np.nonzero(shaded.any(1) | lights.any(1))[0].tolist():
+            nearest = _best(shaded[i], -away[i], self._quality.casters)
+            small = _best(lights[i, n_beam:], power[i, n_beam:], self._quality.lamps)
+            found[i] = Lit(
+                _filled(nearest, (1, 2, 4), NO_CASTER),
+                _filled(np.nonzero(lights[i, :n_beam])[0].tolist(), (2, 4, 8), NO_BEAM),
+                _filled([slot + BEAMS for slot in small], (4, 8), NO_LAMP),
+            )
         return found
+
+
+def _best(is_candidate: np.ndarray, merit: Floats, limit: int) -> list[int]:
+    """Numbers of at most so many candidates, those of the highest merit."""
+    numbers = np.nonzero(is_candidate)[0].tolist()
+    if len(numbers) > limit:
+        numbers = sorted(numbers, key=lambda i: -merit[i])[:limit]
+    return numbers
 
 
 def _filled(slots: list[int], levels: tuple[int, ...], empty: int) -> Slots:
