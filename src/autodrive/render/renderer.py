@@ -48,7 +48,6 @@ class Renderer:
 
     def __init__(self, scene: Scene, quality_name: str = "auto") -> None:
         self._context = context = open_context()
-        context.gc_mode = "auto"
         self.name = str(context.info["GL_RENDERER"])
         """Of what draws, for example 'llvmpipe (...)'."""
         self.quality = quality(quality_name, self.name)

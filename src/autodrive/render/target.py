@@ -55,11 +55,11 @@ class Target:
             self._plain.viewport = self.frame.viewport = whole
             self._context.copy_framebuffer(self._plain, self.frame)
         if self._antialiasing == "fxaa":
-            self._context.disable(moderngl.DEPTH_TEST)
+            self._context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
             self._last.use()
             self._color.use(0)
             self._corners.render(moderngl.TRIANGLES, 3)
-            self._context.enable(moderngl.DEPTH_TEST)
+            self._context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         pixels = np.empty((self.count, self.height, self.width, 4), np.uint8)
         self._last.read_into(pixels, viewport=whole, components=4)
         return pixels
