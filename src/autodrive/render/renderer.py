@@ -34,7 +34,8 @@ class Variant(NamedTuple):
     is_jointed: bool
     is_flat: bool
     is_textured: bool
-    is_sunlit: bool
+    is_day: bool
+    is_shaded: bool
     casters: int
     beams: int
     lamps: int
@@ -138,13 +139,14 @@ class Renderer:
             used: tuple[Variant, str, Lit] | None = None
             for model, piece, bones, glow, lit in self._seen(clip):
                 first, count, is_flat, textures = piece
-                variant = Variant(bones is not None, is_flat, bool(textures), is_day, *(len(slots) for slots in lit))
+                counts = len(lit.casters), len(lit.beams), len(lit.lamps)
+                variant = Variant(bones is not None, is_flat, bool(textures), is_day, lit.is_shaded, *counts)
                 program = self._program(variant)
                 if (variant, textures, lit) != used:
                     used = variant, textures, lit
                     if textures:
                         self._textures[textures].use(TEXTURES)
-                    for name, slots in zip(("casters", "beams", "lamp_numbers"), lit, strict=True):
+                    for name, slots in zip(("casters", "beams", "lamp_numbers"), lit[:3], strict=True):
                         if slots:
                             write(program, name, np.array(slots, np.int32).tobytes())
                 if bones is not None and glow is not None:
@@ -224,7 +226,12 @@ class Renderer:
 
     def _program(self, variant: Variant) -> moderngl.Program:
         if variant not in self._programs:
-            flags = {"FLAT": variant.is_flat, "TEXTURED": variant.is_textured, "SUNLIT": variant.is_sunlit}
+            flags = {
+                "FLAT": variant.is_flat,
+                "TEXTURED": variant.is_textured,
+                "SUNLIT": variant.is_day,
+                "STILL": variant.is_shaded,
+            }
             definitions = {name: 1 for name, is_set in flags.items() if is_set}
             definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
             definitions["TAPS"] = self.quality.taps

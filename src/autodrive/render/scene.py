@@ -160,6 +160,17 @@ class Geometry:
         """Centres, shape (n, 3), and radii, shape (n,), of the ranges."""
         return np.array([r.center for r in self.ranges]).reshape(-1, 3), np.array([r.radius for r in self.ranges])
 
+    def bounds(self, axes: Floats) -> Floats:
+        """Least and greatest coordinates of each range along those axes (rows), shape (n, 2, 3)."""
+        points = self.vertices["position"].astype(np.float64) @ axes.T
+        return np.array(
+            [
+                (own.min(0), own.max(0))
+                for r in self.ranges
+                for own in [points[self.indices[r.first : r.first + r.length]]]
+            ]
+        ).reshape(-1, 2, 3)
+
 
 def geometry(asset: Asset, rig: Rig, detail: Detail, layers: dict[str, tuple[str, int]]) -> Geometry:
     """Flat arrays of the asset; `layers` says in which array, and where in it, each texture is.

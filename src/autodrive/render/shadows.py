@@ -14,6 +14,8 @@ from autodrive.render.lighting import beam_matrix, sun_axes
 from autodrive.render.look import DAY
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from autodrive.render.model import Model
     from autodrive.render.quality import Quality
     from autodrive.state import Floats
@@ -56,6 +58,8 @@ class Shadows:
         self.caster, self._caster_frame = self._map(self.caster_size, self.caster_size)
         self.beam, self._beam_frame = self._map(self.beam_size * 2 * quality.beam_vehicles, self.beam_size)
         self._drawn_objects: bytes | None = None
+        self._casting: Floats = np.zeros((0, 2, 3))
+        """Bounds, in sun axes, of each thing in the map of what stands still."""
         self.sun = sun_axes(DAY.sun_direction)
         """Rows: sun axes from map axes, shape (3, 3)."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
@@ -71,18 +75,22 @@ class Shadows:
         texture.repeat_x = texture.repeat_y = False
         return texture, self._context.framebuffer(depth_attachment=texture)
 
-    def draw_still(self, objects: Floats) -> None:
-        """What the sun sees of all that stands still, if anything moved. `objects`: poses, shape (n, 4, 4)."""
+    def draw_still(self, objects: Floats) -> bool:
+        """What the sun sees of all that stands still; whether anything had moved. `objects`: poses, shape (n, 4, 4)."""
         key = objects.tobytes()
         if key == self._drawn_objects:
-            return
+            return False
         self._drawn_objects = key
+        bounds = [self._static.geometry.bounds(self.sun)]
         points = [self._static.geometry.vertices["position"].astype(np.float64)]
         for model, pose in zip(self._objects, objects, strict=True):
             points.append(model.geometry.vertices["position"] @ pose[:3, :3].T + pose[:3, 3])
+            in_sun = points[-1] @ self.sun.T
+            bounds.append(np.array([[in_sun.min(0), in_sun.max(0)]]))
+        self._casting = np.concatenate(bounds)
         all_points = np.concatenate(points)
         if len(all_points) == 0:
-            return
+            return True
         in_sun = all_points @ self.sun.T
         low, high = in_sun.min(0) - 0.02, in_sun.max(0) + 0.02
         high[2] += all_points[:, 2].max() / DAY.sun_direction[2] + 0.2  # as far as shadows fall
@@ -94,6 +102,13 @@ class Shadows:
             write(self._fixed, "clip_from_map", columns(clip))
             self._static.draw(self._fixed)
             self._draw_objects(clip, objects)
+        return True
+
+    def falls_on(self, bounds: Floats) -> NDArray[np.bool_]:
+        """Whether a shadow of what stands still can fall within each of those bounds, shape (n, 2, 3), in sun axes."""
+        low, high = bounds[:, None, 0], bounds[:, None, 1]
+        across = (low <= self._casting[:, 1] + 0.02) & (high >= self._casting[:, 0] - 0.02)
+        return np.any(across[..., 0] & across[..., 1] & (high[..., 2] >= self._casting[:, 0, 2]), axis=1)
 
     def draw_casters(self, vehicles: Sequence[int], roots: Floats, bones: Sequence[bytes]) -> tuple[Floats, Floats]:
         """A tile for each of those vehicles: what sun axes * caster_scale need to be in it, and the tile's place.

@@ -54,11 +54,12 @@ Slots: TypeAlias = tuple[int, ...]
 
 
 class Lit(NamedTuple):
-    """What reaches a thing: slots of vehicles that shade it, of headlights, of other lamps."""
+    """What reaches a thing: slots of vehicles that shade it, of headlights, of other lamps; still shadows."""
 
     casters: Slots = ()
     beams: Slots = ()
     lamps: Slots = ()
+    is_shaded: bool = False
 
 
 class Posed(NamedTuple):
@@ -92,6 +93,9 @@ class Stage:
         self._vehicles, self._objects = vehicles, objects
         self._tables = [lamp_table(spec) for spec in scene.lights]
         self._spheres = static.geometry.spheres
+        self._bounds = static.geometry.bounds(shadows.sun)
+        self._is_shaded = np.zeros(0, bool)
+        """Whether shadows of what stands still can fall on each range of the static model."""
         self._outlines = [_outline(model) for model in vehicles]
         self.frame = np.zeros((), FRAME)
         self.posed: list[Posed] = []
@@ -119,6 +123,9 @@ class Stage:
         all_radii = np.concatenate([r for _, r in spheres])
         reached = self._reached(all_centers, all_radii, centers.reshape(-1, 3)[casters], lit, n_beam)
         n = len(self._spheres[0])
+        if moment.is_day:
+            for i in (*np.nonzero(self._is_shaded)[0].tolist(), *range(n, len(reached))):
+                reached[i] = reached[i]._replace(is_shaded=True)
         self.static_lit = reached[:n]
         levels = np.concatenate([np.ones((len(roots), 1)), moment.vehicles["lamps"]], axis=1).astype(np.float32)
         glow = [row.tobytes() for row in levels]
@@ -154,7 +161,8 @@ class Stage:
             frame["caster_half"][:2] = self._outlines[vehicle][1]
         if not is_day:
             return
-        shadows.draw_still(places)
+        if shadows.draw_still(places):
+            self._is_shaded = shadows.falls_on(self._bounds)
         frame["still_scale"][:3], frame["still_offset"][:3] = shadows.still_scale, shadows.still_offset
         frame["still_scale"][3] = 1.0 / shadows.still_size
         frame["caster_half"][2:] = shadows.caster_scale[[0, 2]]

@@ -1,5 +1,6 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
-// FLAT: level ground, matt. CASTERS, BEAMS, LAMPS: how many vehicles' shadows, headlights and lamps reach this draw.
+// FLAT: level ground, matt. What reaches this draw: STILL: shadows of what stands still; CASTERS, BEAMS, LAMPS: so many
+// vehicles' shadows, headlights and other lamps.
 layout(std140) uniform Frame { FRAME_FIELDS };
 layout(std140) uniform Sight { mat4 clip_from_map; vec4 eye; };
 
@@ -41,9 +42,13 @@ float shadow(sampler2DShadow map, vec3 at, vec2 texel) {
 }
 
 float sunlit() {
-    vec3 at = in_sun * still_scale.xyz + still_offset.xyz;
-    vec3 off = abs(at - 0.5);
-    float lit = max(off.x, max(off.y, off.z)) > 0.5 ? 1.0 : shadow(still_map, at, vec2(still_scale.w));
+    float lit = 1.0;
+    vec3 at, off;
+#ifdef STILL
+    at = in_sun * still_scale.xyz + still_offset.xyz;
+    off = abs(at - 0.5);
+    lit = max(off.x, max(off.y, off.z)) > 0.5 ? 1.0 : shadow(still_map, at, vec2(still_scale.w));
+#endif
     for (int i = 0; i < CASTERS; i++) {
         vec4 tile = caster_tile[casters[i]];
         at = in_sun * caster_half.zzw + caster_offset[casters[i]].xyz;
