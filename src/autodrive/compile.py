@@ -15,6 +15,7 @@ from autodrive.model import VEHICLE, WHEEL, Model, Shapes, Table
 from autodrive.physics.engine import Engine, Views
 from autodrive.physics.tick import GROUND_COLUMNS, Scratch, Touches
 from autodrive.scenario import ScenarioSpec
+from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.catalog import SensorSuite
 from autodrive.state import Floats, State
 from autodrive.vehicles.mjcf import vehicle_mjcf
@@ -31,6 +32,8 @@ class Compiled:
     """In the order of the Model's rows."""
     sensors: dict[str, SensorSuite]
     """By vehicle."""
+    cameras: dict[str, dict[str, CameraSpec]]
+    """By vehicle, by name."""
     model: Model
     state: State
     engine: Engine
@@ -39,6 +42,8 @@ class Compiled:
     scratch: Scratch
     objects: dict[str, int]
     """Movable things: name -> where their pose begins in the engine's qpos."""
+    boxes: list[BoxPlacement]
+    """The same things, in the same order, as they were placed."""
     owners: list[str]
     """Name of the thing that each of the engine's geoms is part of."""
 
@@ -78,6 +83,7 @@ def compile_scenario(spec: ScenarioSpec) -> Compiled:
         map=map_,
         vehicles=vehicles,
         sensors=_sensors(spec, vehicles),
+        cameras={name: vehicle.cameras for name, vehicle in vehicles.items()},
         model=model,
         state=empty_state(model),
         engine=engine,
@@ -99,6 +105,7 @@ def compile_scenario(spec: ScenarioSpec) -> Compiled:
             contact_geoms=np.zeros(2, dtype=np.int32),
         ),
         objects={box.name: engine.body(box.name)[1] for box in boxes},
+        boxes=boxes,
         owners=_owners(engine),
     )
 
