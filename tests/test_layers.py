@@ -17,8 +17,8 @@ LAYERS: list[set[str]] = [
     {"actuators", "physics", "render", "sensors"},
     {"scenario", "vehicles", "maps"},
     {"world", "compile", "referee", "assets", "cameras"},
-    {"simulation", "camera_process"},
-    {"app", "bridge", "recording", "envs", "batch", "browse", "doctor"},
+    {"simulation", "camera_link", "camera_process"},
+    {"app", "bridge", "recording", "envs", "batch", "browse", "doctor", "generate", "camera_watch"},
     {"cli"},
 ]
 """Rooms from the ground up. `descriptions` reads files for all above; `cache` says where what can be made again is

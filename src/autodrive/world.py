@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -36,25 +36,40 @@ from autodrive.transforms import quaternion_from_yaw
 from autodrive.units import RPM
 from autodrive.vehicles.mjcf import WHEEL_NAMES
 
+if TYPE_CHECKING:
+    from autodrive.cameras import Eyes
+
 NO_COMMAND = Command()
 
 REVERSE_SPEED = -0.05 * RPM
 """Rear wheels slower than this are in reverse [rad/s]."""
 
 
-def make(scenario: str | Path | ScenarioSpec = "plane", seed: int | None = None) -> World:
-    """A World of that scenario (name, file or Spec), at its initial state. Raises `SpecError`."""
+def make(
+    scenario: str | Path | ScenarioSpec = "plane",
+    seed: int | None = None,
+    *,
+    cameras: bool | str | Callable[[Compiled], Eyes] = False,
+) -> World:
+    """A World of that scenario (name, file or Spec), at its initial state. Raises `SpecError`.
+
+    `cameras`: True draws each camera's picture in the tick that it is due in, of exactly that state, and so does the
+    name of a quality (`autodrive.render.quality.NAMES`); raises `GlUnavailable` where that cannot be. False leaves the
+    cameras out, which costs nothing. Or a function that makes other eyes, such as `camera_process.CameraProcess.of`.
+    """
     spec = scenario if isinstance(scenario, ScenarioSpec) else load_scenario(scenario)
     if seed is not None:
         spec = spec.model_copy(update={"seed": seed})
-    return World(compile_scenario(spec))
+    compiled = compile_scenario(spec)
+    return World(compiled, _eyes(compiled, cameras))
 
 
 class World:
     """Vehicles, a map and movable things in simulated time. Same scenario, seed and commands: same bits."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: Compiled, eyes: Eyes | None = None) -> None:
         self._compiled = compiled
+        self._eyes = eyes
         self.spec = compiled.spec
         self.map = compiled.map
         self.vehicle_specs = compiled.vehicles
@@ -106,8 +121,7 @@ class World:
             )
         events = self._referee.judge(self._tick, self.time, c.model, c.state, c.touches)
         self._sample()
-        self.frame = self._frame(events)
-        return self.frame
+        return self._show(events)
 
     def reset(self, seed: int | None = None) -> Frame:
         """The initial state; a new seed stays until the next one."""
@@ -131,9 +145,10 @@ class World:
         observe(c.model, c.state, c.views)
         for sensors in c.sensors.values():
             sensors.reset(self._seed)
+        if self._eyes is not None:
+            self._eyes.reset(self._seed)
         self._sample()
-        self.frame = self._frame(())
-        return self.frame
+        return self._show()
 
     @property
     def time(self) -> float:
@@ -165,18 +180,19 @@ class World:
             column[4 * i : 4 * i + 4] = 0.0
         c.engine.update()
         observe(c.model, c.state, c.views)
-        self.frame = self._frame(())
+        self._show(is_moved=True)
 
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
         """Who drives from now on: a script or a person. The World obeys whoever calls `step`."""
         self._index(vehicle)
         self._is_autonomous[vehicle] = is_autonomous
-        self.frame = self._frame(())
+        self._show()
 
     def set_scene_light(self, enabled: bool) -> None:
         """Day (True) or night (False)."""
+        is_switched = enabled != self.scene_light
         self.scene_light = enabled
-        self.frame = self._frame(())
+        self._show(is_moved=is_switched)
 
     def save(self) -> Snapshot:
         """All that the future depends on."""
@@ -188,6 +204,7 @@ class World:
             state=State(*(column.copy() for column in c.state)),
             referee=self._referee.save(),
             sensors={name: sensors.save() for name, sensors in c.sensors.items()},
+            eyes=self._eyes and self._eyes.save(),
             driving=copy.deepcopy([getattr(self, name) for name in _DRIVING]),
             frame=self.frame,
         )
@@ -204,9 +221,16 @@ class World:
         self._referee.restore(saved.referee)
         for name, sensors in c.sensors.items():
             sensors.restore(saved.sensors[name])
+        if self._eyes is not None:
+            self._eyes.restore(saved.eyes)
         for name, value in zip(_DRIVING, copy.deepcopy(saved.driving), strict=True):
             setattr(self, name, value)
         return self.frame
+
+    def close(self) -> None:
+        """Give back what draws the cameras' pictures; a world without cameras holds nothing."""
+        if self._eyes is not None:
+            self._eyes.close()
 
     def vehicle(self, name: str) -> VehicleView:
         """A read-only look at one vehicle's state, for prompts and tests."""
@@ -242,6 +266,12 @@ class World:
         c = self._compiled
         for sensors in c.sensors.values():
             sensors.sample(c.model.shapes, c.state, self._tick * self._substeps)
+
+    def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
+        """The state as a Frame, with what the cameras see; `is_moved`: by hand, so that they must look anew."""
+        frame = self._frame(events)
+        self.frame = frame if self._eyes is None else self._eyes.see(frame, anew=is_moved)
+        return self.frame
 
     def _frame(self, events: tuple[Event, ...]) -> Frame:
         c = self._compiled
@@ -293,6 +323,16 @@ class World:
         )
 
 
+def _eyes(compiled: Compiled, cameras: bool | str | Callable[[Compiled], Eyes]) -> Eyes | None:
+    if cameras is False or not any(compiled.cameras.values()):
+        return None
+    if callable(cameras):
+        return cameras(compiled)
+    from autodrive.cameras import Cameras, sight_of
+
+    return Cameras(sight_of(compiled, "auto" if cameras is True else cameras))
+
+
 def _check(vehicle: str, command: Command) -> None:
     """Raises `CommandError` where a vehicle cannot obey."""
     if not (_is_number(command.throttle) and _is_number(command.steering)):
@@ -333,6 +373,7 @@ class Snapshot(NamedTuple):
     state: State
     referee: Any
     sensors: dict[str, Any]
+    eyes: Any
     driving: list[Any]
     frame: Frame
 
