@@ -36,6 +36,7 @@ def examine() -> Iterator[Finding]:
     yield from _packages()
     yield _data()
     yield _cache()
+    yield _opengl()
     yield _machine()
     yield _devkit()
 
@@ -101,6 +102,20 @@ def _cache() -> Finding:
     return Finding("compiled code", True, f"{folder} ({'ready' if is_warm else 'the first start will compile'})")
 
 
+def _opengl() -> Finding:
+    """Without it the simulator runs on, without pictures of the cameras."""
+    try:
+        from autodrive.render.gl import PACKAGES, GlUnavailable, is_software, probe
+    except ImportError as error:
+        return Finding("OpenGL", False, f"moderngl cannot be used: {error}; cameras are unavailable")
+    try:
+        renderer = probe()
+    except GlUnavailable:
+        return Finding("OpenGL", False, "none; cameras are unavailable, all else works", _apt(PACKAGES))
+    where = "in software, on the processor" if is_software(renderer) else "on the graphics card"
+    return Finding("OpenGL", True, f"{renderer}: cameras are drawn {where}")
+
+
 def _machine() -> Finding:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Finding("machine", True, f"{platform.system()} {platform.machine()}, {cores} cores")
@@ -137,4 +152,4 @@ def _checkout() -> Path | None:
 
 
 def _apt(packages: str) -> str:
-    return f"{'' if os.geteuid() == 0 else 'sudo '}apt-get install -y {packages}"
+    return f"{'' if os.geteuid() == 0 else 'sudo '}apt-get install -y --no-install-recommends {packages}"
