@@ -11,6 +11,8 @@ from autodrive.actuators.lights import LAMPS, LightsSpec
 from autodrive.render.look import BEAMS
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from autodrive.state import Floats
 
 HEADLIGHTS = tuple(i for i, name in enumerate(LAMPS) if name.startswith(("head", "high_beam")))
@@ -64,20 +66,19 @@ def burning(tables: Sequence[np.ndarray], roots: Floats, levels: Floats) -> tupl
     return lit, vehicle, np.isin(lamp, HEADLIGHTS)
 
 
-def reach(lit: np.ndarray, centers: Floats, radii: Floats) -> np.ndarray:
-    """Whether each lamp can light anything of each sphere, shape (n_sphere, n_lamp).
+def reach(lit: np.ndarray, low: Floats, high: Floats) -> NDArray[np.bool_]:
+    """Whether each lamp can light anything of each box between those corners, shape (n_box, n_lamp).
 
-    In range, and not wholly outside the cone (a sphere whose middle lies beyond the cone's edge by more than its
-    radius at that distance).
+    The box is in range, and the sphere around it not wholly beyond the edge of the cone.
     """
-    to = centers[:, None] - lit["place"][None]
-    far = np.linalg.norm(to, axis=2)
-    along = np.einsum("snk,nk->sn", to, lit["aim"])
-    aside = np.sqrt(np.maximum(far**2 - along**2, 0.0))
+    place = lit["place"]
+    near = np.linalg.norm(np.maximum(np.maximum(low[:, None] - place, place - high[:, None]), 0.0), axis=2)
+    to = 0.5 * (low + high)[:, None] - place
+    along = np.einsum("bnk,nk->bn", to, lit["aim"])
+    aside = np.sqrt(np.maximum(np.sum(to**2, axis=2) - along**2, 0.0))
     cos = lit["cos_outer"]
-    beyond = aside * cos - along * np.sqrt(1.0 - cos**2)  # signed distance to the cone's edge
-    r = radii[:, None]
-    return (far < lit["range"] + r) & (beyond < r)
+    beyond = aside * cos - along * np.sqrt(1.0 - cos**2)
+    return (near < lit["range"]) & (beyond < 0.5 * np.linalg.norm(high - low, axis=1)[:, None])
 
 
 def strength(lit: np.ndarray, centers: Floats) -> Floats:

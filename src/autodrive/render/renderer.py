@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import moderngl
 import numpy as np
@@ -12,7 +12,7 @@ from autodrive.render import texture_arrays
 from autodrive.render.gl import open_context, source, write
 from autodrive.render.model import Model
 from autodrive.render.quality import quality
-from autodrive.render.scene import Rig, geometry, rigid
+from autodrive.render.scene import Kind, Rig, geometry, rigid
 from autodrive.render.shadows import BONES, Shadows, columns
 from autodrive.render.stage import FRAME, Lit, Stage
 from autodrive.render.target import ExactTarget, Target
@@ -28,11 +28,15 @@ TEXTURES, STILL, CASTER, BEAM = range(4)
 """Texture units."""
 
 
+Piece: TypeAlias = tuple[int, int, Kind, str]
+"""First index, number of indices, kind, array of textures."""
+
+
 class Variant(NamedTuple):
     """What a shader program is made for."""
 
     is_jointed: bool
-    is_flat: bool
+    kind: Kind
     is_textured: bool
     is_day: bool
     is_shaded: bool
@@ -138,9 +142,9 @@ class Renderer:
             clip = self._look(view)
             used: tuple[Variant, str, Lit] | None = None
             for model, piece, bones, glow, lit in self._seen(clip):
-                first, count, is_flat, textures = piece
+                first, count, kind, textures = piece
                 counts = len(lit.casters), len(lit.beams), len(lit.lamps)
-                variant = Variant(bones is not None, is_flat, bool(textures), is_day, lit.is_shaded, *counts)
+                variant = Variant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
                 program = self._program(variant)
                 if (variant, textures, lit) != used:
                     used = variant, textures, lit
@@ -185,9 +189,7 @@ class Renderer:
         self._sight.write(columns(clip) + np.array([*view.position, 1.0], np.float32).tobytes())
         return clip
 
-    def _seen(
-        self, clip: Floats
-    ) -> Iterator[tuple[Model, tuple[int, int, bool, str], bytes | None, bytes | None, Lit]]:
+    def _seen(self, clip: Floats) -> Iterator[tuple[Model, Piece, bytes | None, bytes | None, Lit]]:
         """What is in sight, near things first: they hide what need not be shaded then."""
         planes = np.stack(
             [clip[3] + clip[0], clip[3] - clip[0], clip[3] + clip[1], clip[3] - clip[1], clip[3] + clip[2]]
@@ -199,20 +201,26 @@ class Renderer:
             for i in np.nonzero(_visible(planes, centers, radii))[0].tolist():
                 posed = stage.posed[i]
                 for r in posed.model.geometry.ranges:
-                    yield posed.model, (r.first, r.length, False, r.textures), posed.bones, posed.glow, posed.lit
+                    yield (
+                        posed.model,
+                        (r.first, r.length, _off_ground(r.kind), r.textures),
+                        posed.bones,
+                        posed.glow,
+                        posed.lit,
+                    )
         ranges = self._static.geometry.ranges
         in_sight = np.nonzero(_visible(planes, *self._static.geometry.spheres))[0].tolist()
-        for is_flat in (False, True):
-            yield from self._runs([i for i in in_sight if ranges[i].is_flat == is_flat])
+        yield from self._runs([i for i in in_sight if ranges[i].kind != "flat"])
+        yield from self._runs([i for i in in_sight if ranges[i].kind == "flat"])
 
-    def _runs(self, numbers: list[int]) -> Iterator[tuple[Model, tuple[int, int, bool, str], None, None, Lit]]:
+    def _runs(self, numbers: list[int]) -> Iterator[tuple[Model, Piece, None, None, Lit]]:
         """Ranges of the static model; those that follow each other and look alike as one."""
         ranges, lit = self._static.geometry.ranges, self._stage.static_lit
         first = count = 0
-        last: tuple[bool, str, Lit] | None = None
+        last: tuple[Kind, str, Lit] | None = None
         for i in numbers:
             r = ranges[i]
-            alike = r.is_flat, r.textures, lit[i]
+            alike = r.kind, r.textures, lit[i]
             if alike == last and first + count == r.first:
                 count += r.length
                 continue
@@ -226,8 +234,11 @@ class Renderer:
 
     def _program(self, variant: Variant) -> moderngl.Program:
         if variant not in self._programs:
+            is_quick = self.quality.detail == "reduced"
             flags = {
-                "FLAT": variant.is_flat,
+                "QUICK": is_quick,
+                "FLAT": variant.kind == "flat",
+                "MATT": variant.kind == "matt" and is_quick,
                 "TEXTURED": variant.is_textured,
                 "SUNLIT": variant.is_day,
                 "STILL": variant.is_shaded,
@@ -270,6 +281,11 @@ def clip_from_optical(view: View) -> Floats:
             [0.0, 0.0, 1.0, 0.0],
         ]
     )
+
+
+def _off_ground(kind: Kind) -> Kind:
+    """Of what moves, nothing is level ground."""
+    return "matt" if kind == "flat" else kind
 
 
 def _visible(planes: Floats, centers: Floats, radii: Floats) -> np.ndarray:

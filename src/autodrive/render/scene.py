@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -130,6 +130,10 @@ def rigid(position: Vector | Floats, orientation: Quaternion | Floats) -> Floats
 # -- triangles --------------------------------------------------------------------------------------------------
 
 
+Kind: TypeAlias = Literal["flat", "matt", "shiny"]
+"""Level ground, all of whose normals are up; other things without gloss; all else. The first two are quick to draw."""
+
+
 class Range(NamedTuple):
     """Triangles that are drawn together."""
 
@@ -137,8 +141,7 @@ class Range(NamedTuple):
     """Index."""
     length: int
     """Indices."""
-    is_flat: bool
-    """Level ground: all normals are up."""
+    kind: Kind
     textures: str
     """Which array of textures; none if empty."""
     center: Floats
@@ -182,13 +185,13 @@ def geometry(asset: Asset, rig: Rig, detail: Detail, layers: dict[str, tuple[str
     ranges: list[Range] = []
     n_vertex = n_index = 0
     for node in asset.nodes:
-        groups: dict[tuple[bool, str], list[Surface]] = {}
+        groups: dict[tuple[Kind, str], list[Surface]] = {}
         surfaces = node.surfaces.get(detail, ())
         textured = next((layers[s.material.texture][0] for s in surfaces if s.material.texture), "")
         for surface in surfaces:
             own = layers[surface.material.texture][0] if surface.material.texture else textured
-            groups.setdefault((bool(np.all(surface.normals[:, 2] > 0.999)), own), []).append(surface)
-        for (is_flat, array), members in groups.items():
+            groups.setdefault((_kind(surface), own), []).append(surface)
+        for (kind, array), members in groups.items():
             parts = [_vertices(surface, node, rig, layers) for surface in members]
             starts = n_vertex + np.cumsum([0, *(len(part) for part in parts[:-1])])
             own_indices = np.concatenate(
@@ -197,7 +200,7 @@ def geometry(asset: Asset, rig: Rig, detail: Detail, layers: dict[str, tuple[str
             points = np.concatenate([part["position"] for part in parts])
             center = 0.5 * (points.min(0) + points.max(0)).astype(np.float64)
             radius = float(np.linalg.norm(points - center, axis=1).max())
-            ranges.append(Range(n_index, len(own_indices), is_flat, array, center, radius))
+            ranges.append(Range(n_index, len(own_indices), kind, array, center, radius))
             vertices += parts
             indices.append(own_indices.astype(np.uint32))
             n_vertex, n_index = n_vertex + len(points), n_index + len(own_indices)
@@ -206,6 +209,12 @@ def geometry(asset: Asset, rig: Rig, detail: Detail, layers: dict[str, tuple[str
         np.concatenate(indices) if indices else np.empty(0, np.uint32),
         tuple(ranges),
     )
+
+
+def _kind(surface: Surface) -> Kind:
+    if np.all(surface.normals[:, 2] > 0.999):
+        return "flat"
+    return "matt" if surface.material.roughness >= 0.6 and surface.material.metallic == 0.0 else "shiny"
 
 
 def _vertices(surface: Surface, node: Node, rig: Rig, layers: dict[str, tuple[str, int]]) -> NDArray[np.void]:

@@ -93,6 +93,7 @@ class Stage:
         self._vehicles, self._objects = vehicles, objects
         self._tables = [lamp_table(spec) for spec in scene.lights]
         self._spheres = static.geometry.spheres
+        self._boxes = static.geometry.bounds(np.eye(3))
         self._bounds = static.geometry.bounds(shadows.sun)
         self._is_shaded = np.zeros(0, bool)
         """Whether shadows of what stands still can fall on each range of the static model."""
@@ -121,8 +122,10 @@ class Stage:
         spheres.append((places[:, :3, 3], np.array([m.radius for m in self._objects])))
         all_centers = np.concatenate([c for c, _ in spheres])
         all_radii = np.concatenate([r for _, r in spheres])
-        reached = self._reached(all_centers, all_radii, centers.reshape(-1, 3)[casters], lit, n_beam)
         n = len(self._spheres[0])
+        low, high = all_centers - all_radii[:, None], all_centers + all_radii[:, None]
+        low[:n], high[:n] = self._boxes[:, 0], self._boxes[:, 1]
+        reached = self._reached(low, high, centers.reshape(-1, 3)[casters], lit, n_beam)
         if moment.is_day:
             for i in (*np.nonzero(self._is_shaded)[0].tolist(), *range(n, len(reached))):
                 reached[i] = reached[i]._replace(is_shaded=True)
@@ -196,16 +199,16 @@ class Stage:
             frame["lamp_color"][slots] = np.column_stack([lit["color"][chosen], lit["sharpness"][chosen]])
         return np.concatenate([lit[beams], lit[others]]), len(beams)
 
-    def _reached(self, centers: Floats, radii: Floats, casters: Floats, lamps: np.ndarray, n_beam: int) -> list[Lit]:
-        """What reaches each sphere."""
-        n = len(centers)
-        shaded, away = np.zeros((n, 0), bool), np.zeros((n, 0))
-        if len(casters):
-            # a shadow falls away from the sun, as far as the vehicle is high over the sun's slope
-            drift = -0.25 * np.array(DAY.sun_direction[:2]) / DAY.sun_direction[2]
-            away = np.linalg.norm(centers[:, None, :2] - casters[None, :, :2] - 0.5 * drift, axis=2)
-            shaded = away < radii[:, None] + 0.5 * float(np.linalg.norm(drift)) + 0.25
-        lights, power = reach(lamps, centers, radii), strength(lamps, centers)
+    def _reached(self, low: Floats, high: Floats, casters: Floats, lamps: np.ndarray, n_beam: int) -> list[Lit]:
+        """What reaches each box between those corners, shape (n, 3)."""
+        n = len(low)
+        # a shadow falls away from the sun, as far as the vehicle is high over the sun's slope
+        drift = -0.25 * np.array(DAY.sun_direction[:2]) / DAY.sun_direction[2]
+        middle = casters[:, :2] + 0.5 * drift
+        gap = np.maximum(np.maximum(low[:, None, :2] - middle, middle - high[:, None, :2]), 0.0)
+        away = np.linalg.norm(gap, axis=2)
+        shaded = away < 0.5 * float(np.linalg.norm(drift)) + 0.25
+        lights, power = reach(lamps, low, high), strength(lamps, 0.5 * (low + high))
         found = [Lit()] * n
         for i in np.nonzero(shaded.any(1) | lights.any(1))[0].tolist():
             nearest = _best(shaded[i], -away[i], self._quality.casters)
@@ -213,7 +216,7 @@ class Stage:
             found[i] = Lit(
                 _filled(nearest, (1, 2, 4), NO_CASTER),
                 _filled(np.nonzero(lights[i, :n_beam])[0].tolist(), (2, 4, 8), NO_BEAM),
-                _filled([slot + BEAMS for slot in small], (4, 8), NO_LAMP),
+                _filled([slot + BEAMS for slot in small], (2, 4, 8), NO_LAMP),
             )
         return found
 

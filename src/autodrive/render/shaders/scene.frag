@@ -1,5 +1,5 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
-// FLAT: level ground, matt. What reaches this draw: STILL: shadows of what stands still; CASTERS, BEAMS, LAMPS: so many
+// FLAT: level ground; it and what is MATT has no gloss. QUICK: lamps cause no gloss. What reaches this draw: STILL: shadows of what stands still; CASTERS, BEAMS, LAMPS: so many
 // vehicles' shadows, headlights and other lamps.
 layout(std140) uniform Frame { FRAME_FIELDS };
 layout(std140) uniform Sight { mat4 clip_from_map; vec4 eye; };
@@ -77,7 +77,7 @@ struct Finish { vec3 diffuse, specular; float alpha, roughness; };
 
 vec3 reflected(Finish f, vec3 n, vec3 v, vec3 l) {
     float nl = clamp(dot(n, l), 0.0, 1.0);
-#ifdef FLAT
+#if defined(FLAT) || defined(MATT)
     return f.diffuse * (nl * 0.31831);
 #else
     vec3 h = normalize(v + l);
@@ -87,6 +87,14 @@ vec3 reflected(Finish f, vec3 n, vec3 v, vec3 l) {
     float x = 1.0 - vh, x2 = x * x;
     vec3 fresnel = f.specular + (1.0 - f.specular) * (x2 * x2 * x);
     return ((1.0 - fresnel) * f.diffuse * 0.31831 + fresnel * min(lobe, 40.0)) * nl;
+#endif
+}
+
+vec3 lamp_reflected(Finish f, vec3 n, vec3 v, vec3 l) {
+#ifdef QUICK
+    return f.diffuse * (0.31831 * clamp(dot(n, l), 0.0, 1.0));
+#else
+    return reflected(f, n, v, l);
 #endif
 }
 
@@ -122,7 +130,7 @@ void main() {
     vec3 above = 0.5 * (zenith.rgb + horizon.rgb);
     float open = openness();
     vec3 light = f.diffuse * 0.31831 * open * mix(floor_glow.rgb, above, n.z * 0.5 + 0.5);
-#ifndef FLAT
+#if !defined(FLAT) && !defined(MATT)
     vec3 r = reflect(-v, n);
     float x = 1.0 - clamp(dot(n, v), 0.0, 1.0), x2 = x * x;
     vec3 seen = mix(floor_glow.rgb, mix(horizon.rgb, zenith.rgb, clamp(r.z, 0.0, 1.0)), smoothstep(-0.15, 0.15, r.z));
@@ -147,12 +155,12 @@ void main() {
         // asphalt and grass throw light back to where it comes from: Lommel and Seeliger's law for rough ground
         light += f.diffuse * 0.31831 * arriving * l.z / (l.z + v.z + 0.02);
 #else
-        light += reflected(f, n, v, l) * arriving;
+        light += lamp_reflected(f, n, v, l) * arriving;
 #endif
     }
     for (int i = 0; i < LAMPS; i++) {
         vec3 arriving = lamp_light(lamp_numbers[i], l);
-        light += reflected(f, n, v, l) * arriving;
+        light += lamp_reflected(f, n, v, l) * arriving;
     }
     pixel = vec4(shown(light * exposure.x + own_emission), 1.0);
 }
