@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from autodrive.maps.map import MapSpec as MapSpec
     from autodrive.maps.map import load_map as load_map
     from autodrive.protocol.messages import BackOnRoad as BackOnRoad
+    from autodrive.protocol.messages import CameraImage as CameraImage
+    from autodrive.protocol.messages import CameraIntrinsics as CameraIntrinsics
     from autodrive.protocol.messages import Collision as Collision
     from autodrive.protocol.messages import Command as Command
     from autodrive.protocol.messages import EncoderReading as EncoderReading
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import TailLights as TailLights
     from autodrive.protocol.messages import VehicleFrame as VehicleFrame
     from autodrive.protocol.messages import WheelsReading as WheelsReading
+    from autodrive.render.gl import GlUnavailable as GlUnavailable
     from autodrive.scenario import ScenarioSpec as ScenarioSpec
     from autodrive.scenario import load_scenario as load_scenario
     from autodrive.simulation import Simulation as Simulation
@@ -47,6 +50,8 @@ _HOME = {
     "errors": ("AutodriveError", "CommandError", "EngineError", "SpecError"),
     "protocol.messages": (
         "BackOnRoad",
+        "CameraImage",
+        "CameraIntrinsics",
         "Collision",
         "Command",
         "EncoderReading",
@@ -65,6 +70,7 @@ _HOME = {
         "WheelsReading",
     ),
     "maps.map": ("Map", "MapSpec", "load_map"),
+    "render.gl": ("GlUnavailable",),
     "scenario": ("ScenarioSpec", "load_scenario"),
     "simulation": ("Simulation", "Sink"),
     "vehicles.spec": ("VehicleSpec", "load_vehicle"),

@@ -75,6 +75,7 @@ class CameraProcess:
         ]
         self._lock = threading.Lock()
         self._images: dict[tuple[str, str], CameraImage] = {}
+        self._shown = self._images
         self._sent_at: list[int | None] = [None] * len(sight.seats)
         self._ordered: list[int] = []
         self._seed: int | None = None
@@ -98,6 +99,11 @@ class CameraProcess:
         return bool(self._renderer) and not self._fault
 
     @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    @property
     def statistics(self) -> CameraStatistics:
         """How it goes, at this moment."""
         with self._lock:
@@ -118,8 +124,8 @@ class CameraProcess:
                 due = [n for n in range(len(self._names)) if self._is_due(n, now)]
                 if due:
                     self._send(frame, now, due)
-            images = self._images
-        return with_images(frame, images) if images else frame
+            self._shown = images = self._images
+        return with_images(frame, images)
 
     def reset(self, seed: int) -> None:
         """Forget every picture, and those under way; noise follows from `seed`."""
@@ -136,6 +142,13 @@ class CameraProcess:
         del saved
         with self._lock:
             self._forget()
+
+    @property
+    def is_awaited(self) -> bool:
+        """Whether a picture is under way or has come since, or one of what was moved by hand is still to be taken."""
+        with self._lock:
+            is_at_work = not self._fault and (not self._is_free or None in self._sent_at)
+            return is_at_work or self._shown is not self._images
 
     def close(self) -> None:
         """End the process."""

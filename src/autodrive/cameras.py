@@ -51,6 +51,11 @@ class Eyes(Protocol):
         """Give back all that drawing needs."""
         ...
 
+    @property
+    def is_awaited(self) -> bool:
+        """Whether a picture of the latest Frame is still to come."""
+        ...
+
 
 class Seat(NamedTuple):
     """A camera's place: on which vehicle, and what it is."""
@@ -167,6 +172,11 @@ class Cameras:
         for camera, one in zip(self._film.cameras, cameras, strict=True):
             camera.restore(one)
 
+    @property
+    def is_awaited(self) -> bool:
+        """Never: a Frame comes with its pictures."""
+        return False
+
     def close(self) -> None:
         """Give back what the graphics side holds; the next picture would fetch it again."""
         if self._renderer is not None:
@@ -182,7 +192,9 @@ class Cameras:
 
 
 def with_images(frame: Frame, images: Images) -> Frame:
-    """The Frame with these pictures in the place of its own."""
+    """The Frame with these pictures in the place of its own; the very same if it has them."""
+    if all(frame.vehicles[vehicle].cameras.get(camera) is image for (vehicle, camera), image in images.items()):
+        return frame
     own: dict[str, dict[str, CameraImage]] = {}
     for (vehicle, camera), image in images.items():
         own.setdefault(vehicle, {})[camera] = image

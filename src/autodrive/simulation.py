@@ -37,6 +37,9 @@ Source: TypeAlias = Literal["script", "person"]
 
 log = logging.getLogger(__name__)
 
+LOOK = 0.01
+"""How often a World that stands still is asked for pictures that are still to come [s]."""
+
 
 class Sink(Protocol):
     """Whoever wants every Frame, for example a recorder or a bridge."""
@@ -225,10 +228,14 @@ class Simulation:
             self._pace.rest(time.perf_counter())
 
     def _is_due(self) -> bool:
-        """Whether to tick now. If not, sleeps until then or until there is mail."""
+        """Whether to tick now. If not, sleeps until then, until there is mail, or for a look at pictures to come."""
         delay = None if self.is_paused else self._pace.delay(time.perf_counter())
         if delay is not None and delay <= 0:
             return True
+        if self.is_paused and self.world.is_looking:
+            delay = LOOK
+            if self.world.look() is not self._frame:
+                self._publish(self.world.frame)
         with self._mail:
             if not self._requests and not self._is_stopping:
                 self._mail.wait(delay)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from autodrive.actuators.lights import lit_lamps
 from autodrive.compile import Compiled, compile_scenario
@@ -181,6 +182,18 @@ class World:
         c.engine.update()
         observe(c.model, c.state, c.views)
         self._show(is_moved=True)
+
+    @property
+    def is_looking(self) -> bool:
+        """Whether pictures of the Frame at hand are still to come, which `look` will bring; in real time only."""
+        return self._eyes is not None and self._eyes.is_awaited
+
+    def look(self) -> Frame:
+        """The Frame at hand with the pictures that have come meanwhile; a new one, without events, if some have."""
+        if self._eyes is not None:
+            seen = self._eyes.see(self.frame)
+            self.frame = seen if seen is self.frame else replace(seen, events=())
+        return self.frame
 
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
         """Who drives from now on: a script or a person. The World obeys whoever calls `step`."""
