@@ -32,6 +32,10 @@ Piece: TypeAlias = tuple[int, int, Kind, str]
 """First index, number of indices, kind, array of textures."""
 
 
+Seen: TypeAlias = "tuple[Model, Piece, bytes | None, bytes | None, Lit]"
+"""What is drawn at once; bones and glow of what moves."""
+
+
 class Variant(NamedTuple):
     """What a shader program is made for."""
 
@@ -141,7 +145,7 @@ class Renderer:
             target.begin(i)
             clip = self._look(view)
             used: tuple[Variant, str, Lit] | None = None
-            for model, piece, bones, glow, lit in self._seen(clip):
+            for model, piece, bones, glow, lit in self._in_order(clip):
                 first, count, kind, textures = piece
                 counts = len(lit.casters), len(lit.beams), len(lit.lamps)
                 variant = Variant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
@@ -189,7 +193,13 @@ class Renderer:
         self._sight.write(columns(clip) + np.array([*view.position, 1.0], np.float32).tobytes())
         return clip
 
-    def _seen(self, clip: Floats) -> Iterator[tuple[Model, Piece, bytes | None, bytes | None, Lit]]:
+    def _in_order(self, clip: Floats) -> list[Seen]:
+        """What is in sight, something with a texture first: llvmpipe waits for all drawn before its first texture."""
+        seen = list(self._seen(clip))
+        textured = next((i for i, (_, piece, *_) in enumerate(seen) if piece[3]), 0)
+        return [*seen[textured : textured + 1], *seen[:textured], *seen[textured + 1 :]]
+
+    def _seen(self, clip: Floats) -> Iterator[Seen]:
         """What is in sight, near things first: they hide what need not be shaded then."""
         planes = np.stack(
             [clip[3] + clip[0], clip[3] - clip[0], clip[3] + clip[1], clip[3] - clip[1], clip[3] + clip[2]]
@@ -213,7 +223,7 @@ class Renderer:
         yield from self._runs([i for i in in_sight if ranges[i].kind != "flat"])
         yield from self._runs([i for i in in_sight if ranges[i].kind == "flat"])
 
-    def _runs(self, numbers: list[int]) -> Iterator[tuple[Model, Piece, None, None, Lit]]:
+    def _runs(self, numbers: list[int]) -> Iterator[Seen]:
         """Ranges of the static model; those that follow each other and look alike as one."""
         ranges, lit = self._static.geometry.ranges, self._stage.static_lit
         first = count = 0
