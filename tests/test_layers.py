@@ -18,7 +18,7 @@ LAYERS: list[set[str]] = [
     {"scenario", "vehicles", "maps"},
     {"world", "compile", "referee", "assets", "cameras"},
     {"simulation", "camera_link", "camera_process"},
-    {"app", "bridge", "recording", "envs", "batch", "browse", "doctor", "generate", "camera_watch"},
+    {"app", "bridge", "recording", "envs", "batch", "browse", "doctor", "generate", "camera_watch", "portrait"},
     {"cli"},
 ]
 """Rooms from the ground up. `descriptions` reads files for all above; `cache` says where what can be made again is
