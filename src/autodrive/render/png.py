@@ -1,4 +1,4 @@
-"""Writes pictures as PNG (W3C Portable Network Graphics, third edition): 8 bits a channel, no interlace."""
+"""Writes and reads pictures as PNG (W3C, third edition): 8 bits a channel, no interlace."""
 
 from __future__ import annotations
 
@@ -34,3 +34,44 @@ def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def decode_png(data: bytes) -> NDArray[np.uint8]:
+    """Pixels of a PNG of 8 bits a channel without interlace, shape (height, width, channels)."""
+    at, parts, header = 8, [], b""
+    while at < len(data):
+        length, kind = struct.unpack(">I4s", data[at : at + 8])
+        body = data[at + 8 : at + 8 + length]
+        header, at = body if kind == b"IHDR" else header, at + 12 + length
+        if kind == b"IDAT":
+            parts.append(body)
+    width, height, depth, colour_type, _, _, interlace = struct.unpack(">IIBBBBB", header)
+    channels = {kind: n for n, kind in _COLOUR_TYPES.items()}.get(colour_type)
+    if channels is None or depth != 8 or interlace:
+        raise ValueError(f"a PNG of colour type {colour_type}, {depth} bits, interlace {interlace} is not read here")
+    raw = np.frombuffer(zlib.decompress(b"".join(parts)), np.uint8).reshape(height, 1 + width * channels)
+    rows = np.zeros((height + 1, width + 1, channels), np.int32)  # with an empty row above and column to the left
+    for y, line in enumerate(raw, 1):
+        _unfilter(int(line[0]), line[1:].reshape(width, channels).astype(np.int32), rows[y - 1], rows[y])
+    return rows[1:, 1:].astype(np.uint8)
+
+
+def _unfilter(kind: int, line: NDArray[np.int32], above: NDArray[np.int32], row: NDArray[np.int32]) -> None:
+    """Fill `row` from its filtered bytes (section 9.2)."""
+    if kind == 0:
+        row[1:] = line
+    elif kind == 1:
+        row[1:] = np.cumsum(line, axis=0) & 255
+    elif kind == 2:
+        row[1:] = (line + above[1:]) & 255
+    else:
+        for x in range(1, len(row)):
+            a, b, c = row[x - 1], above[x], above[x - 1]
+            row[x] = (line[x - 1] + ((a + b) // 2 if kind == 3 else _paeth(a, b, c))) & 255
+
+
+def _paeth(a: NDArray[np.int32], b: NDArray[np.int32], c: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Whichever of left, above and upper left is nearest to left + above - upper left."""
+    p = a + b - c
+    da, db, dc = abs(p - a), abs(p - b), abs(p - c)
+    return np.where((da <= db) & (da <= dc), a, np.where(db <= dc, b, c))
