@@ -28,7 +28,9 @@ class Daylight:
     floor_glow: Vector
     """What comes back from below."""
     exposure: float
-    casts_shadows: bool
+    """Factor of all light that is thrown back."""
+    glow: float
+    """Factor of the light that lamps show themselves."""
 
 
 def _towards(azimuth_deg: float, elevation_deg: float) -> Vector:
@@ -38,16 +40,22 @@ def _towards(azimuth_deg: float, elevation_deg: float) -> Vector:
 
 
 DAY = Daylight(
-    _towards(118, 44), (4.1, 3.85, 3.45), (1.35, 1.75, 2.35), (2.15, 2.3, 2.5), (0.75, 0.72, 0.66), 0.92, True
+    sun_direction=_towards(118, 44),
+    sun_color=(4.1, 3.85, 3.45),
+    zenith=(1.35, 1.75, 2.35),
+    horizon=(2.15, 2.3, 2.5),
+    floor_glow=(0.75, 0.72, 0.66),
+    exposure=0.92,
+    glow=0.30,
 )
 NIGHT = Daylight(
-    _towards(118, 50),
-    (0.012, 0.014, 0.02),
-    (0.011, 0.015, 0.028),
-    (0.020, 0.024, 0.036),
-    (0.006, 0.006, 0.007),
-    2.4,
-    False,
+    sun_direction=_towards(118, 60),
+    sun_color=(0.030, 0.033, 0.042),
+    zenith=(0.020, 0.025, 0.042),
+    horizon=(0.045, 0.050, 0.066),
+    floor_glow=(0.014, 0.014, 0.016),
+    exposure=1.7,
+    glow=0.36,
 )
 
 
@@ -69,12 +77,12 @@ class Beam:
 
 
 BEAMS = {
-    "head": Beam(2.6, 8 * DEGREE, 34 * DEGREE, 1.5 * DEGREE, True, cutoff=16.0),
-    "high_beam": Beam(5.0, 3 * DEGREE, 17 * DEGREE, 0.5 * DEGREE, True),
-    "front_indicator": Beam(0.030, 40 * DEGREE, 85 * DEGREE, 10 * DEGREE, True),
-    "rear_indicator": Beam(0.030, 40 * DEGREE, 85 * DEGREE, 10 * DEGREE, False),
-    "tail": Beam(0.035, 40 * DEGREE, 85 * DEGREE, 10 * DEGREE, False),
-    "reverse": Beam(0.10, 20 * DEGREE, 60 * DEGREE, 15 * DEGREE, False),
+    "head": Beam(2.2, 6 * DEGREE, 36 * DEGREE, 2.0 * DEGREE, True, cutoff=14.0),
+    "high_beam": Beam(6.0, 2 * DEGREE, 15 * DEGREE, 0.5 * DEGREE, True),
+    "front_indicator": Beam(0.012, 35 * DEGREE, 85 * DEGREE, 10 * DEGREE, True),
+    "rear_indicator": Beam(0.012, 35 * DEGREE, 85 * DEGREE, 10 * DEGREE, False),
+    "tail": Beam(0.014, 35 * DEGREE, 85 * DEGREE, 10 * DEGREE, False),
+    "reverse": Beam(0.06, 20 * DEGREE, 60 * DEGREE, 15 * DEGREE, False),
 }
 """By the lamp names of `LightsSpec`."""
 

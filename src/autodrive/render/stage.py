@@ -150,7 +150,7 @@ class Stage:
         look = DAY if is_day else NIGHT
         for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow"):
             self.frame[name][:3] = getattr(look, name)
-        self.frame["exposure"][0] = look.exposure
+        self.frame["exposure"][:2] = look.exposure, look.glow
         self.frame["sun_from_map"][:3, :3] = self._shadows.sun.T
 
     def _set_casters(

@@ -1,7 +1,7 @@
     vec4 sun_direction;         // towards the sun
     vec4 sun_color;             // irradiance of a surface that faces it
     vec4 zenith, horizon, floor_glow;  // irradiance from above, from the side, from below
-    vec4 exposure;              // factor, -, -, -
+    vec4 exposure;              // of light, of what glows, -, -
     mat4 sun_from_map;
     vec4 still_scale, still_offset;    // where in_sun lies in the shadow map of all that stands still
     vec4 caster_offset[16];     // the same for each vehicle's own tile of the other shadow map
