@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from autodrive.errors import AutodriveError
@@ -48,8 +48,10 @@ NAMES = ("auto", *PROFILES)
 
 def quality(name: str, renderer: str) -> Quality:
     """The profile of that name for a context that draws with `renderer`. Raises `AutodriveError`."""
+    software = is_software(renderer)
     if name == "auto":
-        return PROFILES["software-fxaa" if is_software(renderer) else "gpu"]
+        return PROFILES["software-fxaa" if software else "gpu"]
     if name not in PROFILES:
         raise AutodriveError(f"camera quality '{name}' is not known. Known: {', '.join(NAMES)}")
-    return PROFILES[name]
+    # llvmpipe takes half a minute for an anisotropic picture
+    return replace(PROFILES[name], anisotropy=1.0) if software else PROFILES[name]

@@ -38,7 +38,7 @@ def _array(context: moderngl.Context, pictures: list[NDArray[np.uint8]], quality
         pixels[layer, ..., :3] = _ROOT[picture]
     array = context.texture_array((width, height, len(pixels)), 4, pixels.tobytes())
     array.build_mipmaps()
-    mipmap = moderngl.LINEAR_MIPMAP_NEAREST if quality.anisotropy == 1.0 else moderngl.LINEAR_MIPMAP_LINEAR
+    mipmap = moderngl.LINEAR_MIPMAP_LINEAR if quality.detail == "full" else moderngl.LINEAR_MIPMAP_NEAREST
     array.filter = mipmap, moderngl.LINEAR
     array.anisotropy = quality.anisotropy
     return array
