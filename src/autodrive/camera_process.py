@@ -155,7 +155,7 @@ class CameraProcess:
         self._is_closing = True
         if not self._is_ready.is_set():
             self._process.kill()  # it may not even listen yet
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ValueError):
             self._stdin.close()
         if threading.current_thread() is not self._thread:
             self._thread.join(PATIENCE)
@@ -175,7 +175,7 @@ class CameraProcess:
             self._sent_at[number] = now
         self._ordered, self._ordered_life, self._is_free = due, self._life, False
         order, self._seed = Order(frame.tick, due, self._seed), None
-        with contextlib.suppress(OSError):  # it has just died; whoever reads its answers will say so
+        with contextlib.suppress(OSError, ValueError):  # it has just died; whoever reads its answers will say so
             self._stdin.write(line(order))
             self._stdin.flush()
 
@@ -209,7 +209,7 @@ class CameraProcess:
 
     def _attend(self) -> None:
         """Tell the process what to draw, then take its answers until it ends."""
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ValueError):  # it may be closed before it has begun
             pickle.dump(self._sight, self._stdin, pickle.HIGHEST_PROTOCOL)
             self._stdin.flush()
         for answer in self._answers():
