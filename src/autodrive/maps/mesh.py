@@ -1,176 +1,206 @@
-"""How a map looks: ground from the very polygons that are driven on, and the solid things that stand on it.
+"""What a map and a construction box look like: assets built from the very polygons that are driven on and hit.
 
-Every point of the ground belongs to one surface only: markings are cut out of the road, the road and its kerb out of
-the lawn and the floor. So nothing lies over another thing, and nothing flickers, from however far it is seen.
+Ground is one layer: paint fills holes of the road, roads fill holes of the lawn, so nothing lies upon anything and
+nothing can flicker. Pieces that touch share their vertices to the last bit, so no crack opens between them.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
+import manifold3d
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from autodrive.maps.map import GRID, Map
-from autodrive.maps.mesh_solids import box_surfaces, prop_surfaces, sign_atlas, static_surfaces
-from autodrive.maps.module import MarkingKind
-from autodrive.maps.shapes import rectangle
-from autodrive.render.asset import Asset, Label, Material, Node, Surface
+from autodrive.maps.ground import BEVEL, TILE, Region, floor_extent, regions, tile_extent
+from autodrive.maps.map import GRID
+from autodrive.maps.mesh_parts import Mesh
+from autodrive.maps.mesh_solids import box_asset, solid_nodes, solid_textures
+from autodrive.render.asset import Asset, Label, Material, Node
 from autodrive.render.textures import texture
-from autodrive.state import Floats
 
-TILE = 1.0
-"""Edge of the pieces that the ground is cut into, so that what is out of sight is left out [m]."""
-KERB_WIDTH, KERB_HEIGHT = 0.02, 0.006
-"""Kerb stones of 0.28 m and 0.08 m at scale 1:14; not in the report [m]."""
-HORIZON = 40.0
-"""The floor goes on so far around the map [m]."""
-UNDERLAY = -0.004
-"""A dark plane below, so that no light comes through where triangles meet [m]."""
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
-LABELS: dict[MarkingKind, Label] = {
-    "edge": Label.EDGE_LINE,
-    "separation": Label.SEPARATION_LINE,
-    "stop_line": Label.STOP_LINE,
-    "crossing": Label.CROSSING,
-    "bay": Label.BAY_LINE,
+    from autodrive.maps.map import Map
+    from autodrive.render.asset import Surface
+    from autodrive.state import Floats
+
+__all__ = ["box_asset", "map_asset"]
+
+KERB_HEIGHT, KERB_STEP = 0.006, 0.003
+"""Of the kerb and the pavement, and of the kerb's face towards the road [m]; both stand outside of the drivable area."""
+
+WHITE = Material("paint", (0.82, 0.82, 0.79), roughness=0.7)
+MATERIALS = {
+    "floor": (Material("floor", (1.0, 1.0, 1.0), roughness=0.9, texture="floor"), 1.6),
+    "lawn": (Material("lawn", (1.0, 1.0, 1.0), roughness=1.0, texture="grass"), 0.8),
+    "road": (Material("road", (1.0, 1.0, 1.0), roughness=0.9, texture="asphalt"), 0.5),
+    "pavement": (Material("pavement", (1.0, 1.0, 1.0), roughness=0.9, texture="pavement"), 0.5),
+    "kerb": (Material("kerb", (1.0, 1.0, 1.0), roughness=0.85, texture="kerb"), 0.5),
+    "bevel": (Material("kerb", (1.0, 1.0, 1.0), roughness=0.85, texture="kerb"), 0.5),
+    "paint": (WHITE, 1.0),
 }
-
-ASPHALT = Material("asphalt", (1.0, 1.0, 1.0), roughness=0.92, texture="asphalt")
-GRASS = Material("grass", (1.0, 1.0, 1.0), roughness=0.95, texture="grass")
-FLOOR = Material("concrete", (1.0, 1.0, 1.0), roughness=0.85, texture="concrete")
-KERB = Material("kerbstone", (1.0, 1.0, 1.0), roughness=0.85, texture="kerbstone")
-PAINT = Material("road_paint", (0.74, 0.74, 0.71), roughness=0.75)
-DARK = Material("underlay", (0.06, 0.06, 0.06), roughness=1.0)
-
-REPEAT = {"asphalt": 0.5, "grass": 0.6, "concrete": 1.0, "kerbstone": 0.25}
-"""A texture covers a square of that edge [m]."""
+"""Of each region, and after how many metres its texture repeats."""
+RAISED = ("bevel", "kerb", "pavement")
 
 
 def map_asset(map_: Map) -> Asset:
-    """All of a map that does not move."""
-    ground = list(ground_layers(map_))
-    x0, y0, x1, y1 = map_.bounds
-    nodes = [_node("floor", *_outside(map_))]
-    for i, x in enumerate(np.arange(x0, x1, TILE)):
-        for j, y in enumerate(np.arange(y0, y1, TILE)):
-            square = shapely.box(x, y, min(x + TILE, x1), min(y + TILE, y1))
-            cut = [(m, label, _areas(shapely.intersection(g, square, grid_size=GRID))) for m, label, g in ground]
-            surfaces = [level(g, m, label) for m, label, g in cut if g.area > 1e-7]
-            kerb = [side for m, _, g in cut if m is KERB and g.area > 1e-7 for side in [_kerb_sides(g, square)] if side]
-            nodes.append(_node(f"tile_{i}_{j}", *surfaces, *kerb))
-    nodes += [_node(shape.name, *static_surfaces(shape), casts=True) for shape in map_.statics]
-    nodes += [_node(f"{prop.name}.face", *prop_surfaces(prop)) for prop in map_.props]
-    used = {s.material.texture for node in nodes for s in node.surfaces["full"] if s.material.texture}
-    return Asset(
-        map_.name, tuple(nodes), {name: sign_atlas() if name == "signs" else texture(name) for name in sorted(used)}
-    )
+    """All of a map that does not move. Nodes: 'tile_<i>' and 'floor' for the ground, solids by their names."""
+    nodes = [*_ground(map_), *solid_nodes(map_)]
+    used = {s.material.texture for node in nodes for level in node.surfaces.values() for s in level} - {""}
+    own = solid_textures()
+    pictures = {name: own[name] if name in own else texture(name) for name in sorted(used)}
+    return Asset(map_.name, tuple(nodes), pictures)
 
 
-def box_asset(size: tuple[float, float, float]) -> Asset:
-    """A construction box of that length, width and height [m], around its middle."""
-    return Asset("box", (_node("box", *box_surfaces(size), casts=True),), {"box": texture("box")})
+# -- ground -----------------------------------------------------------------------------------------------------
 
 
-def ground_layers(map_: Map) -> Iterator[tuple[Material, Label, BaseGeometry]]:
-    """Material, label and area of all ground within the map's bounds; the areas do not overlap."""
-    free = shapely.box(*map_.bounds)
-    road = map_.drivable
-    for marking_kind, label in LABELS.items():
-        painted = shapely.union_all([m.geometry for m in map_.markings if m.kind == marking_kind], grid_size=GRID)
-        painted = shapely.intersection(painted, road, grid_size=GRID)
-        road = shapely.difference(road, painted, grid_size=GRID)
-        yield PAINT, label, painted
-    yield ASPHALT, Label.ROAD, road
-    kerb = shapely.intersection(kerb_area(map_), free, grid_size=GRID)
-    yield KERB, Label.KERB, kerb
-    free = shapely.difference(free, shapely.union(map_.drivable, kerb, grid_size=GRID), grid_size=GRID)
-    lawn = shapely.intersection(_of(map_, "lawn"), free, grid_size=GRID)
-    yield GRASS, Label.LAWN, lawn
-    yield FLOOR, Label.GROUND, shapely.difference(free, lawn, grid_size=GRID)
+def _ground(map_: Map) -> Iterator[Node]:
+    """A node for each tile, and one for the floor around them."""
+    cells, kinds = _cells(map_)
+    x0, y0, x1, y1 = tile_extent(map_)
+    columns, rows = round((x1 - x0) / TILE), round((y1 - y0) / TILE)
+    vertices = _Vertices(cells)
+    is_kerb = np.array([kind.name in RAISED for kind in kinds])
+    heights = vertices.heights([kind.name for kind in kinds])
+    middle = shapely.get_coordinates(shapely.point_on_surface(np.array(cells, dtype=object)))
+    column, row = np.floor((middle - (x0, y0)) / TILE).astype(int).T
+    is_outside = (column < 0) | (row < 0) | (column >= columns) | (row >= rows)
+    tile = np.where(is_outside, -1, row * columns + column)
+    walls = vertices.open_edges(is_kerb)
+    for number in np.unique(tile):
+        surfaces = tuple(_surfaces(np.flatnonzero(tile == number), kinds, vertices, heights, walls))
+        name = "floor" if number < 0 else f"tile_{number}"
+        yield Node(name, surfaces={"full": surfaces, "reduced": surfaces})
 
 
-def kerb_area(map_: Map) -> BaseGeometry:
-    """The strip along the edge of the modules' roads, left open where a road leads on."""
-    road = shapely.union_all([one.drivable for one in map_.modules], grid_size=GRID)
-    strip = shapely.difference(road.buffer(KERB_WIDTH, join_style="round"), map_.drivable, grid_size=GRID)
-    gaps = [
-        rectangle(port.pose, 4.0 * KERB_WIDTH, port.width)
-        for i, one in enumerate(map_.modules)
-        for port in one.ports
-        if not port.is_blind and (i, port.name) not in map_.joins
-    ]
-    solids = [shape.plan for shape in map_.statics if shape.span[0] < KERB_HEIGHT]
-    return shapely.difference(strip, shapely.union_all([*gaps, *solids]), grid_size=GRID)
+def _cells(map_: Map) -> tuple[list[shapely.Polygon], list[Region]]:
+    """Polygons that fill the floor's extent, none across the border of a tile, and the region to which each belongs."""
+    kinds = regions(map_)
+    x0, y0, x1, y1 = tile_extent(map_)
+    far = floor_extent(map_)
+    cuts = [shapely.LineString([(x, y0), (x, y1)]) for x in np.arange(x0, x1 + TILE / 2.0, TILE)]
+    cuts += [shapely.LineString([(x0, y), (x1, y)]) for y in np.arange(y0, y1 + TILE / 2.0, TILE)]
+    cuts += [shapely.LineString([a, b]) for a, b in zip(_corners(x0, y0, x1, y1), _corners(*far), strict=True)]
+    lines = [shapely.boundary(kind.geometry) for kind in kinds]
+    noded = shapely.union_all([*lines, *cuts], grid_size=GRID)
+    cells = [shapely.force_2d(cell) for cell in shapely.polygonize(shapely.get_parts(noded)).geoms]
+    tree = shapely.STRtree([kind.geometry for kind in kinds])
+    points = shapely.point_on_surface(np.array(cells, dtype=object))
+    which = np.full(len(cells), -1)
+    found = tree.query(points, predicate="intersects")
+    which[found[0]] = found[1]
+    kept = [i for i in range(len(cells)) if which[i] >= 0]
+    return [shapely.orient_polygons(cells[i]) for i in kept], [kinds[which[i]] for i in kept]
 
 
-def level(area: BaseGeometry, material: Material, label: Label, height: float | None = None) -> Surface:
-    """The area as triangles, at its height [m]."""
-    rings = shapely.get_parts(shapely.constrained_delaunay_triangles(area))
-    corners = shapely.get_coordinates(rings).reshape(-1, 4, 2)[:, :3]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    is_clockwise = first[:, 0] * second[:, 1] < first[:, 1] * second[:, 0]
-    corners[is_clockwise] = corners[is_clockwise, ::-1]
-    points, triangles = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
-    if height is None:
-        height = KERB_HEIGHT if material is KERB else 0.0
-    return Surface(
-        material,
-        np.column_stack([points, np.full(len(points), height)]).astype(np.float32),
-        np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(points), 1)),
-        triangles.reshape(-1, 3).astype(np.uint32),
-        label,
-        uvs=_uvs(points, material),
-    )
+def _corners(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float]]:
+    return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
 
 
-def _uvs(points: Floats, material: Material) -> np.ndarray | None:
-    """Textures run on over all pieces of ground."""
-    return (points / REPEAT[material.texture]).astype(np.float32) if material.texture else None
+class _Vertices:
+    """The vertices of all cells: points that are equal are one."""
+
+    def __init__(self, cells: list[shapely.Polygon]) -> None:
+        self.rings: list[list[Floats]] = [
+            [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(cell)] for cell in cells
+        ]
+        flat = np.concatenate([ring for rings in self.rings for ring in rings])
+        _, first, index = np.unique(
+            np.round(flat / GRID).astype(np.int64), axis=0, return_index=True, return_inverse=True
+        )
+        self.points = flat[first]
+        index = index.ravel()
+        starts = np.cumsum([0, *(len(ring) for rings in self.rings for ring in rings)])
+        pieces = iter(np.split(index, starts[1:-1]))
+        self.ids: list[list[NDArray[np.integer]]] = [[next(pieces) for _ in rings] for rings in self.rings]
+
+    def heights(self, names: list[str]) -> dict[str, Floats]:
+        """Of each vertex, as part of a region of that name [m]: a bevel begins lower, where it meets the road."""
+        low = np.zeros(len(self.points), bool)
+        for name, rings in zip(names, self.ids, strict=True):
+            if name in ("road", "paint"):
+                for ring in rings:
+                    low[ring] = True
+        bevel = np.where(low, KERB_STEP, KERB_HEIGHT)
+        level = np.full(len(low), KERB_HEIGHT)
+        return {"bevel": bevel, "kerb": level, "pavement": level}
+
+    def open_edges(self, is_raised: NDArray[np.bool_]) -> dict[int, list[tuple[int, int]]]:
+        """Cell -> its edges beyond which the ground is not raised; raised cells only."""
+        owner: dict[tuple[int, int], int] = {}
+        for cell in np.flatnonzero(is_raised):
+            for ring in self.ids[cell]:
+                owner.update(dict.fromkeys(zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True), int(cell)))
+        found: dict[int, list[tuple[int, int]]] = {}
+        for (a, b), cell in owner.items():
+            if (b, a) not in owner:
+                found.setdefault(cell, []).append((a, b))
+        return found
 
 
-def _outside(map_: Map) -> Iterator[Surface]:
-    """The floor from the map's bounds to the horizon, and the plane below everything."""
-    x0, y0, x1, y1 = map_.bounds
-    everything = shapely.box(x0 - HORIZON, y0 - HORIZON, x1 + HORIZON, y1 + HORIZON)
-    yield level(_areas(everything.difference(shapely.box(*map_.bounds))), FLOOR, Label.GROUND)
-    yield level(shapely.box(*map_.bounds), DARK, Label.GROUND, UNDERLAY)
+def _surfaces(
+    cells: NDArray[np.integer],
+    kinds: list[Region],
+    vertices: _Vertices,
+    heights: dict[str, Floats],
+    walls: dict[int, list[tuple[int, int]]],
+) -> Iterator[Surface]:
+    """Of a tile: one for each kind of ground in it."""
+    groups: dict[tuple[str, Label], list[int]] = {}
+    for cell in cells.tolist():
+        groups.setdefault((kinds[cell].name, kinds[cell].label), []).append(cell)
+    for (name, label), members in groups.items():
+        material, period = MATERIALS[name]
+        ids = np.concatenate([_triangles(vertices.rings[cell], vertices.ids[cell]) for cell in members])
+        used, triangles = np.unique(ids, return_inverse=True)
+        z = heights[name][used] if name in heights else np.zeros(len(used))
+        positions = np.column_stack([vertices.points[used], z])
+        normals = np.tile((0.0, 0.0, 1.0), (len(used), 1))
+        triangles = triangles.reshape(-1, 3)
+        if name == "bevel":
+            normals = _smooth(positions, triangles)
+        yield Mesh(positions, normals, triangles, _uvs(positions, period)).surface(material, label)
+    edges = [(edge, heights[kinds[cell].name]) for cell in cells.tolist() for edge in walls.get(cell, [])]
+    if edges:
+        material, period = MATERIALS["kerb"]
+        yield _faces(vertices.points, edges, period).surface(material, Label.KERB)
 
 
-def _kerb_sides(kerb: BaseGeometry, square: shapely.Polygon) -> Surface | None:
-    """The upright faces of the kerb, but not where it was cut by the edge of a tile."""
-    edge = kerb.boundary.difference(square.exterior.buffer(1e-5))
-    parts = [part for part in shapely.get_parts(edge) if part.length > 1e-4]
-    positions, normals = [], []
-    for part in parts:
-        at = shapely.get_coordinates(part)
-        for a, b in itertools.pairwise(at):
-            along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-12)
-            outward = np.array([along[1], -along[0]])
-            if shapely.contains_xy(kerb, *(0.5 * (a + b) + 1e-4 * outward)):
-                a, b, outward = b, a, -outward  # noqa: PLW2901 (the same edge, the other way round)
-            positions += [(*a, 0.0), (*b, 0.0), (*b, KERB_HEIGHT), (*a, KERB_HEIGHT)]
-            normals += [(*outward, 0.0)] * 4
-    if not positions:
-        return None
-    points = np.array(positions, np.float32)
-    quads = 4 * np.arange(len(points) // 4)[:, None]
-    triangles = (quads[..., None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3).astype(np.uint32)
-    uvs = np.column_stack([points[:, 0] + points[:, 1], points[:, 2]]) / REPEAT["kerbstone"]
-    return Surface(KERB, points, np.array(normals, np.float32), triangles, Label.KERB, uvs=uvs.astype(np.float32))
+def _triangles(rings: list[Floats], ids: list[NDArray[np.integer]]) -> NDArray[np.integer]:
+    """Every vertex of the rings is one of the triangles', also in the middle of a straight side: so no crack opens."""
+    return np.concatenate(ids)[np.asarray(manifold3d.triangulate(rings)).reshape(-1, 3)]
 
 
-def _areas(geometry: BaseGeometry) -> shapely.MultiPolygon:
-    """Without the lines and points that an intersection may leave."""
-    return shapely.MultiPolygon([part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon"])
+def _faces(points: Floats, edges: list[tuple[tuple[int, int], Floats]], period: float) -> Mesh:
+    """Upright faces from raised edges down to the ground."""
+    a, b = np.array([edge for edge, _ in edges]).T
+    top_a, top_b = np.array([(z[i], z[j]) for (i, j), z in edges]).T
+    zero = np.zeros(len(a))
+    corners = [(a, zero), (b, zero), (b, top_b), (a, top_a)]
+    positions = np.stack([np.column_stack([points[i], z]) for i, z in corners], axis=1)
+    along = points[b] - points[a]
+    normal = np.column_stack([along[:, 1], -along[:, 0], zero]) / np.linalg.norm(along, axis=1)[:, None]
+    triangles = 4 * np.arange(len(a))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+    flat = positions.reshape(-1, 3)
+    uvs = _uvs(flat, period) + np.column_stack([np.zeros(len(flat)), flat[:, 2] / period])
+    return Mesh(flat, np.repeat(normal, 4, axis=0), triangles.reshape(-1, 3), uvs)
 
 
-def _of(map_: Map, kind: str) -> BaseGeometry:
-    return shapely.union_all([surface.geometry for surface in map_.surfaces if surface.kind == kind])
+def _uvs(positions: Floats, period: float) -> Floats:
+    """Textures lie on the map, not on the module: they run on across every border."""
+    return positions[:, :2] * (1.0 / period, -1.0 / period)
 
 
-def _node(name: str, *surfaces: Surface, casts: bool = False) -> Node:
-    details = {"full": surfaces, "reduced": surfaces, **({"shadow": surfaces} if casts else {})}
-    return Node(name, surfaces=details)  # pyright: ignore[reportArgumentType]
+def _smooth(positions: Floats, triangles: NDArray[np.integer]) -> Floats:
+    """Normals of the vertices: means of those of their triangles, by area."""
+    a, b, c = (positions[triangles[:, i]] for i in range(3))
+    facing = np.cross(b - a, c - a)
+    normals = np.zeros_like(positions)
+    for i in range(3):
+        np.add.at(normals, triangles[:, i], facing)
+    return normals / np.linalg.norm(normals, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""How walls, blocks, posts, signs, traffic lights and construction boxes look: the same sizes as what is hit."""
+"""What stands on a map, as it looks: walls, blocks, traffic signs, traffic lights, construction boxes."""
 
 from __future__ import annotations
 
@@ -10,202 +10,233 @@ from typing import TYPE_CHECKING
 import numpy as np
 import resvg_py
 
-from autodrive.maps.icons import icon_svg
-from autodrive.maps.props import (
-    HOUSING_DEPTH,
-    LAMP_HEIGHTS,
-    PLATE_HEIGHT,
-    PLATE_SIZE,
-    PLATE_THICKNESS,
-    POST_RADIUS,
-    SIGNS,
-    Prop,
-)
+from autodrive.maps.icons import icon
+from autodrive.maps.mesh_parts import Mesh, box, box_faces, joined, moved, plane, quad, rim, tube
+from autodrive.maps.props import HOUSING_DEPTH, HOUSING_WIDTH, LAMP_HEIGHTS, PLATE_SIZE, SIGNS, Prop
 from autodrive.maps.solids import StaticShape
-from autodrive.model import BOX
-from autodrive.render.asset import Label, Material, Surface
+from autodrive.render.asset import Asset, Label, Material, Node, Surface
 from autodrive.render.png import decode_png
+from autodrive.render.textures import SIZE, texture
+from autodrive.transforms import quaternion_from_yaw
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from autodrive.maps.map import Map
     from autodrive.state import Floats
 
-MATERIALS = {
-    "wall": Material("wall", (0.62, 0.60, 0.55), roughness=0.9),
-    "block": Material("block", (0.55, 0.42, 0.28), roughness=0.85),
-    "post": Material("post", (0.36, 0.37, 0.38), roughness=0.65),
-    "plate": Material("plate", (0.45, 0.46, 0.47), roughness=0.65),
-    "housing": Material("housing", (0.018, 0.02, 0.022), roughness=0.6),
-}
-"""By the material of a `StaticShape`."""
-LABELS = {
-    "wall": Label.WALL,
-    "block": Label.BLOCK,
-    "post": Label.POST,
-    "plate": Label.SIGN,
-    "housing": Label.TRAFFIC_LIGHT,
-}
+WALL = Material("wall", (0.62, 0.63, 0.62), roughness=0.9, texture="plaster")
+COPING = Material("coping", (0.36, 0.37, 0.38), roughness=0.8)
+BLOCK = Material("block", (0.95, 0.88, 0.76), roughness=0.9, texture="plaster")
+ROOF = Material("roof", (0.30, 0.29, 0.28), roughness=0.9)
+STEEL = Material("steel", (0.36, 0.37, 0.38), roughness=0.6)
+FACE = Material("sign_face", (1.0, 1.0, 1.0), roughness=0.6, texture="signs")
+HOUSING = Material("housing", (0.022, 0.024, 0.026), roughness=0.65)
 LENSES = {
-    "red": Material("lens_red", (0.32, 0.012, 0.01), roughness=0.6),
-    "yellow": Material("lens_yellow", (0.36, 0.19, 0.01), roughness=0.6),
-    "green": Material("lens_green", (0.01, 0.22, 0.08), roughness=0.6),
+    "red": Material("lens_red", (0.34, 0.012, 0.010), roughness=0.3),
+    "yellow": Material("lens_yellow", (0.42, 0.20, 0.010), roughness=0.3),
+    "green": Material("lens_green", (0.012, 0.22, 0.075), roughness=0.3),
 }
-BOARD = Material("box", (1.0, 1.0, 1.0), roughness=0.85, texture="box")
-SIGN = Material("sign", (1.0, 1.0, 1.0), roughness=0.65, texture="signs")
-
-SIGN_GRID, SIGN_PIXELS = 3, 256
-"""Faces of the signs stand in a square of so many by so many, each so large [pixels]."""
-
-
-def static_surfaces(shape: StaticShape) -> Iterator[Surface]:
-    """Something that stands fast, just as it is hit."""
-    material, label = MATERIALS[shape.material], LABELS[shape.material]
-    positions, normals, triangles, _ = _cuboid(shape.size) if shape.kind == BOX else _cylinder(*shape.size[:2])
-    yield _placed(positions, normals, triangles, (*shape.position, shape.yaw), material, label)
+CARDBOARD = Material("cardboard", (1.0, 1.0, 1.0), roughness=0.9, texture="box")
+LIP = 0.008
+"""Coping of a wall and parapet of a block stand out so far, within the height that is hit [m]."""
+ATLAS = 3
+"""Faces of signs in each row and column of their picture."""
 
 
-def box_surfaces(size: tuple[float, float, float]) -> Iterator[Surface]:
-    """A construction box around its middle; every side shows the whole texture, the top and bottom its plain part."""
-    half = (0.5 * size[0], 0.5 * size[1], 0.5 * size[2])
-    positions, normals, triangles, uvs = _cuboid(half)
-    lid = np.abs(normals[:, 2]) > 0.5
-    uvs[lid] = uvs[lid] * (0.9, 0.14) + (0.05, 0.015)
-    yield Surface(BOARD, positions, normals, triangles, Label.BOX, uvs=uvs)
+def solid_nodes(map_: Map) -> Iterator[Node]:
+    """A node for each solid thing that never moves; traffic lights have one for each lens, too."""
+    props = {prop.name: prop for prop in map_.props}
+    for shape in map_.statics:
+        name, _, part = shape.name.rpartition(".")
+        yield _node(shape, props.get(name) if part == shape.material else None)
+        if shape.material == "housing":
+            yield from _lenses(shape, name)
 
 
-def prop_surfaces(prop: Prop) -> Iterator[Surface]:
-    """What a sign or a traffic light has beyond its solid shapes: its face, or its lenses and their visors."""
-    if prop.kind != "traffic_light":
-        ahead = POST_RADIUS + PLATE_THICKNESS + 0.0004
-        yield _face(prop, ahead)
-        return
-    for color, height in LAMP_HEIGHTS.items():
-        positions, normals, triangles = _disc(0.0058)
-        at = (*_ahead(prop, 0.5 * HOUSING_DEPTH + 0.0005, height), prop.pose[2])
-        yield _placed(positions, normals, triangles, at, LENSES[color], Label.TRAFFIC_LIGHT)
-        positions, normals, triangles = _visor(0.0068, 0.009)
-        at = (*_ahead(prop, 0.5 * HOUSING_DEPTH, height), prop.pose[2])
-        yield _placed(positions, normals, triangles, at, MATERIALS["housing"], Label.TRAFFIC_LIGHT)
+def solid_textures() -> dict[str, NDArray[np.uint8]]:
+    """The pictures that are this module's own."""
+    return {"signs": _signs(), "box": _box_picture()}
+
+
+def box_asset(size: tuple[float, float, float]) -> Asset:
+    """A construction box of that length, width and height [m] around its centre: cardboard, taped, striped."""
+    half = (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)
+    whole = joined(quad(corners, _box_uvs(name)) for name, corners in box_faces(half).items())
+    surfaces = (whole.surface(CARDBOARD, Label.BOX),)
+    node = Node("box", surfaces={"full": surfaces, "reduced": surfaces, "shadow": surfaces})
+    return Asset("box", (node,), {"box": _box_picture()})
+
+
+def _node(shape: StaticShape, prop: Prop | None) -> Node:
+    if shape.material == "plate" and prop is not None:
+        surfaces = _plate(prop, shape.size[0])
+    else:
+        surfaces = _LOOKS[shape.material](shape)
+    levels: dict = {"full": surfaces, "reduced": surfaces, "shadow": surfaces}
+    return Node(shape.name, "", shape.position, quaternion_from_yaw(shape.yaw), surfaces=levels)
+
+
+# -- walls and blocks -------------------------------------------------------------------------------------------
+
+
+def _wall(shape: StaticShape) -> tuple[Surface, ...]:
+    """Plaster under a coping."""
+    return _capped(shape, WALL, COPING, Label.WALL)
+
+
+def _block(shape: StaticShape) -> tuple[Surface, ...]:
+    """A house without windows: bright walls, dark roof behind a parapet."""
+    return _capped(shape, BLOCK, ROOF, Label.BLOCK)
+
+
+def _capped(shape: StaticShape, sides: Material, top: Material, label: Label) -> tuple[Surface, ...]:
+    faces = box_faces(shape.size)
+    walls = []
+    for name in ("front", "left", "back", "right"):
+        corners = faces[name]
+        along, up = np.linalg.norm(corners[1] - corners[0]) / 0.5, 2.0 * shape.size[2] / 0.5
+        walls.append(quad(corners, np.array([(0.0, 0.0), (along, 0.0), (along, -up), (0.0, -up)])))
+    return joined(walls).surface(sides, label), quad(faces["top"]).surface(top, label)
+
+
+def _post(shape: StaticShape) -> tuple[Surface, ...]:
+    return (tube(shape.size[0], -shape.size[1], shape.size[1], 10).surface(STEEL, Label.POST),)
+
+
+# -- signs ------------------------------------------------------------------------------------------------------
+
+
+def _plate(prop: Prop, half_thickness: float) -> tuple[Surface, ...]:
+    """A plate with the outline of its sign: face along x, back and edge of steel."""
+    outline = OUTLINES.get(prop.kind, SQUARE)
+    column, row = SIGNS.index(prop.kind) % ATLAS, SIGNS.index(prop.kind) // ATLAS
+    front = plane(outline * PLATE_SIZE, half_thickness)
+    # as a driver sees it: y of the plate to his right
+    picture = np.column_stack([outline[:, 0] / 1.04 + 0.5, 0.5 - outline[:, 1] / 1.04])
+    front = front._replace(uvs=(picture + (column, row)) / ATLAS)
+    back = plane(outline * PLATE_SIZE, -half_thickness)
+    back = back._replace(normals=-back.normals, triangles=back.triangles[:, ::-1])
+    edge = rim(outline * PLATE_SIZE, -half_thickness, half_thickness)
+    return (
+        _upright(front).surface(FACE, Label.SIGN),
+        _upright(joined([back, edge])).surface(STEEL, Label.SIGN),
+    )
+
+
+def _upright(mesh: Mesh) -> Mesh:
+    """What lies level, seen from above with x to the right, to be seen from +x: right is +y, up is +z."""
+    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    return mesh._replace(positions=mesh.positions @ turn.T, normals=mesh.normals @ turn.T)
+
+
+def _round(segments: int, radius: float, start: float = 0.0) -> Floats:
+    angle = start + np.arange(segments) * (2.0 * math.pi / segments)
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+SQUARE = 0.475 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+_DIAMOND = np.array([(0.0, -0.5), (0.5, 0.0), (0.0, 0.5), (-0.5, 0.0)])
+OUTLINES: dict[str, Floats] = {
+    "stop": _round(8, 0.5 / math.cos(math.pi / 8.0), math.pi / 8.0),
+    "give_way": np.array([(0.0, -0.5), (0.5, 0.4), (-0.5, 0.4)]),
+    "no_parking": _round(24, 0.48),
+    **dict.fromkeys(("left_curve", "right_curve", "side_road_left", "side_road_right"), _DIAMOND),
+}
+"""Of the plates of the signs, as in `maps.icons`; the others are square."""
 
 
 @cache
-def sign_atlas() -> NDArray[np.uint8]:
-    """All faces on the grey of the plates, sRGB, shape (n, n, 3)."""
-    atlas = np.zeros((SIGN_GRID * SIGN_PIXELS, SIGN_GRID * SIGN_PIXELS, 3), np.uint8)
-    for i, kind in enumerate(SIGNS):
-        face = decode_png(bytes(resvg_py.svg_to_bytes(svg_string=icon_svg(kind, SIGN_PIXELS), skip_system_fonts=True)))  # pyright: ignore[reportArgumentType]
-        alpha = face[..., 3:] / 255.0
-        row, column = SIGN_PIXELS * (i // SIGN_GRID), SIGN_PIXELS * (i % SIGN_GRID)
-        mixed = alpha * face[..., :3] + (1.0 - alpha) * np.array([178.0, 180.0, 182.0])
-        atlas[row : row + SIGN_PIXELS, column : column + SIGN_PIXELS] = np.round(mixed).astype(np.uint8)
-    return atlas
-
-
-def _face(prop: Prop, ahead: float) -> Surface:
-    half = 0.5 * PLATE_SIZE
-    # seen from ahead the plate's y points to the right
-    positions = np.array([(0, half, -half), (0, -half, -half), (0, -half, half), (0, half, half)], np.float32)
-    positions = positions[::-1]
-    normals = np.tile(np.array([1, 0, 0], np.float32), (4, 1))
-    number = SIGNS.index(prop.kind)
-    corner = np.array([number % SIGN_GRID, number // SIGN_GRID], np.float32)
-    # the driver sees the face with y to the right: +y is the right edge of the picture
-    across = np.array([1.0, 0.0, 0.0, 1.0])
-    down = np.array([0.0, 0.0, 1.0, 1.0])
-    uvs = (corner + np.column_stack([across, down])) / SIGN_GRID
-    triangles = np.array([(0, 1, 2), (0, 2, 3)], np.uint32)[:, ::-1]
-    at = (*_ahead(prop, ahead, PLATE_HEIGHT), prop.pose[2])
-    return _placed(positions, normals, triangles, at, SIGN, Label.SIGN, uvs.astype(np.float32))
-
-
-def _ahead(prop: Prop, distance: float, height: float) -> tuple[float, float, float]:
-    x, y, yaw = prop.pose
-    return x + distance * math.cos(yaw), y + distance * math.sin(yaw), height
-
-
-# -- shapes around their own middle: positions, normals, triangles ----------------------------------------------
-
-
-def _cuboid(half: tuple[float, float, float]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    positions, normals, uvs = [], [], []
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            normal = sign * np.eye(3)[axis]
-            up = np.eye(3)[2] if axis != 2 else np.eye(3)[0]
-            right = np.cross(up, normal)
-            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-                positions.append((normal + a * right + b * up) * half)
-                normals.append(normal)
-                uvs.append((0.5 + 0.5 * a, 0.5 - 0.5 * b))
-    return (*_arrays(positions, normals), _quads(6), np.array(uvs, np.float32))
-
-
-def _cylinder(radius: float, half: float, sections: int = 14) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Upright, with a lid."""
-    angle = np.linspace(0.0, 2.0 * np.pi, sections + 1)
-    rim = np.column_stack([np.cos(angle), np.sin(angle)])
-    low, high = (
-        np.column_stack([radius * rim, np.full(len(rim), -half)]),
-        np.column_stack([radius * rim, np.full(len(rim), half)]),
+def _signs() -> NDArray[np.uint8]:
+    """The faces of all signs in one picture."""
+    faces = "".join(
+        f'<g transform="translate({i % ATLAS + 0.5} {i // ATLAS + 0.5}) scale({1 / 1.04} {-1 / 1.04})">{icon(sign)}</g>'  # pyright: ignore[reportArgumentType]
+        for i, sign in enumerate(SIGNS)
     )
-    side = np.column_stack([rim, np.zeros(len(rim))])
-    i = np.arange(sections)
-    n = sections + 1
-    walls = np.concatenate([np.column_stack([i, i + 1, i + n + 1]), np.column_stack([i, i + n + 1, i + n])])
-    lid = np.column_stack([np.full(sections - 1, 2 * n), 2 * n + i[1:], 2 * n + i[1:] + 1])
-    positions = np.concatenate([low, high, high])
-    normals = np.concatenate([side, side, np.tile([0.0, 0.0, 1.0], (n, 1))])
-    return (*_arrays(positions, normals), np.concatenate([walls, lid]).astype(np.uint32), np.zeros((len(positions), 2)))
+    return _drawn(f'<rect width="{ATLAS}" height="{ATLAS}" fill="#8d9092"/>{faces}', ATLAS)
 
 
-def _disc(radius: float, sections: int = 18) -> tuple[NDArray, NDArray, NDArray]:
-    """Facing x."""
-    angle = np.arange(sections) * 2.0 * np.pi / sections
-    positions = np.column_stack([np.zeros(sections), radius * np.cos(angle), radius * np.sin(angle)])
-    i = np.arange(1, sections - 1)
-    triangles = np.column_stack([np.zeros_like(i), i, i + 1]).astype(np.uint32)
-    return (*_arrays(positions, np.tile([1.0, 0.0, 0.0], (sections, 1))), triangles)
+def _drawn(elements: str, extent: float) -> NDArray[np.uint8]:
+    """A square drawing of that extent as a picture."""
+    svg = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{SIZE}" height="{SIZE}" '
+        f'viewBox="0 0 {extent} {extent}">{elements}</svg>'
+    )
+    return decode_png(resvg_py.svg_to_bytes(svg_string=svg, skip_system_fonts=True))[..., :3]
 
 
-def _visor(radius: float, depth: float, sections: int = 10) -> tuple[NDArray, NDArray, NDArray]:
-    """Half a tube over a lens, seen from both sides."""
-    angle = np.linspace(-0.1 * np.pi, 1.1 * np.pi, sections + 1)
-    rim = np.column_stack([np.cos(angle), np.sin(angle)])
-    back = np.column_stack([np.zeros(len(rim)), radius * rim])
-    front = back + np.array([depth, 0.0, 0.0])
-    outward = np.column_stack([np.zeros(len(rim)), rim])
-    i, n = np.arange(sections), sections + 1
-    outer = np.concatenate([np.column_stack([i, i + n, i + n + 1]), np.column_stack([i, i + n + 1, i + 1])])
-    inner = outer[:, ::-1] + 2 * n
-    positions, normals = np.concatenate([back, front] * 2), np.concatenate([outward, outward, -outward, -outward])
-    return (*_arrays(positions, normals), np.concatenate([outer[:, ::-1], inner[:, ::-1]]).astype(np.uint32))
+# -- traffic lights ---------------------------------------------------------------------------------------------
 
 
-def _arrays(positions: object, normals: object) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    return np.array(positions, np.float32), np.array(normals, np.float32)
+def _housing(shape: StaticShape) -> tuple[Surface, ...]:
+    return (box(shape.size).surface(HOUSING, Label.TRAFFIC_LIGHT),)
 
 
-def _quads(count: int) -> NDArray[np.uint32]:
-    starts = 4 * np.arange(count)[:, None, None]
-    return (starts + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3).astype(np.uint32)
+def _lenses(shape: StaticShape, name: str) -> Iterator[Node]:
+    """Each under its visor."""
+    for color, height in LAMP_HEIGHTS.items():
+        lens = _upright(moved(plane(_round(14, 0.0055)), (0.0, 0.0, 0.0005))).surface(
+            LENSES[color], Label.TRAFFIC_LIGHT
+        )
+        surfaces = (lens, _visor().surface(HOUSING, Label.TRAFFIC_LIGHT))
+        x, y, _ = shape.position
+        ahead = HOUSING_DEPTH / 2.0
+        place = (x + ahead * math.cos(shape.yaw), y + ahead * math.sin(shape.yaw), height)
+        orientation = quaternion_from_yaw(shape.yaw)
+        yield Node(f"{name}.{color}", "", place, orientation, surfaces={"full": surfaces, "reduced": surfaces})
 
 
-def _placed(
-    positions: NDArray,
-    normals: NDArray,
-    triangles: NDArray,
-    at: tuple[float, float, float, float],
-    material: Material,
-    label: Label,
-    uvs: NDArray | None = None,
-) -> Surface:
-    """At x, y, z [m], turned by a yaw [rad]."""
-    c, s = math.cos(at[3]), math.sin(at[3])
-    turn: Floats = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    placed = positions @ turn.T + at[:3]
-    normals = normals @ turn.T
-    a, b, c_ = (placed[triangles[:, i]] for i in range(3))
-    is_inside_out = np.einsum("ij,ij->i", np.cross(b - a, c_ - a), normals[triangles[:, 0]]) < 0.0
-    triangles = np.where(is_inside_out[:, None], triangles[:, ::-1], triangles)
-    return Surface(material, placed.astype(np.float32), normals.astype(np.float32), triangles, label, uvs)
+@cache
+def _visor() -> Mesh:
+    """The upper half of a short pipe, seen from inside and outside."""
+    angle = np.linspace(-0.15, math.pi + 0.15, 9)
+    arc = 0.0066 * np.column_stack([np.zeros(9), np.cos(angle), np.sin(angle)])
+    depth = np.array([0.007, 0.0, 0.0])
+    outer = [quad(np.array([a, a + depth, b + depth, b])) for a, b in zip(arc[:-1], arc[1:], strict=True)]
+    inner = [quad(piece.positions[::-1]) for piece in outer]
+    return joined([*outer, *inner])
+
+
+_LOOKS = {"wall": _wall, "block": _block, "post": _post, "housing": _housing}
+
+
+# -- construction boxes -----------------------------------------------------------------------------------------
+
+_CELLS = {
+    "front": (0.0, 0.0, 0.4, 1.0),
+    "back": (0.0, 0.0, 0.4, 1.0),
+    "left": (0.4, 0.0, 0.8, 1.0),
+    "right": (0.4, 0.0, 0.8, 1.0),
+    "top": (0.8, 0.0, 1.0, 0.2),
+    "bottom": (0.8, 0.2, 1.0, 0.4),
+}
+"""Where in the picture each face is: left, upper, right, lower."""
+
+
+def _box_uvs(face: str) -> Floats:
+    left, upper, right, lower = _CELLS[face]
+    e = 1.5 / SIZE  # not into the neighbour
+    return np.array([(left + e, lower - e), (right - e, lower - e), (right - e, upper + e), (left + e, upper + e)])
+
+
+@cache
+def _box_picture() -> NDArray[np.uint8]:
+    """Stout cardboard with brown tape, a band of orange and white on all sides, and the usual marks."""
+    stripes = "".join(f'<path d="M{x} 42 l10 -20 h10 l-10 20 Z" fill="#e8641b"/>' for x in range(-20, 90, 20))
+    band = f'<path d="M0 22 H80 V42 H0 Z" fill="#f1eee6"/>{stripes}<path d="M0 22 H80 M0 42 H80" stroke="#8a5a26" stroke-opacity=".5" stroke-width=".5"/>'
+    tape = '<path d="M16.2 0 h7.6 v16 l-1 -.8 -1 .8 -1 -.8 -1 .8 -1 -.8 -1 .8 -1.6 -.8 Z" fill="#a8753a" fill-opacity=".85"/>'
+    arrows = (
+        '<g fill="#3a2a18" fill-opacity=".8"><path d="M49 86 v-9 h-2.4 l4.4 -6 4.4 6 h-2.4 v9 Z M60 86 v-9 h-2.4 l4.4 -6 4.4 6 h-2.4 v9 Z"/>'
+        '<path d="M46 89 h21 v1.6 h-21 Z"/></g>'
+    )
+    label = (
+        '<rect x="6" y="62" width="19" height="13" fill="#f3f1ea"/><g fill="#26221d"><path d="M8 64 h9 v1.4 h-9 Z M8 66.6 h12 v.8 h-12 Z '
+        'M8 68.2 h10 v.8 h-10 Z"/><path d="M8 70.4 h.6 v3 h-.6 Z m1.2 0 h1 v3 h-1 Z m1.6 0 h.5 v3 h-.5 Z m1.1 0 h1.2 v3 h-1.2 Z m1.8 0 h.5 v3 h-.5 Z '
+        'm1 0 h1 v3 h-1 Z m1.6 0 h.5 v3 h-.5 Z"/></g>'
+    )
+    lid = '<path d="M80 10 H100" stroke="#5b3d1c" stroke-width=".35"/><path d="M80 6.2 h20 v7.6 h-20 Z" fill="#a8753a" fill-opacity=".85"/>'
+    edges = '<path d="M0 0 V100 M40 0 V100 M80 0 V100 M0 0 H100 M80 20 H100 M0 100 H100" stroke="#7d5527" stroke-opacity=".45" stroke-width=".8" fill="none"/>'
+    elements = f'<rect width="100" height="100" fill="#ba9264"/>{band}{tape}{arrows}{label}{lid}{edges}'
+    drawn = _drawn(elements, 100).astype(np.float64)
+    paper = texture("cardboard").astype(np.float64)
+    return np.clip(drawn * (paper / paper.mean((0, 1))), 0, 255).astype(np.uint8)
