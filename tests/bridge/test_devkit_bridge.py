@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import itertools
 import json
@@ -255,10 +256,31 @@ def test_pictures_that_make_a_message_too_long_are_left_out(simulation: Simulati
             connection.send(packet(FULL_THROTTLE))
 
     too_large = {("V1", "front"): b"\xff\xd8" + bytes(10**6)}
-    with peer(listening) as port, DevkitBridge(simulation, port=port, images=lambda _: too_large) as bridge:
+    with peer(listening) as port, DevkitBridge(simulation, port=port, images=lambda *_: too_large) as bridge:
         eventually(lambda: len(heard) > 10)
         assert bridge.counters.oversized == 0
     assert all(data["V1 Front Camera Image"] == data["V1 Rear Camera Image"] == no_picture() for data in heard)
+
+
+def test_pictures_become_coarser_until_the_message_fits(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture
+) -> None:
+    heard: list[dict[str, str]] = []
+
+    def listening(connection: ServerConnection) -> None:
+        for data in telemetry_in(connection):
+            heard.append(data)
+            connection.send(packet(FULL_THROTTLE))
+
+    def images(_: Frame, share: float) -> dict[tuple[str, str], bytes]:
+        return {("V1", "front"): b"\xff\xd8" + bytes(round(1.5e6 * share))}  # base64: 2 MB at full quality
+
+    with peer(listening) as port, DevkitBridge(simulation, port=port, profile="2025", images=images) as bridge:
+        eventually(lambda: len(heard) > 10)
+        assert bridge.counters.oversized == 0
+    sizes = {len(base64.b64decode(data["V1 Front Camera Image"])) for data in heard}
+    assert sizes == {2 + round(1.5e6 * 0.45)}  # 0.9 MB in base64; 0.7 would be 1.4
+    assert len([line for line in caplog.messages if "pictures are sent at 45% of their quality" in line]) == 1
 
 
 def test_a_message_longer_than_the_server_takes_is_never_sent(

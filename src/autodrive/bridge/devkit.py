@@ -54,8 +54,9 @@ class DevkitBridge:
     """Sends telemetry to a devkit script and its commands to a Simulation, from a thread of its own.
 
     `profile` is the era of the script ('2020', '2022', '2023', '2025'); None recognises it by the keys of its commands.
-    `images` gives the JPEG pictures that belong to a Frame. At most one message a tick is sent, and one is under way at
-    a time: a slow script gets the latest state, not a backlog.
+    `images` gives the JPEG pictures that belong to a Frame, at a share of their usual quality (1 unless a message would
+    be too long). At most one message a tick is sent, and one is under way at a time: a slow script gets the latest
+    state, not a backlog.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class DevkitBridge:
         port: int = 4567,
         profile: str | None = None,
         *,
-        images: Callable[[Frame], Images] | None = None,
+        images: Callable[[Frame, float], Images] | None = None,
     ) -> None:
         self._simulation = simulation
         self._profile = _checked_profile(profile)

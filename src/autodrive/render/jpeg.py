@@ -1,0 +1,71 @@
+"""Pictures as JPEG, each encoded once however many want it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import simplejpeg
+
+from autodrive.errors import AutodriveError
+from autodrive.render.resize import resized
+
+if TYPE_CHECKING:
+    from autodrive.protocol.messages import CameraImage, Frame
+
+
+class JpegEncoder:
+    """Baseline JPEG, YCbCr 4:2:0, of `size` (width, height) [pixels], None: the picture's own, at `quality` 1 to 100.
+
+    The latest picture of each camera is remembered at each size and quality asked for. Any thread may ask.
+    """
+
+    def __init__(self, size: tuple[int, int] | None = None, quality: int = 75) -> None:
+        if not 1 <= quality <= 100:
+            raise AutodriveError(f"JPEG quality {quality} is not from 1 to 100; 75 is usual")
+        if size is not None and min(size) < 1:
+            raise AutodriveError(f"a picture of {size[0]} x {size[1]} pixels is not possible; 640 x 480 is usual")
+        self.size = size
+        self.quality = quality
+        self.encoded = 0
+        """How often a picture was encoded."""
+        self._lock = threading.Lock()
+        self._latest: dict[tuple[str, str], tuple[CameraImage, dict[tuple[int, int, int], bytes]]] = {}
+
+    def encode(
+        self,
+        vehicle: str,
+        camera: str,
+        image: CameraImage,
+        *,
+        size: tuple[int, int] | None = None,
+        quality: int | None = None,
+    ) -> bytes:
+        """The picture of that camera as JPEG; `size` and `quality` if others than usual."""
+        width, height = size or self.size or (image.rgba.shape[1], image.rgba.shape[0])
+        wanted = width, height, quality or self.quality
+        with self._lock:
+            known, texts = self._latest.get((vehicle, camera), (None, {}))
+            if known is not image:
+                texts = {}
+                self._latest[vehicle, camera] = image, texts
+            if wanted not in texts:
+                texts[wanted] = _jpeg(image, *wanted)
+                self.encoded += 1
+            return texts[wanted]
+
+
+def images_of(frame: Frame, share: float = 1.0, *, encoder: JpegEncoder) -> Mapping[tuple[str, str], bytes]:
+    """JPEG pictures of a Frame by (name of the vehicle, name of the camera), at a share of the encoder's quality."""
+    quality = max(round(share * encoder.quality), 1)
+    return {
+        (vehicle, camera): encoder.encode(vehicle, camera, image, quality=quality)
+        for vehicle, its in frame.vehicles.items()
+        for camera, image in its.cameras.items()
+    }
+
+
+def _jpeg(image: CameraImage, width: int, height: int, quality: int) -> bytes:
+    pixels = resized(image.rgba, width, height)
+    return simplejpeg.encode_jpeg(pixels, quality=quality, colorspace="RGBX", colorsubsampling="420", fastdct=False)
