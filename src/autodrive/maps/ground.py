@@ -17,14 +17,15 @@ if TYPE_CHECKING:
     from autodrive.maps.map import Map
     from autodrive.maps.module import MarkingKind
 
-SIMPLER = 3e-4
-"""How far a drawn edge may be from that of the drivable area [m]: a third of a pixel from 0.3 m away."""
+SIMPLER = 5e-4
+"""How far a drawn edge may be from that of the drivable area [m]: a pixel from 0.3 m away."""
 BEVEL, KERB_WIDTH, PAVEMENT_WIDTH = 0.003, 0.024, 0.055
 """Outside of the road, from its edge: slope of the kerb, kerb with it, pavement behind it [m]; ours."""
 TILE = 1.0
 """Ground is drawn in squares of that size [m]."""
 FLOOR_MARGIN = 250.0
-"""The floor goes on so far beyond all that was placed [m]: from a car's camera it ends less than a pixel below the sky."""
+"""The floor goes on so far beyond all that was placed [m]: it ends a pixel below the sky
+(from a car's camera)."""
 
 MARKING_LABELS: dict[MarkingKind, Label] = {
     "separation": Label.SEPARATION_LINE,
@@ -65,7 +66,7 @@ def regions(map_: Map, *, simpler: float = SIMPLER) -> list[Region]:
     add("road", Label.ROAD, road)
     strips = (("bevel", BEVEL), ("kerb", KERB_WIDTH), ("pavement", KERB_WIDTH + PAVEMENT_WIDTH))
     for name, width in strips if not road.is_empty else ():
-        strip = road.buffer(width, join_style="round", quad_segs=12 if width > BEVEL else 4)
+        strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * simpler)
         add(name, Label.KERB, shapely.difference(strip, mouths, grid_size=GRID))
     for surface in map_.surfaces:
         if surface.kind == "lawn":

@@ -6,7 +6,6 @@ nothing can flicker. Pieces that touch share their vertices to the last bit, so 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ import manifold3d
 import numpy as np
 import shapely
 
-from autodrive.maps.ground import BEVEL, TILE, Region, floor_extent, regions, tile_extent
+from autodrive.maps.ground import TILE, Region, floor_extent, regions, tile_extent
 from autodrive.maps.map import GRID
 from autodrive.maps.mesh_parts import Mesh
 from autodrive.maps.mesh_solids import box_asset, solid_nodes, solid_textures
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["box_asset", "map_asset"]
 
 KERB_HEIGHT, KERB_STEP = 0.006, 0.003
-"""Of the kerb and the pavement, and of the kerb's face towards the road [m]; both stand outside of the drivable area."""
+"""Of the kerb and the pavement, and of the kerb's face towards the road [m]; both are outside of what is driven on."""
 
 WHITE = Material("paint", (0.82, 0.82, 0.79), roughness=0.7)
 MATERIALS = {

@@ -105,7 +105,7 @@ def tube(radius: float, low: float, high: float, segments: int = 12) -> Mesh:
     sides = np.vstack([np.column_stack([i, i + 1, n + i + 1]), np.column_stack([i, n + i + 1, n + i])])
     side = Mesh(np.vstack(rings), np.vstack([rim, rim]), sides, np.zeros((2 * n, 2)))
     lid = disc(radius, segments)
-    return joined([side, lid._replace(positions=lid.positions + (0.0, 0.0, high))])
+    return joined([side, lid._replace(positions=lid.positions + np.array((0.0, 0.0, high)))])
 
 
 def disc(radius: float, segments: int = 16) -> Mesh:

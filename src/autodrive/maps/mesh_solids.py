@@ -1,7 +1,10 @@
 """What stands on a map, as it looks: walls, blocks, traffic signs, traffic lights, construction boxes."""
 
+# ruff: noqa: E501 (drawings are left whole)
+
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from functools import cache
@@ -12,7 +15,7 @@ import resvg_py
 
 from autodrive.maps.icons import icon
 from autodrive.maps.mesh_parts import Mesh, box, box_faces, joined, moved, plane, quad, rim, tube
-from autodrive.maps.props import HOUSING_DEPTH, HOUSING_WIDTH, LAMP_HEIGHTS, PLATE_SIZE, SIGNS, Prop
+from autodrive.maps.props import HOUSING_DEPTH, LAMP_HEIGHTS, PLATE_SIZE, SIGNS, Prop
 from autodrive.maps.solids import StaticShape
 from autodrive.render.asset import Asset, Label, Material, Node, Surface
 from autodrive.render.png import decode_png
@@ -28,7 +31,7 @@ if TYPE_CHECKING:
 WALL = Material("wall", (0.62, 0.63, 0.62), roughness=0.9, texture="plaster")
 COPING = Material("coping", (0.36, 0.37, 0.38), roughness=0.8)
 BLOCK = Material("block", (0.95, 0.88, 0.76), roughness=0.9, texture="plaster")
-ROOF = Material("roof", (0.30, 0.29, 0.28), roughness=0.9)
+ROOF = Material("roof", (0.13, 0.125, 0.12), roughness=0.9)
 STEEL = Material("steel", (0.36, 0.37, 0.38), roughness=0.6)
 FACE = Material("sign_face", (1.0, 1.0, 1.0), roughness=0.6, texture="signs")
 HOUSING = Material("housing", (0.022, 0.024, 0.026), roughness=0.65)
@@ -38,8 +41,6 @@ LENSES = {
     "green": Material("lens_green", (0.012, 0.22, 0.075), roughness=0.3),
 }
 CARDBOARD = Material("cardboard", (1.0, 1.0, 1.0), roughness=0.9, texture="box")
-LIP = 0.008
-"""Coping of a wall and parapet of a block stand out so far, within the height that is hit [m]."""
 ATLAS = 3
 """Faces of signs in each row and column of their picture."""
 
@@ -114,7 +115,7 @@ def _plate(prop: Prop, half_thickness: float) -> tuple[Surface, ...]:
     front = plane(outline * PLATE_SIZE, half_thickness)
     # as a driver sees it: y of the plate to his right
     picture = np.column_stack([outline[:, 0] / 1.04 + 0.5, 0.5 - outline[:, 1] / 1.04])
-    front = front._replace(uvs=(picture + (column, row)) / ATLAS)
+    front = front._replace(uvs=(picture + np.array((column, row))) / ATLAS)
     back = plane(outline * PLATE_SIZE, -half_thickness)
     back = back._replace(normals=-back.normals, triangles=back.triangles[:, ::-1])
     edge = rim(outline * PLATE_SIZE, -half_thickness, half_thickness)
@@ -192,7 +193,7 @@ def _visor() -> Mesh:
     angle = np.linspace(-0.15, math.pi + 0.15, 9)
     arc = 0.0066 * np.column_stack([np.zeros(9), np.cos(angle), np.sin(angle)])
     depth = np.array([0.007, 0.0, 0.0])
-    outer = [quad(np.array([a, a + depth, b + depth, b])) for a, b in zip(arc[:-1], arc[1:], strict=True)]
+    outer = [quad(np.array([a, a + depth, b + depth, b])) for a, b in itertools.pairwise(arc)]
     inner = [quad(piece.positions[::-1]) for piece in outer]
     return joined([*outer, *inner])
 

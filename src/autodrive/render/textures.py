@@ -51,7 +51,7 @@ def _grass() -> Floats:
     y, x = np.mgrid[:SIZE, :SIZE] / SIZE
     mown = np.tanh(6.0 * np.sin(2.0 * np.pi * 2.0 * (x + y)))  # two stripes each way a tile, across its diagonal
     blades = noise(11, 70, 330)
-    return _shades((101, 119, 66), (mown, (4.5, 5, 3)), (blades, (10, 11, 7)), (noise(12, 4, 22), (4.5, 2.4, 1.6)))
+    return _shades((99, 114, 70), (mown, (4.5, 5, 3)), (blades, (10, 11, 7)), (noise(12, 4, 22), (4.5, 2.4, 1.6)))
 
 
 def _floor() -> Floats:
