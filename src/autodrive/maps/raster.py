@@ -1,0 +1,98 @@
+"""Pictures of a map for other programs: the occupancy grid of ROS map_server, and what is where by label."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+import shapely
+
+from autodrive.maps.ground import regions
+from autodrive.model import CYLINDER
+from autodrive.render.asset import Label
+from autodrive.render.png import write_png
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from shapely.geometry.base import BaseGeometry
+
+    from autodrive.maps.map import Map
+    from autodrive.maps.solids import StaticShape
+
+Free: TypeAlias = Literal["ground", "drivable"]
+"""What is free: all ground on which nothing stands, as a LIDAR sees it; or of that, only what may be driven on."""
+
+FREE, OCCUPIED = 254, 0
+"""Grey values, as map_saver of ROS writes them."""
+SOLID_LABELS = {
+    "wall": Label.WALL,
+    "block": Label.BLOCK,
+    "post": Label.POST,
+    "plate": Label.SIGN,
+    "housing": Label.TRAFFIC_LIGHT,
+}
+"""By the material of a `StaticShape`."""
+
+
+def occupancy(map_: Map, resolution: float = 0.01, *, free: Free = "ground") -> NDArray[np.uint8]:
+    """Grey values of the grid over the map's bounds, first row at the greatest y; a cell is what its middle is.
+
+    Walls, blocks, posts, plates and boxes are occupied. `resolution`: edge of a cell [m].
+    """
+    x, y = _middles(map_, resolution)
+    solid = shapely.union_all([*(outline(shape) for shape in map_.statics), *(box.plan for box in map_.boxes)])
+    shapely.prepare(solid)
+    is_free = ~shapely.intersects_xy(solid, x, y)
+    if free == "drivable":
+        shapely.prepare(map_.drivable)
+        is_free &= shapely.intersects_xy(map_.drivable, x, y)
+    return np.where(is_free, FREE, OCCUPIED).astype(np.uint8)
+
+
+def write_occupancy(map_: Map, folder: Path, resolution: float = 0.01, *, free: Free = "ground") -> Path:
+    """Write NAME.png and NAME.yaml, to be loaded by map_server of ROS; the path of the YAML file."""
+    write_png(folder / f"{map_.name}.png", occupancy(map_, resolution, free=free))
+    x, y = map_.bounds[:2]
+    path = folder / f"{map_.name}.yaml"
+    path.write_text(
+        f"image: {map_.name}.png\nmode: trinary\nresolution: {resolution:g}\norigin: [{x:.9g}, {y:.9g}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+def labels(map_: Map, resolution: float = 0.01) -> NDArray[np.uint8]:
+    """`Label` of what is seen from above in each cell; rows and cells as in `occupancy`."""
+    x, y = _middles(map_, resolution)
+    seen = np.full(x.shape, Label.GROUND, np.uint8)
+    layers: list[tuple[BaseGeometry, Label]] = [
+        (region.geometry, region.label) for region in regions(map_, simpler=0.0)
+    ]
+    layers += [(outline(shape), SOLID_LABELS[shape.material]) for shape in map_.statics]
+    layers += [(box.plan, Label.BOX) for box in map_.boxes]
+    for geometry, label in layers:
+        if label != Label.GROUND and not geometry.is_empty:
+            shapely.prepare(geometry)
+            seen[shapely.intersects_xy(geometry, x, y)] = label
+    return seen
+
+
+def write_labels(map_: Map, path: Path, resolution: float = 0.01) -> None:
+    """Write the labels as they are, a grey value each."""
+    write_png(path, labels(map_, resolution))
+
+
+def outline(shape: StaticShape) -> shapely.Polygon:
+    """What a solid thing covers of the ground: of a cylinder the disc, not the square around it."""
+    return shapely.Point(shape.position[:2]).buffer(shape.size[0]) if shape.kind == CYLINDER else shape.plan
+
+
+def _middles(map_: Map, resolution: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Of the cells [m], shape (rows, columns) each."""
+    x0, y0, x1, y1 = map_.bounds
+    columns, rows = (max(1, int(np.ceil(extent / resolution - 1e-6))) for extent in (x1 - x0, y1 - y0))
+    across, up = (np.arange(columns) + 0.5) * resolution, (np.arange(rows)[::-1] + 0.5) * resolution
+    x, y = np.meshgrid(x0 + across, y0 + up)
+    return x, y
