@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 import manifold3d
 import numpy as np
 import shapely
+from shapely.geometry.polygon import orient
 
 from autodrive.maps.ground import TILE, Region, floor_extent, regions, tile_extent
 from autodrive.maps.map import GRID
 from autodrive.maps.mesh_parts import Mesh
-from autodrive.maps.mesh_solids import box_asset, solid_nodes, solid_textures
+from autodrive.maps.mesh_solids import box_asset, sign_faces, solid_nodes
 from autodrive.render.asset import Asset, Label, Material, Node
 from autodrive.render.textures import texture
 
@@ -50,8 +51,7 @@ def map_asset(map_: Map) -> Asset:
     """All of a map that does not move. Nodes: 'tile_<i>' and 'floor' for the ground, solids by their names."""
     nodes = [*_ground(map_), *solid_nodes(map_)]
     used = {s.material.texture for node in nodes for level in node.surfaces.values() for s in level} - {""}
-    own = solid_textures()
-    pictures = {name: own[name] if name in own else texture(name) for name in sorted(used)}
+    pictures = {name: sign_faces() if name == "signs" else texture(name) for name in sorted(used)}
     return Asset(map_.name, tuple(nodes), pictures)
 
 
@@ -87,14 +87,14 @@ def _cells(map_: Map) -> tuple[list[shapely.Polygon], list[Region]]:
     cuts += [shapely.LineString([a, b]) for a, b in zip(_corners(x0, y0, x1, y1), _corners(*far), strict=True)]
     lines = [shapely.boundary(kind.geometry) for kind in kinds]
     noded = shapely.union_all([*lines, *cuts], grid_size=GRID)
-    cells = [shapely.force_2d(cell) for cell in shapely.polygonize(shapely.get_parts(noded)).geoms]
+    cells = list(shapely.polygonize(shapely.get_parts(noded)).geoms)
     tree = shapely.STRtree([kind.geometry for kind in kinds])
     points = shapely.point_on_surface(np.array(cells, dtype=object))
     which = np.full(len(cells), -1)
     found = tree.query(points, predicate="intersects")
     which[found[0]] = found[1]
     kept = [i for i in range(len(cells)) if which[i] >= 0]
-    return [shapely.orient_polygons(cells[i]) for i in kept], [kinds[which[i]] for i in kept]
+    return [orient(cells[i]) for i in kept], [kinds[which[i]] for i in kept]
 
 
 def _corners(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float]]:

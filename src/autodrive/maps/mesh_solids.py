@@ -17,7 +17,7 @@ from autodrive.maps.icons import icon
 from autodrive.maps.mesh_parts import Mesh, box, box_faces, joined, moved, plane, quad, rim, tube
 from autodrive.maps.props import HOUSING_DEPTH, LAMP_HEIGHTS, PLATE_SIZE, SIGNS, Prop
 from autodrive.maps.solids import StaticShape
-from autodrive.render.asset import Asset, Label, Material, Node, Surface
+from autodrive.render.asset import Asset, Detail, Label, Material, Node, Surface
 from autodrive.render.png import decode_png
 from autodrive.render.textures import SIZE, texture
 from autodrive.transforms import quaternion_from_yaw
@@ -55,11 +55,6 @@ def solid_nodes(map_: Map) -> Iterator[Node]:
             yield from _lenses(shape, name)
 
 
-def solid_textures() -> dict[str, NDArray[np.uint8]]:
-    """The pictures that are this module's own."""
-    return {"signs": _signs(), "box": _box_picture()}
-
-
 def box_asset(size: tuple[float, float, float]) -> Asset:
     """A construction box of that length, width and height [m] around its centre: cardboard, taped, striped."""
     half = (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)
@@ -74,7 +69,7 @@ def _node(shape: StaticShape, prop: Prop | None) -> Node:
         surfaces = _plate(prop, shape.size[0])
     else:
         surfaces = _LOOKS[shape.material](shape)
-    levels: dict = {"full": surfaces, "reduced": surfaces, "shadow": surfaces}
+    levels: dict[Detail, tuple[Surface, ...]] = {"full": surfaces, "reduced": surfaces, "shadow": surfaces}
     return Node(shape.name, "", shape.position, quaternion_from_yaw(shape.yaw), surfaces=levels)
 
 
@@ -148,7 +143,7 @@ OUTLINES: dict[str, Floats] = {
 
 
 @cache
-def _signs() -> NDArray[np.uint8]:
+def sign_faces() -> NDArray[np.uint8]:
     """The faces of all signs in one picture."""
     faces = "".join(
         f'<g transform="translate({i % ATLAS + 0.5} {i // ATLAS + 0.5}) scale({1 / 1.04} {-1 / 1.04})">{icon(sign)}</g>'  # pyright: ignore[reportArgumentType]

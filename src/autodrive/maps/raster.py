@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from autodrive.maps.map import Map
     from autodrive.maps.solids import StaticShape
+    from autodrive.state import Floats
 
 Free: TypeAlias = Literal["ground", "drivable"]
 """What is free: all ground on which nothing stands, as a LIDAR sees it; or of that, only what may be driven on."""
@@ -89,10 +90,10 @@ def outline(shape: StaticShape) -> shapely.Polygon:
     return shapely.Point(shape.position[:2]).buffer(shape.size[0]) if shape.kind == CYLINDER else shape.plan
 
 
-def _middles(map_: Map, resolution: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _middles(map_: Map, resolution: float) -> tuple[Floats, Floats]:
     """Of the cells [m], shape (rows, columns) each."""
     x0, y0, x1, y1 = map_.bounds
     columns, rows = (max(1, int(np.ceil(extent / resolution - 1e-6))) for extent in (x1 - x0, y1 - y0))
     across, up = (np.arange(columns) + 0.5) * resolution, (np.arange(rows)[::-1] + 0.5) * resolution
     x, y = np.meshgrid(x0 + across, y0 + up)
-    return x, y
+    return x.astype(np.float64), y.astype(np.float64)
