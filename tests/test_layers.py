@@ -17,7 +17,7 @@ LAYERS: list[set[str]] = [
     {"actuators", "physics", "render", "sensors"},
     {"scenario", "vehicles", "maps"},
     {"world", "compile", "referee", "assets", "cameras"},
-    {"simulation", "camera_link", "camera_process"},
+    {"simulation", "camera_link", "camera_process", "jpeg"},
     {"app", "bridge", "recording", "envs", "batch", "browse", "doctor", "generate", "camera_watch", "portrait"},
     {"cli"},
 ]

@@ -12,7 +12,7 @@ import simplejpeg
 
 from autodrive.errors import AutodriveError
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Pose
-from autodrive.render.jpeg import JpegEncoder, images_of
+from autodrive.jpeg import JpegEncoder, images_of
 from autodrive.render.resize import resized
 
 
