@@ -11,8 +11,8 @@ import pytest
 import simplejpeg
 
 from autodrive.errors import AutodriveError
-from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Pose
 from autodrive.jpeg import JpegEncoder, images_of
+from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Pose
 from autodrive.render.resize import resized
 
 
