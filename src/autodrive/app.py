@@ -8,6 +8,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
@@ -21,6 +22,7 @@ from autodrive.simulation import Simulation
 from autodrive.transforms import euler_from_quaternion
 
 if TYPE_CHECKING:
+    from autodrive.camera_watch import CameraWatch
     from autodrive.world import World
 
 DrivingMode: TypeAlias = Literal["manual", "autonomous"]
@@ -52,6 +54,27 @@ class RunOptions:
     """Era of the devkit; None: recognised."""
     summary: Path | None = None
     """File to write the summary to, as JSON."""
+    cameras: bool | None = None
+    """Whether the cameras' pictures are drawn; None: if there is a script to send them to."""
+    is_lockstep: bool | None = None
+    """Whether a picture is drawn in its tick, which waits for it; else in a process of its own, as fast as that can.
+    None: in the tick if time runs as fast as possible."""
+    camera_quality: str = "auto"
+    """One of `autodrive.render.quality.NAMES`."""
+    image_size: tuple[int, int] | None = None
+    """Width and height of the pictures that a script gets [pixels]; None: the camera's."""
+    image_quality: int = 75
+    """JPEG quality of the pictures that a script gets, 1 to 100."""
+
+    @property
+    def has_cameras(self) -> bool:
+        """What was asked for, or what follows from the rest."""
+        return self.devkit is not None if self.cameras is None else self.cameras
+
+    @property
+    def draws_in_tick(self) -> bool:
+        """What was asked for, or what follows from the rest."""
+        return self.speed is None if self.is_lockstep is None else self.is_lockstep
 
     @property
     def driving_mode(self) -> DrivingMode:
@@ -66,6 +89,7 @@ class Run:
     simulation: Simulation
     bridge: DevkitBridge | None
     odometer: Odometer
+    cameras: CameraWatch | None
 
     def status(self) -> str:
         """One line: time, real-time factor, each vehicle, the bridge."""
@@ -73,6 +97,8 @@ class Run:
         for name, vehicle in self.simulation.frame.vehicles.items():
             x, y, _ = vehicle.pose.position
             parts.append(f"{name} {vehicle.speed:+.2f} m/s at ({x:+.2f}, {y:+.2f})")
+        if self.cameras is not None:
+            parts.append(self.cameras.status())
         if self.bridge is not None:
             counters = self.bridge.counters
             parts.append(f"devkit {self.bridge.status}, {counters.commands_received} commands")
@@ -102,25 +128,30 @@ def run(options: RunOptions, screen: Screen) -> dict[str, Any]:
     """
     _check_writable(options.summary)
     with compiling(screen.compiled):
-        world = autodrive.make(_scenario(options))
+        world, cameras = _world(options)
         _compile(world)
     simulation = Simulation(world, speed=options.speed)
     odometer = Odometer(world.tick_duration)
     simulation.add_sink(odometer)
     with ExitStack() as stack:
+        stack.callback(world.close)
+        if cameras is not None:
+            cameras.wait()
+            simulation.add_sink(cameras)
         bridge = _bridge(simulation, options)
         screen.prepared()
         if bridge is not None:
             stack.enter_context(bridge)
         signals = stack.enter_context(_signals())
         stack.callback(simulation.stop)
-        under_way = Run(simulation, bridge, odometer)
+        under_way = Run(simulation, bridge, odometer, cameras)
         simulation.start(options.duration)
         while not signals and not simulation.wait(REFRESH):
             screen.show(under_way)
         simulation.stop()
         counters = _bridge_summary(bridge)
-    summary = {**_run_summary(options, world, under_way, signals), "bridge": counters}
+        pictures = cameras and cameras.summary(simulation.simulated_time)
+    summary = {**_run_summary(options, world, under_way, signals), "cameras": pictures, "bridge": counters}
     if options.summary is not None:
         options.summary.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return summary
@@ -159,6 +190,16 @@ def _scenario(options: RunOptions) -> ScenarioSpec:
     return spec.model_copy(update={"vehicles": vehicles, "seed": seed})
 
 
+def _world(options: RunOptions) -> tuple[World, CameraWatch | None]:
+    """The world, and who watches its cameras where they are wanted and there are some."""
+    scenario = _scenario(options)
+    if not options.has_cameras:
+        return autodrive.make(scenario), None
+    from autodrive.camera_watch import watched_world
+
+    return watched_world(scenario, quality=options.camera_quality, draws_in_tick=options.draws_in_tick)
+
+
 def _compile(world: World) -> None:
     """Let every stage of the tick and every sensor work once, so that all is compiled before the clock runs."""
     while world.time < WARM_UP:
@@ -170,7 +211,13 @@ def _bridge(simulation: Simulation, options: RunOptions) -> DevkitBridge | None:
     if options.devkit is None:
         return None
     host, port = options.devkit
-    return DevkitBridge(simulation, host, port, options.devkit_profile)
+    if not options.has_cameras:
+        return DevkitBridge(simulation, host, port, options.devkit_profile)
+    from autodrive.jpeg import JpegEncoder, images_of
+
+    encoder = JpegEncoder(options.image_size, options.image_quality)
+    images = partial(images_of, encoder=encoder)
+    return DevkitBridge(simulation, host, port, options.devkit_profile, images=images)
 
 
 @contextmanager

@@ -123,6 +123,25 @@ def run(
     summary: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Write what happened there at the end.")
     ] = None,
+    cameras: Annotated[
+        bool | None,
+        typer.Option("--cameras/--no-cameras", help="Draw the cameras' pictures.  [default: with --devkit]"),
+    ] = None,
+    lockstep: Annotated[
+        bool | None,
+        typer.Option(
+            "--lockstep/--no-lockstep",
+            help="Draw each picture in its tick: exact, the same each run, and time waits for it; else beside the "
+            "physics, as fast as the machine can.  [default: with --speed max]",
+        ),
+    ] = None,
+    camera_quality: Annotated[str, typer.Option(metavar="NAME", help="auto, software, software-fxaa or gpu.")] = "auto",
+    image_size: Annotated[
+        str, typer.Option(metavar="WxH", help="Size of the pictures that the script gets.  [default: the camera's]")
+    ] = "",
+    image_quality: Annotated[
+        int, typer.Option(min=1, max=100, help="JPEG quality of the pictures that the script gets.")
+    ] = 75,
 ) -> None:
     """Run a scenario until its duration is over, or Ctrl-C."""
     options: dict[str, Any] = {
@@ -134,6 +153,11 @@ def run(
         "devkit": _address(devkit) if devkit else None,
         "devkit_profile": devkit_profile and devkit_profile.value,
         "summary": summary,
+        "cameras": cameras,
+        "is_lockstep": lockstep,
+        "camera_quality": camera_quality,
+        "image_size": _size(image_size) if image_size else None,
+        "image_quality": image_quality,
     }
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter(f"--duration is a number of seconds, not {duration}")
@@ -156,11 +180,18 @@ def show(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="PNG or SVG to draw to.  [default: NAME.png]")
     ] = None,
+    in_3d: Annotated[
+        Path | None, typer.Option("--3d", metavar="FILE.png", help="Draw it as it looks, whatever it is.")
+    ] = None,
+    night: Annotated[bool, typer.Option("--night", help="With --3d: without the scene light.")] = False,
 ) -> None:
     """Draw a map or module as a picture; print a vehicle or scenario as a table."""
     from autodrive import browse
 
     found = cast("Kind", kind.value) if kind else browse.kind_of_name(name)
+    if in_3d is not None:
+        _show_3d(found, name, in_3d, is_day=not night)
+        return
     if found in {"map", "module"} or (found == "scenario" and output):
         path = output or Path(f"{Path(name).stem}.png")
         if path.suffix.lower() not in {".png", ".svg"}:
@@ -177,6 +208,18 @@ def show(
     width = max(len(field) for field, _ in rows)
     for field, value in rows:
         typer.echo(f"{field:<{width}}  {value}".rstrip())
+
+
+def _show_3d(kind: Kind, name: str, path: Path, *, is_day: bool) -> None:
+    from autodrive.portrait import portrait
+
+    if path.suffix.lower() != ".png":
+        raise typer.BadParameter(f"--3d draws to a file that ends in .png, not '{path.suffix}'")
+    try:
+        portrait(kind, name, path, is_day=is_day)
+    except OSError as error:
+        raise AutodriveError(f"the picture cannot be written: {error.strerror}  ({path})") from None
+    typer.echo(f"{kind} '{Path(name).stem}' is drawn in {path}")
 
 
 @app.command()
@@ -269,6 +312,8 @@ def _tell(summary: dict[str, Any]) -> None:
             f"{name}: {vehicle['distance']:.2f} m driven, {vehicle['collisions']} collisions, "
             f"at ({x:.3f}, {y:.3f}) m, heading {math.degrees(vehicle['pose']['yaw']):.1f} degrees"
         )
+    if cameras := summary["cameras"]:
+        typer.echo(_pictures_told(cameras))
     if bridge := summary["bridge"]:
         trip = bridge["round_trip"]
         typer.echo(
@@ -276,6 +321,19 @@ def _tell(summary: dict[str, Any]) -> None:
             f"{bridge['commands_received']} commands"
             + (f", round trip {1e3 * trip:.1f} ms (median)" if trip is not None else "")
         )
+
+
+def _pictures_told(cameras: dict[str, Any]) -> str:
+    """What the cameras took, in a line; why there is nothing was said when it was found."""
+    if cameras["fault"]:
+        return "cameras: unavailable"
+    took = [
+        f"{vehicle} {camera} {one['count']} pictures ({one['rate']:.1f} Hz)"
+        for vehicle, its in cameras["pictures"].items()
+        for camera, one in its.items()
+    ]
+    median = "" if cameras["draw_time"] is None else f", {1e3 * cameras['draw_time']:.1f} ms (median)"
+    return f"cameras: {', '.join(took) or 'no pictures'}; drawn by {cameras['renderer']}{median}"
 
 
 # -- words of the command line ----------------------------------------------------------------------------------
@@ -291,6 +349,14 @@ def _speed(text: str) -> float | None:
     if not (math.isfinite(speed) and speed > 0):
         raise typer.BadParameter(f"--speed is a positive number or max, not '{text}'")
     return speed
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Width and height of 'WxH'."""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= 8192 and 0 < int(height) <= 8192):
+        raise typer.BadParameter(f"--image-size is WxH in pixels, for example 640x480, not '{text}'")
+    return int(width), int(height)
 
 
 def _address(text: str) -> tuple[str, int]:
