@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 import shapely
 import trimesh
+from shapely.geometry.base import BaseGeometry
 
 from autodrive.render.asset import Label, Material, Surface
 from autodrive.transforms import Vector
@@ -34,7 +35,7 @@ _TURNS = {
 """Which turn brings z to that axis."""
 
 
-def plate(outline: shapely.Polygon, bottom: float, top: float) -> trimesh.Trimesh:
+def plate(outline: BaseGeometry, bottom: float, top: float) -> trimesh.Trimesh:
     """An upright extrusion of the outline between two heights [m]."""
     mesh = trimesh.creation.extrude_polygon(outline, top - bottom, engine="manifold")
     mesh.apply_translation((0.0, 0.0, bottom))

@@ -1,0 +1,217 @@
+"""What stands on the upper platforms: computer, boards, wires, LIDAR and cameras."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from autodrive.render.solids import box, cylinder, lathe, tube, turned
+from autodrive.sensors.camera import CameraSpec
+from autodrive.units import DEGREE
+from autodrive.vehicles.mesh_chassis import edges, span
+from autodrive.vehicles.mesh_materials import (
+    ACRYLIC,
+    ALUMINIUM,
+    BLACK,
+    BOARD_BLUE,
+    BOARD_GREEN,
+    BRASS,
+    GLASS,
+    MATT_BLACK,
+    RIBBON,
+    STEEL,
+    WHITE,
+    WIRE_RED,
+)
+from autodrive.vehicles.mesh_pile import Fineness, Pile
+from autodrive.vehicles.spec import VehicleSpec
+
+
+def add_computer(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
+    """A Jetson Nano B01 (100 x 80 mm, lying as its sockets look to the rear) and the board of the microcontrollers."""
+    floor = span(spec.platforms[2])[1]
+    x, z = edges(spec.platforms[2])[0] + 0.062, floor + 0.0055
+    pile.add(BOARD_GREEN, box((0.080, 0.100, 0.0016), (x, 0.0, z)))
+    pile.add(BOARD_GREEN, box((0.045, 0.070, 0.0012), (x + 0.008, 0.0, z + 0.0055)))
+    pile.add(MATT_BLACK, box((0.038, 0.058, 0.003), (x + 0.008, 0.0, z + 0.0076)))
+    for fin in np.linspace(-0.0275, 0.0275, 14 if fine.has_small else 5):
+        pile.add(MATT_BLACK, box((0.038, 0.0013, 0.0095), (x + 0.008, float(fin), z + 0.0138)))
+    sockets = ((0.0160, 0.0215), (0.0150, -0.0005), (0.0150, -0.0195), (0.0115, -0.0380))
+    for width, y in sockets:
+        pile.add(ALUMINIUM, box((0.0175, width, 0.0135), (x - 0.0335, y, z + 0.0076)))
+        if fine.has_small:
+            pile.add(BLACK, box((0.0006, width - 0.003, 0.0100), (x - 0.0424, y, z + 0.0076)))
+    pile.add(BLACK, box((0.011, 0.009, 0.010), (x - 0.034, 0.040, z + 0.006)))
+    pile.add(BLACK, box((0.0508, 0.0050, 0.0024), (x + 0.006, 0.0440, z + 0.002)))
+    if fine.has_small:
+        for i in range(20):
+            for y in (0.0427, 0.0453):
+                pile.add(BRASS, box((0.0007, 0.0007, 0.0075), (x - 0.0182 + 0.00254 * i, y, z + 0.0066)))
+        for corner_x in (-0.036, 0.036):
+            for corner_y in (-0.046, 0.046):
+                pile.add(STEEL, cylinder(0.0026, 0.0030, (x + corner_x, corner_y, z + 0.0012), n=8))
+    x += 0.096
+    pile.add(BOARD_BLUE, box((0.076, 0.088, 0.0016), (x, 0.0, z)))
+    pile.add(BOARD_BLUE, box((0.0180, 0.0432, 0.0014), (x + 0.018, 0.012, z + 0.0100)))
+    pile.add(BLACK, box((0.0070, 0.0070, 0.0012), (x + 0.018, 0.010, z + 0.0113)))
+    pile.add(ALUMINIUM, box((0.0076, 0.0090, 0.0038), (x + 0.018, 0.0320, z + 0.0120)))
+    for row in (-0.0076, 0.0076):
+        pile.add(BLACK, box((0.0025, 0.0400, 0.0085), (x + 0.018 + row, 0.012, z + 0.0050)))
+    for y in (-0.030, -0.020):
+        pile.add(BOARD_GREEN, box((0.0220, 0.0080, 0.0100), (x + 0.016, y, z + 0.0058)))
+        for screw in np.linspace(-0.008, 0.008, 4 if fine.has_small else 0):
+            pile.add(STEEL, cylinder(0.0018, 0.0006, (x + 0.016 + float(screw), y, z + 0.0109), n=8))
+    for i, y in enumerate((-0.036, -0.030, 0.030, 0.036)):
+        pile.add(BLACK, cylinder(0.0032, 0.0110, (x - 0.028 + 0.001 * i, y, z + 0.0062), n=fine.around(0.35)))
+    mount = spec.sensors.imu.mount.position
+    if mount[2] > floor:
+        pile.add(BOARD_BLUE, box((0.0155, 0.0255, 0.0014), (mount[0], mount[1], floor + 0.0190)))
+
+
+def add_wires(pile: Pile, spec: VehicleSpec) -> None:
+    """Power from the battery up, motors to their driver, USB of the LIDAR."""
+    low, second, third, fourth = (span(one) for one in spec.platforms[:4])
+    y2, y3 = edges(spec.platforms[1])[3], edges(spec.platforms[2])[3]
+    for i, material in enumerate((WIRE_RED, BLACK)):
+        d = 0.004 * i
+        pile.add(
+            material,
+            tube(
+                [
+                    (-0.040, 0.018 + d, second[1] + 0.020),
+                    (-0.052, y2 - 0.004 + d, second[1] + 0.024),
+                    (-0.046, y3 - 0.016 + d, third[0] - 0.006),
+                    (-0.034, y3 - 0.012, third[1] + 0.006 + d),
+                    (-0.008, y3 - 0.020, third[1] + 0.007 + d),
+                ],
+                0.0014,
+                6,
+                5,
+            ),
+        )
+        for side in (-1.0, 1.0):
+            pile.add(
+                material,
+                tube(
+                    [
+                        (0.071, side * (0.046 + d), 0.002),
+                        (0.083, side * (0.040 + d), 0.010),
+                        (0.088, side * 0.030, low[1] + 0.014),
+                        (0.078, side * (0.014 + d), low[1] + 0.010),
+                    ],
+                    0.0011,
+                    5,
+                    4,
+                ),
+            )
+    x = edges(spec.platforms[3])[0]
+    pile.add(
+        MATT_BLACK,
+        tube(
+            [
+                (-0.036, -0.024, third[1] + 0.011),
+                (x - 0.020, -0.026, third[1] + 0.012),
+                (x - 0.018, -0.034, fourth[1] + 0.002),
+                (x + 0.012, -0.040, fourth[1] + 0.004),
+                (x + 0.034, -0.034, fourth[1] + 0.004),
+            ],
+            0.0017,
+            6,
+            5,
+        ),
+    )
+
+
+def add_lidar(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
+    """An RPLIDAR A1: base, motor and belt; its USB adapter beside it. The head that spins is `lidar_head`."""
+    lidar = spec.sensors.lidar
+    if lidar is None:
+        return
+    x, y, z = lidar.mount.position
+    floor = span(spec.platforms[3])[1]
+    for dx in (-0.022, 0.022):
+        for dy in (-0.026, 0.026):
+            pile.add(BRASS, cylinder(0.0026, 0.008, (x + dx, y + dy, floor + 0.004), n=6))
+    base = floor + 0.008
+    top = max(base + 0.016, z - 0.022)
+    pile.add(BLACK, box((0.060, 0.066, 0.006), (x, y, base + 0.003), 0.012, fine.around(0.15)))
+    pile.add(
+        BLACK,
+        lathe(
+            [(0.0, base), (0.026, base), (0.0265, top - 0.002), (0.025, top), (0.0, top)],
+            (x, y, 0.0),
+            n=fine.around(1.0),
+        ),
+    )
+    pile.add(
+        BLACK, cylinder(0.0125, top - base - 0.004, (x - 0.040, y, 0.5 * (base + top) - 0.002), n=fine.around(0.5))
+    )
+    pile.add(BLACK, box((0.034, 0.016, 0.005), (x - 0.020, y, base + 0.0085)))
+    pile.add(STEEL, cylinder(0.0045, 0.003, (x - 0.040, y, top - 0.0025), n=fine.around(0.3)))
+    board = edges(spec.platforms[3])[0] + 0.045
+    pile.add(BOARD_BLUE, box((0.034, 0.020, 0.0014), (board, -0.034, floor + 0.004)))
+    pile.add(ALUMINIUM, box((0.0060, 0.0080, 0.0030), (board - 0.014, -0.034, floor + 0.006)))
+    pile.add(BLACK, box((0.0060, 0.0060, 0.0012), (board + 0.004, -0.034, floor + 0.0053)))
+
+
+def add_lidar_head(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
+    """The head, around the place where the LIDAR measures from."""
+    low, high, n = -0.0215, 0.0165, fine.around(1.2)
+    shell = [
+        (0.0, low),
+        (0.0335, low),
+        (0.0350, low + 0.002),
+        (0.0350, high - 0.004),
+        (0.0330, high - 0.0008),
+        (0.0, high),
+    ]
+    pile.add(BLACK, lathe(shell, n=n))
+    # the two windows of transmitter and receiver, side by side
+    for side in (-1.0, 1.0):
+        pile.add(GLASS, box((0.0030, 0.0140, 0.0190), (0.0346, side * 0.0100, 0.0)))
+        if fine.has_small:
+            ring = [(0.0042, 0.0), (0.0058, 0.0), (0.0058, 0.0018), (0.0042, 0.0018), (0.0042, 0.0)]
+            pile.add(MATT_BLACK, lathe(ring, (0.0356, side * 0.0100, 0.0), "x", 14))
+    if fine.has_small:
+        pile.add(WHITE, cylinder(0.0120, 0.0004, (0.0, 0.0, high + 0.0001), n=n))
+
+
+def add_camera(pile: Pile, camera: CameraSpec, spec: VehicleSpec, fine: Fineness) -> None:
+    """A Raspberry Pi camera: its lens ends at the mount, so that it is not in its own picture."""
+    x, y, z = camera.mount.position
+    _, pitch, yaw = (angle * DEGREE for angle in camera.mount.rotation_deg)
+    floor = span(spec.platforms[3])[1] if len(spec.platforms) > 3 else z - 0.01
+
+    parts = Pile()
+    parts.add(BLACK, box((0.0040, 0.0085, 0.0085), (-0.0062, 0.0, 0.0)))
+    parts.add(BLACK, cylinder(0.0034, 0.0042, (-0.0024, 0.0, 0.0), "x", fine.around(0.4)))
+    parts.add(GLASS, cylinder(0.0022, 0.0006, (-0.0004, 0.0, 0.0), "x", fine.around(0.3)))
+    parts.add(BOARD_GREEN, box((0.0012, 0.0250, 0.0240), (-0.0088, 0.0, 0.0045)))
+    parts.add(ACRYLIC, box((0.0030, 0.0300, 0.0290), (-0.0118, 0.0, 0.0050)))
+    if fine.has_small:
+        for dy in (-0.0105, 0.0105):
+            for dz in (-0.005, 0.0145):
+                parts.add(STEEL, cylinder(0.0018, 0.0012, (-0.0078, dy, dz), "x", 8))
+    parts.add(WHITE, box((0.0024, 0.0200, 0.0040), (-0.0074, 0.0, 0.0142)))
+    for material, meshes in parts.items():
+        for mesh in meshes:
+            tilted = turned(turned(mesh, pitch, (0.0, 1.0, 0.0)), yaw, (0.0, 0.0, 1.0))
+            tilted.apply_translation((x, y, z))
+            pile.add(material, tilted)
+    back = -0.022
+    foot = box((0.022, 0.020, 0.0030), (back, 0.0, 0.0))
+    foot = turned(foot, yaw, (0.0, 0.0, 1.0))
+    foot.apply_translation((x, y, floor + 0.0015))
+    pile.add(ACRYLIC, foot)
+    c, s = math.cos(yaw), math.sin(yaw)
+    ribbon = [
+        (-0.0105, 0.013),
+        (-0.020, 0.017),
+        (-0.032, 0.010),
+        (-0.036, floor - z - 0.004),
+        (-0.034, floor - z - 0.018),
+    ]
+    for dy in np.linspace(-0.006, 0.006, 7 if fine.has_small else 2):
+        line = [(x + c * a - s * dy, y + s * a + c * dy, z + b) for a, b in ribbon]
+        pile.add(RIBBON, tube(line, 0.00075, 4, 4))
