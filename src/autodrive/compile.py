@@ -83,7 +83,7 @@ def compile_scenario(spec: ScenarioSpec) -> Compiled:
         map=map_,
         vehicles=vehicles,
         sensors=_sensors(spec, vehicles),
-        cameras={name: vehicle.cameras for name, vehicle in vehicles.items()},
+        cameras=_cameras(spec, vehicles),
         model=model,
         state=empty_state(model),
         engine=engine,
@@ -202,6 +202,16 @@ def _sensors(spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]) -> dict[str, 
     return {
         name: SensorSuite(suite, vehicle=i, name=name, substep=substep, gravity=spec.gravity)
         for i, (name, suite) in enumerate(suites.items())
+    }
+
+
+def _cameras(spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]) -> dict[str, dict[str, CameraSpec]]:
+    return {
+        name: {
+            camera: its.realistic() if spec.vehicles[name].has_realistic_sensors else its
+            for camera, its in vehicle.cameras.items()
+        }
+        for name, vehicle in vehicles.items()
     }
 
 

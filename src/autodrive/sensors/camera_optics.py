@@ -1,0 +1,128 @@
+"""Where a camera sees a point, and along which ray each of its pixels looks, through a lens that distorts.
+
+Brown-Conrady, as OpenCV and ROS 'plumb_bob': a point seen at x, y = X / Z, Y / Z by an ideal pinhole is seen at
+
+    x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2), likewise y, with r^2 = x^2 + y^2.
+
+Far from the axis that polynomial may turn back, and what no lens sees would come into the picture again: from there on
+nothing is seen.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from autodrive.protocol.messages import CameraIntrinsics
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Distortion: TypeAlias = tuple[float, float, float, float, float]
+"""k1, k2, p1, p2, k3."""
+
+NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def project(intrinsics: CameraIntrinsics, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where points of the optical frame [m], shape (n, 3), are seen [pixels], shape (n, 2).
+
+    nan behind the camera, and beyond what the lens sees. Pixels outside the picture are told as they are.
+    """
+    k = intrinsics
+    points = np.asarray(points, np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
+        x, y = distorted(x, y, k.distortion)
+    pixels = np.column_stack([k.cx + k.fx * x, k.cy + k.fy * y])
+    pixels[points[:, 2] <= 0.0] = np.nan
+    return pixels
+
+
+def rays(intrinsics: CameraIntrinsics) -> NDArray[np.float64]:
+    """Unit vectors of the optical frame along which the pixels' centres look, shape (height, width, 3)."""
+    x, y = _grid(intrinsics)
+    ahead = np.stack([x, y, np.ones_like(x)], axis=-1)
+    return ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
+
+
+def distorted(
+    x: NDArray[np.float64], y: NDArray[np.float64], distortion: Distortion
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where the lens shows what an ideal one shows at x, y (tangents of the angle to the axis); nan if nowhere."""
+    if distortion == NO_DISTORTION:
+        return x, y
+    k1, k2, p1, p2, k3 = distortion
+    r2 = x * x + y * y
+    f = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    f = np.where(r2 < reach(distortion), f, np.nan)
+    return x * f + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * f + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+
+
+def undistorted(
+    x: NDArray[np.float64], y: NDArray[np.float64], distortion: Distortion
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where an ideal lens shows what this one shows at x, y: the inverse of `distorted`, by Newton; nan if nowhere."""
+    if distortion == NO_DISTORTION:
+        return x, y
+    k1, k2, p1, p2, k3 = distortion
+    u, v = x, y
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for _ in range(12):
+            r2 = u * u + v * v
+            f = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            slope = k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2)
+            error_x = u * f + 2.0 * p1 * u * v + p2 * (r2 + 2.0 * u * u) - x
+            error_y = v * f + p1 * (r2 + 2.0 * v * v) + 2.0 * p2 * u * v - y
+            xx = f + 2.0 * u * u * slope + 2.0 * p1 * v + 6.0 * p2 * u
+            yy = f + 2.0 * v * v * slope + 6.0 * p1 * v + 2.0 * p2 * u
+            xy = 2.0 * (u * v * slope + p1 * u + p2 * v)
+            determinant = xx * yy - xy * xy
+            u = u - (yy * error_x - xy * error_y) / determinant
+            v = v - (xx * error_y - xy * error_x) / determinant
+        again_x, again_y = distorted(u, v, distortion)
+        is_found = np.hypot(again_x - x, again_y - y) < 1e-9
+    return np.where(is_found, u, np.nan), np.where(is_found, v, np.nan)
+
+
+def reach(distortion: Distortion) -> float:
+    """The r^2 from which on nothing is seen: where the polynomial of the radius turns back; inf if it does not."""
+    k1, k2, _, _, k3 = distortion
+    turns = np.roots([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3])  # of 1 / r^2: its first coefficient is never 0
+    real = turns.real[(abs(turns.imag) < 1e-9) & (turns.real > 1e-9)]
+    return 1.0 / float(real.max()) if len(real) else math.inf
+
+
+def sees_its_whole_picture(intrinsics: CameraIntrinsics) -> bool:
+    """Whether the lens shows something at every border pixel (inside, it then does too)."""
+    k = intrinsics
+    across = (np.arange(k.width) + 0.5 - k.cx) / k.fx
+    down = (np.arange(k.height) + 0.5 - k.cy) / k.fy
+    x = np.concatenate([across, across, np.full(k.height, across[0]), np.full(k.height, across[-1])])
+    y = np.concatenate([np.full(k.width, down[0]), np.full(k.width, down[-1]), down, down])
+    return bool(np.isfinite(undistorted(x, y, k.distortion)[0]).all())
+
+
+def ideal_pinhole(intrinsics: CameraIntrinsics) -> tuple[CameraIntrinsics, NDArray[np.float32]]:
+    """An ideal camera that sees all that this one does, and where each pixel of this one is in its picture.
+
+    It has the same pixels a radian on the axis. The places are those of centres, x and y, shape (height, width, 2), and
+    a bilinear neighbourhood of each lies within the ideal picture.
+    """
+    k = intrinsics
+    x, y = _grid(k)
+    left, top = math.floor(x.min() * k.fx) - 1, math.floor(y.min() * k.fy) - 1
+    right, bottom = math.ceil(x.max() * k.fx) + 1, math.ceil(y.max() * k.fy) + 1
+    ideal = CameraIntrinsics(right - left, bottom - top, k.fx, k.fy, float(-left), float(-top))
+    places = np.stack([ideal.cx + k.fx * x - 0.5, ideal.cy + k.fy * y - 0.5], axis=-1)
+    return ideal, places.astype(np.float32)
+
+
+def _grid(k: CameraIntrinsics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Tangents of the angles under which the pixels' centres look, undistorted, shape (height, width) each."""
+    grid = np.empty((2, k.height, k.width))
+    grid[0] = (np.arange(k.width) + 0.5 - k.cx) / k.fx
+    grid[1] = ((np.arange(k.height) + 0.5 - k.cy) / k.fy)[:, None]
+    return undistorted(grid[0], grid[1], k.distortion)
