@@ -11,6 +11,7 @@ nothing is seen.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -70,7 +71,7 @@ def undistorted(
     k1, k2, p1, p2, k3 = distortion
     u, v = x, y
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for _ in range(12):
+        for _ in range(20):
             r2 = u * u + v * v
             f = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
             slope = k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2)
@@ -79,6 +80,8 @@ def undistorted(
             xx = f + 2.0 * u * u * slope + 2.0 * p1 * v + 6.0 * p2 * u
             yy = f + 2.0 * v * v * slope + 6.0 * p1 * v + 2.0 * p2 * u
             xy = 2.0 * (u * v * slope + p1 * u + p2 * v)
+            if np.fmax.reduce(np.abs(error_x) + np.abs(error_y), axis=None) < 1e-13:
+                break
             determinant = xx * yy - xy * xy
             u = u - (yy * error_x - xy * error_y) / determinant
             v = v - (xx * error_y - xy * error_x) / determinant
@@ -120,6 +123,7 @@ def ideal_pinhole(intrinsics: CameraIntrinsics) -> tuple[CameraIntrinsics, NDArr
     return ideal, places.astype(np.float32)
 
 
+@lru_cache(maxsize=2)  # the cameras of a car are alike, and each asks twice
 def _grid(k: CameraIntrinsics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Tangents of the angles under which the pixels' centres look, undistorted, shape (height, width) each."""
     grid = np.empty((2, k.height, k.width))
