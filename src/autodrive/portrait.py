@@ -77,7 +77,7 @@ def framed(box: NDArray[np.float64], azimuth: float, elevation: float, width: in
 
 def _standing(spec: VehicleSpec) -> tuple[Scene, Moment]:
     """A vehicle on a plain light floor."""
-    edge = 60.0
+    edge = 12.0
     floor = Surface(
         Material("studio", (0.62, 0.63, 0.65), roughness=0.9),
         np.array([(-edge, -edge, 0), (edge, -edge, 0), (edge, edge, 0), (-edge, edge, 0)], np.float32),

@@ -68,7 +68,8 @@ class Renderer:
         def model(asset: Asset, detail: Detail) -> Model:
             key = id(asset), detail
             if key not in models:
-                models[key] = Model(context, geometry(asset, rigs[id(asset)], detail, layers))
+                whole = asset is not scene.static
+                models[key] = Model(context, geometry(asset, rigs[id(asset)], detail, layers, is_whole=whole))
             return models[key]
 
         detail = self.quality.detail
@@ -213,7 +214,7 @@ class Renderer:
                 for r in posed.model.geometry.ranges:
                     yield (
                         posed.model,
-                        (r.first, r.length, _off_ground(r.kind), r.textures),
+                        (r.first, r.length, r.kind, r.textures),
                         posed.bones,
                         posed.glow,
                         posed.lit,
@@ -272,6 +273,9 @@ class Renderer:
 
     def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
         joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
+        # smoothing reads how bright a pixel is from its alpha
+        luma = "dot(c, vec3(0.299, 0.587, 0.114))" if self.quality.antialiasing == "fxaa" else "1.0"
+        definitions["ALPHA(c)"] = luma
         program = self._context.program(source(vertex, **joints), source(fragment, **definitions))
         for name, binding in (("Frame", 0), ("Sight", 1)):
             block = program.get(name, None)
@@ -291,11 +295,6 @@ def clip_from_optical(view: View) -> Floats:
             [0.0, 0.0, 1.0, 0.0],
         ]
     )
-
-
-def _off_ground(kind: Kind) -> Kind:
-    """Of what moves, nothing is level ground."""
-    return "matt" if kind == "flat" else kind
 
 
 def _visible(planes: Floats, centers: Floats, radii: Floats) -> np.ndarray:

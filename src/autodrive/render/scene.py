@@ -163,39 +163,40 @@ class Geometry:
         """Centres, shape (n, 3), and radii, shape (n,), of the ranges."""
         return np.array([r.center for r in self.ranges]).reshape(-1, 3), np.array([r.radius for r in self.ranges])
 
-    def bounds(self, axes: Floats) -> Floats:
-        """Least and greatest coordinates of each range along those axes (rows), shape (n, 2, 3)."""
-        points = self.vertices["position"].astype(np.float64) @ axes.T
-        return np.array(
-            [
-                (own.min(0), own.max(0))
-                for r in self.ranges
-                for own in [points[self.indices[r.first : r.first + r.length]]]
-            ]
-        ).reshape(-1, 2, 3)
+    @cached_property
+    def boxes(self) -> Floats:
+        """Least and greatest coordinates of each range, shape (n, 2, 3)."""
+        points = self.vertices["position"].astype(np.float64)
+        own = [points[self.indices[r.first : r.first + r.length]] for r in self.ranges]
+        return np.array([(p.min(0), p.max(0)) for p in own]).reshape(-1, 2, 3)
 
 
-def geometry(asset: Asset, rig: Rig, detail: Detail, layers: dict[str, tuple[str, int]]) -> Geometry:
+def geometry(
+    asset: Asset, rig: Rig, detail: Detail, layers: dict[str, tuple[str, int]], *, is_whole: bool = False
+) -> Geometry:
     """Flat arrays of the asset; `layers` says in which array, and where in it, each texture is.
 
-    Surfaces of a node that can be drawn together are; nodes keep apart, so that what is out of sight is left out.
+    Surfaces that can be drawn together are: of each node, so that what is out of sight can be left out, or, with
+    `is_whole`, of the asset.
     """
     vertices: list[NDArray[np.void]] = []
     indices: list[NDArray[np.uint32]] = []
     ranges: list[Range] = []
     n_vertex = n_index = 0
-    for node in asset.nodes:
-        groups: dict[tuple[Kind, str], list[Surface]] = {}
-        surfaces = node.surfaces.get(detail, ())
-        textured = next((layers[s.material.texture][0] for s in surfaces if s.material.texture), "")
-        for surface in surfaces:
+    for nodes in [asset.nodes] if is_whole else [[node] for node in asset.nodes]:
+        groups: dict[tuple[Kind, str], list[tuple[Surface, Node]]] = {}
+        pairs = [(surface, node) for node in nodes for surface in node.surfaces.get(detail, ())]
+        textured = next((layers[s.material.texture][0] for s, _ in pairs if s.material.texture), "")
+        for surface, node in pairs:
             own = layers[surface.material.texture][0] if surface.material.texture else textured
-            groups.setdefault((_kind(surface), own), []).append(surface)
+            kind = _kind(surface)
+            kind = "matt" if kind == "flat" and is_whole else kind  # what moves is no level ground
+            groups.setdefault((kind, own), []).append((surface, node))
         for (kind, array), members in groups.items():
-            parts = [_vertices(surface, node, rig, layers) for surface in members]
+            parts = [_vertices(surface, node, rig, layers) for surface, node in members]
             starts = n_vertex + np.cumsum([0, *(len(part) for part in parts[:-1])])
             own_indices = np.concatenate(
-                [s.triangles.ravel() + start for s, start in zip(members, starts, strict=True)]
+                [s.triangles.ravel() + start for (s, _), start in zip(members, starts, strict=True)]
             )
             points = np.concatenate([part["position"] for part in parts])
             center = 0.5 * (points.min(0) + points.max(0)).astype(np.float64)

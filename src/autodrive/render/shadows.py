@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from autodrive.render.gl import source, write
 from autodrive.render.lighting import beam_matrix, sun_axes
@@ -58,8 +60,8 @@ class Shadows:
         self.caster, self._caster_frame = self._map(self.caster_size, self.caster_size)
         self.beam, self._beam_frame = self._map(self.beam_size * 2 * quality.beam_vehicles, self.beam_size)
         self._drawn_objects: bytes | None = None
-        self._casting: Floats = np.zeros((0, 2, 3))
-        """Bounds, in sun axes, of each thing in the map of what stands still."""
+        self._shades: list[BaseGeometry] = []
+        """Where, on level ground, the shadow of each thing in the map of what stands still falls."""
         self.sun = sun_axes(DAY.sun_direction)
         """Rows: sun axes from map axes, shape (3, 3)."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
@@ -81,13 +83,12 @@ class Shadows:
         if key == self._drawn_objects:
             return False
         self._drawn_objects = key
-        bounds = [self._static.geometry.bounds(self.sun)]
-        points = [self._static.geometry.vertices["position"].astype(np.float64)]
+        static = self._static.geometry
+        points = [static.vertices["position"].astype(np.float64)]
+        self._shades = [_shade(points[0][static.indices[r.first : r.first + r.length]]) for r in static.ranges]
         for model, pose in zip(self._objects, objects, strict=True):
             points.append(model.geometry.vertices["position"] @ pose[:3, :3].T + pose[:3, 3])
-            in_sun = points[-1] @ self.sun.T
-            bounds.append(np.array([[in_sun.min(0), in_sun.max(0)]]))
-        self._casting = np.concatenate(bounds)
+            self._shades.append(_shade(points[-1]))
         all_points = np.concatenate(points)
         if len(all_points) == 0:
             return True
@@ -104,11 +105,10 @@ class Shadows:
             self._draw_objects(clip, objects)
         return True
 
-    def falls_on(self, bounds: Floats) -> NDArray[np.bool_]:
-        """Whether a shadow of what stands still can fall within each of those bounds, shape (n, 2, 3), in sun axes."""
-        low, high = bounds[:, None, 0], bounds[:, None, 1]
-        across = (low <= self._casting[:, 1] + 0.02) & (high >= self._casting[:, 0] - 0.02)
-        return np.any(across[..., 0] & across[..., 1] & (high[..., 2] >= self._casting[:, 0, 2]), axis=1)
+    def falls_on(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
+        """Whether a shadow of what stands still falls on level ground in each of those rectangles, shape (n, 2)."""
+        grounds = shapely.box(*(low - 0.02).T, *(high + 0.02).T)
+        return shapely.intersects(grounds, shapely.union_all(self._shades))
 
     def draw_casters(self, vehicles: Sequence[int], roots: Floats, bones: Sequence[bytes]) -> tuple[Floats, Floats]:
         """A tile for each of those vehicles: what sun axes * caster_scale need to be in it, and the tile's place.
@@ -186,3 +186,10 @@ class Shadows:
         write(self._jointed, "clip_from_map", columns(clip))
         write(self._jointed, "bones", bones)
         self._vehicles[vehicle].draw(self._jointed)
+
+
+def _shade(points: Floats) -> BaseGeometry:
+    """The shadow of a thing on the plane z = 0, with the place that it stands on."""
+    x, y, z = DAY.sun_direction
+    fallen = points[:, :2] - np.maximum(points[:, 2:], 0.0) * np.array([[x / z, y / z]])
+    return shapely.MultiPoint(np.concatenate([fallen, points[:, :2]])).convex_hull

@@ -93,8 +93,8 @@ class Stage:
         self._vehicles, self._objects = vehicles, objects
         self._tables = [lamp_table(spec) for spec in scene.lights]
         self._spheres = static.geometry.spheres
-        self._boxes = static.geometry.bounds(np.eye(3))
-        self._bounds = static.geometry.bounds(shadows.sun)
+        self._boxes = static.geometry.boxes
+        self._is_flat = np.array([r.kind == "flat" for r in static.geometry.ranges], bool)
         self._is_shaded = np.zeros(0, bool)
         """Whether shadows of what stands still can fall on each range of the static model."""
         self._outlines = [_outline(model) for model in vehicles]
@@ -165,7 +165,7 @@ class Stage:
         if not is_day:
             return
         if shadows.draw_still(places):
-            self._is_shaded = shadows.falls_on(self._bounds)
+            self._is_shaded = ~self._is_flat | shadows.falls_on(self._boxes[:, 0, :2], self._boxes[:, 1, :2])
         frame["still_scale"][:3], frame["still_offset"][:3] = shadows.still_scale, shadows.still_offset
         frame["still_scale"][3] = 1.0 / shadows.still_size
         frame["caster_half"][2:] = shadows.caster_scale[[0, 2]]
