@@ -1,5 +1,6 @@
 """What the documents show is run."""
 
+import math
 import re
 from pathlib import Path
 
@@ -9,7 +10,10 @@ import yaml
 import autodrive
 from autodrive.descriptions import find
 from autodrive.maps import load_map
+from autodrive.protocol.messages import CameraImage
 from autodrive.scenario import load_scenario
+from autodrive.sensors.camera import CameraSpec
+from autodrive.sensors.camera_imperfections import PRESETS
 from autodrive.vehicles.spec import load_vehicle
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -46,3 +50,43 @@ def test_lidar_of_the_document_fits_the_car(tmp_path: Path) -> None:
     lidar = load_vehicle(str(file)).sensors.lidar
     assert lidar is not None
     assert (lidar.rays, lidar.rate) == (1080, 40.0)
+
+
+def test_cameras_of_the_document_fit_the_car(tmp_path: Path) -> None:
+    tree = yaml.safe_load(find("vehicle", "nigel").read_text())
+    tree |= yaml.safe_load(examples("vehicle.md")[0])
+    file = tmp_path / "seeing.yaml"
+    file.write_text(yaml.safe_dump(tree))
+    cameras = load_vehicle(str(file)).cameras
+    assert cameras["front"].imperfections.exposure == -0.5
+    assert cameras["rear"] == load_vehicle("nigel").cameras["rear"].model_copy(
+        update={
+            "imperfections": PRESETS["raspberry_pi_v1"],
+            "focal_length": None,
+            "sensor_size": None,
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("fit", "vertical", "horizontal", "fx", "fy"),
+    re.findall(
+        r"\(`fit: (\w+)`\) \| \**([\d.]+)\** \| \**([\d.]+)\** \| ([\d.]+), ([\d.]+) \|",
+        (DOCS / "vehicle.md").read_text(),
+    ),
+)
+def test_table_of_pinholes_is_right(fit: str, vertical: str, horizontal: str, fx: str, fy: str) -> None:
+    tree = load_vehicle("nigel").cameras["front"].model_dump() | {"fit": fit}
+    k = CameraSpec.model_validate(tree).intrinsics
+    assert (f"{k.fx:.2f}", f"{k.fy:.2f}") == (fx, fy)
+    assert 2.0 * math.degrees(math.atan(240.0 / k.fy)) == pytest.approx(float(vertical), abs=0.0051)
+    assert 2.0 * math.degrees(math.atan(320.0 / k.fx)) == pytest.approx(float(horizontal), abs=0.0051)
+
+
+def test_pictures_of_the_document_are_taken(gl: str) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "vehicle.md").read_text(), flags=re.DOTALL)
+    names: dict[str, object] = {}
+    exec(code, names)
+    image = names["image"]
+    assert isinstance(image, CameraImage)
+    assert image.rgb.shape == (480, 640, 3)
