@@ -68,4 +68,4 @@ def images_of(frame: Frame, share: float = 1.0, *, encoder: JpegEncoder) -> Mapp
 
 def _jpeg(image: CameraImage, width: int, height: int, quality: int) -> bytes:
     pixels = resized(image.rgba, width, height)
-    return simplejpeg.encode_jpeg(pixels, quality=quality, colorspace="RGBX", colorsubsampling="420", fastdct=False)
+    return simplejpeg.encode_jpeg(pixels, quality=quality, colorspace="RGBX", colorsubsampling="420")

@@ -18,7 +18,8 @@ def resized(rgba: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint
     if rgba.shape[:2] == (height, width):
         return rgba
     out = np.empty((height, width, 4), np.uint8)
-    _resize(np.ascontiguousarray(rgba), *_taps(rgba.shape[0], height), *_taps(rgba.shape[1], width), out)
+    flat = np.ascontiguousarray(rgba).reshape(rgba.shape[0], -1)
+    _resize(flat, *_taps(rgba.shape[0], height), *_taps(rgba.shape[1], width), out)
     return out
 
 
@@ -54,25 +55,22 @@ def _resize(
     column_weights: NDArray[np.float32],
     out: NDArray[np.uint8],
 ) -> None:
-    width = rgba.shape[1]
-    line = np.empty((width, 3), np.float32)
+    line = np.empty(rgba.shape[1], np.float32)
     for y in range(out.shape[0]):
-        line[:] = 0.0
+        line[:] = np.float32(0.5)  # to round
         for tap in range(row_weights.shape[1]):
             weight = row_weights[y, tap]
-            if weight == 0.0:
-                continue
-            row = rgba[first_row[y] + tap]
-            for x in range(width):
-                for c in range(3):
-                    line[x, c] += weight * row[x, c]
+            if weight != 0.0:
+                row = rgba[first_row[y] + tap]
+                for i in range(len(line)):
+                    line[i] += weight * np.float32(row[i])
         for x in range(out.shape[1]):
-            red, green, blue = np.float32(0.5), np.float32(0.5), np.float32(0.5)
+            red, green, blue = np.float32(0.0), np.float32(0.0), np.float32(0.0)
             for tap in range(column_weights.shape[1]):
                 weight = column_weights[x, tap]
                 if weight != 0.0:
-                    source = line[first_column[x] + tap]
-                    red += weight * source[0]
-                    green += weight * source[1]
-                    blue += weight * source[2]
+                    i = 4 * (first_column[x] + tap)
+                    red += weight * line[i]
+                    green += weight * line[i + 1]
+                    blue += weight * line[i + 2]
             out[y, x, 0], out[y, x, 1], out[y, x, 2], out[y, x, 3] = np.uint8(red), np.uint8(green), np.uint8(blue), 255
