@@ -150,9 +150,7 @@ class Cameras:
         """The Frame with the latest picture of every camera; those that are due are drawn now."""
         due = range(len(self._sight.seats)) if anew else self._film.due(frame.tick)
         if due:
-            renderer = self._drawing()
-            with renderer._context:  # current in this thread only while it draws: the next tick may come from another
-                images = self._film.take(renderer, Moment.of(frame), frame.tick, due)
+            images = self._film.take(self._drawing(), Moment.of(frame), frame.tick, due)
             names = [self._sight.seats[number][1:3] for number in due]
             self._latest = {**self._latest, **dict(zip(names, images, strict=True))}
         return with_images(frame, self._latest)

@@ -50,7 +50,7 @@ class Variant(NamedTuple):
 
 
 class Renderer:
-    """Draws one Scene. It belongs to the thread that made it.
+    """Draws one Scene, for one caller at a time.
 
     `quality_name` is one of `render.quality.NAMES`. Raises `GlUnavailable`.
     """
@@ -110,6 +110,10 @@ class Renderer:
         self, moment: Moment, views: Sequence[View], *, depth: bool = False, labels: bool = False
     ) -> list[Picture]:
         """What each view sees of that moment, in the order of the views."""
+        with self._context:  # current in this thread only while it draws: the next call may come from another
+            return self._drawn(moment, views, depth=depth, labels=labels)
+
+    def _drawn(self, moment: Moment, views: Sequence[View], *, depth: bool, labels: bool) -> list[Picture]:
         self._context.front_face = "ccw"
         self._stage.set(moment, views)
         self._frame.write(self._stage.frame.tobytes())
@@ -276,7 +280,7 @@ class Renderer:
         # smoothing reads how bright a pixel is from its alpha
         luma = "dot(c, vec3(0.299, 0.587, 0.114))" if self.quality.antialiasing == "fxaa" else "1.0"
         definitions["ALPHA(c)"] = luma
-        program = self._context.program(source(vertex, **joints), source(fragment, **definitions))
+        program = self._context.program(source(vertex, **joints, **definitions), source(fragment, **definitions))
         for name, binding in (("Frame", 0), ("Sight", 1)):
             block = program.get(name, None)
             if isinstance(block, moderngl.UniformBlock):

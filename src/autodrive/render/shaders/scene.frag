@@ -26,6 +26,11 @@ in vec3 place, facing, in_sun;
 flat in vec3 own_color, own_emission;
 flat in vec4 own_finish;
 in vec2 own_uv;
+#ifdef FLAT
+flat in vec3 from_sky, from_sun;
+#elif defined(MATT)
+in vec3 from_sky, from_sun;
+#endif
 out vec4 pixel;
 
 TONE
@@ -127,20 +132,23 @@ void main() {
     f.diffuse = color * (1.0 - metallic);
     f.specular = mix(vec3(0.04), color, metallic);
 
-    vec3 above = 0.5 * (zenith.rgb + horizon.rgb);
     float open = openness();
+#ifdef SUNLIT
+    float lit = sunlit();
+#else
+    float lit = 1.0;
+#endif
+#if defined(FLAT) || defined(MATT)
+    vec3 light = f.diffuse * (open * from_sky + lit * from_sun);
+#else
+    vec3 above = 0.5 * (zenith.rgb + horizon.rgb);
     vec3 light = f.diffuse * 0.31831 * open * mix(floor_glow.rgb, above, n.z * 0.5 + 0.5);
-#if !defined(FLAT) && !defined(MATT)
     vec3 r = reflect(-v, n);
     float x = 1.0 - clamp(dot(n, v), 0.0, 1.0), x2 = x * x;
     vec3 seen = mix(floor_glow.rgb, mix(horizon.rgb, zenith.rgb, clamp(r.z, 0.0, 1.0)), smoothstep(-0.15, 0.15, r.z));
     vec3 mirror = f.specular + (max(vec3(1.0 - roughness), f.specular) - f.specular) * (x2 * x2 * x);
     light += seen * 0.31831 * open * mirror * (1.0 - 0.5 * roughness);
-#endif
-#ifdef SUNLIT
-    light += reflected(f, n, v, sun_direction.xyz) * sun_color.rgb * sunlit();
-#else
-    light += reflected(f, n, v, sun_direction.xyz) * sun_color.rgb;
+    light += reflected(f, n, v, sun_direction.xyz) * sun_color.rgb * lit;
 #endif
     vec3 l;
     for (int i = 0; i < BEAMS; i++) {

@@ -15,6 +15,11 @@ out vec3 place, facing, in_sun;
 flat out vec3 own_color, own_emission;
 flat out vec4 own_finish;
 out vec2 own_uv;
+#ifdef FLAT
+flat out vec3 from_sky, from_sun;
+#elif defined(MATT)
+out vec3 from_sky, from_sun;  // what is thrown back of it by a white surface
+#endif
 
 void main() {
 #ifdef JOINTED
@@ -31,5 +36,9 @@ void main() {
     own_finish = finish;
     own_uv = uv;
     in_sun = mat3(sun_from_map) * (place + 0.004 * facing);  // moved off the surface, against speckled shadows
+#if defined(FLAT) || defined(MATT)
+    from_sky = 0.31831 * mix(floor_glow.rgb, 0.5 * (zenith.rgb + horizon.rgb), facing.z * 0.5 + 0.5);
+    from_sun = 0.31831 * clamp(dot(facing, sun_direction.xyz), 0.0, 1.0) * sun_color.rgb;
+#endif
     gl_Position = clip_from_map * vec4(place, 1.0);
 }
