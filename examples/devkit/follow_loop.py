@@ -81,8 +81,16 @@ class Vehicle:
 class RouteFollower:
     """Pure pursuit along a closed route."""
 
-    def __init__(self, route):
+    def __init__(self, route, throttle):
         self.route = route
+        self.throttle = throttle
+
+    def drive(self, vehicle):
+        """Set the commands of a vehicle whose telemetry has arrived."""
+        x, y, _ = vehicle.position
+        angle = self.steering_angle(x, y, vehicle.orientation_euler_angles[2])
+        vehicle.throttle_command = self.throttle
+        vehicle.steering_command = vehicle.steering_sign * min(max(angle / STEERING_LIMIT, -1.0), 1.0)
 
     def steering_angle(self, x, y, yaw):
         """Angle of the front wheels [rad], left positive, from the pose of the rear axle's centre."""
@@ -95,7 +103,7 @@ class RouteFollower:
         return math.atan(2.0 * WHEELBASE * math.sin(bearing) / distance[goal])
 
 
-def serve(vehicle, follower, throttle, host, port):
+def serve(vehicle, follower, host, port):
     """Answer every telemetry message with commands, for ever."""
     sio = socketio.Server(async_mode="eventlet")
 
@@ -108,26 +116,29 @@ def serve(vehicle, follower, throttle, host, port):
         if not data:
             return
         vehicle.parse_data(data)
-        x, y, _ = vehicle.position
-        angle = follower.steering_angle(x, y, vehicle.orientation_euler_angles[2])
-        vehicle.throttle_command = throttle
-        vehicle.steering_command = vehicle.steering_sign * min(max(angle / STEERING_LIMIT, -1.0), 1.0)
+        follower.drive(vehicle)
         sio.emit("Bridge", data=vehicle.generate_commands())
 
     eventlet.wsgi.server(eventlet.listen((host, port)), socketio.Middleware(sio), log_output=False)
 
 
-def main():
-    """Read the options and serve."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def options_of(title, throttle):
+    """The options that all examples have."""
+    parser = argparse.ArgumentParser(description=title)
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (0.0.0.0: all)")
     parser.add_argument("--port", type=int, default=4567)
     parser.add_argument("--era", choices=ERAS, default="2025", help="the year whose keys and signs to speak")
-    parser.add_argument("--throttle", type=float, default=1.0, help="[-1, 1]")
+    parser.add_argument("--throttle", type=float, default=throttle, help="[-1, 1]")
+    return parser
+
+
+def main():
+    """Read the options and serve."""
+    parser = options_of(__doc__.splitlines()[0], throttle=1.0)
     parser.add_argument("--route", type=Path, default=Path(__file__).with_name("mini_map_loop.csv"))
     options = parser.parse_args()
     route = np.loadtxt(options.route, delimiter=",")
-    serve(Vehicle(options.era), RouteFollower(route), options.throttle, options.host, options.port)
+    serve(Vehicle(options.era), RouteFollower(route, options.throttle), options.host, options.port)
 
 
 if __name__ == "__main__":
