@@ -128,7 +128,9 @@ def surface(meshes: Iterable[trimesh.Trimesh], material: Material, label: Label,
 def _shaded(mesh: trimesh.Trimesh, crease: float) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Vertices, normals and faces: a vertex is doubled where the faces around it do not share a normal."""
     mesh.merge_vertices()
-    faces, weights = np.asarray(mesh.faces), np.asarray(mesh.face_normals) * mesh.area_faces[:, None]
+    faces = np.asarray(mesh.faces)
+    # weighed by the angle of the corner, which does not depend on how a flat face is cut into triangles
+    weights = np.repeat(np.asarray(mesh.face_normals), 3, axis=0) * np.asarray(mesh.face_angles).reshape(-1, 1)
     corner_vertex, corner_face = faces.ravel(), np.repeat(np.arange(len(faces)), 3)
     order = np.argsort(corner_vertex, kind="stable")
     counts = np.bincount(corner_vertex, minlength=len(mesh.vertices))
@@ -137,11 +139,12 @@ def _shaded(mesh: trimesh.Trimesh, crease: float) -> tuple[Floats, Floats, NDArr
     around = counts[corner_vertex]
     corner = np.repeat(np.arange(len(corner_vertex)), around)
     step = np.arange(len(corner)) - np.repeat(np.cumsum(around) - around, around)
-    other = corner_face[order[starts[corner_vertex[corner]] + step]]
+    other_corner = order[starts[corner_vertex[corner]] + step]
+    other = corner_face[other_corner]
     unit = np.asarray(mesh.face_normals)
     is_soft = np.einsum("ij,ij->i", unit[corner_face[corner]], unit[other]) > math.cos(crease)
     normals = np.zeros((len(corner_vertex), 3))
-    np.add.at(normals, corner[is_soft], weights[other[is_soft]])
+    np.add.at(normals, corner[is_soft], weights[other_corner[is_soft]])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
     keys = np.column_stack([corner_vertex, np.round(normals * 500.0).astype(np.int64)])
     _, first, index = np.unique(keys, axis=0, return_index=True, return_inverse=True)

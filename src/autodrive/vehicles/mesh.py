@@ -7,29 +7,24 @@ The vehicle frame is the asset's: x forward, y left, z up from the middle of the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from autodrive.actuators.lights import LAMPS
 from autodrive.render.asset import Asset, Detail, Joint, Label, Material, Node, Surface
 from autodrive.render.solids import box, cylinder, lathe, surface
-from autodrive.units import DEGREE
 from autodrive.vehicles.mesh_boards import add_camera, add_computer, add_lidar, add_lidar_head, add_wires
-from autodrive.vehicles.mesh_chassis import add_battery, add_drive, add_platforms, add_servo, add_standoffs, servo_shaft
-from autodrive.vehicles.mesh_materials import ACRYLIC, ALUMINIUM, BLACK, RUBBER, STEEL, WHITE
-from autodrive.vehicles.mesh_pile import Fineness, Pile
+from autodrive.vehicles.mesh_chassis import add_battery, add_drive, add_platforms, add_servo, add_standoffs
+from autodrive.vehicles.mesh_materials import ACRYLIC, BLACK, RUBBER
+from autodrive.vehicles.mesh_pile import FINENESS, Fineness, Pile, made
+from autodrive.vehicles.mesh_steering import add_knuckle, linkage
 from autodrive.vehicles.mesh_wheel import wheel
 from autodrive.vehicles.spec import VehicleSpec
 
-FINENESS: dict[Detail, Fineness] = {"full": Fineness(72, has_small=True), "reduced": Fineness(20, has_small=False)}
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-ARM = 0.022
-"""Length of the steering arms and of the servo's horn [m]: equal, so that they turn alike."""
 LENS = 0.0029
 """Radius of a lamp: LEDs of 5 mm with a rim [m]."""
 GLOW = {"head": 6.0, "high_beam": 6.0, "front_indicator": 5.0, "rear_indicator": 5.0, "tail": 4.0, "reverse": 4.0}
 """How much light a lamp shows when it is lit; ours."""
-
-Build = Callable[[Pile, Fineness], None]
 
 
 def vehicle_asset(spec: VehicleSpec) -> Asset:
@@ -38,32 +33,22 @@ def vehicle_asset(spec: VehicleSpec) -> Asset:
 
 
 def _nodes(spec: VehicleSpec) -> Iterator[Node]:
-    yield Node("body", surfaces={**_made(lambda pile, fine: _add_body(pile, spec, fine)), "shadow": _shadow(spec)})
+    yield Node("body", surfaces={**made(lambda pile, fine: _add_body(pile, spec, fine)), "shadow": _shadow(spec)})
     if spec.sensors.lidar is not None:
         place = spec.sensors.lidar.mount.position
-        yield Node("lidar_head", "body", place, surfaces=_made(lambda pile, fine: add_lidar_head(pile, spec, fine)))
+        yield Node("lidar_head", "body", place, surfaces=made(lambda pile, fine: add_lidar_head(pile, spec, fine)))
     for name, hub in zip(WHEELS, spec.hubs, strict=True):
         outside = math.copysign(1.0, hub[1])
         yield Node(f"hub_{name}", "body", hub, joint=Joint("slide", f"compression_{name}"))
         if name.startswith("front"):
-            knuckle = _made(lambda pile, fine, out=outside: _add_knuckle(pile, spec, out, fine))
+            knuckle = made(lambda pile, fine, out=outside: add_knuckle(pile, spec, out, fine))
             yield Node(f"steer_{name}", f"hub_{name}", joint=Joint("hinge", f"steering_{name}"), surfaces=knuckle)
         carrier = f"steer_{name}" if name.startswith("front") else f"hub_{name}"
         spin = Joint("hinge", f"spin_{name}", axis=(0.0, 1.0, 0.0))
         yield Node(f"wheel_{name}", carrier, joint=spin, surfaces=_wheel(spec, outside))
-    yield from _linkage(spec)
+    yield from linkage(spec)
     for lamp in LAMPS:
         yield _lamp(spec, lamp)
-
-
-def _made(build: Build) -> dict[Detail, tuple[Surface, ...]]:
-    """The same thing finely and coarsely."""
-    details: dict[Detail, tuple[Surface, ...]] = {}
-    for detail, fine in FINENESS.items():
-        pile = Pile()
-        build(pile, fine)
-        details[detail] = pile.surfaces()
-    return details
 
 
 def _add_body(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
@@ -102,70 +87,7 @@ def _wheel(spec: VehicleSpec, outside: float) -> dict[Detail, tuple[Surface, ...
             pile.add(material, *meshes)
 
     proxy = surface([cylinder(radius, width, axis="y", n=18)], RUBBER, Label.VEHICLE)
-    return {**_made(add), "shadow": (proxy,)}
-
-
-# -- steering ---------------------------------------------------------------------------------------------------
-
-
-def _arm_end(spec: VehicleSpec, outside: float) -> tuple[float, float]:
-    """Where a steering arm ends, from the hub [m]: behind it, inside the wheel."""
-    return -ARM, -outside * (0.5 * spec.wheels.width + 0.006)
-
-
-def _add_knuckle(pile: Pile, spec: VehicleSpec, outside: float, fine: Fineness) -> None:
-    """Around the hub: the axle's block, and the arm that the tie rod moves."""
-    inside = -outside * (0.5 * spec.wheels.width + 0.0045)
-    x, y = _arm_end(spec, outside)
-    pile.add(ALUMINIUM, box((0.010, 0.006, 0.012), (0.0, inside, 0.0)))
-    pile.add(STEEL, cylinder(0.0022, 0.008, (0.0, 0.7 * inside, 0.0), "y", fine.around(0.25)))
-    pile.add(ALUMINIUM, box((-x, 0.004, 0.003), (0.5 * x, y, -0.003)))
-    pile.add(STEEL, cylinder(0.0022, 0.007, (x, y, -0.003), n=fine.around(0.25)))
-
-
-def _linkage(spec: VehicleSpec) -> Iterator[Node]:
-    """Servo horn, drag link and two tie rods: a 4-bar linkage on each side."""
-    x, z = servo_shaft(spec)
-    horn = ("servo_horn", (x, 0.0, z - 0.002), Joint("hinge", "steering"))
-    yield _node(*horn, lambda pile, fine: pile.add(WHITE, box((ARM + 0.004, 0.005, 0.0018), (-0.5 * ARM, 0.0, 0.0))))
-    end = spec.wheelbase - ARM
-    length = x - ARM - end
-    link = ("drag_link", (end, 0.0, z - 0.0035), Joint("crank", "steering", arm=(-ARM, 0.0, 0.0)))
-
-    def add_link(pile: Pile, fine: Fineness) -> None:
-        pile.add(STEEL, cylinder(0.0011, length, (0.5 * length, 0.0, 0.0), "x", fine.around(0.2)))
-        for at in (0.0, length):
-            pile.add(BLACK, cylinder(0.0028, 0.0034, (at, 0.0, 0.0), n=fine.around(0.25)))
-
-    yield _node(*link, add_link)
-    for side, outside in (("left", 1.0), ("right", -1.0)):
-        arm_x, arm_y = _arm_end(spec, outside)
-        hub_y = outside * 0.5 * spec.track
-        signal = f"steering_front_{side}"
-        reach = hub_y + arm_y  # from the middle, where the drag link ends, to the arm's end
-        crank = Joint("crank", signal, arm=(arm_x, arm_y, 0.0))
-        yield Node(f"tie_rod_{side}_end", "body", (end, reach, -0.0045), joint=crank)
-
-        def add_rod(pile: Pile, fine: Fineness, way: float = -reach) -> None:
-            pile.add(STEEL, cylinder(0.0011, abs(way), (0.0, 0.5 * way, 0.0), "y", fine.around(0.2)))
-            pile.add(BLACK, cylinder(0.0028, 0.0034, n=fine.around(0.25)))
-
-        gain = _rod_gain(spec, outside, reach)
-        yield Node(
-            f"tie_rod_{side}", f"tie_rod_{side}_end", joint=Joint("hinge", signal, gain=gain), surfaces=_made(add_rod)
-        )
-
-
-def _rod_gain(spec: VehicleSpec, outside: float, reach: float) -> float:
-    """How much a tie rod turns for each radian of steering, so that its inner end stays at the drag link's."""
-    angle = spec.steering.limit_deg * DEGREE
-    _, arm_y = _arm_end(spec, outside)
-    # how far the outer end goes ahead of the inner one, over the rod's length
-    return math.asin(max(-1.0, min(1.0, arm_y * math.sin(angle) / reach))) / angle
-
-
-def _node(name: str, place: tuple[float, float, float], joint: Joint, build: Build) -> Node:
-    return Node(name, "body", place, joint=joint, surfaces=_made(build))
+    return {**made(add), "shadow": (proxy,)}
 
 
 # -- lamps ------------------------------------------------------------------------------------------------------

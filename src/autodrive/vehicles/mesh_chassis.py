@@ -133,7 +133,7 @@ def add_drive(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
             pile.add(STRAP, box((0.0035, 0.0192, 0.0228), (0.0415, side * y, 0.0)))
             for x in (-0.006, 0.032):
                 pile.add(STEEL, cylinder(0.0022, 0.0200, (x, side * y, 0.0072), "y", 8))
-    x, z = 0.093, floor + 0.005
+    x, z = 0.085, floor + 0.005
     pile.add(BOARD_RED, box((0.043, 0.043, 0.0016), (x, 0.0, z)))
     pile.add(MATT_BLACK, box((0.004, 0.023, 0.020), (x + 0.012, 0.0, z + 0.0108)))
     for fin in np.linspace(-0.010, 0.010, 6 if fine.has_small else 0):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import trimesh
 
-from autodrive.render.asset import Label, Material, Surface
+from autodrive.render.asset import Detail, Label, Material, Surface
 from autodrive.render.solids import surface
 
 
@@ -41,3 +41,16 @@ class Pile:
     def surfaces(self) -> tuple[Surface, ...]:
         """One for each material."""
         return tuple(surface(meshes, material, Label.VEHICLE) for material, meshes in self._meshes.items())
+
+
+FINENESS: dict[Detail, Fineness] = {"full": Fineness(72, has_small=True), "reduced": Fineness(20, has_small=False)}
+
+
+def made(build: Callable[[Pile, Fineness], None]) -> dict[Detail, tuple[Surface, ...]]:
+    """The same thing finely and coarsely."""
+    details: dict[Detail, tuple[Surface, ...]] = {}
+    for detail, fine in FINENESS.items():
+        pile = Pile()
+        build(pile, fine)
+        details[detail] = pile.surfaces()
+    return details
