@@ -87,7 +87,7 @@ def _cells(map_: Map) -> tuple[list[shapely.Polygon], list[Region]]:
     cuts += [shapely.LineString([a, b]) for a, b in zip(_corners(x0, y0, x1, y1), _corners(*far), strict=True)]
     lines = [shapely.boundary(kind.geometry) for kind in kinds]
     noded = shapely.union_all([*lines, *cuts], grid_size=GRID)
-    cells = list(shapely.polygonize(shapely.get_parts(noded)).geoms)
+    cells = list(shapely.get_parts(shapely.polygonize(shapely.get_parts(noded))))
     tree = shapely.STRtree([kind.geometry for kind in kinds])
     points = shapely.point_on_surface(np.array(cells, dtype=object))
     which = np.full(len(cells), -1)
