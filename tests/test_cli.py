@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
@@ -118,6 +119,9 @@ def test_help_loads_neither_physics_nor_compiler() -> None:
         (("show", "mini_map", "-o", "map.gif"), "--output ends in .png or .svg, not '.gif'"),
         (("show", "mini_map", "-o", "no/such/folder/map.png"), "the picture cannot be written"),
         (("show", "nigel", "-o", "nigel.png"), "--output is for pictures of maps and modules"),
+        (("show", "nigel", "--occupancy", "maps"), "--occupancy and --labels are for maps, modules and scenarios"),
+        (("show", "mini_map", "--labels", "map.gif"), "--labels ends in .png, not '.gif'"),
+        (("show", "mini_map", "--labels", "no/such/folder/map.png"), "it cannot be written: No such file or directory"),
         (("check", "no_such.yaml"), "cannot be read: No such file or directory"),
     ],
 )
@@ -147,6 +151,14 @@ def test_show_draws_a_map_as_png(tmp_path: Path) -> None:
 def test_show_draws_a_module_as_svg(tmp_path: Path) -> None:
     assert call("show", "curved_road", "-o", "road.svg", cwd=tmp_path).returncode == 0
     assert (tmp_path / "road.svg").read_text().startswith("<svg ")
+
+
+def test_show_writes_an_occupancy_grid_and_labels(tmp_path: Path) -> None:
+    done = call("show", "curved_road", "--occupancy", "maps/ros", "--labels", "labels.png", cwd=tmp_path)
+    assert done.returncode == 0
+    about = yaml.safe_load((tmp_path / "maps/ros/curved_road.yaml").read_text())
+    assert (tmp_path / "maps/ros" / about["image"]).read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    assert (tmp_path / "labels.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
 
 def test_show_prints_a_vehicle_field_by_field() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,7 +11,7 @@ import yaml
 
 from autodrive.descriptions import Kind, Spec, find, names, read, suggest
 from autodrive.errors import SpecError
-from autodrive.maps.map import MapSpec, load_map
+from autodrive.maps.map import Map, MapSpec, load_map
 from autodrive.maps.module import ModuleSpec, load_module
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.vehicles.spec import VehicleSpec
@@ -81,7 +82,7 @@ def draw(kind: Kind, name: str, path: Path) -> None:
 
     Of a scenario: its map, with an arrow where each vehicle starts.
     """
-    from autodrive.maps.draw import module_alone, to_png, to_svg
+    from autodrive.maps.draw import to_png, to_svg
 
     starts: list[tuple[float, float, float]] = []
     if kind == "scenario":
@@ -89,11 +90,35 @@ def draw(kind: Kind, name: str, path: Path) -> None:
         starts = [(vehicle.x, vehicle.y, vehicle.yaw) for vehicle in scenario.vehicles.values()]
         map_ = load_map(scenario.map)
     else:
-        map_ = load_map(name) if kind == "map" else module_alone(name)
+        map_ = _map(kind, name)
     if path.suffix.lower() == ".svg":
         path.write_text(to_svg(map_, overlays=["lanes"], starts=starts), encoding="utf-8")
     else:
         to_png(map_, path, overlays=["lanes"], starts=starts)
+
+
+def write_occupancy(kind: Kind, name: str, folder: Path) -> Path:
+    """The occupancy grid of a map, a module or a scenario's map, in that folder: its YAML file. Raises `SpecError`."""
+    from autodrive.maps import raster
+
+    map_ = _map(kind, name)
+    folder.mkdir(parents=True, exist_ok=True)
+    return raster.write_occupancy(map_, folder)
+
+
+def write_labels(kind: Kind, name: str, path: Path) -> None:
+    """What is where on a map, a module or a scenario's map, as a PNG of labels. Raises `SpecError`."""
+    from autodrive.maps import raster
+
+    raster.write_labels(_map(kind, name), path)
+
+
+def _map(kind: Kind, name: str) -> Map:
+    from autodrive.maps.draw import module_alone
+
+    if kind == "scenario":
+        return load_map(load_scenario(name).map)
+    return load_map(name) if kind == "map" else replace(module_alone(name), name=Path(name).stem)
 
 
 def fields(kind: Kind, name: str) -> Iterator[tuple[str, str]]:

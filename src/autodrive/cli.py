@@ -184,6 +184,13 @@ def show(
         Path | None, typer.Option("--3d", metavar="FILE.png", help="Draw it as it looks, whatever it is.")
     ] = None,
     night: Annotated[bool, typer.Option("--night", help="With --3d: without the scene light.")] = False,
+    occupancy: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Write its occupancy grid for map_server of ROS: NAME.png and NAME.yaml."),
+    ] = None,
+    labels: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write what is where, seen from above, as a PNG of labels.")
+    ] = None,
 ) -> None:
     """Draw a map or module as a picture; print a vehicle or scenario as a table."""
     from autodrive import browse
@@ -191,6 +198,9 @@ def show(
     found = cast("Kind", kind.value) if kind else browse.kind_of_name(name)
     if in_3d is not None:
         _show_3d(found, name, in_3d, is_day=not night)
+        return
+    if occupancy is not None or labels is not None:
+        _write_rasters(found, name, occupancy, labels)
         return
     if found in {"map", "module"} or (found == "scenario" and output):
         path = output or Path(f"{Path(name).stem}.png")
@@ -208,6 +218,24 @@ def show(
     width = max(len(field) for field, _ in rows)
     for field, value in rows:
         typer.echo(f"{field:<{width}}  {value}".rstrip())
+
+
+def _write_rasters(kind: Kind, name: str, folder: Path | None, labels: Path | None) -> None:
+    from autodrive import browse
+
+    if kind == "vehicle":
+        raise typer.BadParameter(f"--occupancy and --labels are for maps, modules and scenarios; '{name}' is a {kind}")
+    if labels is not None and labels.suffix.lower() != ".png":
+        raise typer.BadParameter(f"--labels ends in .png, not '{labels.suffix}'")
+    try:
+        if folder is not None:
+            path = browse.write_occupancy(kind, name, folder)
+            typer.echo(f"the occupancy grid of {kind} '{Path(name).stem}' is in {path}")
+        if labels is not None:
+            browse.write_labels(kind, name, labels)
+            typer.echo(f"the labels of {kind} '{Path(name).stem}' are in {labels}")
+    except OSError as error:
+        raise AutodriveError(f"it cannot be written: {error.strerror}  ({error.filename})") from None
 
 
 def _show_3d(kind: Kind, name: str, path: Path, *, is_day: bool) -> None:

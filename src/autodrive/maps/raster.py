@@ -34,6 +34,26 @@ SOLID_LABELS = {
     "housing": Label.TRAFFIC_LIGHT,
 }
 """By the material of a `StaticShape`."""
+LABEL_COLOURS: dict[Label, str] = {
+    Label.NOTHING: "000000",
+    Label.GROUND: "d9d4c7",
+    Label.LAWN: "7fae5f",
+    Label.ROAD: "50545b",
+    Label.KERB: "a39d92",
+    Label.EDGE_LINE: "ffffff",
+    Label.SEPARATION_LINE: "ffd23f",
+    Label.STOP_LINE: "ff4d4d",
+    Label.CROSSING: "4cc3ff",
+    Label.BAY_LINE: "b78cff",
+    Label.WALL: "7a5c45",
+    Label.BLOCK: "c08a5a",
+    Label.BOX: "f2902b",
+    Label.SIGN: "e0218a",
+    Label.TRAFFIC_LIGHT: "00a878",
+    Label.POST: "1d3557",
+    Label.VEHICLE: "1746ff",
+}
+"""sRGB by which people tell labels apart; ours."""
 
 
 def occupancy(map_: Map, resolution: float = 0.01, *, free: Free = "ground") -> NDArray[np.uint8]:
@@ -81,8 +101,9 @@ def labels(map_: Map, resolution: float = 0.01) -> NDArray[np.uint8]:
 
 
 def write_labels(map_: Map, path: Path, resolution: float = 0.01) -> None:
-    """Write the labels as they are, a grey value each."""
-    write_png(path, labels(map_, resolution))
+    """Write the labels as a PNG with a palette: the index of a pixel is its label, its colour is for people."""
+    palette = np.array([list(bytes.fromhex(LABEL_COLOURS[label])) for label in Label], np.uint8)
+    write_png(path, labels(map_, resolution), palette)
 
 
 def outline(shape: StaticShape) -> shapely.Polygon:

@@ -1,4 +1,4 @@
-"""Writes and reads pictures as PNG (W3C, third edition): 8 bits a channel, no interlace."""
+"""Writes and reads pictures as PNG (W3C, third edition): 8 bits a channel or an index, no interlace."""
 
 from __future__ import annotations
 
@@ -14,22 +14,30 @@ if TYPE_CHECKING:
 
 _COLOUR_TYPES = {1: 0, 3: 2, 4: 6}
 """Channels -> colour type: grey, RGB, RGBA."""
+INDEXED = 3
+"""Colour type of pictures with a palette."""
 
 
-def encode_png(pixels: NDArray[np.uint8]) -> bytes:
-    """The file's content; `pixels` uint8 of shape (height, width), (height, width, 3) or (height, width, 4)."""
+def encode_png(pixels: NDArray[np.uint8], palette: NDArray[np.uint8] | None = None) -> bytes:
+    """The file's content; `pixels` uint8 of shape (height, width), (height, width, 3) or (height, width, 4).
+
+    With a palette, sRGB of shape (n, 3), pixels of shape (height, width) are indices into it.
+    """
     rows = np.atleast_3d(pixels)
     height, width, channels = rows.shape
     filtered = np.zeros((height, 1 + width * channels), np.uint8)  # each row begins with its filter, 0: none
     filtered[:, 1:] = rows.reshape(height, -1)
-    header = struct.pack(">IIBBBBB", width, height, 8, _COLOUR_TYPES[channels], 0, 0, 0)
-    chunks = (b"IHDR", header), (b"IDAT", zlib.compress(filtered.tobytes(), 6)), (b"IEND", b"")
+    colour_type = _COLOUR_TYPES[channels] if palette is None else INDEXED
+    header = struct.pack(">IIBBBBB", width, height, 8, colour_type, 0, 0, 0)
+    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(filtered.tobytes(), 6)), (b"IEND", b"")]
+    if palette is not None:
+        chunks.insert(1, (b"PLTE", palette.astype(np.uint8).tobytes()))
     return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(kind, data) for kind, data in chunks)
 
 
-def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
+def write_png(path: Path, pixels: NDArray[np.uint8], palette: NDArray[np.uint8] | None = None) -> None:
     """Write that file."""
-    path.write_bytes(encode_png(pixels))
+    path.write_bytes(encode_png(pixels, palette))
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
@@ -37,7 +45,10 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def decode_png(data: bytes) -> NDArray[np.uint8]:
-    """Pixels of a PNG of 8 bits a channel without interlace, shape (height, width, channels)."""
+    """Pixels of a PNG of 8 bits a channel without interlace, shape (height, width, channels).
+
+    Of one with a palette: indices.
+    """
     at, parts, header = 8, [], b""
     while at < len(data):
         length, kind = struct.unpack(">I4s", data[at : at + 8])
@@ -46,7 +57,7 @@ def decode_png(data: bytes) -> NDArray[np.uint8]:
         if kind == b"IDAT":
             parts.append(body)
     width, height, depth, colour_type, _, _, interlace = struct.unpack(">IIBBBBB", header)
-    channels = {kind: n for n, kind in _COLOUR_TYPES.items()}.get(colour_type)
+    channels = {INDEXED: 1, **{kind: n for n, kind in _COLOUR_TYPES.items()}}.get(colour_type)
     if channels is None or depth != 8 or interlace:
         raise ValueError(f"a PNG of colour type {colour_type}, {depth} bits, interlace {interlace} is not read here")
     raw = np.frombuffer(zlib.decompress(b"".join(parts)), np.uint8).reshape(height, 1 + width * channels)
