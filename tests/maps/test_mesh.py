@@ -58,6 +58,31 @@ def test_road_and_paint_cover_what_may_be_driven_on(kind, name):
     assert area == pytest.approx(map_.drivable.area, abs=SIMPLER * map_.drivable.length + 1e-4)
 
 
+@pytest.mark.parametrize(("kind", "name"), ALL)
+def test_ground_is_labelled_as_its_polygons_say(kind, name):
+    """The middles of all triangles, against the markings, the road and the lawn that they lie in."""
+    map_ = of(kind, name)
+    lawn = shapely.union_all([s.geometry for s in map_.surfaces if s.kind == "lawn"])
+    painted = shapely.union_all([m.geometry for m in map_.markings])
+    found = [(label, c[np.abs(plan_area(c)) > 1e-6].mean(1)[:, :2]) for label, c in ground(map_asset(map_))]
+    x, y = np.concatenate([middles for _, middles in found]).T
+    label = np.repeat([label for label, _ in found], [len(middles) for _, middles in found])
+
+    def within(area):  # sure of it: arcs of the mesh are simpler than those of the polygon
+        return shapely.contains_xy(area.buffer(-2.0 * SIMPLER), x, y)
+
+    def beyond(area):
+        return ~shapely.intersects_xy(area.buffer(2.0 * SIMPLER), x, y)
+
+    on_road = within(map_.drivable)
+    assert not np.isin(label[on_road], (Label.GROUND, Label.LAWN, Label.KERB)).any()
+    assert (label[on_road & beyond(painted)] == Label.ROAD).all()
+    assert (label[on_road & within(painted)] != Label.ROAD).all()
+    off_road = beyond(map_.drivable)
+    assert np.isin(label[off_road & within(lawn)], (Label.LAWN, Label.KERB)).all()
+    assert np.isin(label[off_road & beyond(lawn)], (Label.GROUND, Label.KERB)).all()
+
+
 @pytest.mark.parametrize(("kind", "name"), MAPS)
 def test_no_crack_opens_between_pieces_of_ground(kind, name):
     """Each edge of a triangle of the floor is another's, the other way round, but for the outer border."""
