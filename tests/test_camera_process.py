@@ -10,13 +10,15 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import autodrive
-from autodrive.camera_process import CameraProcess
+from autodrive.camera_process import TRIAL, CameraProcess, _is_too_slow
 from autodrive.protocol.messages import CameraImage, Command, SetSceneLight, Teleport
+from autodrive.render.quality import PROFILES
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.simulation import Simulation
 from autodrive.world import World
@@ -217,3 +219,22 @@ def test_if_the_simulator_is_killed_the_process_ends_too(gl: str, car: str) -> N
     simulator.kill()
     simulator.wait()
     until(lambda: not is_alive(pid))
+
+
+@pytest.mark.parametrize(
+    ("asked", "drawn", "draw_time", "count", "is_too_slow"),
+    [
+        ("auto", "software-fxaa", 0.050, TRIAL, True),
+        ("auto", "software-fxaa", 0.050, TRIAL - 1, False),  # not yet judged
+        ("auto", "software-fxaa", 0.020, TRIAL, False),
+        ("software-fxaa", "software-fxaa", 0.050, TRIAL, False),  # it was asked for
+        ("auto", "software", 0.050, TRIAL, False),  # nothing left to drop
+        ("auto", "gpu", 0.050, TRIAL, False),
+    ],
+)
+def test_smooth_edges_are_dropped_only_where_they_take_longer_than_the_cameras_period(
+    asked: str, drawn: str, draw_time: float, count: int, is_too_slow: bool
+) -> None:
+    seat = SimpleNamespace(spec=SimpleNamespace(rate=30.0))
+    sight, renderer = SimpleNamespace(quality=asked, seats=[seat]), SimpleNamespace(quality=PROFILES[drawn])
+    assert _is_too_slow(sight, renderer, [draw_time] * count) == is_too_slow  # type: ignore[arg-type]

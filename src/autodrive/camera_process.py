@@ -18,7 +18,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -29,6 +29,7 @@ from autodrive.cameras import Film, Sight, sight_of, with_images
 from autodrive.errors import AutodriveError
 from autodrive.protocol.messages import CameraImage, Frame, Pose
 from autodrive.render.moment import Moment
+from autodrive.render.quality import PROFILES
 from autodrive.render.renderer import Renderer
 from autodrive.sensors.sensor import Schedule
 
@@ -39,6 +40,12 @@ log = logging.getLogger(__name__)
 
 PATIENCE = 5.0
 """The process is ended by force if it does not end by itself within that wall time [s]."""
+
+TRIAL = 20
+"""After so many moments it is judged whether the machine is quick enough for smooth edges."""
+
+SMOOTH, PLAIN = "software-fxaa", "software"
+"""What `auto` begins with where the processor draws, and what it goes over to on a slow machine."""
 
 LOOK_BACK = 2.0
 """Wall time over which a rate is told [s]."""
@@ -296,9 +303,14 @@ def main() -> None:
 def _work() -> Iterator[Answer]:
     sight: Sight = pickle.load(sys.stdin.buffer)
     shared, film = Shared(int(sys.argv[1]), sight), Film(sight)
-    with Renderer(sight.scene, sight.quality) as renderer:
+    draw_times: deque[float] = deque(maxlen=TRIAL)
+    renderer = Renderer(sight.scene, sight.quality)
+    try:
         yield Ready(renderer.name)
         for text in sys.stdin.buffer:
+            if _is_too_slow(sight, renderer, draw_times):
+                renderer.release()
+                renderer = Renderer(sight.scene, PLAIN)
             order = read_order(text)
             if order.seed is not None:
                 film.reset(order.seed)
@@ -308,7 +320,18 @@ def _work() -> Iterator[Answer]:
                 for plate, array in zip(shared.plates[number], (image.rgba, image.depth, image.labels), strict=True):
                     if plate is not None:
                         plate[:] = array
-            yield Taken([_shot(image) for image in images], time.perf_counter() - start)
+            draw_times.append(time.perf_counter() - start)
+            yield Taken([_shot(image) for image in images], draw_times[-1])
+    finally:
+        renderer.release()
+
+
+def _is_too_slow(sight: Sight, renderer: Renderer, draw_times: Sequence[float]) -> bool:
+    """Whether pictures that nobody asked to be smooth take longer than their cameras' period."""
+    if sight.quality != "auto" or renderer.quality != PROFILES[SMOOTH] or len(draw_times) < TRIAL:
+        return False
+    rate = max((seat.spec.rate or 0.0 for seat in sight.seats), default=0.0)
+    return rate == 0.0 or statistics.median(draw_times) > 1.0 / rate
 
 
 def _shot(image: CameraImage) -> Shot:

@@ -1,8 +1,12 @@
-"""Writes every vehicle, module and map that comes with the simulator as a .glb file: `scripts/generate [FOLDER]`."""
+"""Writes every vehicle, module and map that comes with the simulator as a .glb file: `scripts/generate [FOLDER]`.
+
+Beside them lights.json: sun, sky and lamps as the cameras are drawn with.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -12,6 +16,7 @@ from autodrive.maps.draw import module_alone
 from autodrive.maps.map import Map, load_map
 from autodrive.render.asset import Asset, Detail
 from autodrive.render.glb import write_glb
+from autodrive.render.look import light_table
 from autodrive.vehicles.spec import load_vehicle
 
 FOLDER = Path("build/assets")
@@ -38,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         full, reduced, shadow = (asset.triangle_count(detail) for detail in DETAILS)
         size = file.stat().st_size / 1e3
         print(f"{path!s:<40} {len(asset.nodes):6} {full:7} {reduced:8} {shadow:7} {size:7.0f}")
+    (options.folder / "lights.json").write_text(json.dumps(light_table(), indent=2) + "\n", encoding="utf-8")
     print(f"written to {options.folder.resolve()}")
 
 

@@ -77,12 +77,14 @@ def framed(box: NDArray[np.float64], azimuth: float, elevation: float, width: in
 
 def _standing(spec: VehicleSpec) -> tuple[Scene, Moment]:
     """A vehicle on a plain light floor."""
-    edge = 12.0
+    n, edge = 48, 12.0  # many small squares: a triangle that reaches behind the camera shows its edges
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-edge, edge, n + 1), np.linspace(-edge, edge, n + 1)))
+    corner = (np.arange(n) + (n + 1) * np.arange(n)[:, None]).ravel()[:, None]
     floor = Surface(
         Material("studio", (0.62, 0.63, 0.65), roughness=0.9),
-        np.array([(-edge, -edge, 0), (edge, -edge, 0), (edge, edge, 0), (-edge, edge, 0)], np.float32),
-        np.tile(np.array([0, 0, 1], np.float32), (4, 1)),
-        np.array([(0, 1, 2), (0, 2, 3)], np.uint32),
+        np.column_stack([x, y, np.zeros_like(x)]).astype(np.float32),
+        np.tile(np.array([0, 0, 1], np.float32), (len(x), 1)),
+        np.concatenate([corner + np.array(of) for of in ((0, 1, n + 2), (0, n + 2, n + 1))]).astype(np.uint32),
         Label.GROUND,
     )
     studio = Asset("studio", (Node("floor", surfaces={"full": (floor,)}),))
