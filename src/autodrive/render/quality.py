@@ -36,9 +36,8 @@ class Quality:
     anisotropy: float
 
 
-SOFTWARE = Quality("reduced", "none", 2048, 1024, 2, 512, 1, 4, 1, 1.0)
 PROFILES = {
-    "software": SOFTWARE,
+    "software": Quality("reduced", "none", 2048, 1024, 2, 512, 1, 4, 1, 1.0),
     "software-fxaa": Quality("reduced", "fxaa", 2048, 1024, 2, 512, 1, 4, 1, 1.0),
     "gpu": Quality("full", "msaa", 4096, 2048, 4, 1024, 4, 8, 9, 8.0),
 }

@@ -155,7 +155,7 @@ void main() {
         int b = beams[i];
         vec3 arriving = lamp_light(b, l);
         vec4 at = beam_from_map[b] * vec4(place + 0.004 * n, 1.0);
-        at.xyz /= at.w;
+        at.xyz /= max(at.w, 1e-4);  // behind the lamp there is no light anyway
         float above_axis = dot(-l, beam_up[b].xyz);
         arriving *= clamp(0.5 - above_axis * beam_up[b].w, 0.0, 1.0);
         arriving *= shadow(beam_map, at.xyz, vec2(BEAM_TEXEL));
