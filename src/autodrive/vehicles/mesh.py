@@ -37,6 +37,7 @@ def _nodes(spec: VehicleSpec) -> Iterator[Node]:
     if spec.sensors.lidar is not None:
         place = spec.sensors.lidar.mount.position
         yield Node("lidar_head", "body", place, surfaces=made(lambda pile, fine: add_lidar_head(pile, spec, fine)))
+    wheels = {outside: _wheel(spec, outside) for outside in (1.0, -1.0)}
     for name, hub in zip(WHEELS, spec.hubs, strict=True):
         outside = math.copysign(1.0, hub[1])
         yield Node(f"hub_{name}", "body", hub, joint=Joint("slide", f"compression_{name}"))
@@ -45,7 +46,7 @@ def _nodes(spec: VehicleSpec) -> Iterator[Node]:
             yield Node(f"steer_{name}", f"hub_{name}", joint=Joint("hinge", f"steering_{name}"), surfaces=knuckle)
         carrier = f"steer_{name}" if name.startswith("front") else f"hub_{name}"
         spin = Joint("hinge", f"spin_{name}", axis=(0.0, 1.0, 0.0))
-        yield Node(f"wheel_{name}", carrier, joint=spin, surfaces=_wheel(spec, outside))
+        yield Node(f"wheel_{name}", carrier, joint=spin, surfaces=wheels[outside])
     yield from linkage(spec)
     for lamp in LAMPS:
         yield _lamp(spec, lamp)
