@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import shapely
 
-from autodrive.render.solids import box, cylinder, lathe, tube, turned
+from autodrive.render.solids import box, cylinder, lathe, plate, tube, turned
 from autodrive.sensors.camera import CameraSpec
 from autodrive.units import DEGREE
-from autodrive.vehicles.mesh_chassis import edges, span
+from autodrive.vehicles.mesh_chassis import BATTERY_SIZE, BATTERY_X, edges, span
 from autodrive.vehicles.mesh_materials import (
     ACRYLIC,
     ALUMINIUM,
@@ -18,14 +19,20 @@ from autodrive.vehicles.mesh_materials import (
     BOARD_GREEN,
     BRASS,
     GLASS,
+    LENS_GLASS,
     MATT_BLACK,
     RIBBON,
+    RUBBER,
     STEEL,
     WHITE,
     WIRE_RED,
 )
 from autodrive.vehicles.mesh_pile import Fineness, Pile
 from autodrive.vehicles.spec import VehicleSpec
+
+HEAD = -0.0215, 0.0165
+"""Bottom and top of the LIDAR's spinning head, from the plane it scans [m]."""
+HEAD_RADIUS = 0.035
 
 
 def add_computer(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
@@ -73,13 +80,15 @@ def add_wires(pile: Pile, spec: VehicleSpec) -> None:
     """Power from the battery up, motors to their driver, USB of the LIDAR."""
     low, second, third, fourth = (span(one) for one in spec.platforms[:4])
     y2, y3 = edges(spec.platforms[1])[3], edges(spec.platforms[2])[3]
+    back = BATTERY_X - 0.5 * BATTERY_SIZE[0]
     for i, material in enumerate((WIRE_RED, BLACK)):
         d = 0.004 * i
         pile.add(
             material,
             tube(
                 [
-                    (-0.040, 0.018 + d, second[1] + 0.020),
+                    (back + 0.002, 0.004 + d, second[1] + 0.013),
+                    (back - 0.014, 0.007 + d, second[1] + 0.013),
                     (-0.052, y2 - 0.004 + d, second[1] + 0.024),
                     (-0.046, y3 - 0.016 + d, third[0] - 0.006),
                     (-0.034, y3 - 0.012, third[1] + 0.006 + d),
@@ -130,25 +139,22 @@ def add_lidar(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
         return
     x, y, z = lidar.mount.position
     floor = span(spec.platforms[3])[1]
+    base = max(floor + 0.006, z + HEAD[0] - 0.0145)
     for dx in (-0.022, 0.022):
-        for dy in (-0.026, 0.026):
-            pile.add(BRASS, cylinder(0.0026, 0.008, (x + dx, y + dy, floor + 0.004), n=6))
-    base = floor + 0.008
-    top = max(base + 0.016, z - 0.022)
-    pile.add(BLACK, box((0.060, 0.066, 0.006), (x, y, base + 0.003), 0.012, fine.around(0.15)))
-    pile.add(
-        BLACK,
-        lathe(
-            [(0.0, base), (0.026, base), (0.0265, top - 0.002), (0.025, top), (0.0, top)],
-            (x, y, 0.0),
-            n=fine.around(1.0),
-        ),
-    )
-    pile.add(
-        BLACK, cylinder(0.0125, top - base - 0.004, (x - 0.040, y, 0.5 * (base + top) - 0.002), n=fine.around(0.5))
-    )
-    pile.add(BLACK, box((0.034, 0.016, 0.005), (x - 0.020, y, base + 0.0085)))
-    pile.add(STEEL, cylinder(0.0045, 0.003, (x - 0.040, y, top - 0.0025), n=fine.around(0.3)))
+        for dy in (-0.025, 0.025):
+            pile.add(BRASS, cylinder(0.0028, base - floor, (x + dx, y + dy, 0.5 * (base + floor)), n=6))
+            if fine.has_small:
+                pile.add(STEEL, cylinder(0.0027, 0.0016, (x + dx, y + dy, base + 0.0048), n=10))
+    quads = fine.around(0.25)
+    head, motor = shapely.Point(x, y), shapely.Point(x - 0.044, y)
+    deck = shapely.union_all([head.buffer(0.035, quads), motor.buffer(0.019, quads)]).convex_hull
+    pile.add(BLACK, plate(deck, base, base + 0.004))
+    pile.add(MATT_BLACK, cylinder(0.0300, z + HEAD[0] - base, (x, y, 0.5 * (z + HEAD[0] + base)), n=fine.n))
+    belt = shapely.union_all([head.buffer(0.0310, quads), motor.buffer(0.0052, quads)]).convex_hull
+    pile.add(RUBBER, plate(belt, base + 0.0066, base + 0.0090))
+    pile.add(STEEL, cylinder(0.0046, 0.0090, (x - 0.044, y, base + 0.0070), n=fine.around(0.3)))
+    hang = min(0.020, 0.8 * (base - floor))
+    pile.add(ALUMINIUM, cylinder(0.0120, hang, (x - 0.044, y, base - 0.5 * hang), n=fine.around(0.5)))
     board = edges(spec.platforms[3])[0] + 0.045
     pile.add(BOARD_BLUE, box((0.034, 0.020, 0.0014), (board, -0.034, floor + 0.004)))
     pile.add(ALUMINIUM, box((0.0060, 0.0080, 0.0030), (board - 0.014, -0.034, floor + 0.006)))
@@ -157,24 +163,24 @@ def add_lidar(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
 
 def add_lidar_head(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
     """The head, around the place where the LIDAR measures from."""
-    low, high, n = -0.0215, 0.0165, fine.around(1.2)
-    shell = [
-        (0.0, low),
-        (0.0335, low),
-        (0.0350, low + 0.002),
-        (0.0350, high - 0.004),
-        (0.0330, high - 0.0008),
-        (0.0, high),
-    ]
-    pile.add(BLACK, lathe(shell, n=n))
-    # the two windows of transmitter and receiver, side by side
-    for side in (-1.0, 1.0):
-        pile.add(GLASS, box((0.0030, 0.0140, 0.0190), (0.0346, side * 0.0100, 0.0)))
-        if fine.has_small:
-            ring = [(0.0042, 0.0), (0.0058, 0.0), (0.0058, 0.0018), (0.0042, 0.0018), (0.0042, 0.0)]
-            pile.add(MATT_BLACK, lathe(ring, (0.0356, side * 0.0100, 0.0), "x", 14))
+    (low, high), n = HEAD, fine.n
+    disc = shapely.Point(0.0, 0.0).buffer(HEAD_RADIUS, fine.around(0.25))
+    face = 0.0300  # how far ahead the flat face is from which it looks
+    pile.add(BLACK, plate(disc.intersection(shapely.box(-1.0, -1.0, face, 1.0)), low + 0.004, high - 0.006))
+    foot = [(0.0, low), (HEAD_RADIUS - 0.002, low), (HEAD_RADIUS, low + 0.0015), (HEAD_RADIUS, low + 0.004)]
+    pile.add(BLACK, lathe([*foot, (0.0, low + 0.004)], n=n))
+    edge = [(HEAD_RADIUS, high - 0.006), (HEAD_RADIUS, high - 0.003), (HEAD_RADIUS - 0.0009, high - 0.0009)]
+    pile.add(BLACK, lathe([(0.0, high - 0.006), *edge, (HEAD_RADIUS - 0.003, high), (0.0, high)], n=n))
+    # transmitter and receiver, side by side
+    for side, radius in ((-1.0, 0.0050), (1.0, 0.0066)):
+        eye = (face, side * 0.0095, 0.0)
+        ring = [(0.0, 0.0), (radius + 0.0014, 0.0), (radius + 0.0012, 0.0020), (radius, 0.0020), (radius, 0.0008)]
+        pile.add(MATT_BLACK, lathe([*ring, (0.0, 0.0008)], eye, "x", fine.around(0.35)))
+        glass = [(0.0, 0.0007), (radius, 0.0007), (0.6 * radius, 0.0014), (0.0, 0.0017)]
+        pile.add(LENS_GLASS, lathe(glass, eye, "x", fine.around(0.35)))
     if fine.has_small:
-        pile.add(WHITE, cylinder(0.0120, 0.0004, (0.0, 0.0, high + 0.0001), n=n))
+        mark = [(0.0150, high - 0.0001), (0.0165, high - 0.0001), (0.0165, high + 0.0003), (0.0150, high + 0.0003)]
+        pile.add(WHITE, lathe([*mark, mark[0]], n=n))
 
 
 def add_camera(pile: Pile, camera: CameraSpec, spec: VehicleSpec, fine: Fineness) -> None:

@@ -10,7 +10,9 @@ import numpy as np
 import shapely
 import shapely.affinity
 
+from autodrive.physics.wheel import ackermann_angle
 from autodrive.render.solids import box, cylinder, lathe, plate, tube
+from autodrive.sensors.camera import CameraSpec
 from autodrive.units import DEGREE
 from autodrive.vehicles.mesh_materials import (
     ACRYLIC,
@@ -34,6 +36,8 @@ from autodrive.vehicles.spec import BoxSpec, VehicleSpec
 
 CORNER = 0.016
 """Radius of the platforms' corners [m]."""
+BATTERY_SIZE, BATTERY_X = (0.118, 0.042, 0.026), 0.035
+"""Lengths of the battery, and where its middle is [m]."""
 HOLE = 0.0016
 """Radius of a mounting hole: M3 [m]."""
 
@@ -55,24 +59,34 @@ def _outline(spec: VehicleSpec, platform: BoxSpec, fine: Fineness) -> shapely.Po
     bottom, top = span(platform)
     radius, half = spec.wheels.radius, 0.5 * spec.wheels.width
     if bottom < radius + 0.012:  # as high as a wheel: leave it room, also when it is steered and bounces
-        reach = radius * math.sin(spec.steering.limit_deg * DEGREE) + half + 0.003
+        lock = float(ackermann_angle(spec.steering.limit, spec.wheelbase, 0.5 * spec.track))  # of the inner wheel
+        reach = radius * math.sin(lock) + half * math.cos(lock) + 0.003
         for i, (x, y, _) in enumerate(spec.hubs):
             inner = reach if i < 2 else half + 0.003
             room = shapely.box(x - radius - 0.004, abs(y) - inner, x + radius + 0.004, abs(y) + 0.1)
             room = room if y > 0.0 else shapely.affinity.scale(room, 1.0, -1.0, origin=(0.0, 0.0))
             outline = outline.difference(room.buffer(0.002, quad_segs=2))
     for camera in spec.cameras.values():
-        x, y, z = camera.mount.position
-        if 0.0 <= z - top < 0.03:
-            outline = outline.difference(_sight(x, y, camera.mount.rotation_deg[2] * DEGREE))
+        if 0.0 <= camera.mount.position[2] - top < 0.03:
+            outline = outline.difference(_sight(camera, top))
     parts = list(shapely.get_parts(outline))
     return max(parts, key=lambda part: part.area)
 
 
-def _sight(x: float, y: float, yaw: float) -> shapely.Polygon:
-    """What a camera looks over: a wedge from just behind the lens."""
-    cut = shapely.Polygon([(-0.003, -0.013), (-0.003, 0.013), (0.08, 0.075), (0.08, -0.075)])
-    return shapely.affinity.translate(shapely.affinity.rotate(cut, yaw, origin=(0, 0), use_radians=True), x, y)
+def _sight(camera: CameraSpec, top: float) -> shapely.Polygon:
+    """What a camera would see of a plate below it, and a little more."""
+    x, y, z = camera.mount.position
+    _, pitch, yaw = (angle * DEGREE for angle in camera.mount.rotation_deg)
+    k = camera.intrinsics
+    aside, down = 0.5 * k.width / k.fx, pitch + math.atan(0.5 * k.height / k.fy)
+    if not 0.0 < down < 0.5 * math.pi:
+        return shapely.Polygon()
+    near, far = max(0.0, (z - top) / math.tan(down) - 0.002), 0.3
+    sides = [(d, (d * math.cos(pitch) + (z - top) * math.sin(pitch)) * aside + 0.001) for d in (near, far)]
+    wedge = shapely.Polygon([(d, w) for d, w in sides] + [(d, -w) for d, w in reversed(sides)])
+    return shapely.affinity.translate(
+        shapely.affinity.rotate(wedge.buffer(0.001, quad_segs=2), yaw, origin=(0, 0), use_radians=True), x, y
+    )
 
 
 def _holes(platform: BoxSpec, number: int) -> Iterator[shapely.Polygon]:
@@ -147,26 +161,12 @@ def add_drive(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
 def add_battery(pile: Pile, spec: VehicleSpec, fine: Fineness) -> None:
     """The LiPo battery, strapped on the second platform, and the converter beside it."""
     floor = span(spec.platforms[1])[1]
-    size, x = (0.118, 0.042, 0.026), 0.035
+    size, x = BATTERY_SIZE, BATTERY_X
     z = floor + 0.5 * size[2]
     pile.add(BATTERY, box(size, (x, 0.0, z), 0.004 if fine.has_small else 0.0))
     pile.add(WHITE, box((0.052, size[1] + 0.0006, 0.013), (x + 0.006, 0.0, z)))
     for at in (-0.036, 0.044):
         pile.add(STRAP, box((0.014, size[1] + 0.0022, size[2] + 0.0014), (x + at, 0.0, z)))
-    if fine.has_small:
-        for y, material in ((-0.006, BLACK), (0.006, WIRE_RED)):
-            pile.add(
-                material,
-                tube(
-                    [
-                        (x - 0.059, y, z),
-                        (x - 0.076, y, z + 0.002),
-                        (x - 0.080, 3.0 * y, z + 0.012),
-                        (x - 0.060, 4.6 * y, z + 0.022),
-                    ],
-                    0.0017,
-                ),
-            )
     x, z = 0.128, floor + 0.005
     pile.add(BOARD_BLUE, box((0.046, 0.030, 0.0016), (x, 0.0, z)))
     pile.add(ALUMINIUM, cylinder(0.0056, 0.010, (x - 0.015, 0.006, z + 0.0058), n=fine.around(0.4)))
