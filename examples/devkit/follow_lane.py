@@ -6,13 +6,13 @@ telemetry are not read.
 
 What it assumes of the map: roads of the kit with their lines as they are painted, that run straight or turn left by a
 right angle; before each curve its outer line is in sight. Crossroads are crossed straight on: their corners bend away
-from the lane and do not count, and between them the vehicle drives by what it has told itself to do.
+from the lane and do not count, and between them the vehicle drives by how far the road's surface has moved beneath it
+and how it has steered.
 
 Runs with python-socketio 5, eventlet, numpy, pillow and opencv-python-headless. How to start it: see README.md.
 """
 
 import math
-import time
 
 import cv2
 import numpy as np
@@ -32,39 +32,56 @@ ALIKE = 0.2  # paint that runs otherwise than the lane is no line of it [rad]
 OUT_OF_SIGHT = -1.6  # where the next curve begins as long as it is not seen [m]
 KEEP = np.diag([12.0, 240.0, 80.0])  # what the last pose counts, in pixels of paint: x, y; heading (by 1 m/rad)
 
-SPEED = 0.408  # at full throttle [m/s]
 TURN = 2.2  # at full steering [1/m]; less than its geometry says, for the driven wheels are rigidly coupled
 LOOKAHEAD = 0.28  # [m]
 
 
+def lay_flat(picture, right, left, far, scale, moved=(0.0, 0.0)):
+    """A grey picture as if seen from above: from NEAR to `far` ahead of the camera and between `right` and `left` [m].
+
+    `scale` is in pixels/m; `moved`, how far the vehicle has gone [m] and turned [rad] since the picture was taken.
+    """
+    way, turn = moved
+    height, width = picture.shape
+    corners = np.array([(NEAR, left), (NEAR, right), (far, right), (far, left)])
+    x, y = corners[:, 0] + AHEAD, corners[:, 1]
+    x, y = x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn)
+    x, y = x + way * math.cos(turn / 2.0) - AHEAD, y + way * math.sin(turn / 2.0)
+    depth = x * math.cos(DOWN) + ABOVE * math.sin(DOWN)
+    down = ABOVE * math.cos(DOWN) - x * math.sin(DOWN)
+    focal = FOCAL * height / 480.0
+    seen = np.stack([width / 2.0 - focal * y / depth, height / 2.0 + focal * down / depth], axis=1)
+    flat = scale * ((left, far) - corners[:, ::-1])
+    change = cv2.getPerspectiveTransform(np.float32(seen), np.float32(flat))
+    return cv2.warpPerspective(picture, change, (round((left - right) * scale), round((far - NEAR) * scale)))
+
+
+def way_between(before, now, way, curvature):
+    """How far the vehicle has gone between two grey pictures [m], by the grain of the road: about that `way` [m]."""
+    grains = []
+    for picture, moved in ((before, (way, way * curvature)), (now, (0.0, 0.0))):
+        road = np.log(lay_flat(picture, 0.0, 0.2, 0.5, 400.0, moved) + np.float32(4.0))
+        grains.append(np.clip(road - cv2.blur(road, (9, 9)), -0.15, 0.15))  # neither lamps nor lines count much
+    window = cv2.createHanningWindow(road.shape[::-1], cv2.CV_32F)
+    (_, further), certainty = cv2.phaseCorrelate(*grains, window)
+    return way + further / 400.0 if certainty > 0.3 else way
+
+
 def paint(picture):
-    """What an RGB picture shows of narrow white lines on the road.
+    """What a grey picture shows of narrow white lines on the road.
 
     Returns x ahead of the rear axle and y to the left [m], and x and y of the direction across the line: shape (4, n).
     """
-    height, width = picture.shape[:2]
-    corners = np.array([(NEAR, SIDE), (NEAR, -SIDE), (FAR, -SIDE), (FAR, SIDE)])
-    seen = np.float32([pixel_of(x, y, width, height) for x, y in corners])
-    flat = np.float32(SCALE * ((SIDE, FAR) - corners[:, ::-1]))
-    size = round(2 * SIDE * SCALE), round((FAR - NEAR) * SCALE)
-    # the least of red, green and blue: lawns are dark, and only what is white is bright
-    road = cv2.warpPerspective(picture.min(axis=2), cv2.getPerspectiveTransform(seen, flat), size)
+    # in logarithms paint stands out from the road as much by the light of lamps as by day
+    road = np.log(lay_flat(picture, -SIDE, SIDE, FAR, SCALE) + np.float32(8.0))
     # brighter than its surroundings of 5 cm, along or across
     hats = [cv2.morphologyEx(road, cv2.MORPH_TOPHAT, np.ones(shape, np.uint8)) for shape in ((1, 11), (11, 1))]
-    white = np.maximum(*hats) > 0.35 * max(np.percentile(road, 99.5), 20.0)
+    white = np.maximum(*hats) > 0.4
     # lines are 12 mm wide; stop lines and the stripes of crossings, 30 mm
     wide = cv2.morphologyEx(white.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
     v, u = np.nonzero(white & (cv2.dilate(wide, np.ones((5, 5), np.uint8)) == 0))
     across = cv2.cornerEigenValsAndVecs(road, 9, 3)[v, u, 2:4]  # the direction in which brightness changes most
     return np.stack([AHEAD + FAR - (v + 0.5) / SCALE, SIDE - (u + 0.5) / SCALE, -across[:, 1], -across[:, 0]])
-
-
-def pixel_of(x, y, width, height):
-    """Where the picture shows the road at x ahead of the camera, y to the left [m]."""
-    depth = x * math.cos(DOWN) + ABOVE * math.sin(DOWN)
-    down = ABOVE * math.cos(DOWN) - x * math.sin(DOWN)
-    scale = FOCAL * height / 480.0
-    return width / 2.0 - scale * y / depth, height / 2.0 + scale * down / depth
 
 
 class LaneFinder:
@@ -86,9 +103,9 @@ class LaneFinder:
         self.pose = np.array([x, y, heading])
 
     def look(self, picture):
-        """Correct the pose by an RGB picture."""
+        """Correct the pose by a grey picture."""
         lines = paint(picture)
-        begins = [self.pose[0]] if self.pose[0] > -1.0 else np.arange(OUT_OF_SIGHT, -0.9, 0.05)
+        begins = [self.pose[0]] if self.pose[0] > -0.7 else np.arange(OUT_OF_SIGHT, -0.6, 0.05)
         poses = [fit(np.array([begin, *self.pose[1:]]), lines) for begin in begins]
         self.pose = max(poses, key=lambda pose: seen_from(pose, lines))
 
@@ -136,22 +153,23 @@ def errors(pose, lines):
 
 
 class LaneFollower:
-    """Drives by what the front camera of a vehicle shows, and by what it has told the vehicle to do."""
+    """Drives by what the front camera of a vehicle shows, and by how it has steered the vehicle."""
 
-    def __init__(self, throttle, clock=time.monotonic):
+    def __init__(self, throttle):
         self.throttle = throttle
         self.lane = LaneFinder()
-        self.clock = clock
-        self.since = None
-        self.curvature = 0.0
+        self.before = None  # the last picture
+        self.way = 0.0  # from picture to picture [m]
+        self.curvature = 0.0  # [1/m]
 
     def drive(self, vehicle):
         """Set the commands of a vehicle whose telemetry has arrived."""
-        now = self.clock()
-        if self.since is not None:
-            self.lane.move(SPEED * self.throttle * (now - self.since), self.curvature)
-        self.since = now
-        self.lane.look(vehicle.camera_image("Front"))
+        picture = cv2.cvtColor(vehicle.camera_image("Front"), cv2.COLOR_RGB2GRAY)
+        if self.before is not None:
+            self.way = way_between(self.before, picture, self.way, self.curvature)
+            self.lane.move(self.way, self.curvature)
+        self.before = picture
+        self.lane.look(picture)
         self.curvature = max(-TURN, min(TURN, self.lane.curvature()))
         vehicle.throttle_command = self.throttle
         vehicle.steering_command = vehicle.steering_sign * self.curvature / TURN
