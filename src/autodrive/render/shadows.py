@@ -66,7 +66,7 @@ class Shadows:
         """Rows: sun axes from map axes, shape (3, 3)."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
         """sun axes * scale + offset lies in the map of what stands still, where within [0, 1]."""
-        extent = max([0.05, *(model.radius for model in vehicles)])
+        extent = max([0.05, *(1.05 * model.radius for model in vehicles)])
         self.caster_scale = np.array([0.5 / extent, 0.5 / extent, 1.0 / (2.0 * extent + 0.6)])
         self._extent = extent
 

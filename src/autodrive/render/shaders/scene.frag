@@ -58,7 +58,8 @@ float sunlit() {
         vec4 tile = caster_tile[casters[i]];
         at = in_sun * caster_half.zzw + caster_offset[casters[i]].xyz;
         off = abs(at - 0.5);
-        bool inside = max(off.x, off.y) < 0.5 && at.z < 1.0 && tile.w > 0.0;
+        bool inside = max(off.x, off.y) < 0.48 &&  // the rim would be smoothed with the next tile
+                       at.z < 1.0 && tile.w > 0.0;
         float own = shadow(caster_map, vec3(tile.xy + at.xy * tile.z, at.z), vec2(tile.w));
         lit = min(lit, inside ? own : 1.0);
     }
