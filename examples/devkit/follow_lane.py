@@ -166,6 +166,8 @@ class LaneFollower:
         """Set the commands of a vehicle whose telemetry has arrived."""
         picture = cv2.cvtColor(vehicle.camera_image("Front"), cv2.COLOR_RGB2GRAY)
         if self.before is not None:
+            if np.array_equal(picture, self.before):
+                return  # the commands stand until there is a new one
             self.way = way_between(self.before, picture, self.way, self.curvature)
             self.lane.move(self.way, self.curvature)
         self.before = picture

@@ -8,6 +8,7 @@ import math
 import subprocess
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ import autodrive
 from autodrive import Frame, ScenarioSpec, Simulation
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.bridge.engineio import Dialect
+from autodrive.descriptions import find
+from autodrive.jpeg import JpegEncoder, images_of
 from autodrive.maps import LaneGraph, load_map
 from autodrive.protocol.devkit import PROFILES, introduction, telemetry
 from autodrive.scenario import VehiclePlacement
@@ -25,6 +28,7 @@ from tests.bridge.conftest import PATIENCE, ROOT, eventually, free_port, python_
 from tests.protocol.devkit_frames import frame, scan, vehicle
 
 FOLLOW_LOOP = ROOT / "examples" / "devkit" / "follow_loop.py"
+FOLLOW_LANE = ROOT / "examples" / "devkit" / "follow_lane.py"
 SLOW = Path(__file__).parent / "servers" / "slow.py"
 READ_TELEMETRY = Path(__file__).parent / "servers" / "read_telemetry.py"
 STACKS = {"legacy": Dialect.ENGINE_IO_3, "newest": Dialect.ENGINE_IO_4}
@@ -82,6 +86,42 @@ def test_a_script_follows_the_loop_of_the_mini_map(
     assert drive.distance > duration / 120.0 * 3.0 * loop
     # lanes are 0.3 m wide, the car 0.175 m: so far from the centre line its sides stay in the lane
     assert max(abs(lanes.nearest(x, y).offset) for x, y in drive.positions[::50]) < 0.0625  # pyright: ignore
+
+
+def round_outer_lane(x: float, y: float) -> float:
+    """How far a place is outside the right-hand lane around the mini-map [m]: curves of 0.85 m about four corners."""
+    across, along = abs(x - 0.7) - 1.0, abs(y - 1.55) - 0.7
+    return math.hypot(max(across, 0.0), max(along, 0.0)) + min(max(across, along), 0.0) - 0.85
+
+
+def test_a_script_keeps_the_lane_around_the_mini_map_by_its_front_camera(tmp_path: Path) -> None:
+    """Two laps, straight on over the crossroads; ten pictures a second, drawn in the tick: physics waits for them."""
+    file = tmp_path / "nigel.yaml"
+    file.write_text(find("vehicle", "nigel").read_text().replace("rate: 30.0", "rate: 10.0"))
+    scenario = ScenarioSpec(map="mini_map", vehicles={"V1": VehiclePlacement(type=str(file))})
+    world = autodrive.make(scenario, cameras="software")
+    while world.time < 0.5:
+        world.step()
+    world.reset(0)
+    lap = 4.0 + 2.8 + 2.0 * math.pi * 0.85
+    port, drive = free_port(), Drive()
+    simulation = Simulation(world, speed=2.0)
+    simulation.add_sink(drive)
+    images = partial(images_of, encoder=JpegEncoder())
+    with (
+        script("newest", FOLLOW_LANE, port=port),
+        DevkitBridge(simulation, port=port, images=images) as bridge,
+    ):
+        eventually(lambda: bridge.counters.commands_received)
+        for _ in range(12):
+            simulation.run(10.0)
+            assert max(abs(round_outer_lane(x, y)) for x, y in drive.positions[::50]) < 0.0625
+            if drive.distance > 2.0 * lap:
+                break
+        counters = bridge.counters
+    assert drive.distance > 2.0 * lap
+    assert counters.connections == 1
+    assert counters.refused_values == counters.bad_packets == 0
 
 
 def test_the_way_points_of_the_example_lie_on_the_lane(lanes: LaneGraph) -> None:
