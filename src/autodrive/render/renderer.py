@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import moderngl
@@ -19,6 +20,8 @@ from autodrive.render.target import ExactTarget, Target
 from autodrive.render.view import Picture, View
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from autodrive.render.asset import Asset, Detail
     from autodrive.render.moment import Moment
     from autodrive.render.scene import Scene
@@ -92,7 +95,7 @@ class Renderer:
         self._sky = self._linked("sky.vert", "sky.frag")
         self._sky_corners = context.vertex_array(self._sky, [])
         self._targets: dict[tuple[int, int, int], Target] = {}
-        self._exact_targets: dict[tuple[int, int, int], ExactTarget] = {}
+        self._exact_targets: dict[tuple[int, int], ExactTarget] = {}
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.depth_func = "<="
 
@@ -123,71 +126,67 @@ class Renderer:
         self._shadows.caster.use(CASTER)
         self._shadows.beam.use(BEAM)
         self._context.front_face = "cw"  # rows from top to bottom mirror what is drawn
-        sizes: dict[tuple[int, int], list[int]] = {}
-        for i, view in enumerate(views):
-            sizes.setdefault((view.intrinsics.width, view.intrinsics.height), []).append(i)
-        pictures: dict[int, Picture] = {}
-        for members in sizes.values():
-            own = [views[i] for i in members]
-            colors = self._draw_colors(own, moment.is_day)
-            depths, marks = self._draw_exact(own) if depth or labels else (None, None)
-            for n, i in enumerate(members):
-                pictures[i] = Picture(
-                    colors[n],
-                    depths[n] if depth and depths is not None else None,
-                    marks[n] if labels and marks is not None else None,
-                )
-        return [pictures[i] for i in range(len(views))]
+        targets = [self._target(i, view) for i, view in enumerate(views)]
+        for target, view in zip(targets, views, strict=True):
+            target.begin()
+            self._draw_colors(view, moment.is_day)
+        for target in targets:
+            target.finish()
+        pictures = [Picture(target.read()) for target in targets]
+        if depth or labels:
+            exact = [self._draw_exact(view) for view in views]
+            pictures = [
+                replace(picture, depth=far if depth else None, labels=marks if labels else None)
+                for picture, (far, marks) in zip(pictures, exact, strict=True)
+            ]
+        return pictures
 
     # -- a view -----------------------------------------------------------------------------------------------------
 
-    def _draw_colors(self, views: Sequence[View], is_day: bool) -> np.ndarray:
-        key = views[0].intrinsics.width, views[0].intrinsics.height, len(views)
+    def _target(self, number: int, view: View) -> Target:
+        key = number, view.intrinsics.width, view.intrinsics.height
         if key not in self._targets:
-            self._targets[key] = Target(self._context, *key, self.quality.antialiasing)
-        target = self._targets[key]
-        for i, view in enumerate(views):
-            target.begin(i)
-            clip = self._look(view)
-            used: tuple[Variant, str, Lit] | None = None
-            for model, piece, bones, glow, lit in self._in_order(clip):
-                first, count, kind, textures = piece
-                counts = len(lit.casters), len(lit.beams), len(lit.lamps)
-                variant = Variant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
-                program = self._program(variant)
-                if (variant, textures, lit) != used:
-                    used = variant, textures, lit
-                    if textures:
-                        self._textures[textures].use(TEXTURES)
-                    for name, slots in zip(("casters", "beams", "lamp_numbers"), lit[:3], strict=True):
-                        if slots:
-                            write(program, name, np.array(slots, np.int32).tobytes())
-                if bones is not None and glow is not None:
-                    write(program, "bones", bones)
-                    write(program, "lamps", glow)
-                model.draw(program, first, count)
-            write(self._sky, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
-            self._context.disable(moderngl.CULL_FACE)
-            self._sky_corners.render(moderngl.TRIANGLES, 3)
-            self._context.enable(moderngl.CULL_FACE)
-        return target.read()
+            self._targets[key] = Target(self._context, *key[1:], self.quality.antialiasing)
+        return self._targets[key]
 
-    def _draw_exact(self, views: Sequence[View]) -> tuple[np.ndarray, np.ndarray]:
-        """Depths [m] and labels, shape (n, height, width) each."""
-        key = views[0].intrinsics.width, views[0].intrinsics.height, len(views)
+    def _draw_colors(self, view: View, is_day: bool) -> None:
+        clip = self._look(view)
+        used: tuple[Variant, str, Lit] | None = None
+        for model, piece, bones, glow, lit in self._in_order(clip):
+            first, count, kind, textures = piece
+            counts = len(lit.casters), len(lit.beams), len(lit.lamps)
+            variant = Variant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
+            program = self._program(variant)
+            if (variant, textures, lit) != used:
+                used = variant, textures, lit
+                if textures:
+                    self._textures[textures].use(TEXTURES)
+                for name, slots in zip(("casters", "beams", "lamp_numbers"), lit[:3], strict=True):
+                    if slots:
+                        write(program, name, np.array(slots, np.int32).tobytes())
+            if bones is not None and glow is not None:
+                write(program, "bones", bones)
+                write(program, "lamps", glow)
+            model.draw(program, first, count)
+        write(self._sky, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
+        self._context.disable(moderngl.CULL_FACE)
+        self._sky_corners.render(moderngl.TRIANGLES, 3)
+        self._context.enable(moderngl.CULL_FACE)
+
+    def _draw_exact(self, view: View) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """Depths [m] and labels, shape (height, width) each."""
+        key = view.intrinsics.width, view.intrinsics.height
         if key not in self._exact_targets:
             self._exact_targets[key] = ExactTarget(self._context, *key)
         target = self._exact_targets[key]
-        for i, view in enumerate(views):
-            target.begin(i)
-            for model, piece, bones, _, _ in self._seen(self._look(view)):
-                program = self._label_program(bones is not None)
-                if bones is not None:
-                    write(program, "bones", bones)
-                model.draw(program, *piece[:2])
+        target.begin()
+        for model, piece, bones, _, _ in self._seen(self._look(view)):
+            program = self._label_program(bones is not None)
+            if bones is not None:
+                write(program, "bones", bones)
+            model.draw(program, *piece[:2])
         depth, labels = target.read()
-        near = np.array([view.near for view in views])[:, None, None]
-        far = np.array([view.far for view in views])[:, None, None]
+        near, far = view.near, view.far
         # the inverse of the third row of `clip_from_optical`
         metres = far * near / (far - depth.astype(np.float64) * (far - near))
         return np.where(depth < 1.0, metres, np.inf).astype(np.float32), labels
