@@ -59,6 +59,7 @@ class Shadows:
         self.still, self._still_frame = self._map(self.still_size, self.still_size)
         self.caster, self._caster_frame = self._map(self.caster_size, self.caster_size)
         self.beam, self._beam_frame = self._map(self.beam_size * 2 * quality.beam_vehicles, self.beam_size)
+        self._rest = context.framebuffer([context.renderbuffer((1, 1), 4)])
         self._drawn_objects: bytes | None = None
         self._shades: list[BaseGeometry] = []
         """Where, on level ground, the shadow of each thing in the map of what stands still falls."""
@@ -91,6 +92,7 @@ class Shadows:
             self._shades.append(_shade(points[-1]))
         all_points = np.concatenate(points)
         if len(all_points) == 0:
+            self._still_frame.clear()
             return True
         in_sun = all_points @ self.sun.T
         low, high = in_sun.min(0) - 0.02, in_sun.max(0) + 0.02
@@ -168,6 +170,7 @@ class Shadows:
         self._context.polygon_offset = 1.5, 2.0
         self._context.disable(moderngl.CULL_FACE)
         yield
+        self._rest.clear()  # by turning to something else llvmpipe begins to draw this, while we go on
         self._context.enable(moderngl.CULL_FACE)
         self._context.polygon_offset = 0.0, 0.0
 

@@ -51,8 +51,7 @@ float sunlit() {
     vec3 at, off;
 #ifdef STILL
     at = in_sun * still_scale.xyz + still_offset.xyz;
-    off = abs(at - 0.5);
-    lit = max(off.x, max(off.y, off.z)) > 0.5 ? 1.0 : shadow(still_map, at, vec2(still_scale.w));
+    lit = shadow(still_map, at, vec2(still_scale.w));  // beyond its edge the map goes on empty
 #endif
     for (int i = 0; i < CASTERS; i++) {
         vec4 tile = caster_tile[casters[i]];
