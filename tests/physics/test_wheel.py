@@ -34,7 +34,7 @@ def test_tyre_force_never_exceeds_the_friction_limit_and_opposes_the_slip(
     ratio: float, angle: float, load: float
 ) -> None:
     fx, fy = wheel.tyre_force(ratio, angle, load, *CURVE, 0.2, 1.0, 0.5, 0.75, 1.2)
-    assert math.hypot(fx, fy) <= load * (1.0 + EXACT)
+    assert math.hypot(fx, fy) <= load * (1.0 + EXACT) + 1e-300  # denormal numbers have few digits
     assert fx * ratio >= 0.0 >= fy * angle
 
 
