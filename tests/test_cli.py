@@ -21,6 +21,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
 import autodrive
+from autodrive.render.png import decode_png
+from tests.render.scenes import needs_gl
 
 AUTODRIVE = [sys.executable, "-c", "from autodrive.cli import main; main()"]
 
@@ -159,6 +161,24 @@ def test_show_writes_an_occupancy_grid_and_labels(tmp_path: Path) -> None:
     about = yaml.safe_load((tmp_path / "maps/ros/curved_road.yaml").read_text())
     assert (tmp_path / "maps/ros" / about["image"]).read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     assert (tmp_path / "labels.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+@needs_gl
+@pytest.mark.parametrize("name", ["nigel", "straight_road"])
+def test_show_draws_things_as_they_look(tmp_path: Path, name: str) -> None:
+    done = call("show", name, "--3d", "look.png", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    picture = decode_png((tmp_path / "look.png").read_bytes())
+    assert picture.shape == (1000, 1600, 3)
+    assert picture.std() > 10.0
+
+
+@needs_gl
+@pytest.mark.parametrize(("file", "fault"), [("look.jpg", "ends in .png"), ("nowhere/look.png", "cannot be written")])
+def test_show_tells_why_it_cannot_draw(tmp_path: Path, file: str, fault: str) -> None:
+    done = call("show", "straight_road", "--3d", file, cwd=tmp_path)
+    assert done.returncode == 2
+    assert fault in done.stderr
 
 
 def test_show_prints_a_vehicle_field_by_field() -> None:

@@ -13,7 +13,7 @@ import shapely
 
 from autodrive.actuators.lights import LAMPS
 from autodrive.errors import AutodriveError
-from autodrive.render.asset import Asset, Label
+from autodrive.render.asset import Asset, Label, Material
 from autodrive.render.renderer import Renderer
 from autodrive.render.scene import Scene, rigid
 from autodrive.transforms import quaternion_from_euler
@@ -174,6 +174,29 @@ def test_headlights_throw_shadows(quality: str) -> None:
     assert behind.sum() > 50
     assert hidden[behind].mean() < 0.6 * free[behind].mean()
     assert hidden[beside].mean() == pytest.approx(free[beside].mean(), rel=0.02)
+
+
+def test_each_lamp_glows_by_its_own_name() -> None:
+    """Twelve glasses side by side: the one that is lit is bright, all others stay as they were."""
+    glass = Material("glass", (0.1, 0.1, 0.1), emission=(5.0, 5.0, 5.0))
+    # between the front lamps and the rear ones, which look away from it
+    places = [(0.1, 0.06 * (i - 5.5), 0.0) for i in range(len(LAMPS))]
+    nodes = tuple(
+        node(f"lamp_{lamp}", box(place, (0.02, 0.03, 0.03), glass, Label.VEHICLE), lamp=lamp)
+        for lamp, place in zip(LAMPS, places, strict=True)
+    )
+    look = view(-0.9, 0.0, 0.0)
+    k = look.intrinsics
+    world = Scene(Asset("nothing", ()), [Asset("car", nodes)], [], [scenes.lights()])
+    with Renderer(world) as renderer:
+        dark = luminance(renderer.draw(moment(1, is_day=False), [look])[0].rgba)
+        for i in range(len(LAMPS)):
+            lit = moment(1, is_day=False)
+            lit.vehicles["lamps"][0, i] = 1.0
+            seen = luminance(renderer.draw(lit, [look])[0].rgba)
+            columns = [round(k.cx - k.fx * y / (x + 0.9 - 0.01)) for x, y, _ in places]
+            brighter = [seen[120, u] - dark[120, u] > 100.0 for u in columns]
+            assert brighter == [j == i for j in range(len(LAMPS))], LAMPS[i]
 
 
 def test_the_same_moment_gives_the_same_bytes_also_from_another_renderer() -> None:
