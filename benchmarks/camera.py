@@ -3,8 +3,8 @@
     uv run benchmarks/camera.py [--frames N]
 
 Wall time and CPU time of all cores [ms], medians; configurations take turns, so that all meet the same machine. The
-limit is that of a car with both cameras at 30 Hz which leaves a third of two cores free. With --frames: draws so many
-more and tells how much memory they left behind.
+limits are what we want to stay below on two cores that do nothing else. With --frames: draws so many more and tells how
+much memory they left behind.
 """
 
 from __future__ import annotations

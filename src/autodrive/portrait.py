@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,17 +15,15 @@ from autodrive.descriptions import Kind
 from autodrive.maps.draw import module_alone
 from autodrive.maps.map import Map, load_map
 from autodrive.maps.solids import BoxPlacement
-from autodrive.protocol.messages import CameraIntrinsics
 from autodrive.render.asset import Asset, Label, Material, Node, Surface
 from autodrive.render.moment import Moment
 from autodrive.render.png import write_png
 from autodrive.render.renderer import Renderer
 from autodrive.render.scene import Scene
 from autodrive.render.view import View
+from autodrive.render.viewpoints import orbit
 from autodrive.scenario import load_scenario
-from autodrive.sensors.camera import OPTICAL
-from autodrive.transforms import compose, quaternion_from_euler, quaternion_from_yaw, rotate
-from autodrive.units import DEGREE
+from autodrive.transforms import quaternion_from_yaw, rotation_from_quaternion
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
 
 if TYPE_CHECKING:
@@ -33,8 +31,8 @@ if TYPE_CHECKING:
 
 SIZE = 1600, 1000
 """Of a picture [pixels]; it is drawn at twice the size and made smaller, so that edges are smooth."""
-FIELD_OF_VIEW = 28 * DEGREE
-"""Vertical; a long lens shows proportions as they are."""
+FIELD_OF_VIEW_DEG = 28.0
+"""Vertical [degree]; a long lens shows proportions as they are."""
 
 
 def portrait(kind: Kind, name: str, path: Path, *, is_day: bool = True) -> None:
@@ -42,7 +40,7 @@ def portrait(kind: Kind, name: str, path: Path, *, is_day: bool = True) -> None:
     if kind == "vehicle":
         spec = load_vehicle(name)
         scene, moment = _standing(spec)
-        view = framed(_vehicle_box(spec), 32.0 * DEGREE, 22.0 * DEGREE, 2 * SIZE[0], 2 * SIZE[1])
+        view = framed(_vehicle_box(spec), 32.0, 22.0, 2 * SIZE[0], 2 * SIZE[1])
     else:
         if kind == "scenario":
             compiled = compile_scenario(load_scenario(name))
@@ -50,26 +48,23 @@ def portrait(kind: Kind, name: str, path: Path, *, is_day: bool = True) -> None:
         else:
             map_ = module_alone(name) if kind == "module" else load_map(name)
             scene, moment = _empty(map_)
-        view = framed(_map_box(map_), -62.0 * DEGREE, 38.0 * DEGREE, 2 * SIZE[0], 2 * SIZE[1])
+        view = framed(_map_box(map_), -62.0, 38.0, 2 * SIZE[0], 2 * SIZE[1])
     moment.header["is_day"] = is_day
     with Renderer(scene, "gpu") as renderer:
         write_png(path, _halved(renderer.draw(moment, [view])[0].rgba[..., :3]))
 
 
-def framed(box: NDArray[np.float64], azimuth: float, elevation: float, width: int, height: int) -> View:
+def framed(box: NDArray[np.float64], azimuth_deg: float, elevation_deg: float, width: int, height: int) -> View:
     """From that direction, as near as shows all of a box: its least and greatest corner [m], shape (2, 3)."""
-    turn = quaternion_from_euler(0.0, elevation, azimuth + math.pi)
-    forward, left, up = (np.array(rotate(turn, axis)) for axis in ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)))
-    tan_y = math.tan(0.5 * FIELD_OF_VIEW)
-    tan_x = tan_y * width / height
-    middle = box.mean(axis=0)
+    x, y, z = middle = box.mean(axis=0).tolist()
+    ahead = orbit((x, y, z), 1.0, azimuth_deg, elevation_deg, FIELD_OF_VIEW_DEG).view(width, height)
+    right, down, forward = np.reshape(rotation_from_quaternion(ahead.orientation), (3, 3)).T
+    k = ahead.intrinsics
     corners = np.array([(x, y, z) for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]]) - middle
-    across = np.maximum(np.abs(corners @ left) / tan_x, np.abs(corners @ up) / tan_y)
+    across = np.maximum(np.abs(corners @ right) * k.fx / k.cx, np.abs(corners @ down) * k.fy / k.cy)
     distance = 1.04 * float(np.max(across - corners @ forward))
-    x, y, z = (middle - distance * forward).tolist()
-    f = 0.5 * height / tan_y
-    intrinsics = CameraIntrinsics(width, height, f, f, 0.5 * width, 0.5 * height)
-    return View((x, y, z), compose(turn, OPTICAL), intrinsics, near=0.02 * distance)
+    far = orbit((x, y, z), distance, azimuth_deg, elevation_deg, FIELD_OF_VIEW_DEG)
+    return replace(far, near=0.02 * distance).view(width, height)
 
 
 # -- what is in the picture -------------------------------------------------------------------------------------
@@ -77,14 +72,12 @@ def framed(box: NDArray[np.float64], azimuth: float, elevation: float, width: in
 
 def _standing(spec: VehicleSpec) -> tuple[Scene, Moment]:
     """A vehicle on a plain light floor."""
-    n, edge = 48, 12.0  # many small squares: a triangle that reaches behind the camera shows its edges
-    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-edge, edge, n + 1), np.linspace(-edge, edge, n + 1)))
-    corner = (np.arange(n) + (n + 1) * np.arange(n)[:, None]).ravel()[:, None]
+    edge = 12.0
     floor = Surface(
         Material("studio", (0.62, 0.63, 0.65), roughness=0.9),
-        np.column_stack([x, y, np.zeros_like(x)]).astype(np.float32),
-        np.tile(np.array([0, 0, 1], np.float32), (len(x), 1)),
-        np.concatenate([corner + np.array(of) for of in ((0, 1, n + 2), (0, n + 2, n + 1))]).astype(np.uint32),
+        np.array([(-edge, -edge, 0), (edge, -edge, 0), (edge, edge, 0), (-edge, edge, 0)], np.float32),
+        np.tile(np.array([0, 0, 1], np.float32), (4, 1)),
+        np.array([(0, 1, 2), (0, 2, 3)], np.uint32),
         Label.GROUND,
     )
     studio = Asset("studio", (Node("floor", surfaces={"full": (floor,)}),))
