@@ -26,7 +26,7 @@ TILES = 4
 """The vehicles' map has as many by as many tiles."""
 CASTERS = TILES * TILES
 BEAMS = 8
-"""Headlights that cast shadows at once."""
+"""Slots for headlights that cast shadows."""
 BONES = 24
 """A vehicle has no more."""
 
@@ -58,7 +58,9 @@ class Shadows:
         self.still_size, self.caster_size, self.beam_size = quality.still_map, quality.caster_map, quality.beam_map
         self.still, self._still_frame = self._map(self.still_size, self.still_size)
         self.caster, self._caster_frame = self._map(self.caster_size, self.caster_size)
-        self.beam, self._beam_frame = self._map(self.beam_size * 2 * quality.beam_vehicles, self.beam_size)
+        self.beams = min(4 * quality.beam_vehicles, BEAMS - 2)
+        """How many headlights can cast shadows: low and high beam on both sides; even, and two slots stay empty."""
+        self.beam, self._beam_frame = self._map(self.beam_size * self.beams, self.beam_size)
         self._rest = context.framebuffer([context.renderbuffer((1, 1), 4)])
         self._drawn_objects: bytes | None = None
         self._shades: list[BaseGeometry] = []
@@ -141,13 +143,13 @@ class Shadows:
 
         A vehicle does not stand in its own light. The results, shape (n, 4, 4), lead to [0, 1] of the whole map.
         """
-        width = self.beam.size[0] // self.beam_size
         matrices = np.zeros((len(lamps), 4, 4))
         with self._drawing(self._beam_frame):
-            self._beam_frame.clear()
             for slot, (lamp, owner) in enumerate(zip(lamps, owners, strict=True)):
                 clip = beam_matrix(lamp["place"], lamp["aim"], lamp["up"], lamp["cos_outer"], lamp["range"])
-                self._beam_frame.viewport = (slot * self.beam_size, 0, self.beam_size, self.beam_size)
+                place = (slot * self.beam_size, 0, self.beam_size, self.beam_size)
+                self._beam_frame.clear(viewport=place)
+                self._beam_frame.viewport = place
                 write(self._fixed, "clip_from_map", columns(clip))
                 self._static.draw(self._fixed)
                 self._draw_objects(clip, objects)
@@ -155,8 +157,8 @@ class Shadows:
                 for vehicle in np.nonzero((ahead > -self._extent) & (ahead < lamp["range"]))[0].tolist():
                     if vehicle != owner:
                         self._draw_vehicle(vehicle, clip, bones[vehicle])
-                tile = np.diag([1.0 / width, 1.0, 1.0, 1.0])
-                tile[0, 3] = slot / width
+                tile = np.diag([1.0 / self.beams, 1.0, 1.0, 1.0])
+                tile[0, 3] = slot / self.beams
                 matrices[slot] = tile @ CLIP_TO_MAP @ clip
         return matrices
 

@@ -185,7 +185,7 @@ class Stage:
         rank = np.argsort(np.array(near))[owner]  # 0: of the vehicle nearest to a camera
         casting = is_headlight & (rank < self._quality.beam_vehicles)
         order = np.lexsort((rank, ~casting))
-        beams = order[: min(int(casting.sum()), NO_BEAM - NO_BEAM % 2)]
+        beams = order[: min(int(casting.sum()), self._shadows.beams)]
         others = [i for i in order if i not in set(beams.tolist())][: NO_LAMP - BEAMS]
         frame = self.frame
         if len(beams):
