@@ -22,11 +22,25 @@ class Pace:
         self.late_ticks = 0
         self.real_time_factor = 0.0
         self._tick_duration = tick_duration
+        self._simulated_before = (0.0, 0)
         self._due = 0.0
         self._started: float | None = None
         self._time_before = 0.0
         self._measured_from = (0.0, 0)
         self._quiet_until = float("-inf")
+
+    @property
+    def simulated_time(self) -> float:
+        """Simulated time that all ticks took [s]."""
+        time, ticks = self._simulated_before
+        return time + (self.ticks - ticks) * self._tick_duration
+
+    def set_tick_duration(self, tick_duration: float, now: float) -> None:
+        """Go on with ticks of another length [s], as after a rest."""
+        self._simulated_before = (self.simulated_time, self.ticks)
+        self._tick_duration = tick_duration
+        if self._started is not None:
+            self.restart(now)
 
     def restart(self, now: float) -> None:
         """Begin, or begin anew after a rest: the next tick is due now."""

@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections import deque
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
@@ -18,6 +19,7 @@ from autodrive.protocol.messages import (
     Frame,
     Headlights,
     Indicators,
+    LoadScenario,
     Pause,
     Request,
     Reset,
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 Source: TypeAlias = Literal["script", "person"]
 """Where a command comes from. A vehicle in autonomous mode obeys scripts, in manual mode a person."""
 
+NO_ORDERS: Mapping[str, Command] = {}
+
 log = logging.getLogger(__name__)
 
 LOOK = 0.01
@@ -49,15 +53,24 @@ class Sink(Protocol):
 
 
 class Simulation:
-    """One World, ticking in real time, at another speed, or as fast as it can.
+    """One World at a time, ticking in real time, at another speed, or as fast as it can.
 
-    `speed` is simulated seconds per wall second, None for as fast as possible. All methods may be called from any
-    thread; only the simulation's own thread touches the World.
+    `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario's
+    name, for `LoadScenario`, and raises `AutodriveError` where it cannot. All methods may be called from any thread;
+    only the simulation's own thread touches the World.
     """
 
-    def __init__(self, world: World, *, speed: float | None = 1.0, is_paused: bool = False) -> None:
+    def __init__(
+        self,
+        world: World,
+        *,
+        speed: float | None = 1.0,
+        is_paused: bool = False,
+        load: Callable[[str], World] | None = None,
+    ) -> None:
         _check_speed(speed)
         self.world = world
+        self._load = load
         self._is_paused = is_paused
         self._pace = Pace(world.tick_duration, speed)
         self._frame = world.frame
@@ -99,7 +112,7 @@ class Simulation:
     @property
     def simulated_time(self) -> float:
         """Simulated time that has passed here [s]; a Reset does not take it back."""
-        return self._pace.ticks * self.world.tick_duration
+        return self._pace.simulated_time
 
     @property
     def running_time(self) -> float:
@@ -241,7 +254,8 @@ class Simulation:
                 self._mail.wait(delay)
         return False
 
-    def _tick(self) -> None:
+    def _tick(self, orders: Mapping[str, Command] = NO_ORDERS) -> None:
+        """One tick with the mail of those who drive, and with `orders`, which count for more."""
         with self._mail:
             mail, self._commands = self._commands, {}
         commands: dict[str, Command] = {}
@@ -249,7 +263,7 @@ class Simulation:
             command = mail.get((name, "script" if vehicle.is_autonomous else "person"))
             if command is not None:
                 commands[name] = command
-        self._publish(self.world.step(commands))
+        self._publish(self.world.step({**commands, **orders}))
         if self._pace.count(time.perf_counter()):
             log.warning("cannot keep up with speed %g: simulated time slows down", self.speed)
 
@@ -285,8 +299,10 @@ class Simulation:
             case Resume():
                 self._is_paused = False
                 self._pace.restart(time.perf_counter())
-            case Step(ticks=ticks):
-                self._step(ticks)
+            case Step(ticks=ticks, commands=commands):
+                self._step(ticks, commands)
+            case LoadScenario(name=name):
+                self._load_world(name)
             case SetSpeed(factor=factor):
                 self._pace.set_speed(factor, time.perf_counter())
             case Reset(seed=seed):
@@ -300,12 +316,22 @@ class Simulation:
         if self.world.frame is not self._frame:
             self._publish(self.world.frame)
 
-    def _step(self, ticks: int) -> None:
+    def _step(self, ticks: int, commands: dict[str, Command]) -> None:
         """Ticks of a Step, at once. While running there is nothing to do: time passes anyway."""
         for _ in range(ticks if self.is_paused else 0):
             if self._is_stopping:
                 break
-            self._tick()
+            self._tick(commands)
+            commands = {}
+
+    def _load_world(self, name: str) -> None:
+        """The World of another scenario in the place of this one, which stays if the other cannot be made."""
+        assert self._load is not None
+        before, self.world = self.world, self._load(name)
+        before.close()
+        with self._mail:
+            self._commands = {}
+        self._pace.set_tick_duration(self.world.tick_duration, time.perf_counter())
 
     # -- checks at the door -------------------------------------------------------------------------------------
 
@@ -324,8 +350,14 @@ class Simulation:
         match request:
             case SetSpeed(factor=factor):
                 _check_speed(factor)
-            case Step(ticks=ticks) if ticks < 1:
-                raise CommandError(f"a Step runs 1 tick or more, not {ticks}")
+            case Step(ticks=ticks, commands=commands):
+                if ticks < 1:
+                    raise CommandError(f"a Step runs 1 tick or more, not {ticks}")
+                for vehicle, command in commands.items():
+                    self._check_vehicle(vehicle)
+                    _check_command(vehicle, command)
+            case LoadScenario() if self._load is None:
+                raise CommandError("this Simulation was made for one World and loads no other scenario")
             case SetDrivingMode(vehicle=vehicle):
                 self._check_vehicle(vehicle)
             case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):

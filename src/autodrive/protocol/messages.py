@@ -8,15 +8,13 @@ which it was measured. (`gc=False`: what cannot be part of a cycle need not be s
 from __future__ import annotations
 
 import enum
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Array: TypeAlias = NDArray[np.float64]
+Array: TypeAlias = NDArray[np.float64]
 
 
 class Headlights(enum.IntEnum):
@@ -75,9 +73,13 @@ class Resume(msgspec.Struct, frozen=True, tag=True):
 
 
 class Step(msgspec.Struct, frozen=True, tag=True):
-    """Run `ticks` ticks while paused."""
+    """Run `ticks` ticks while paused, the first of them with these commands, by vehicle.
+
+    A command of a Step is obeyed whatever the driving mode: who moves time drives.
+    """
 
     ticks: int = 1
+    commands: dict[str, Command] = {}
 
 
 class SetSpeed(msgspec.Struct, frozen=True, tag=True):
@@ -108,7 +110,13 @@ class SetDrivingMode(msgspec.Struct, frozen=True, tag=True):
     is_autonomous: bool
 
 
-Request: TypeAlias = Reset | Pause | Resume | Step | SetSpeed | Teleport | SetSceneLight | SetDrivingMode
+class LoadScenario(msgspec.Struct, frozen=True, tag=True):
+    """Go over to the scenario of that name; readers stay connected."""
+
+    name: str
+
+
+Request: TypeAlias = Reset | Pause | Resume | Step | SetSpeed | Teleport | SetSceneLight | SetDrivingMode | LoadScenario
 
 
 # -- readings ---------------------------------------------------------------------------------------------------
@@ -310,7 +318,7 @@ class BackOnRoad(msgspec.Struct, frozen=True, tag=True):
 Event: TypeAlias = Collision | OffRoad | BackOnRoad
 
 
-class Frame(msgspec.Struct, frozen=True, gc=False):
+class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     """The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
 
     `events` are those of this tick, in order. `scene_light` is True by day.
