@@ -16,7 +16,7 @@ LAYERS: list[set[str]] = [
     {"protocol", "model", "state", "transforms", "units", "errors", "descriptions", "cache", "jit", "pace"},
     {"actuators", "physics", "render", "sensors"},
     {"scenario", "vehicles", "maps"},
-    {"world", "compile", "referee", "assets", "cameras"},
+    {"world", "compile", "referee", "assets", "cameras", "scenery"},
     {"simulation", "camera_link", "camera_process", "jpeg"},
     {"app", "bridge", "recording", "envs", "batch", "browse", "doctor", "generate", "camera_watch", "portrait"},
     {"cli"},

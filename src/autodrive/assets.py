@@ -64,18 +64,30 @@ def box(size: tuple[float, float, float]) -> Asset:
     return _asset("box", size)
 
 
+def file(kind: Kind, of: Any) -> tuple[str, bytes]:
+    """Name and content of the .glb file of a vehicle (its spec), a map or a box (its size); same name, same content."""
+    name = _file_name(kind, of)
+    return name, _kept(name, lambda: _build(kind, of))[1]
+
+
 def kept(name: str, build: Callable[[], Asset]) -> Asset:
     """The asset that `build` makes, read from the file of that name if it was built before.
 
     A file that is damaged is built anew; where nothing can be kept, the asset is just built.
     """
+    return _kept(name, build)[0]
+
+
+def _kept(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
+    """The asset, and its file's content."""
     path = _folder() / name
     with contextlib.suppress(OSError, ValueError):
-        return read_glb(path.read_bytes())
+        data = path.read_bytes()
+        return read_glb(data), data
     data = write_glb(build())
     with contextlib.suppress(OSError):
         _write(path, data)
-    return read_glb(data)  # as the next start will have it: a texture has been through its JPEG
+    return read_glb(data), data  # as the next start will have it: a texture has been through its JPEG
 
 
 @cache

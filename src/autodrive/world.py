@@ -75,6 +75,8 @@ class World:
         self.map = compiled.map
         self.vehicle_specs = compiled.vehicles
         self.vehicle_names = list(compiled.vehicles)
+        self.boxes = dict(zip(compiled.objects, compiled.boxes, strict=True))
+        """The movable objects of a Frame, as they were placed."""
         self.tick_duration = compiled.spec.tick
         self._seed = compiled.spec.seed
         self._substeps = compiled.spec.substeps

@@ -1,0 +1,90 @@
+"""What a viewer needs to draw a world: its Scene, and the .glb files that the Scene names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from autodrive import assets
+from autodrive.actuators.lights import LAMPS, LightsSpec
+from autodrive.protocol.messages import Pose
+from autodrive.protocol.native import Lamp, Scene, VehicleScene
+from autodrive.render.look import light_table
+from autodrive.render.viewpoints import scene_cameras
+
+if TYPE_CHECKING:
+    from autodrive.sensors.sensor import Mount
+    from autodrive.vehicles.spec import VehicleSpec
+    from autodrive.world import World
+
+FOLDER = "scene"
+"""Of the files, relative to the page."""
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """A world's Scene and the content of its files by name; equal things share a file."""
+
+    scene: Scene
+    files: dict[str, bytes]
+
+    @staticmethod
+    def of(world: World, scenario: str) -> Scenery:
+        """For that world, which was made of the scenario of that name. What was never drawn on this machine is built."""
+        files = _Files()
+        scene = Scene(
+            scenario=scenario,
+            title=world.spec.title,
+            map=world.spec.map,
+            tick=world.tick_duration,
+            model=files.url("map", world.map),
+            vehicles={
+                name: _vehicle(spec, world.spec.vehicles[name].type, files)
+                for name, spec in world.vehicle_specs.items()
+            },
+            objects={name: files.url("box", box.size) for name, box in world.boxes.items()},
+            light_table=light_table(),
+            scene_cameras=scene_cameras(),
+        )
+        return Scenery(scene, files.content)
+
+
+@dataclass
+class _Files:
+    content: dict[str, bytes] = field(default_factory=dict)
+
+    def url(self, kind: assets.Kind, of: Any) -> str:
+        """Relative to the page."""
+        name, data = assets.file(kind, of)
+        self.content[name] = data
+        return f"{FOLDER}/{name}"
+
+
+def _vehicle(spec: VehicleSpec, type_: str, files: _Files) -> VehicleScene:
+    lidar = spec.sensors.lidar
+    return VehicleScene(
+        type=type_,
+        model=files.url("vehicle", spec),
+        half_length=0.5 * max(spec.size),
+        steering_limit=spec.steering.limit,
+        lamps=_lamps(spec.lights),
+        cameras=list(spec.cameras),
+        lidar=lidar and _pose(lidar.mount),
+    )
+
+
+def _lamps(lights: LightsSpec) -> dict[str, Lamp]:
+    """Each lamp of each side."""
+    lamps = {}
+    for name in LAMPS:
+        lamp, _, side = name.rpartition("_")
+        spec = getattr(lights, lamp)
+        x, y, z = spec.position
+        lamps[name] = Lamp((x, y if side == "left" else -y, z), spec.color, spec.range)
+    return lamps
+
+
+def _pose(mount: Mount) -> Pose:
+    return Pose(np.array(mount.position), np.array(mount.orientation))
