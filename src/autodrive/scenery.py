@@ -32,7 +32,7 @@ class Scenery:
 
     @staticmethod
     def of(world: World, scenario: str) -> Scenery:
-        """For that world, which was made of the scenario of that name. What was never drawn on this machine is built."""
+        """For that world, made of the scenario of that name. What was never drawn on this machine is built first."""
         files = _Files()
         scene = Scene(
             scenario=scenario,
