@@ -71,3 +71,15 @@ def test_ticks_counted_at_rest_are_not_judged() -> None:
     pace = Pace(TICK, 1.0)
     assert not pace.count(1e6)
     assert (pace.ticks, pace.late_ticks) == (1, 0)
+
+
+def test_simulated_time_counts_ticks_at_the_length_that_they_had() -> None:
+    pace = Pace(0.01, 1.0)
+    pace.restart(0.0)
+    for _ in range(10):
+        pace.count(0.0)
+    pace.set_tick_duration(0.02, 0.1)
+    for _ in range(10):
+        pace.count(0.1)
+    assert pace.simulated_time == pytest.approx(10 * 0.01 + 10 * 0.02)
+    assert pace.delay(0.1) == pytest.approx(0.2)

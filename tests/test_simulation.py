@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import autodrive
-from autodrive import Command, CommandError, Frame, Simulation
+from autodrive import Command, CommandError, Frame, Simulation, SpecError
 from autodrive.protocol.messages import (
     Headlights,
+    LoadScenario,
     Pause,
     Reset,
     Resume,
@@ -250,6 +251,41 @@ def test_steps_run_exactly_that_many_ticks_while_paused(simulation: Simulation) 
     assert simulation.request(Step(3)).result(PATIENCE).tick == paused.tick + 3
     time.sleep(0.05)
     assert simulation.frame.tick == paused.tick + 3
+
+
+def test_the_commands_of_a_step_are_for_its_first_tick_and_count_whoever_drives(world: World) -> None:
+    with Simulation(world, is_paused=True) as simulation:
+        simulation.request(SetDrivingMode("V1", is_autonomous=False))
+        frame = simulation.request(Step(50, {"V1": Command(0.5)})).result(PATIENCE)
+    world.reset(0)
+    alone = [world.step({"V1": Command(0.5)})] + [world.step() for _ in range(49)]
+    assert frame.vehicles["V1"].speed == alone[-1].vehicles["V1"].speed > 0.1
+
+
+def test_another_scenario_takes_the_place_of_the_world_and_readers_stay(world: World) -> None:
+    recorder = Recorder()
+    with Simulation(world, is_paused=True, load=autodrive.make) as simulation:
+        simulation.add_sink(recorder)
+        simulation.request(Step(10)).result(PATIENCE)
+        frame = simulation.request(LoadScenario("two_cars")).result(PATIENCE)
+        assert (frame.tick, list(frame.vehicles)) == (0, ["V1", "V2"])
+        assert recorder.frames[-1] is frame
+        simulation.submit("V2", Command(0.5))
+        simulation.request(Step(5)).result(PATIENCE)
+        assert (simulation.ticks, simulation.simulated_time) == (15, pytest.approx(0.15))
+
+
+def test_a_scenario_that_cannot_be_loaded_leaves_the_world_as_it_is(world: World) -> None:
+    with Simulation(world, is_paused=True, load=autodrive.make) as simulation:
+        with pytest.raises(SpecError, match="scenario 'nix' is not known"):
+            simulation.request(LoadScenario("nix")).result(PATIENCE)
+        assert simulation.request(Step(3)).result(PATIENCE).tick == 3
+        assert simulation.world is world
+
+
+def test_a_simulation_of_one_world_loads_no_other(simulation: Simulation) -> None:
+    with pytest.raises(CommandError, match="loads no other scenario"):
+        simulation.request(LoadScenario("plane"))
 
 
 def test_a_pause_is_no_debt_to_be_caught_up(world: World) -> None:
