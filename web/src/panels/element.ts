@@ -1,0 +1,39 @@
+// Elements of the page in a line: h('button', { class: 'quiet', onclick: ... }, 'Menu').
+
+export type Child = Node | string | null | undefined | false
+
+/** Attributes as HTML writes them; `on...` are listeners; true is an empty attribute; false, null, undefined none. */
+export type Attributes = Record<string, string | number | boolean | null | undefined | ((event: never) => void)>
+
+/** A new element. `testid` becomes data-testid. */
+export function h<Tag extends keyof HTMLElementTagNameMap>(
+  tag: Tag,
+  attributes: Attributes = {},
+  ...children: Child[]
+): HTMLElementTagNameMap[Tag] {
+  const element = document.createElement(tag)
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === 'function') element.addEventListener(name.slice(2), value as EventListener)
+    else if (value !== false && value !== null && value !== undefined)
+      element.setAttribute(name === 'testid' ? 'data-testid' : name, value === true ? '' : String(value))
+  }
+  element.append(...children.filter((child): child is Node | string => child instanceof Node || Boolean(child)))
+  return element
+}
+
+/** An icon of one path on a 24 x 24 grid, in the colour of the text. */
+export function icon(path: string): SVGSVGElement {
+  const svg = document.createElementNS('http://www.w3.org/2000/svg', 'svg')
+  svg.setAttribute('viewBox', '0 0 24 24')
+  svg.setAttribute('class', 'icon')
+  svg.setAttribute('aria-hidden', 'true')
+  const shape = document.createElementNS('http://www.w3.org/2000/svg', 'path')
+  shape.setAttribute('d', path)
+  svg.append(shape)
+  return svg
+}
+
+/** Sets the text where it is another, which spares the browser a layout and a reader the repetition. */
+export function setText(element: HTMLElement, text: string): void {
+  if (element.textContent !== text) element.textContent = text
+}

@@ -1,0 +1,48 @@
+// The bar on top: Menu, title, how the simulation runs, help, HUD.
+import type { Store } from '../store'
+import type { Signal } from '../signal'
+import { h, icon, setText } from './element'
+
+const MENU = 'M4 7h16M4 12h16M4 17h16'
+const HUD = 'M4 19a8 8 0 1 1 16 0M12 19l4-6'
+
+export function toolbar(store: Store): HTMLElement {
+  const help = h('button', { class: 'round', testid: 'help', 'aria-label': 'Help', title: 'Keys and controls (?)' }, '?')
+  return h(
+    'header',
+    { class: 'toolbar' },
+    opener('menu', 'Menu', MENU, 'M', store.isMenuOpen),
+    h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
+    run(store),
+    help,
+    opener('hud', 'HUD', HUD, 'U', store.isHudOpen),
+  )
+}
+
+/** The button that shows and hides a panel. */
+function opener(id: string, label: string, path: string, key: string, isOpen: Signal<boolean>): HTMLElement {
+  const button = h(
+    'button',
+    {
+      testid: `${id}-button`,
+      'aria-controls': id,
+      title: `${label} (${key})`,
+      onclick: () => (isOpen.value = !isOpen.value),
+    },
+    icon(path),
+    label,
+  )
+  isOpen.watch((value) => button.setAttribute('aria-expanded', String(value)))
+  return button
+}
+
+/** Whether simulated time runs, and how fast. */
+function run(store: Store): HTMLElement {
+  const text = h('span', { class: 'run', testid: 'run', title: 'Simulated seconds per second that were reached' })
+  store.status.watch((status) => {
+    if (!status) return setText(text, '')
+    setText(text, status.is_paused ? 'Paused' : `${status.real_time_factor.toFixed(2)} ×`)
+    text.dataset.state = status.is_paused ? 'paused' : 'running'
+  })
+  return text
+}
