@@ -1,0 +1,20 @@
+"""The AutoDRIVE devkit in Python, without further packages: vehicles, traffic lights, and the server that a script is.
+
+A script of the devkits of 2022 to 2025 runs with one changed line, `from autodrive import devkit as autodrive`. A new
+one needs no server of its own:
+
+    from autodrive.devkit import Nigel, drive
+
+    nigel = Nigel("V1")
+
+    def step():
+        nigel.throttle_command = 0.5
+        nigel.steering_command = 0.2 if nigel.lidar_range_array.min(initial=9.0) < 0.3 else 0.0
+
+    drive(step, nigel)
+"""
+
+from autodrive.devkit.server import Server, drive
+from autodrive.devkit.vehicles import F1TENTH, Nigel, TrafficLight, Vehicle
+
+__all__ = ["F1TENTH", "Nigel", "Server", "TrafficLight", "Vehicle", "drive"]

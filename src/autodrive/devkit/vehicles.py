@@ -1,0 +1,174 @@
+"""Nigel, F1TENTH and TrafficLight as the AutoDRIVE devkits have them: telemetry in, commands out, all as flat texts.
+
+Names, units and signs are those of the devkits of 2022 to 2025, so that their scripts run unchanged; numbers stand as
+the simulator told them. What is missing in a message keeps its last value, where the original raised KeyError.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+
+GZIP_IN_BASE64 = "H4s"
+"""How a text begins that is base64 of gzip: the scans of 2025."""
+
+
+class Vehicle:
+    """A vehicle of the simulator, by its name `id` ('V1', 'V2', ...); '' is the only one of the simulator of 2020.
+
+    Told, None until the first message: `throttle` [-1, 1]; `steering` [rad]; `speed` [m/s] (since 2025);
+    `encoder_ticks`, `encoder_angles` [rad], shape (2,), left and right; `position` [m], shape (3,);
+    `orientation_quaternion` xyzw; `orientation_euler_angles` [rad] in [0, 2 pi), `angular_velocity` [rad/s] and
+    `linear_acceleration` [m/s^2], shape (3,); `lidar_scan_rate` [Hz]; `lidar_range_array` [m] with inf for no return,
+    straight ahead first, then to the left, and `lidar_intensity_array`, both empty before the first scan;
+    `front_camera_image`, `rear_camera_image`: BGR uint8, shape (height, width, 3), decoded when first looked at.
+
+    Commands: `throttle_command` and `steering_command` [-1, 1]. A positive steering command turns right, and left if
+    `reset_command` is not None: that is how the simulator tells scripts of 2025 from older ones.
+    """
+
+    def __init__(self, id: str | None = None) -> None:
+        self.id = id
+        self.throttle: float | None = None
+        self.steering: float | None = None
+        self.speed: float | None = None
+        self.encoder_ticks: NDArray[np.int64] | None = None
+        self.encoder_angles: NDArray[np.float64] | None = None
+        self.position: NDArray[np.float64] | None = None
+        self.orientation_quaternion: NDArray[np.float64] | None = None
+        self.orientation_euler_angles: NDArray[np.float64] | None = None
+        self.angular_velocity: NDArray[np.float64] | None = None
+        self.linear_acceleration: NDArray[np.float64] | None = None
+        self.lidar_scan_rate: float | None = None
+        self.lidar_range_array: NDArray[np.float64] | None = None
+        self.lidar_intensity_array: NDArray[np.float64] | None = None
+        self.throttle_command: float | None = None
+        self.steering_command: float | None = None
+        self.reset_command: bool | None = None
+        self._pictures: dict[str, str | NDArray[np.uint8]] = {}
+
+    @property
+    def front_camera_image(self) -> NDArray[np.uint8] | None:
+        """BGR uint8, shape (height, width, 3); None before the first."""
+        return self._picture("Front Camera Image")
+
+    @property
+    def rear_camera_image(self) -> NDArray[np.uint8] | None:
+        """BGR uint8, shape (height, width, 3); None before the first."""
+        return self._picture("Rear Camera Image")
+
+    def parse_data(self, data: Mapping[str, Any], verbose: bool = False) -> None:
+        """Take what a message of the simulator tells about this vehicle; `verbose` prints it."""
+        for attribute, (key, read) in _TOLD.items():
+            if (text := data.get(self._prefix + key)) is not None:
+                setattr(self, attribute, read(text))
+        for key in ("Front Camera Image", "Rear Camera Image"):
+            if text := data.get(self._prefix + key):
+                self._pictures[key] = text
+        if verbose:
+            self._print("Receive Data from", [*_TOLD])
+
+    def generate_commands(self, verbose: bool = False) -> dict[str, str]:
+        """The commands as a message to the simulator; what was never set is left out. `verbose` prints them."""
+        told = {key: getattr(self, attribute, None) for attribute, key in _COMMANDS.items()}
+        if verbose:
+            self._print("Transmit Data to", [one for one in _COMMANDS if hasattr(self, one)])
+        return {self._prefix + key: str(value) for key, value in told.items() if value is not None}
+
+    @property
+    def _prefix(self) -> str:
+        return f"{self.id} " if self.id else ""
+
+    def _picture(self, key: str) -> NDArray[np.uint8] | None:
+        kept = self._pictures.get(key)
+        if isinstance(kept, str):
+            kept = self._pictures[key] = simplejpeg.decode_jpeg(base64.b64decode(kept), colorspace="BGR")
+        return kept
+
+    def _print(self, title: str, attributes: list[str]) -> None:
+        print(f"\n-- {title} {self.id or 'the vehicle'} --")
+        for attribute in attributes:
+            print(f"{attribute.replace('_', ' '):<26} {getattr(self, attribute)}")
+
+
+class Nigel(Vehicle):
+    """The 1:14 car: a `Vehicle` with lamps.
+
+    `headlights_command`: 0 off, 1 low, 2 high. `indicators_command`: 0 off, 1 left, 2 right, 3 hazard.
+    """
+
+    def __init__(self, id: str | None = None) -> None:
+        super().__init__(id)
+        self.headlights_command: int | None = None
+        self.indicators_command: int | None = None
+
+
+class F1TENTH(Vehicle):
+    """The 1:10 racing car: `Vehicle`, without lamps."""
+
+
+class TrafficLight:
+    """A traffic light, by its name `id` ('TL1' to 'TL4'): `state` and `command` 0 off, 1 red, 2 yellow, 3 green."""
+
+    def __init__(self, id: str | None = None) -> None:
+        self.id = id
+        self.state: int | None = None
+        self.command: int | None = None
+
+    def parse_data(self, data: Mapping[str, Any], verbose: bool = False) -> None:
+        """Take what a message of the simulator tells about this light; `verbose` prints it."""
+        if (text := data.get(f"{self.id} State")) is not None:
+            self.state = int(text)
+        if verbose:
+            print(f"{self.id} state: {self.state}")
+
+    def generate_commands(self, verbose: bool = False) -> dict[str, str]:
+        """The command as a message to the simulator; nothing if it was never set. `verbose` prints it."""
+        if verbose:
+            print(f"{self.id} command: {self.command}")
+        return {} if self.command is None else {f"{self.id} State": str(self.command)}
+
+
+def _numbers(text: str) -> NDArray[np.float64]:
+    return np.array(text.split(), dtype=np.float64)
+
+
+def _integers(text: str) -> NDArray[np.int64]:
+    return _numbers(text).astype(np.int64)
+
+
+def _scan(text: str) -> NDArray[np.float64]:
+    """Of text, or of base64 of gzip of text."""
+    return _numbers(gzip.decompress(base64.b64decode(text)).decode() if text.startswith(GZIP_IN_BASE64) else text)
+
+
+_TOLD = {
+    "throttle": ("Throttle", float),
+    "steering": ("Steering", float),
+    "speed": ("Speed", float),
+    "encoder_ticks": ("Encoder Ticks", _integers),
+    "encoder_angles": ("Encoder Angles", _numbers),
+    "position": ("Position", _numbers),
+    "orientation_quaternion": ("Orientation Quaternion", _numbers),
+    "orientation_euler_angles": ("Orientation Euler Angles", _numbers),
+    "angular_velocity": ("Angular Velocity", _numbers),
+    "linear_acceleration": ("Linear Acceleration", _numbers),
+    "lidar_scan_rate": ("LIDAR Scan Rate", float),
+    "lidar_range_array": ("LIDAR Range Array", _scan),
+    "lidar_intensity_array": ("LIDAR Intensity Array", _scan),
+}
+"""Attribute -> key of the message, without prefix, and how its text is read."""
+
+_COMMANDS = {
+    "throttle_command": "Throttle",
+    "steering_command": "Steering",
+    "headlights_command": "Headlights",
+    "indicators_command": "Indicators",
+    "reset_command": "Reset",
+}
