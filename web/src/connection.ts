@@ -31,6 +31,8 @@ export class Connection {
   private nextId = 1
   private retry = RETRY
   private subscription: Subscribe = { type: 'Subscribe' }
+  /** Why the simulator does not want to talk to this page. */
+  private fault = ''
 
   constructor(private readonly store: Store) {}
 
@@ -39,12 +41,12 @@ export class Connection {
     const url = new URL('ws', document.baseURI)
     url.protocol = url.protocol.replace('http', 'ws')
     url.search = location.search
-    this.store.link.value = 'connecting'
+    if (this.store.link.value !== 'lost') this.store.link.value = 'connecting'
     const socket = new WebSocket(url, SUBPROTOCOL)
     socket.binaryType = 'arraybuffer'
     socket.onopen = () => this.greet()
     socket.onmessage = (event: MessageEvent<ArrayBuffer>) => this.take(decoder.decode(event.data) as ServerMessage)
-    socket.onclose = () => this.lose()
+    socket.onclose = (event) => this.lose(event.reason)
     this.socket = socket
   }
 
@@ -75,7 +77,8 @@ export class Connection {
     this.send(this.subscription)
   }
 
-  private lose(): void {
+  private lose(reason: string): void {
+    this.store.lost.value = reason || this.fault || `The simulator at ${location.host} does not answer.`
     this.store.link.value = 'lost'
     for (const id of [...this.waiting.keys()]) this.answer(id)?.failed(new Error('the connection was lost'))
     setTimeout(() => this.open(), this.retry)
@@ -93,6 +96,7 @@ export class Connection {
     switch (message.type) {
       case 'Welcome':
         this.retry = RETRY
+        this.fault = ''
         store.welcome.value = message
         store.link.value = 'open'
         break
@@ -124,6 +128,7 @@ export class Connection {
       case 'Fault': {
         const waiting = message.id === null ? undefined : this.answer(message.id)
         if (waiting) waiting.failed(new Error(message.text))
+        else if (message.code === 'version') this.fault = message.text
         else store.notice.value = message.text
       }
     }

@@ -25,6 +25,10 @@ export class Store {
   readonly rendered = new Signal<Rendered | null>(null)
   /** What has just happened in the world. */
   readonly events = new Signal<readonly Event[]>([])
+  /** How often this page had the simulation reset. */
+  readonly resets = new Signal(0)
+  /** Why there is no connection, while there is none. */
+  readonly lost = new Signal('')
   /** What the person is told in a line, for example that somebody else drives. */
   readonly notice = new Signal('')
 
