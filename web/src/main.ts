@@ -1,11 +1,56 @@
 // Where the page begins: the connection, the store, and everything that looks at them.
+import { Actions } from './actions'
 import { Connection } from './connection'
+import { Driver } from './driving/driver'
+import { listenToGamepad } from './driving/gamepad'
+import { listenToKeyboard } from './driving/keyboard'
+import type { Deed } from './driving/keys'
+import { Headlights, Indicators } from './messages'
+import { banner } from './panels/banner'
+import { help } from './panels/help'
+import { menu } from './panels/menu'
+import { notices } from './panels/notice'
+import { chosenTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
+import { touch } from './panels/touch'
 import { Store } from './store'
+import { stream } from './stream'
 
+showTheme(chosenTheme())
+const canvas = document.querySelector<HTMLCanvasElement>('#scene')!
 const store = new Store()
 const connection = new Connection(store)
-document.body.append(toolbar(store))
+const actions = new Actions(store, connection)
+const driver = new Driver(store, connection)
+const keys = help()
+
+/** What a key does that is pressed, not held. */
+const DEEDS: Partial<Record<Deed, () => void>> = {
+  'low-beam': () => driver.toggleHeadlights(Headlights.LOW),
+  'high-beam': () => driver.toggleHeadlights(Headlights.HIGH),
+  'left-indicator': () => driver.toggleIndicators(Indicators.LEFT),
+  'right-indicator': () => driver.toggleIndicators(Indicators.RIGHT),
+  hazard: () => driver.toggleIndicators(Indicators.HAZARD),
+  camera: () => actions.nextCamera(),
+  'scene-light': () => actions.toggleSceneLight(),
+  vehicle: () => actions.nextVehicle(),
+  mode: () => actions.toggleMode(),
+  menu: () => (store.isMenuOpen.value = !store.isMenuOpen.value),
+  hud: () => (store.isHudOpen.value = !store.isHudOpen.value),
+  help: keys.toggle,
+  close: () => (store.isMenuOpen.value = store.isHudOpen.value = false),
+  pause: () => actions.togglePause(),
+  step: () => void actions.step(1),
+  reset: () => void actions.reset(),
+}
+
+document.body.prepend(toolbar(store, keys.toggle), banner(store), menu(store, connection, actions))
+document.body.append(touch(driver), notices(store), keys.element)
+listenToKeyboard(driver, (deed) => DEEDS[deed]?.())
+listenToGamepad(driver)
+stream(store, connection, canvas)
+// A click into the scene ends typing, and keys drive again.
+canvas.addEventListener('pointerdown', () => document.activeElement instanceof HTMLElement && document.activeElement.blur())
 
 /** A door for scripts in the browser's console: what the page knows, and its line to the simulator. */
 const door: { store: Store; connection: Connection; view: unknown } = { store, connection, view: null }
@@ -19,15 +64,14 @@ window.autodrive = door
 // Files of a glob may be missing: the panels then work without a scene.
 const scenes = import.meta.glob<{ showScene: (canvas: HTMLCanvasElement, store: Store) => unknown }>('./scene/view.ts')
 for (const load of Object.values(scenes)) {
-  void load().then(({ showScene }) => {
-    door.view = showScene(document.querySelector<HTMLCanvasElement>('#scene')!, store)
-  })
+  void load().then(({ showScene }) => (door.view = showScene(canvas, store)))
 }
 const huds = import.meta.glob<{ hud: (store: Store, connection: Connection) => HTMLElement }>('./panels/hud.ts')
 for (const load of Object.values(huds)) {
   void load().then(({ hud }) => {
     const panel = hud(store, connection)
-    document.body.append(panel)
+    panel.id ||= 'hud'
+    canvas.before(panel)
     store.isHudOpen.watch((isOpen) => (panel.hidden = !isOpen))
   })
 }

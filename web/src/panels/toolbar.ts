@@ -6,15 +6,14 @@ import { h, icon, setText } from './element'
 const MENU = 'M4 7h16M4 12h16M4 17h16'
 const HUD = 'M4 19a8 8 0 1 1 16 0M12 19l4-6'
 
-export function toolbar(store: Store): HTMLElement {
-  const help = h('button', { class: 'round', testid: 'help', 'aria-label': 'Help', title: 'Keys and controls (?)' }, '?')
+export function toolbar(store: Store, showHelp: () => void): HTMLElement {
   return h(
     'header',
     { class: 'toolbar' },
     opener('menu', 'Menu', MENU, 'M', store.isMenuOpen),
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
     run(store),
-    help,
+    h('button', { class: 'round', testid: 'help', 'aria-label': 'Help', title: 'Keys and controls (?)', onclick: showHelp }, '?'),
     opener('hud', 'HUD', HUD, 'U', store.isHudOpen),
   )
 }
