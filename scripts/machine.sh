@@ -1,0 +1,96 @@
+# What the scripts know of the machine: Python, apt, uv, and the registry that pip is configured to use. To be read into
+# a script that stands at the repository's root:  . scripts/machine.sh
+# shellcheck shell=sh
+
+unset VIRTUAL_ENV PYTHONHOME PYTHONPATH
+
+UV_PINNED=0.13.8
+
+say() { printf '%s\n' "autodrive: $*" >&2; }
+fail() { say "$*"; exit 1; }
+
+# -- Python 3.11 to 3.14 -----------------------------------------------------------------------------------------
+
+fits() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' >/dev/null 2>&1; }
+
+find_python() {
+    for name in ${AUTODRIVE_PYTHON:-} python3 python3.14 python3.13 python3.12 python3.11 /usr/bin/python3; do
+        if fits "$name"; then
+            "$name" -c 'import sys; print(sys.executable)'
+            return
+        fi
+    done
+}
+
+# -- apt, only for what is missing -------------------------------------------------------------------------------
+
+apt_install() {
+    as_root=
+    if [ "$(id -u)" -ne 0 ]; then as_root="sudo "; fi
+    line="${as_root}apt-get install -y --no-install-recommends $*"
+    if ! command -v apt-get >/dev/null 2>&1; then
+        fail "$* is missing and there is no apt-get here. $without_apt"
+    fi
+    if [ -n "$as_root" ] && ! command -v sudo >/dev/null 2>&1; then
+        fail "$* is missing, and this user is not root and has no sudo. Let an administrator run:  apt-get install -y $*"
+    fi
+    say "installing a system package:  $line"
+    # An old list of packages may do, so a failed update alone is no reason to stop.
+    ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get update -q >&2 || say "apt-get update failed; trying all the same"
+    ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$@" >&2 ||
+        fail "could not install $*. See what apt-get says above; then run:  $line"
+}
+
+# -- uv: the one on PATH, or our own -----------------------------------------------------------------------------
+
+# Whether that uv is at least 0.9 (older ones may not read this lock).
+is_recent() { "$1" --version 2>/dev/null | awk '{ split($2, v, "."); exit !(v[1] > 0 || v[2] >= 9) }'; }
+
+find_uv() {
+    for uv in uv .venv-uv/bin/uv; do
+        if "$uv" --version >/dev/null 2>&1 && is_recent "$uv"; then return; fi
+    done
+    if ! "$python" -c 'import ensurepip, venv' >/dev/null 2>&1; then
+        without_apt="Install uv (https://docs.astral.sh/uv), then run this again."
+        apt_install "$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')"
+    fi
+    say "installing uv $UV_PINNED from PyPI into .venv-uv (17 MB)"
+    rm -rf .venv-uv
+    "$python" -m venv .venv-uv
+    .venv-uv/bin/python -m pip install --disable-pip-version-check --only-binary :all: "uv==$UV_PINNED" >&2 ||
+        fail "could not install uv from PyPI. Is the network there? pip is configured by:  .venv-uv/bin/pip config list"
+    uv=.venv-uv/bin/uv
+}
+
+# -- the registry that pip is configured to use ------------------------------------------------------------------
+
+pip_setting() { "$python" - "$1" <<'PYTHON'
+import configparser, os, pathlib, sys
+
+name = sys.argv[1]
+files = ["/etc/pip.conf", "~/.pip/pip.conf", "~/.config/pip/pip.conf", os.environ.get("PIP_CONFIG_FILE", "")]
+settings = configparser.RawConfigParser(strict=False)
+settings.read([pathlib.Path(file).expanduser() for file in files if file])
+value = os.environ.get("PIP_" + name.upper().replace("-", "_"))
+for section in ("install", "global"):
+    value = value or settings.get(section, name, fallback=None)
+print(value or "")
+PYTHON
+}
+
+# -- all of it ---------------------------------------------------------------------------------------------------
+
+# Sets $python, $uv, $certificates and $index (empty: PyPI), and tells uv of them.
+find_tools() {
+    python=$(find_python)
+    [ -n "$python" ] || fail "Python 3.11 to 3.14 is needed and none is on PATH. On Debian 12 or newer:  apt-get install python3 python3-venv"
+    find_uv
+    export UV_PYTHON="$python" UV_HTTP_TIMEOUT="${UV_HTTP_TIMEOUT:-180}"
+    certificates=$(pip_setting cert)
+    if [ -z "${SSL_CERT_FILE:-}" ] && [ -f "$certificates" ]; then export SSL_CERT_FILE="$certificates"; fi
+    index=${UV_DEFAULT_INDEX:-${UV_INDEX_URL:-$(pip_setting index-url)}}
+    case "$index" in
+    https://pypi.org/simple | https://pypi.org/simple/) index= ;;
+    esac
+    if [ -n "$index" ]; then export UV_DEFAULT_INDEX="$index"; fi
+}
