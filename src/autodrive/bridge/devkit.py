@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import logging
 import socket
 import threading
@@ -97,6 +98,11 @@ class DevkitBridge:
         return "connected" if session and session.conversation.is_open else "connecting"
 
     @property
+    def fault(self) -> str:
+        """Why there is no connection, after an attempt that failed; empty if there is one, or nobody looks for one."""
+        return self._ledger.fault if self.status == "connecting" else ""
+
+    @property
     def counters(self) -> Counters:
         """A copy of the counters as they are now."""
         return self._ledger.snapshot()
@@ -106,6 +112,8 @@ class DevkitBridge:
         if self._thread is not None:
             raise RuntimeError("this DevkitBridge is started already")
         self._is_closing = False
+        self._retry = RETRY
+        self._ledger.fault = ""
         self._simulation.add_sink(self)
         self._thread = threading.Thread(target=lambda: asyncio.run(self._stay()), name="autodrive-devkit", daemon=True)
         self._thread.start()
@@ -113,6 +121,7 @@ class DevkitBridge:
     def connect(self, host: str, port: int) -> None:
         """Leave the server, if there is one, and turn to that one. Raises `AutodriveError`."""
         self._address = _checked_address(host, port)
+        self._ledger.fault = ""
         self._end_attempt()
 
     def close(self) -> None:
@@ -176,7 +185,8 @@ class DevkitBridge:
                 await self._converse(connection)
         except* (OSError, WebSocketException, ConversationEnd, TimeoutError) as group:
             reason = group.exceptions[0]
-            self._ledger.complain("connection", f"no script at {address} ({reason or 'timed out'}); trying again")
+            self._ledger.fault = f"no script at {address} ({_in_words(reason)}); trying again"
+            self._ledger.complain("connection", self._ledger.fault)
         await asyncio.sleep(self._retry)
         self._retry = min(2.0 * self._retry, RETRY_MAX)
 
@@ -199,6 +209,15 @@ class DevkitBridge:
             if session.turns.has_answer:
                 self._retry = RETRY
             await session.say_goodbye()
+
+
+def _in_words(reason: Exception) -> str:
+    """What the system says, without its numbers and the address, which is told already."""
+    if isinstance(reason, ConnectionRefusedError) or f"[Errno {errno.ECONNREFUSED}]" in str(reason):
+        return "connection refused"
+    if isinstance(reason, socket.gaierror):
+        return "no such host"
+    return str(reason) or "timed out"
 
 
 def _give_up_dead_peers(connection: ClientConnection) -> None:

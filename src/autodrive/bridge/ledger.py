@@ -46,6 +46,8 @@ class Ledger:
 
     def __init__(self) -> None:
         self.counters = Counters()
+        self.fault = ""
+        """Why the last attempt to connect failed; empty while there is a connection, and before the first attempt."""
         self._round_trips: deque[float] = deque(maxlen=256)
         self._next_complaint: dict[str, float] = {}
         self._silenced: dict[str, int] = {}
