@@ -44,6 +44,7 @@ def test_our_simulator_is_driven(simulation: Simulation) -> None:
     with Server(respond, port=0) as server, DevkitBridge(simulation, port=server.port) as bridge:
         eventually(lambda: simulation.frame.vehicles["V1"].speed > 0.2)
         assert bridge.counters.dialect is Dialect.ENGINE_IO_3
+        assert bridge.counters.resends == 0
         eventually(lambda: nigel.position is not None and nigel.position[0] > 0.1)
 
 
@@ -56,6 +57,12 @@ def test_the_original_simulator_is_understood(echo: Server) -> None:
         assert json.loads(packets[0][1:])["pingInterval"] == 25000
         assert packets[0][0] == "0"
         assert packets[1:] == ["40", '42["Bridge",{"a":"1"}]', "3"]
+
+
+def test_a_numbered_event_is_acknowledged_after_its_answer(echo: Server) -> None:
+    with connect(ADDRESS.format(echo.port)) as simulator:
+        simulator.send('4217["Bridge",{"a":"1"}]')
+        assert [text(simulator) for _ in range(4)][2:] == ['42["Bridge",{"a":"1"}]', "4317[]"]
 
 
 def text(connection: ClientConnection) -> str:

@@ -94,9 +94,9 @@ def test_the_simulator_hears_what_is_commanded() -> None:
     assert orders.commands["V1"] == Command(0.5, 0.25, Headlights.HIGH, Indicators.HAZARD)  # right-positive then
 
 
-def test_a_reset_command_makes_it_a_script_of_2025() -> None:
-    car = F1TENTH("V1")
-    car.throttle_command, car.steering_command, car.reset_command = 1, 0.5, False
+def test_a_left_positive_vehicle_is_a_script_of_2025() -> None:
+    car = F1TENTH("V1", is_left_positive=True)
+    car.throttle_command, car.steering_command = 1, 0.5
     said = car.generate_commands()
     assert said == {"V1 Throttle": "1", "V1 Steering": "0.5", "V1 Reset": "False"}
     profile = recognise(said)

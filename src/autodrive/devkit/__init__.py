@@ -5,7 +5,7 @@ one needs no server of its own:
 
     from autodrive.devkit import Nigel, drive
 
-    nigel = Nigel("V1")
+    nigel = Nigel("V1", is_left_positive=True)
 
     def step():
         nigel.throttle_command = 0.5

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import secrets
 import threading
 import time
@@ -35,6 +36,9 @@ MESSAGE_LIMIT = 2**24
 Telemetry: TypeAlias = Mapping[str, Any]
 Respond: TypeAlias = Callable[[Telemetry], Mapping[str, str] | None]
 """Telemetry -> commands; None: say nothing now."""
+
+_EVENT = re.compile(r"42(\d*)(.*)", re.DOTALL)
+"""An event, numbered if it wants to be acknowledged."""
 
 log = logging.getLogger(__name__)
 
@@ -135,9 +139,11 @@ class Server:
             log.info("a simulator has left")
 
     def _answers(self, packet: str) -> list[str]:
-        if packet.startswith("42"):
-            commands = self._commands(packet[2:])
-            return [] if commands is None else ["42" + json.dumps([EVENT, commands], separators=(",", ":"))]
+        if event := _EVENT.match(packet):
+            number, body = event.groups()
+            commands = self._commands(body)
+            said = [] if commands is None else ["42" + json.dumps([EVENT, commands], separators=(",", ":"))]
+            return [*said, f"43{number}[]"] if number else said
         return ["3" + packet[1:]] if packet.startswith("2") else []
 
     def _commands(self, text: str) -> Mapping[str, str] | None:

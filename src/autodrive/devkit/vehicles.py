@@ -29,11 +29,12 @@ class Vehicle:
     straight ahead first, then to the left, and `lidar_intensity_array`, both empty before the first scan;
     `front_camera_image`, `rear_camera_image`: BGR uint8, shape (height, width, 3), decoded when first looked at.
 
-    Commands: `throttle_command` and `steering_command` [-1, 1]. A positive steering command turns right, and left if
-    `reset_command` is not None: that is how the simulator tells scripts of 2025 from older ones.
+    Commands: `throttle_command` and `steering_command` [-1, 1], None says nothing. A positive steering command turns
+    right, as in the devkits of 2020 to 2023; with `is_left_positive` it turns left, as since 2025, and
+    `reset_command` (soft reset while True) is sent as well, by which the simulator knows.
     """
 
-    def __init__(self, id: str | None = None) -> None:
+    def __init__(self, id: str | None = None, *, is_left_positive: bool = False) -> None:
         self.id = id
         self.throttle: float | None = None
         self.steering: float | None = None
@@ -50,7 +51,7 @@ class Vehicle:
         self.lidar_intensity_array: NDArray[np.float64] | None = None
         self.throttle_command: float | None = None
         self.steering_command: float | None = None
-        self.reset_command: bool | None = None
+        self.reset_command: bool | None = False if is_left_positive else None
         self._pictures: dict[str, str | NDArray[np.uint8]] = {}
 
     @property
@@ -103,8 +104,8 @@ class Nigel(Vehicle):
     `headlights_command`: 0 off, 1 low, 2 high. `indicators_command`: 0 off, 1 left, 2 right, 3 hazard.
     """
 
-    def __init__(self, id: str | None = None) -> None:
-        super().__init__(id)
+    def __init__(self, id: str | None = None, *, is_left_positive: bool = False) -> None:
+        super().__init__(id, is_left_positive=is_left_positive)
         self.headlights_command: int | None = None
         self.indicators_command: int | None = None
 
