@@ -6,7 +6,6 @@ import { listenToGamepad } from './driving/gamepad'
 import { listenToKeyboard } from './driving/keyboard'
 import type { Deed } from './driving/keys'
 import { Headlights, Indicators } from './messages'
-import { banner } from './panels/banner'
 import { help } from './panels/help'
 import { menu } from './panels/menu'
 import { notices } from './panels/notice'
@@ -44,7 +43,7 @@ const DEEDS: Partial<Record<Deed, () => void>> = {
   reset: () => void actions.reset(),
 }
 
-document.body.prepend(toolbar(store, keys.toggle), banner(store), menu(store, connection, actions))
+document.body.prepend(toolbar(store, keys.toggle), menu(store, connection, actions))
 document.body.append(touch(driver), notices(store), keys.element)
 listenToKeyboard(driver, (deed) => DEEDS[deed]?.())
 listenToGamepad(driver)

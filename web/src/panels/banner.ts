@@ -1,4 +1,4 @@
-// The line below the toolbar while there is no connection; the page keeps its last picture meanwhile.
+// The line in the toolbar while there is no connection; the page keeps its last picture meanwhile.
 import type { Store } from '../store'
 import { h, setText } from './element'
 
@@ -7,8 +7,7 @@ const PATIENCE = 400
 
 export function banner(store: Store): HTMLElement {
   const text = h('span')
-  const reload = h('button', { testid: 'reload', onclick: () => location.reload() }, 'Reload')
-  const line = h('div', { class: 'banner', testid: 'banner', role: 'alert', hidden: true }, h('i', { class: 'spinner' }), text, reload)
+  const line = h('div', { class: 'banner', testid: 'banner', role: 'alert', hidden: true }, h('i', { class: 'spinner' }), text)
   let timer = 0
   store.link.watch((link) => {
     window.clearTimeout(timer)
@@ -16,6 +15,7 @@ export function banner(store: Store): HTMLElement {
       line.hidden = true
       return
     }
+    line.title = store.lost.value
     setText(text, link === 'connecting' ? 'Connecting to the simulator…' : `${store.lost.value} Reconnecting…`)
     if (link === 'lost') line.hidden = false
     else timer = window.setTimeout(() => (line.hidden = false), PATIENCE)

@@ -65,7 +65,7 @@ export function bridge(store: Store, connection: Connection): HTMLElement {
     const now = bridge?.state ?? 'closed'
     const isOpen = now !== 'closed'
     connect.disabled = isOpen || store.link.value !== 'open'
-    disconnect.disabled = !isOpen
+    disconnect.hidden = !isOpen
     host.disabled = port.disabled = isOpen
     const at = bridge && isOpen ? parted(bridge.address) : typed
     if (host.value !== at.host) host.value = at.host
@@ -90,7 +90,7 @@ export function bridge(store: Store, connection: Connection): HTMLElement {
       { class: 'bridge', novalidate: true, onsubmit: (event: Event) => void start(event) },
       h('div', { class: 'address' }, named('IP Address', host), named('Port Number', port)),
       row(connect, status),
-      h('div', { class: 'row' }, disconnect),
+      disconnect,
       fault,
     ),
   )

@@ -52,10 +52,10 @@ export function setOptions(select: HTMLSelectElement, options: Record<string, st
 export function segments<T extends string>(
   testid: string,
   label: string,
-  options: Record<T, string>,
+  options: readonly (readonly [value: T, words: string])[],
   choose: (value: T) => void,
 ): { element: HTMLElement; show: (value: string) => void } {
-  const buttons = (Object.entries(options) as [T, string][]).map(([value, words]) =>
+  const buttons = options.map(([value, words]) =>
     h('button', { type: 'button', value, 'aria-pressed': 'false', onclick: () => choose(value) }, words),
   )
   return {

@@ -15,9 +15,21 @@ const QUALITIES: Record<Quality, string> = {
   ultra: 'Ultra',
   stream: 'Stream: drawn by the simulator',
 }
-const SPEEDS = { '0.25': '¼', '0.5': '½', '1': '1', '2': '2', '4': '4', max: 'Max' }
 /** As fast as possible. */
 const MAX = 'max'
+const SPEEDS = [
+  ['0.25', '¼'],
+  ['0.5', '½'],
+  ['1', '1'],
+  ['2', '2'],
+  ['4', '4'],
+  [MAX, 'Max'],
+] as const
+const THEMES = [
+  ['system', 'System'],
+  ['light', 'Light'],
+  ['dark', 'Dark'],
+] as const
 
 export function menu(store: Store, connection: Connection, actions: Actions): HTMLElement {
   const panel = h(
@@ -152,7 +164,7 @@ function picture(store: Store): HTMLElement {
   const scan = h('input', { type: 'checkbox', testid: 'lidar', role: 'switch' })
   scan.addEventListener('change', () => (store.isScanShown.value = scan.checked))
   store.isScanShown.watch((isShown) => (scan.checked = isShown))
-  const theme = segments<Theme>('theme', 'Theme', { system: 'System', light: 'Light', dark: 'Dark' }, (value) => {
+  const theme = segments<Theme>('theme', 'Theme', THEMES, (value) => {
     setTheme(value)
     theme.show(value)
   })

@@ -1,6 +1,7 @@
 // The bar on top: Menu, title, how the simulation runs, help, HUD.
 import type { Store } from '../store'
 import type { Signal } from '../signal'
+import { banner } from './banner'
 import { h, icon, setText } from './element'
 
 const MENU = 'M4 7h16M4 12h16M4 17h16'
@@ -12,6 +13,7 @@ export function toolbar(store: Store, showHelp: () => void): HTMLElement {
     { class: 'toolbar' },
     opener('menu', 'Menu', MENU, 'M', store.isMenuOpen),
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
+    banner(store),
     run(store),
     h('button', { class: 'round', testid: 'help', 'aria-label': 'Help', title: 'Keys and controls (?)', onclick: showHelp }, '?'),
     opener('hud', 'HUD', HUD, 'U', store.isHudOpen),
@@ -37,11 +39,13 @@ function opener(id: string, label: string, path: string, key: string, isOpen: Si
 
 /** Whether simulated time runs, and how fast. */
 function run(store: Store): HTMLElement {
-  const text = h('span', { class: 'run', testid: 'run', title: 'Simulated seconds per second that were reached' })
+  const factor = h('output', { testid: 'real-time-factor' })
+  const running = h('span', { title: 'Simulated seconds per second that were reached' }, 'Real time ', factor)
+  const paused = h('b', { testid: 'paused' }, 'Paused')
   store.status.watch((status) => {
-    if (!status) return setText(text, '')
-    setText(text, status.is_paused ? 'Paused' : `${status.real_time_factor.toFixed(2)} ×`)
-    text.dataset.state = status.is_paused ? 'paused' : 'running'
+    running.hidden = !status || status.is_paused
+    paused.hidden = !status?.is_paused
+    setText(factor, `${status?.real_time_factor.toFixed(2)} ×`)
   })
-  return text
+  return h('div', { class: 'run' }, running, paused)
 }
