@@ -1,0 +1,150 @@
+// The HUD: what the vehicle does and measures, and how the simulation runs (report, table 13, and more).
+import '../hud.css'
+import type { Connection } from '../connection'
+import type { Store } from '../store'
+import { h, setText } from './element'
+import { History } from './history'
+import { TEXTS } from './hud_rows'
+import type { Moment, Row } from './hud_rows'
+import { dashboard, sensors, simulation } from './hud_sections'
+import type { Section } from './hud_sections'
+import { recall, remember } from './memory'
+import { plot } from './plot'
+import { polar } from './polar'
+import { previews } from './previews'
+import { Whereabouts } from './whereabouts'
+
+/** Texts change so often [Hz]: faster cannot be read. */
+const RATE = 15
+/** Seconds of simulated time that the plots can show. */
+const WINDOWS = [10, 20, 30]
+
+/** The panel; shows and hides itself with `store.isHudOpen`, and does nothing while it is hidden. */
+export function hud(store: Store, connection: Connection): HTMLElement {
+  const history = new History()
+  const whereabouts = new Whereabouts()
+  const rows = new Map<Row, HTMLElement>()
+  const sections = [
+    dashboard(rows, whereabouts),
+    sensors(rows),
+    lidar(rows),
+    cameras(store),
+    plots(history),
+    simulation(rows),
+  ]
+  const element = h(
+    'aside',
+    { id: 'hud', class: 'panel hud', testid: 'hud', 'aria-label': 'Head-up display', tabindex: -1, hidden: true },
+    ...sections.map((section) => section.element),
+  )
+
+  const refresh = () => {
+    if (!store.isHudOpen.value || document.hidden) return
+    const moment = momentOf(store)
+    for (const [row, place] of rows) setText(place, TEXTS[row](moment))
+    for (const section of sections) if (isUnfolded(section.element)) section.refresh(moment)
+  }
+
+  let time = 0
+  store.frame.watch((frame) => {
+    if (!frame) return
+    if (frame.time < time) whereabouts.forgetAfter(frame.time)
+    time = frame.time
+    if (store.isHudOpen.value) history.add(momentOf(store))
+  })
+  store.events.watch((events) => whereabouts.add(events))
+  store.vehicle.watch(() => history.clear())
+  store.scene.watch(() => {
+    history.clear()
+    whereabouts.clear()
+  })
+
+  const subscribe = () => {
+    const isOpen = store.isHudOpen.value
+    connection.subscribe({
+      scans: isOpen || store.isScanShown.value,
+      picture_rate: isOpen ? 10 : 0,
+      picture_width: 320,
+      picture_quality: 75,
+    })
+  }
+  let timer = 0
+  store.isHudOpen.watch((isOpen) => {
+    element.hidden = !isOpen
+    clearInterval(timer)
+    if (!isOpen) return
+    history.clear()
+    timer = window.setInterval(refresh, 1000 / RATE)
+    refresh()
+  })
+  store.isHudOpen.watch(subscribe)
+  store.isScanShown.watch(subscribe)
+  return element
+}
+
+function momentOf(store: Store): Moment {
+  const frame = store.frame.value
+  const name = store.vehicle.value
+  return {
+    frame,
+    name,
+    vehicle: frame?.vehicles[name] ?? null,
+    scene: store.scene.value?.vehicles[name] ?? null,
+    scan: store.scans.get(name) ?? null,
+    status: store.status.value,
+    frameRate: store.frameRate.value,
+    viewer: store.welcome.value?.name ?? '',
+  }
+}
+
+/** A section that folds away; the page remembers which are folded. */
+function folding(id: string, title: string, extras: HTMLElement[], ...content: HTMLElement[]): HTMLDetailsElement {
+  const details = h(
+    'details',
+    { class: `hud-section hud-${id}`, open: recall(`hud.${id}`) !== 'folded' },
+    h('summary', {}, h('h2', {}, title), ...extras),
+    ...content,
+  )
+  details.addEventListener('toggle', () => remember(`hud.${id}`, details.open ? 'open' : 'folded'))
+  return details
+}
+
+function isUnfolded(element: HTMLElement): boolean {
+  return !(element instanceof HTMLDetailsElement) || element.open
+}
+
+function lidar(rows: Map<Row, HTMLElement>): Section {
+  const plan = polar()
+  const measurement = h('dd', { class: 'measurement', testid: 'hud-lidar' })
+  rows.set('lidar', measurement)
+  const figures = h(
+    'dl',
+    { class: 'lidar-figures' },
+    h(
+      'div',
+      { title: 'What a beam that turns with the scan rate measures at the present instant; "inf" if nothing' },
+      h('dt', {}, 'LIDAR Measurement'),
+      measurement,
+    ),
+    h('div', {}, h('dt', {}, 'Nearest'), plan.nearest),
+    h('div', { class: 'wide' }, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
+  )
+  const element = folding('lidar', 'LIDAR', [], h('div', { class: 'lidar-split' }, plan.element, figures))
+  return { element, refresh: plan.refresh }
+}
+
+function cameras(store: Store): Section {
+  const pictures = previews(store)
+  return { element: folding('cameras', 'Cameras', [], pictures.element), refresh: pictures.refresh }
+}
+
+function plots(history: History): Section {
+  const both = [plot('plot-a', ['speed', 'throttle']), plot('plot-b', ['yaw-rate', 'steering'])]
+  const window = h('select', { 'aria-label': 'Time shown', testid: 'hud-plot-window', title: 'Simulated time shown' })
+  window.append(...WINDOWS.map((seconds) => h('option', { value: seconds }, `${seconds} s`)))
+  const kept = recall('plot-window')
+  window.value = WINDOWS.includes(Number(kept)) ? String(kept) : '10'
+  window.addEventListener('change', () => remember('plot-window', window.value))
+  const element = folding('plots', 'Plots', [window], ...both.map((one) => one.element))
+  return { element, refresh: () => both.forEach((one) => one.refresh(history, Number(window.value))) }
+}

@@ -1,0 +1,34 @@
+// Round numbers for axes.
+
+/** The least of 1, 2, 5 times a power of ten that is not less than `value`. */
+export function niceStep(value: number): number {
+  const power = 10 ** Math.floor(Math.log10(value))
+  const steps = [1, 2, 5, 10].map((factor) => factor * power)
+  return steps.find((step) => step >= value * (1 - 1e-9)) ?? 10 * power
+}
+
+/** Three to five round numbers, the first and last of them around all finite `values`, which span `span` at least. */
+export function niceTicks(values: readonly (number | null)[], span: number): number[] {
+  let low = Infinity
+  let high = -Infinity
+  for (const value of values) {
+    if (value === null || !Number.isFinite(value)) continue
+    if (value < low) low = value
+    if (value > high) high = value
+  }
+  if (low > high) [low, high] = [0, span]
+  const missing = span - (high - low)
+  if (missing > 0) [low, high] = [low - missing / 2, high + missing / 2]
+  const step = niceStep((high - low) / 3)
+  const first = Math.floor(low / step + 1e-9)
+  const last = Math.ceil(high / step - 1e-9)
+  return Array.from({ length: last - first + 1 }, (_, i) => (first + i) * step)
+}
+
+/** A number of an axis, with as many decimals as its step asks for. */
+export function tickText(value: number, step: number): string {
+  if (value === 0) return '0'
+  if (Math.abs(value) >= 1e5) return value.toExponential(0)
+  const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9))
+  return value.toFixed(Math.min(decimals, 4))
+}
