@@ -18,7 +18,8 @@ LAYERS: list[set[str]] = [
     {"scenario", "vehicles", "maps"},
     {"world", "compile", "referee", "assets", "cameras", "scenery"},
     {"simulation", "camera_link", "camera_process", "jpeg"},
-    {"app", "bridge", "recording", "envs", "batch", "browse", "doctor", "generate", "camera_watch", "portrait"},
+    {"app", "stage", "run_options", "run_summary", "bridge", "recording", "envs", "batch"}
+    | {"browse", "browser", "doctor", "generate", "camera_watch", "portrait"},
     {"cli"},
 ]
 """Rooms from the ground up. `descriptions` reads files for all above; `cache` says where what can be made again is

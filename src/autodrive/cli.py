@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.status import Status
 
-    from autodrive.app import DrivingMode, Run
+    from autodrive.app import Run
     from autodrive.descriptions import Kind
+    from autodrive.run_options import DrivingMode, RunOptions
 
 app = typer.Typer(name="autodrive", add_completion=True, rich_markup_mode=None, pretty_exceptions_enable=False)
 
@@ -87,12 +88,15 @@ def _root(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
 ) -> None:
-    """Simulate scaled autonomous vehicles and connect them to your driving scripts."""
+    """Simulate scaled autonomous vehicles and connect them to your driving scripts.
+
+    Without a command: autodrive run, which is the standard scenario with its page in your browser.
+    """
     if version:
         typer.echo(f"autodrive {__version__}")
         raise typer.Exit
     if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+        _run({})
 
 
 @app.command()
@@ -100,9 +104,27 @@ def run(
     scenario: Annotated[
         str, typer.Argument(help="Name, or path of a YAML file. See: autodrive list scenarios")
     ] = "mini_map",
-    headless: Annotated[
-        bool, typer.Option("--headless", help="Show nothing but the status line (so far the only way).")
-    ] = False,
+    headless: Annotated[bool, typer.Option("--headless", help="Serve no page: nothing but the status line.")] = False,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Serve the page on that address; 0.0.0.0: on all of this machine.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help="Serve the page on that port.  [default: 8730, or the next free one]"),
+    ] = None,
+    token: Annotated[
+        str | None,
+        typer.Option(help="Who enters needs it.  [default: one is made up where --host is not this machine alone]"),
+    ] = None,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ORIGIN", help="Let pages of that origin connect, e.g. https://lab.example.org; repeatable."
+        ),
+    ] = None,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser, where there is a screen.")
+    ] = True,
     devkit: Annotated[
         str, typer.Option(metavar="HOST:PORT", help="Connect to the devkit script that listens there.")
     ] = "",
@@ -125,7 +147,10 @@ def run(
     ] = None,
     cameras: Annotated[
         bool | None,
-        typer.Option("--cameras/--no-cameras", help="Draw the cameras' pictures.  [default: with --devkit]"),
+        typer.Option(
+            "--cameras/--no-cameras",
+            help="Draw the cameras' pictures always, or never.  [default: with --devkit, else while somebody looks]",
+        ),
     ] = None,
     lockstep: Annotated[
         bool | None,
@@ -158,10 +183,15 @@ def run(
         "camera_quality": camera_quality,
         "image_size": _size(image_size) if image_size else None,
         "image_quality": image_quality,
+        "has_page": not headless,
+        "host": host,
+        "port": port,
+        "token": token,
+        "allowed_origins": tuple(allow_origin or ()),
     }
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter(f"--duration is a number of seconds, not {duration}")
-    _run(options)
+    _run(options, opens_browser=browser)
 
 
 @app.command("list")
@@ -280,29 +310,30 @@ def doctor() -> None:
 # -- run --------------------------------------------------------------------------------------------------------
 
 
-def _run(options: dict[str, Any]) -> None:
+def _run(options: dict[str, Any], *, opens_browser: bool = True) -> None:
     from rich.console import Console
     from rich.logging import RichHandler
 
-    from autodrive.app import RunOptions
     from autodrive.app import run as run_app
+    from autodrive.run_options import RunOptions
 
     console = Console(stderr=True, highlight=False)
     handler = RichHandler(console=console, show_path=False) if console.is_terminal else logging.StreamHandler()
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
     wanted = RunOptions(**options)
     with console.status("preparing the world") as line:
-        summary = run_app(wanted, _Screen(console, line, f"running '{wanted.scenario}', {wanted.driving_mode}"))
+        summary = run_app(wanted, _Screen(console, line, wanted, opens_browser=opens_browser))
     _tell(summary)
 
 
 class _Screen:
     """A status line: live on a terminal, every ten seconds elsewhere."""
 
-    def __init__(self, console: Console, line: Status, title: str) -> None:
+    def __init__(self, console: Console, line: Status, options: RunOptions, *, opens_browser: bool) -> None:
         self._console = console
         self._line = line
-        self._title = title
+        self._title = f"running '{options.scenario}', {options.driving_mode}"
+        self._opens_browser = opens_browser
         self._compiled = 0
         self._looks = 0
 
@@ -314,10 +345,20 @@ class _Screen:
         bar = "█" * round(30 * share) + "░" * (30 - round(30 * share))
         self._line.update(f"{bar} {self._compiled}/{COMPILED_FUNCTIONS} {function}")
 
-    def prepared(self) -> None:
+    def prepared(self, run: Run) -> None:
         if self._compiled:
             self._console.print(f"compiled {self._compiled} functions")
         self._console.print(f"{self._title}; Ctrl-C ends it")
+        if run.link:
+            self._tell_link(run.link)
+
+    def _tell_link(self, link: str) -> None:
+        from autodrive.browser import has_screen, open_page, tunnel
+
+        is_opened = self._opens_browser and self._console.is_terminal and has_screen() and open_page(link)
+        self._console.print(f"{'opened' if is_opened else 'open'} in a browser:  {link}", soft_wrap=True)
+        if line := tunnel(link):
+            self._console.print(f"from your own machine, first:  {line}", soft_wrap=True)
 
     def show(self, run: Run) -> None:
         self._looks += 1
