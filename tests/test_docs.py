@@ -3,11 +3,12 @@
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
-import autodrive
+import autodrive.devkit
 from autodrive.descriptions import find
 from autodrive.maps import load_map
 from autodrive.protocol.messages import CameraImage
@@ -90,3 +91,20 @@ def test_pictures_of_the_document_are_taken(gl: str) -> None:
     image = names["image"]
     assert isinstance(image, CameraImage)
     assert image.rgb.shape == (480, 640, 3)
+
+
+def test_the_devkit_program_of_the_document_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "python.md").read_text(), flags=re.DOTALL)
+    given: list[Any] = []
+    monkeypatch.setattr(autodrive.devkit, "drive", lambda step, *things: given.extend((step, *things)))
+    exec(code, {})
+    step, nigel = given
+    nigel.parse_data({"V1 LIDAR Range Array": "0.2 3.0"})
+    step()
+    assert nigel.generate_commands() == {"V1 Throttle": "0.5", "V1 Steering": "0.2", "V1 Reset": "False"}
+
+
+def test_the_devkit_document_names_what_a_vehicle_has() -> None:
+    document = (DOCS / "python.md").read_text()
+    names = {name for name in vars(autodrive.devkit.Nigel()) if not name.startswith("_")} - {"id"}
+    assert not {name for name in names if f"`{name}`" not in document}
