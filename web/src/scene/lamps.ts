@@ -1,0 +1,129 @@
+// Which lamps burn and what they throw, as numbers for the shaders. The formulas are those of render/lighting.py.
+import { Matrix4, Vector3 } from 'three'
+
+import { Headlights, TailLights } from '../messages'
+import type { Lights, VehicleScene } from '../messages'
+
+const KINDS = ['head', 'high_beam', 'front_indicator', 'rear_indicator', 'tail', 'reverse']
+
+/** Every lamp of a vehicle, in the order of `actuators.lights.LAMPS`. */
+export const LAMPS = KINDS.flatMap((kind) => [`${kind}_left`, `${kind}_right`])
+
+/** The first of them throw far. */
+const HEADLIGHTS = 4
+
+/** Room for lamps in the shaders, and for headlights that cast shadows, which come first. */
+export const LAMP_SLOTS = 48
+export const BEAM_SLOTS = 4
+
+/** `Beam` of render/look.py. */
+interface Beam {
+  intensity: number
+  inner: number
+  outer: number
+  pitch: number
+  is_forward: boolean
+  cutoff: number
+}
+
+/** A lamp when fully lit, in vehicle axes. */
+export interface Lamp {
+  place: Vector3
+  aim: Vector3
+  up: Vector3
+  color: Vector3
+  range: number
+  cosOuter: number
+  sharpness: number
+  cutoff: number
+  isHeadlight: boolean
+}
+
+/** The lamps of a vehicle, in the order of `LAMPS`. */
+export function lampsOf(vehicle: VehicleScene, beams: Record<string, Beam>): Lamp[] {
+  return LAMPS.map((name, i) => {
+    const own = vehicle.lamps[name]
+    const beam = beams[name.slice(0, name.lastIndexOf('_'))]
+    const ahead = beam.is_forward ? 1 : -1
+    const c = Math.cos(beam.pitch)
+    const s = Math.sin(beam.pitch)
+    return {
+      place: new Vector3(...own.position).add(new Vector3(0.006 * ahead, 0, 0)),
+      aim: new Vector3(ahead * c, 0, -s),
+      up: new Vector3(ahead * s, 0, c),
+      color: new Vector3(...own.color).multiplyScalar(beam.intensity),
+      range: own.range,
+      cosOuter: Math.cos(beam.outer),
+      sharpness: 1 / (Math.cos(beam.inner) - Math.cos(beam.outer)),
+      cutoff: beam.cutoff,
+      isHeadlight: i < HEADLIGHTS,
+    }
+  })
+}
+
+/** How brightly each of `LAMPS` burns, 0 to 1. */
+export function lampLevels(lights: Lights, into: Float32Array): void {
+  const low = lights.headlights === Headlights.OFF ? 0 : 1
+  const high = lights.headlights === Headlights.HIGH ? 1 : 0
+  const left = lights.left_indicator ? 1 : 0
+  const right = lights.right_indicator ? 1 : 0
+  const tail = lights.tail_lights / TailLights.BRIGHT
+  const reverse = lights.reverse_lights ? 1 : 0
+  into.set([low, low, high, high, left, right, left, right, tail, tail, reverse, reverse])
+}
+
+/** The lamps that burn, in map axes: what the shaders read. */
+export class Burning {
+  readonly place = new Float32Array(4 * LAMP_SLOTS) // position, range
+  readonly aim = new Float32Array(4 * LAMP_SLOTS) // direction, cosine of the outer cone
+  readonly color = new Float32Array(4 * LAMP_SLOTS) // intensity [cd], sharpness of the cone
+  readonly up = new Float32Array(4 * LAMP_SLOTS) // up, and how sharply it ends above (0: not at all)
+  /** Headlights with shadows, all headlights, all lamps: so many of the first slots. */
+  beams = 0
+  heads = 0
+  lamps = 0
+
+  clear(): void {
+    this.beams = this.heads = this.lamps = 0
+  }
+
+  /** Adds a lamp of a vehicle; first all that cast shadows, then other headlights, then the rest. */
+  add(lamp: Lamp, root: Matrix4, level: number): boolean {
+    if (this.lamps === LAMP_SLOTS) return false
+    const slot = 4 * this.lamps++
+    if (lamp.isHeadlight) this.heads = this.lamps
+    point.copy(lamp.place).applyMatrix4(root).toArray(this.place, slot)
+    this.place[slot + 3] = lamp.range
+    point.copy(lamp.aim).transformDirection(root).toArray(this.aim, slot)
+    this.aim[slot + 3] = lamp.cosOuter
+    point.copy(lamp.color).multiplyScalar(level).toArray(this.color, slot)
+    this.color[slot + 3] = lamp.sharpness
+    point.copy(lamp.up).transformDirection(root).toArray(this.up, slot)
+    this.up[slot + 3] = lamp.cutoff
+    return true
+  }
+
+  /** Clip space of that headlight's shadow map from the map frame. */
+  matrix(slot: number, into: Matrix4): Matrix4 {
+    const cos = this.aim[4 * slot + 3]
+    const tangent = (1.05 * Math.sqrt(1 - cos * cos)) / cos
+    const near = 0.03
+    const far = this.place[4 * slot + 3]
+    aim.fromArray(this.aim, 4 * slot)
+    up.fromArray(this.up, 4 * slot)
+    side.crossVectors(up, aim)
+    point.fromArray(this.place, 4 * slot)
+    const [x, y, z] = [-side.dot(point), -up.dot(point), -aim.dot(point)]
+    look.set(side.x, side.y, side.z, x, up.x, up.y, up.z, y, aim.x, aim.y, aim.z, z, 0, 0, 0, 1)
+    const depth = (far + near) / (far - near)
+    const shift = (-2 * far * near) / (far - near)
+    into.set(1 / tangent, 0, 0, 0, 0, 1 / tangent, 0, 0, 0, 0, depth, shift, 0, 0, 1, 0)
+    return into.multiply(look)
+  }
+}
+
+const point = new Vector3()
+const aim = new Vector3()
+const up = new Vector3()
+const side = new Vector3()
+const look = new Matrix4()

@@ -1,0 +1,260 @@
+// How things look: sun with shadow, sky, headlights with shadows, small lamps. The formulas of the simulator's cameras
+// (render/shaders), so that both pictures agree; glTF 2.0, appendix B.
+import { BONES } from './rig'
+import { BEAM_SLOTS, LAMP_SLOTS } from './lamps'
+
+export const CASTER_TILES = 4
+export const CASTER_SLOTS = CASTER_TILES * CASTER_TILES
+
+const LIGHT = /* glsl */ `
+uniform vec3 sun_direction, sun_color, zenith, horizon, floor_glow;
+uniform vec2 exposure;  // of light, of what glows
+`
+
+/** Khronos PBR Neutral without its toe, which blackens the night; then the sRGB transfer function. */
+const TONE = /* glsl */ `
+vec3 shown(vec3 c) {
+  float peak = max(c.r, max(c.g, c.b)), low = 0.76, d = 1.0 - low;
+  float bright = 1.0 - d * d / (peak + d - low);
+  vec3 pressed = mix(c * (bright / max(peak, 1e-4)), vec3(bright), 1.0 - 1.0 / (0.15 * (peak - bright) + 1.0));
+  c = clamp(peak < low ? c : pressed, 0.0, 1.0);
+  return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
+}
+// Against bands in the night: noise of less than a level.
+vec3 dithered(vec3 c) {
+  float noise = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+  return c + (noise - 0.5) / 255.0;
+}
+`
+
+/** RIGGED: each vertex moves with a bone of its vehicle. Three.js declares position, normal, uv and the matrices. */
+const BONE = /* glsl */ `
+#ifdef RIGGED
+uniform mat4 bone_poses[${BONES}];
+in vec2 bones;  // bone, lamp
+#define PLACE bone_poses[int(bones.x)]
+#elif defined(USE_INSTANCING)
+#define PLACE (modelMatrix * instanceMatrix)
+#else
+#define PLACE modelMatrix
+#endif
+`
+
+export const DEPTH_VERTEX = /* glsl */ `
+${BONE}
+void main() { gl_Position = projectionMatrix * viewMatrix * PLACE * vec4(position, 1.0); }
+`
+
+export const DEPTH_FRAGMENT = /* glsl */ `
+void main() {}
+`
+
+export const SCENE_VERTEX = /* glsl */ `
+${LIGHT}
+${BONE}
+uniform mat3 sun_from_map;
+#ifdef RIGGED
+uniform float glows[13];  // 0: what glows always; 1 ... 12: the lamps
+#endif
+in vec3 color, emission, finish;
+out vec3 place, facing, in_sun, own_color, own_emission;
+out vec3 own_finish;
+out vec2 own_uv;
+#ifdef LIGHTWEIGHT
+out vec3 from_sky, from_sun;
+#endif
+void main() {
+  mat4 pose = PLACE;
+  place = (pose * vec4(position, 1.0)).xyz;
+  facing = mat3(pose) * normal;
+#ifdef RIGGED
+  own_emission = emission * glows[int(bones.y)];
+#else
+  own_emission = emission;
+#endif
+  own_color = color;
+  own_finish = finish;
+  own_uv = uv;
+  in_sun = sun_from_map * (place + 0.004 * facing);  // moved off the surface, against speckled shadows
+#ifdef LIGHTWEIGHT
+  from_sky = 0.31831 * mix(floor_glow, 0.5 * (zenith + horizon), facing.z * 0.5 + 0.5);
+  from_sun = 0.31831 * clamp(dot(facing, sun_direction), 0.0, 1.0) * sun_color;
+#endif
+  gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
+}
+`
+
+/** TEXTURED; SHADOWS: edge of the soft shadows in texels, 0: none; LIGHTWEIGHT: no gloss, for software GL. */
+export const SCENE_FRAGMENT = /* glsl */ `
+precision highp sampler2DShadow;
+${LIGHT}
+uniform int is_day;
+uniform sampler2D picture;
+uniform sampler2DShadow still_map, caster_map, beam_map;
+uniform vec4 still_scale, still_offset;         // where in_sun lies in the shadow map of all that stands still
+uniform int caster_count;
+uniform vec4 caster_offset[${CASTER_SLOTS}];    // the same for each vehicle's own tile of the other shadow map
+uniform vec4 caster_tile[${CASTER_SLOTS}];      // tile's corner, its size, size of a texel
+uniform vec4 caster_place[${CASTER_SLOTS}];     // x, y of the vehicle's middle, cosine and sine of its yaw
+uniform vec4 caster_half;                       // half length, half width of a vehicle, scale of its tile, of its depth
+uniform int beam_count, head_count, lamp_count;
+uniform vec4 lamp_place[${LAMP_SLOTS}], lamp_aim[${LAMP_SLOTS}], lamp_color[${LAMP_SLOTS}], lamp_up[${LAMP_SLOTS}];
+uniform mat4 beam_from_map[${BEAM_SLOTS}];
+uniform float beam_texel;
+in vec3 place, facing, in_sun, own_color, own_emission;
+in vec3 own_finish;
+in vec2 own_uv;
+#ifdef LIGHTWEIGHT
+in vec3 from_sky, from_sun;
+#endif
+out vec4 pixel;
+${TONE}
+float shadow(sampler2DShadow map, vec3 at, float texel) {
+#if SHADOWS < 2
+  return texture(map, at);
+#else
+  // a disc of taps, turned from pixel to pixel
+  float angle = 6.2831853 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+  float sum = 0.0, radius = texel * float(SHADOWS);
+  for (int i = 0; i < 12; i++) {
+    float turned = float(i) * 2.3999632 + angle;
+    sum += texture(map, at + vec3(vec2(cos(turned), sin(turned)) * sqrt((float(i) + 0.5) / 12.0) * radius, 0.0));
+  }
+  return sum / 12.0;
+#endif
+}
+
+float sunlit() {
+#if SHADOWS == 0
+  return 1.0;
+#else
+  vec3 at = in_sun * still_scale.xyz + still_offset.xyz;
+  bool inside = all(lessThan(abs(at - 0.5), vec3(0.499)));
+  float lit = shadow(still_map, inside ? at : vec3(0.5, 0.5, 0.0), still_scale.w);
+  lit = inside ? lit : 1.0;
+  for (int i = 0; i < caster_count; i++) {
+    vec4 tile = caster_tile[i];
+    at = in_sun * caster_half.zzw + caster_offset[i].xyz;
+    vec2 off = abs(at.xy - 0.5);
+    if (max(off.x, off.y) < 0.48 && at.z < 1.0)  // the rim would be smoothed with the next tile
+      lit = min(lit, shadow(caster_map, vec3(tile.xy + at.xy * tile.z, at.z), tile.w));
+  }
+  return lit;
+#endif
+}
+
+// How much of the sky a point near vehicles sees: less below and beside them.
+float openness() {
+  float open = 1.0;
+  for (int i = 0; i < caster_count; i++) {
+    vec4 other = caster_place[i];
+    vec2 d = place.xy - other.xy;
+    vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - caster_half.xy, 0.0);
+    open *= 1.0 - 0.75 * exp(-dot(outside, outside) * 700.0);
+  }
+  return open;
+}
+
+struct Finish { vec3 diffuse, specular; float alpha, roughness; bool is_glossy; };
+
+vec3 reflected(Finish f, vec3 n, vec3 v, vec3 l) {
+  float nl = clamp(dot(n, l), 0.0, 1.0);
+#ifndef LIGHTWEIGHT
+  if (f.is_glossy) {
+    vec3 h = normalize(v + l);
+    float nh = clamp(dot(n, h), 0.0, 1.0), vh = clamp(dot(v, h), 0.0, 1.0), nv = abs(dot(n, v)) + 1e-4;
+    float a2 = f.alpha * f.alpha, d = nh * nh * (a2 - 1.0) + 1.0, k = 0.5 * f.alpha;
+    float lobe = a2 / (3.14159 * d * d) * 0.25 / ((nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));
+    float x = 1.0 - vh, x2 = x * x;
+    vec3 fresnel = f.specular + (1.0 - f.specular) * (x2 * x2 * x);
+    return ((1.0 - fresnel) * f.diffuse * 0.31831 + fresnel * min(lobe, 40.0)) * nl;
+  }
+#endif
+  return f.diffuse * (nl * 0.31831);
+}
+
+// Irradiance [cd/m^2] of what faces lamp i from distance d along l (KHR_lights_punctual).
+vec3 lamp_light(int i, out vec3 l) {
+  vec3 to = lamp_place[i].xyz - place;
+  float d2 = max(dot(to, to), 1e-4), range = lamp_place[i].w, r2 = d2 / (range * range);
+  l = to * inversesqrt(d2);
+  float cone = clamp((dot(-l, lamp_aim[i].xyz) - lamp_aim[i].w) * lamp_color[i].w, 0.0, 1.0);
+  float window = clamp(1.0 - r2 * r2, 0.0, 1.0);
+  return lamp_color[i].rgb * (cone * cone * window * window / (d2 + 1e-3));
+}
+
+void main() {
+  vec3 n = normalize(facing), v = normalize(cameraPosition - place), color = own_color;
+#ifdef TEXTURED
+  color *= texture(picture, own_uv).rgb;
+#endif
+  bool is_flat = own_finish.z < 0.5;
+  float roughness = own_finish.x, metallic = own_finish.y;
+  Finish f;
+  f.alpha = roughness * roughness;
+  f.roughness = roughness;
+  f.diffuse = color * (1.0 - metallic);
+  f.specular = mix(vec3(0.04), color, metallic);
+  f.is_glossy = own_finish.z > 1.5;
+
+  float open = openness(), lit = is_day == 1 ? sunlit() : 1.0;
+#ifdef LIGHTWEIGHT
+  f.diffuse = color * (1.0 - 0.5 * metallic);
+  vec3 light = f.diffuse * (open * from_sky + lit * from_sun);
+#else
+  vec3 light = f.diffuse * 0.31831 * open * mix(floor_glow, 0.5 * (zenith + horizon), n.z * 0.5 + 0.5);
+  if (f.is_glossy) {
+    vec3 r = reflect(-v, n);
+    float x = 1.0 - clamp(dot(n, v), 0.0, 1.0), x2 = x * x;
+    vec3 seen = mix(floor_glow, mix(horizon, zenith, clamp(r.z, 0.0, 1.0)), smoothstep(-0.15, 0.15, r.z));
+    vec3 mirror = f.specular + (max(vec3(1.0 - roughness), f.specular) - f.specular) * (x2 * x2 * x);
+    light += seen * 0.31831 * open * mirror * (1.0 - 0.5 * roughness);
+  }
+  light += reflected(f, n, v, sun_direction) * sun_color * lit;
+#endif
+  vec3 l;
+  for (int i = 0; i < head_count; i++) {
+    vec3 arriving = lamp_light(i, l);
+    if (arriving.g == 0.0) continue;
+    arriving *= clamp(0.5 - dot(-l, lamp_up[i].xyz) * lamp_up[i].w, 0.0, 1.0);
+#ifdef BEAM_SHADOWS
+    if (i < beam_count) {
+      vec4 at = beam_from_map[i] * vec4(place + 0.004 * n, 1.0);
+      at.xyz /= max(at.w, 1e-4);  // behind the lamp there is no light anyway
+      arriving *= shadow(beam_map, at.xyz, beam_texel);
+    }
+#endif
+    // asphalt and grass throw light back to where it comes from: Lommel and Seeliger's law for rough ground
+    if (is_flat) light += f.diffuse * 0.31831 * arriving * l.z / (l.z + v.z + 0.02) * step(0.0, l.z);
+    else light += reflected(f, n, v, l) * arriving;
+  }
+  for (int i = head_count; i < lamp_count; i++) {
+    vec3 arriving = lamp_light(i, l);
+    light += reflected(f, n, v, l) * arriving;
+  }
+  pixel = vec4(dithered(shown(light * exposure.x + own_emission * exposure.y)), 1.0);
+}
+`
+
+export const SKY_VERTEX = /* glsl */ `
+uniform mat4 map_from_clip;
+out vec3 ray;
+void main() {
+  vec4 near = map_from_clip * vec4(position.xy, -1.0, 1.0), far = map_from_clip * vec4(position.xy, 1.0, 1.0);
+  ray = far.xyz / far.w - near.xyz / near.w;
+  gl_Position = vec4(position.xy, 0.9999999, 1.0);
+}
+`
+
+/** Bright at the horizon, deeper towards the zenith. */
+export const SKY_FRAGMENT = /* glsl */ `
+${LIGHT}
+in vec3 ray;
+out vec4 pixel;
+${TONE}
+void main() {
+  float up = clamp(ray.z * inversesqrt(dot(ray, ray)), 0.0, 1.0);
+  vec3 low = shown(horizon * 0.31831 * exposure.x), high = shown(zenith * 0.31831 * exposure.x);
+  pixel = vec4(dithered(mix(low, high, sqrt(up))), 1.0);
+}
+`

@@ -1,0 +1,223 @@
+// Shadow maps as in render/shadows.py: of all that stands still, of each vehicle, and of what stands in a headlight.
+import {
+  Box3,
+  BufferGeometry,
+  Camera,
+  DepthTexture,
+  DoubleSide,
+  GLSL3,
+  LessEqualCompare,
+  LinearFilter,
+  Matrix3,
+  Matrix4,
+  Object3D,
+  RedFormat,
+  Scene,
+  ShaderMaterial,
+  UnsignedIntType,
+  Vector3,
+  Vector4,
+  WebGLRenderTarget,
+} from 'three'
+import type { IUniform, WebGLRenderer } from 'three'
+
+import { BEAM_SLOTS, type Burning } from './lamps'
+import type { Profile } from './quality'
+import { CASTER_SLOTS, CASTER_TILES, DEPTH_FRAGMENT, DEPTH_VERTEX } from './shaders'
+
+/** Draws depths a little farther than they are, against speckles; both sides, as thin things cast shadows too. */
+export function depthMaterial(bones: IUniform<Float32Array> | null): ShaderMaterial {
+  return new ShaderMaterial({
+    ...{ vertexShader: DEPTH_VERTEX, fragmentShader: DEPTH_FRAGMENT, glslVersion: GLSL3, side: DoubleSide },
+    ...{ defines: bones ? { RIGGED: 1 } : {}, uniforms: bones ? { bone_poses: bones } : {} },
+    ...{ polygonOffset: true, polygonOffsetFactor: 1.5, polygonOffsetUnits: 2, colorWrite: false },
+  })
+}
+
+/** Rows x, y across the light and z away from the sun: sun axes from map axes. */
+export function sunAxes(direction: readonly number[]): Matrix3 {
+  const z = new Vector3(...direction).negate()
+  const x = new Vector3(0, 0, 1).cross(z).normalize()
+  const y = new Vector3().crossVectors(z, x)
+  return new Matrix3().set(x.x, x.y, x.z, y.x, y.y, y.z, z.x, z.y, z.z)
+}
+
+export class Shadows {
+  readonly uniforms = {
+    still_map: { value: null as DepthTexture | null },
+    caster_map: { value: null as DepthTexture | null },
+    beam_map: { value: null as DepthTexture | null },
+    still_scale: { value: new Vector4(1, 1, 1, 1) },
+    still_offset: { value: new Vector4(9, 9, 9, 0) },
+    caster_offset: { value: new Float32Array(4 * CASTER_SLOTS) },
+    caster_tile: { value: new Float32Array(4 * CASTER_SLOTS) },
+    caster_half: { value: new Vector4() },
+    beam_from_map: { value: new Float32Array(16 * BEAM_SLOTS) },
+    beam_texel: { value: 0 },
+  }
+  /** What casts shadows and stands still. */
+  readonly still = new Scene()
+  /** Whether something in it has moved. */
+  isStillOld = true
+  private isPrepared = false
+  private readonly targets: Record<'still' | 'caster' | 'beam', WebGLRenderTarget | null>
+  private readonly eye = new Camera()
+
+  /** `sun`: axes; `extent` [m]: how far a vehicle reaches from its origin. */
+  constructor(
+    private readonly profile: Profile,
+    private readonly sun: Matrix3,
+    private readonly sunHeight: number,
+    private readonly extent: number,
+  ) {
+    const { stillMap, casterMap, beamMap, softness } = profile
+    this.targets = {
+      still: softness > 0 ? target(stillMap) : null,
+      caster: softness > 0 ? target(casterMap) : null,
+      beam: beamMap > 0 ? target(2 * beamMap) : null,
+    }
+    this.uniforms.still_map.value = this.targets.still?.depthTexture ?? null
+    this.uniforms.caster_map.value = this.targets.caster?.depthTexture ?? null
+    this.uniforms.beam_map.value = this.targets.beam?.depthTexture ?? null
+    this.uniforms.beam_texel.value = 1 / Math.max(2 * beamMap, 1)
+    const half = this.uniforms.caster_half.value
+    half.z = 0.5 / extent
+    half.w = 1 / (2 * extent + 0.6)
+    this.eye.matrixAutoUpdate = this.eye.matrixWorldAutoUpdate = false
+  }
+
+  /** Makes the maps, so that shaders can read even those that nothing is drawn into. */
+  prepare(renderer: WebGLRenderer): void {
+    if (this.isPrepared) return
+    this.isPrepared = true
+    for (const map of Object.values(this.targets)) {
+      if (!map) continue
+      renderer.setRenderTarget(map)
+      renderer.clear(false, true, false)
+    }
+  }
+
+  /** The maps are lost, for example with the context. */
+  forget(): void {
+    this.isPrepared = false
+    this.isStillOld = true
+  }
+
+  /** What the sun sees of all that stands still, if anything has moved. */
+  drawStill(renderer: WebGLRenderer): void {
+    const { still } = this.targets
+    if (!still || !this.isStillOld) return
+    this.isStillOld = false
+    this.still.updateMatrixWorld()
+    const box = new Box3()
+    const top = sunBox(this.still, this.sun, box)
+    if (box.isEmpty()) box.set(new Vector3(9, 9, 9), new Vector3(10, 10, 10))
+    box.expandByScalar(0.02)
+    box.max.z += Math.max(top, 0) / this.sunHeight + 0.2 // as far as shadows fall
+    const size = box.getSize(new Vector3())
+    const scale = this.uniforms.still_scale.value.set(1 / size.x, 1 / size.y, 1 / size.z, 1 / this.profile.stillMap)
+    const offset = this.uniforms.still_offset.value
+    offset.set(-box.min.x * scale.x, -box.min.y * scale.y, -box.min.z * scale.z, 0)
+    this.aim(scale, offset)
+    still.viewport.set(0, 0, still.width, still.height)
+    still.scissorTest = false
+    renderer.setRenderTarget(still)
+    renderer.clear(false, true, false)
+    renderer.render(this.still, this.eye)
+  }
+
+  /** A tile of its own for each vehicle. */
+  drawCasters(renderer: WebGLRenderer, vehicles: readonly { root: Matrix4; caster: Object3D }[]): void {
+    const { caster } = this.targets
+    if (!caster) return
+    const edge = caster.width / CASTER_TILES
+    const half = this.uniforms.caster_half.value
+    const scale = new Vector3(half.z, half.z, half.w)
+    vehicles.forEach(({ root, caster: thing }, slot) => {
+      const low = center.setFromMatrixPosition(root).applyMatrix3(this.sun).subScalar(this.extent)
+      low.multiply(scale).negate().toArray(this.uniforms.caster_offset.value, 4 * slot)
+      const [row, column] = [Math.floor(slot / CASTER_TILES), slot % CASTER_TILES]
+      const size = 1 / CASTER_TILES
+      this.uniforms.caster_tile.value.set([column * size, row * size, size, 1 / caster.width], 4 * slot)
+      this.aim(scale, low)
+      this.into(renderer, caster, column * edge, row * edge, edge)
+      renderer.render(thing, this.eye)
+    })
+  }
+
+  /** A tile for each headlight that casts shadows; a vehicle does not stand in its own light. */
+  drawBeams(renderer: WebGLRenderer, burning: Burning, others: readonly Object3D[]): void {
+    const { beam } = this.targets
+    if (!beam) return
+    const edge = beam.width / 2
+    for (let slot = 0; slot < burning.beams; slot++) {
+      const [x, y] = [slot % 2, Math.floor(slot / 2)]
+      burning.matrix(slot, this.eye.projectionMatrix)
+      this.eye.projectionMatrixInverse.copy(this.eye.projectionMatrix).invert()
+      this.into(renderer, beam, x * edge, y * edge, edge)
+      renderer.render(this.still, this.eye)
+      for (const other of others) renderer.render(other, this.eye)
+      tile.set(0.25, 0, 0, 0.25 + 0.5 * x, 0, 0.25, 0, 0.25 + 0.5 * y, 0, 0, 0.5, 0.5, 0, 0, 0, 1)
+      tile.multiply(this.eye.projectionMatrix).toArray(this.uniforms.beam_from_map.value, 16 * slot)
+    }
+  }
+
+  private into(renderer: WebGLRenderer, map: WebGLRenderTarget, x: number, y: number, edge: number): void {
+    map.viewport.set(x, y, edge, edge)
+    map.scissor.set(x, y, edge, edge)
+    map.scissorTest = true
+    renderer.setRenderTarget(map)
+    renderer.clear(false, true, false)
+  }
+
+  /** Looks along the sun at where sun axes * scale + offset lies in [0, 1]. */
+  private aim(scale: { x: number; y: number; z: number }, offset: { x: number; y: number; z: number }): void {
+    const s = this.sun.elements // column by column
+    const rows = [0, 1, 2].map((row) => [s[row], s[row + 3], s[row + 6]])
+    const [a, b, c] = rows.map((row, i) => row.map((value) => 2 * [scale.x, scale.y, scale.z][i] * value))
+    const [x, y, z] = [2 * offset.x - 1, 2 * offset.y - 1, 2 * offset.z - 1]
+    const clip = this.eye.projectionMatrix
+    clip.set(a[0], a[1], a[2], x, b[0], b[1], b[2], y, c[0], c[1], c[2], z, 0, 0, 0, 1)
+    this.eye.projectionMatrixInverse.copy(clip).invert()
+  }
+
+  dispose(): void {
+    for (const map of Object.values(this.targets)) {
+      map?.depthTexture?.dispose()
+      map?.dispose()
+    }
+  }
+}
+
+function target(edge: number): WebGLRenderTarget {
+  const depthTexture = new DepthTexture(edge, edge, UnsignedIntType)
+  depthTexture.compareFunction = LessEqualCompare
+  depthTexture.minFilter = depthTexture.magFilter = LinearFilter
+  return new WebGLRenderTarget(edge, edge, { depthTexture, format: RedFormat, generateMipmaps: false })
+}
+
+/** Grows the box by everything below, in sun axes; how high it reaches in the map [m]. */
+function sunBox(root: Object3D, sun: Matrix3, box: Box3): number {
+  let top = 0
+  root.traverse((thing) => {
+    const mesh = thing as Object3D & { geometry?: BufferGeometry; count?: number; getMatrixAt?: InstanceMatrix }
+    if (!mesh.geometry) return
+    const positions = mesh.geometry.getAttribute('position')
+    for (let i = 0; i < (mesh.getMatrixAt ? (mesh.count ?? 0) : 1); i++) {
+      pose.copy(mesh.matrixWorld)
+      mesh.getMatrixAt?.(i, pose)
+      for (let k = 0; k < positions.count; k++) {
+        center.fromBufferAttribute(positions, k).applyMatrix4(pose)
+        top = Math.max(top, center.z)
+        box.expandByPoint(center.applyMatrix3(sun))
+      }
+    }
+  })
+  return top
+}
+
+type InstanceMatrix = (index: number, matrix: Matrix4) => void
+
+const center = new Vector3()
+const pose = new Matrix4()
+const tile = new Matrix4()

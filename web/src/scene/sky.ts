@@ -1,0 +1,34 @@
+// The sky: a triangle over the whole picture, behind everything.
+import { BufferAttribute, BufferGeometry, GLSL3, LessEqualDepth, Matrix4, Mesh, ShaderMaterial } from 'three'
+import type { Camera, IUniform } from 'three'
+
+import { SKY_FRAGMENT, SKY_VERTEX } from './shaders'
+
+export class Sky {
+  readonly mesh: Mesh
+  private readonly geometry = new BufferGeometry()
+  private readonly material: ShaderMaterial
+  private readonly mapFromClip = new Matrix4()
+
+  constructor(shared: Record<string, IUniform>) {
+    this.geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3))
+    this.material = new ShaderMaterial({
+      ...{ vertexShader: SKY_VERTEX, fragmentShader: SKY_FRAGMENT, glslVersion: GLSL3 },
+      ...{ uniforms: { ...shared, map_from_clip: { value: this.mapFromClip } } },
+      ...{ depthWrite: false, depthFunc: LessEqualDepth },
+    })
+    this.mesh = new Mesh(this.geometry, this.material)
+    this.mesh.frustumCulled = false
+    this.mesh.renderOrder = 10 // what hides it was drawn before
+  }
+
+  /** Looks as that camera does. */
+  prepare(camera: Camera): void {
+    this.mapFromClip.multiplyMatrices(camera.matrixWorld, camera.projectionMatrixInverse)
+  }
+
+  dispose(): void {
+    this.geometry.dispose()
+    this.material.dispose()
+  }
+}
