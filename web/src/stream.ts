@@ -1,4 +1,4 @@
-// The quality 'stream': the simulator draws the chosen scene camera for this page.
+// The quality 'stream': the simulator draws the chosen scene camera for this page, or the page does where it cannot.
 import type { Connection } from './connection'
 import type { Store } from './store'
 
@@ -36,7 +36,10 @@ export function stream(store: Store, connection: Connection, canvas: HTMLElement
     const request = wanted
       ? { camera: store.camera.value, vehicle: store.vehicle.value, height: store.birdHeight.value, ...orbit, width, rate: RATE }
       : { camera: null }
-    connection.request({ type: 'SetCamera', ...request }).catch((fault: Error) => (store.notice.value = fault.message))
+    connection.request({ type: 'SetCamera', ...request }).catch((fault: Error) => {
+      store.notice.value = fault.message
+      if (store.link.value === 'open' && store.quality.value === 'stream') store.quality.value = 'low'
+    })
   }
 
   for (const signal of [store.quality, store.camera, store.vehicle, store.birdHeight, store.scene]) signal.watch(ask)

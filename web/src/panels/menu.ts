@@ -13,7 +13,7 @@ const QUALITIES: Record<Quality, string> = {
   low: 'Low',
   high: 'High',
   ultra: 'Ultra',
-  stream: 'Stream: drawn by the simulator',
+  stream: 'Stream',
 }
 /** As fast as possible. */
 const MAX = 'max'
@@ -158,7 +158,9 @@ function tell(element: HTMLElement, words: string): void {
 }
 
 function picture(store: Store): HTMLElement {
-  const quality = choice('quality', (value) => (store.quality.value = value as Quality))
+  const quality = choice('quality', (value) => (store.quality.value = value as Quality), {
+    title: 'Who draws the scene: this page, or, as a stream of pictures, the simulator',
+  })
   setOptions(quality, QUALITIES)
   store.quality.watch((value) => (quality.value = value))
   const scan = h('input', { type: 'checkbox', testid: 'lidar', role: 'switch' })

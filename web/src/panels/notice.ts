@@ -1,4 +1,5 @@
 // Short calm lines at the bottom: collisions, leaving the road, and what else the person is told.
+import { sentence } from '../actions'
 import type { Event } from '../messages'
 import type { Store } from '../store'
 import { h } from './element'
@@ -44,7 +45,7 @@ export function notices(store: Store): HTMLElement {
   }
 
   store.notice.watch((text) => {
-    if (text) tell(text, 'plain', false)
+    if (text) tell(sentence(text), 'plain', false)
   })
   store.events.watch((events) => {
     for (const event of events) tell(...words(event), true)
