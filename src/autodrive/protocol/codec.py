@@ -19,11 +19,16 @@ CODES = {"<f8": 1, "<i8": 2, "<f4": 3, "|u1": 4}
 """Type of an array's values -> code of the MessagePack extension."""
 
 _TYPES = {code: np.dtype(name) for name, code in CODES.items()}
+_CODES = {dtype: code for code, dtype in _TYPES.items()}
+_DOUBLE = np.dtype("<f8")
 
 
 def _extension(value: Any) -> msgspec.msgpack.Ext:
-    if isinstance(value, np.ndarray) and value.dtype.str in CODES:
-        return msgspec.msgpack.Ext(CODES[value.dtype.str], value.tobytes())
+    """Of an array; a Frame has some dozens, nearly all of doubles."""
+    if isinstance(value, np.ndarray):
+        code = 1 if value.dtype is _DOUBLE else _CODES.get(value.dtype)
+        if code is not None:
+            return msgspec.msgpack.Ext(code, value.tobytes())
     raise NotImplementedError(f"{type(value).__name__} has no place in a message")
 
 
