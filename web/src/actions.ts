@@ -56,7 +56,8 @@ export class Actions {
 
   /** Runs that many ticks and stands still after them. */
   async step(ticks: number): Promise<void> {
-    if (this.store.status.value?.is_paused || (await this.ask({ type: 'Pause' }))) await this.ask({ type: 'Step', ticks })
+    const isPaused = this.store.status.value?.is_paused || (await this.ask({ type: 'Pause' }))
+    if (isPaused) await this.ask({ type: 'Step', ticks })
   }
 }
 

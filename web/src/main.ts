@@ -12,6 +12,7 @@ import { notices } from './panels/notice'
 import { chosenTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
 import { touch } from './panels/touch'
+import type { SceneView } from './scene/view'
 import { Store } from './store'
 import { stream } from './stream'
 
@@ -49,10 +50,10 @@ listenToKeyboard(driver, (deed) => DEEDS[deed]?.())
 listenToGamepad(driver)
 stream(store, connection, canvas)
 // A click into the scene ends typing, and keys drive again.
-canvas.addEventListener('pointerdown', () => document.activeElement instanceof HTMLElement && document.activeElement.blur())
+canvas.addEventListener('pointerdown', () => (document.activeElement as HTMLElement | null)?.blur())
 
 /** A door for scripts in the browser's console: what the page knows, and its line to the simulator. */
-const door: { store: Store; connection: Connection; view: unknown } = { store, connection, view: null }
+const door: { store: Store; connection: Connection; view: SceneView | null } = { store, connection, view: null }
 declare global {
   interface Window {
     autodrive: typeof door
@@ -60,19 +61,8 @@ declare global {
 }
 window.autodrive = door
 
-// Files of a glob may be missing: the panels then work without a scene.
-const scenes = import.meta.glob<{ showScene: (canvas: HTMLCanvasElement, store: Store) => unknown }>('./scene/view.ts')
-for (const load of Object.values(scenes)) {
-  void load().then(({ showScene }) => (door.view = showScene(canvas, store)))
-}
-const huds = import.meta.glob<{ hud: (store: Store, connection: Connection) => HTMLElement }>('./panels/hud.ts')
-for (const load of Object.values(huds)) {
-  void load().then(({ hud }) => {
-    const panel = hud(store, connection)
-    panel.id ||= 'hud'
-    canvas.before(panel)
-    store.isHudOpen.watch((isOpen) => (panel.hidden = !isOpen))
-  })
-}
+// Driving works while these, which are large, are still loaded.
+void import('./panels/hud').then(({ hud }) => canvas.before(hud(store, connection)))
+void import('./scene/view').then(({ showScene }) => (door.view = showScene(canvas, store)))
 
 connection.open()

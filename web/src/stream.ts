@@ -33,10 +33,9 @@ export function stream(store: Store, connection: Connection, canvas: HTMLElement
     if (store.link.value !== 'open' || !store.scene.value || (!wanted && !isStreaming)) return
     isStreaming = wanted
     const width = Math.min(WIDEST, Math.round(canvas.clientWidth * Math.min(1, devicePixelRatio)) || WIDEST)
-    const request = wanted
-      ? { camera: store.camera.value, vehicle: store.vehicle.value, height: store.birdHeight.value, ...orbit, width, rate: RATE }
-      : { camera: null }
-    connection.request({ type: 'SetCamera', ...request }).catch((fault: Error) => {
+    const view = { vehicle: store.vehicle.value, height: store.birdHeight.value, ...orbit, width, rate: RATE }
+    const camera = wanted ? store.camera.value : null
+    connection.request({ type: 'SetCamera', camera, ...(wanted && view) }).catch((fault: Error) => {
       store.notice.value = fault.message
       if (store.link.value === 'open' && store.quality.value === 'stream') store.quality.value = 'low'
     })

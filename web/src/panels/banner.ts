@@ -7,7 +7,8 @@ const PATIENCE = 400
 
 export function banner(store: Store): HTMLElement {
   const text = h('span')
-  const line = h('div', { class: 'banner', testid: 'banner', role: 'alert', hidden: true }, h('i', { class: 'spinner' }), text)
+  const spinner = h('i', { class: 'spinner' })
+  const line = h('div', { class: 'banner', testid: 'banner', role: 'alert', hidden: true }, spinner, text)
   let timer = 0
   store.link.watch((link) => {
     window.clearTimeout(timer)

@@ -11,8 +11,9 @@ const WORDS = { closed: 'Disconnected', connecting: 'Connecting…', connected: 
 
 export function bridge(store: Store, connection: Connection): HTMLElement {
   const typed = { ...DEFAULTS }
-  const host = h('input', { testid: 'ip', id: 'ip', placeholder: DEFAULTS.host, oninput: keep, ...FIELD })
-  const port = h('input', { testid: 'port', id: 'port', placeholder: DEFAULTS.port, inputmode: 'numeric', oninput: keep, ...FIELD })
+  const host = h('input', { testid: 'ip', placeholder: DEFAULTS.host, oninput: keep, ...FIELD })
+  const digits = { inputmode: 'numeric' }
+  const port = h('input', { testid: 'port', placeholder: DEFAULTS.port, oninput: keep, ...digits, ...FIELD })
   const connect = h('button', { testid: 'connect', class: 'primary', type: 'submit' }, 'Connect')
   const disconnect = h('button', { testid: 'disconnect', type: 'button', onclick: () => void end() }, 'Disconnect')
   const status = state('bridge-status')
@@ -38,7 +39,8 @@ export function bridge(store: Store, connection: Connection): HTMLElement {
     if (!address) return refuse('The IP address is empty. The default is 127.0.0.1, this machine.', host)
     if (/[\s/:]/.test(address.replace(/^\[.*\]$|^[0-9a-f:]+$/i, '')))
       return refuse('Only the address, please, without http:// and without the port, for example 192.168.0.12.', host)
-    if (!/^\d+$/.test(port.value.trim())) return refuse('The port is a number from 1 to 65535. The default is 4567.', port)
+    if (!/^\d+$/.test(port.value.trim()))
+      return refuse('The port is a number from 1 to 65535. The default is 4567.', port)
     const number = Number(port.value)
     if (number < 1 || number > 65535) return refuse(`Port ${number} does not exist: ports go from 1 to 65535.`, port)
     refuse('')

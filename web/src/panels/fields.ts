@@ -23,7 +23,11 @@ export function labelled(label: string, field: HTMLElement): HTMLElement {
 }
 
 /** A choice of a few named things; `choose` is called when the person picked one. */
-export function choice(testid: string, choose: (value: string) => void, attributes: Attributes = {}): HTMLSelectElement {
+export function choice(
+  testid: string,
+  choose: (value: string) => void,
+  attributes: Attributes = {},
+): HTMLSelectElement {
   let isPointed = false // picked with the mouse: hand the keyboard back to driving
   const select = h('select', {
     testid,

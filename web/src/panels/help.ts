@@ -33,6 +33,7 @@ interface Layout {
 
 export function help(): { element: HTMLDialogElement; toggle: () => void } {
   const body = h('div', { class: 'help-body' })
+  const close = () => element.close()
   const element = h(
     'dialog',
     {
@@ -46,7 +47,7 @@ export function help(): { element: HTMLDialogElement; toggle: () => void } {
         element.close()
       },
     },
-    h('header', {}, h('h2', {}, 'Keys and controls'), h('button', { testid: 'help-close', onclick: () => element.close() }, 'Close')),
+    h('header', {}, h('h2', {}, 'Keys and controls'), h('button', { testid: 'help-close', onclick: close }, 'Close')),
     body,
   )
 

@@ -98,9 +98,12 @@ function clock(store: Store): HTMLElement {
 
 function time(store: Store, actions: Actions): HTMLElement {
   const pause = h('button', { testid: 'pause', onclick: () => actions.togglePause() }, 'Pause')
-  const ticks = h('input', { testid: 'ticks', type: 'number', min: 1, max: 10000, value: 1, 'aria-label': 'Ticks of a step' })
-  const step = h('button', { testid: 'step', title: 'Run that many ticks, then pause (N: one)' }, 'Step')
-  step.addEventListener('click', () => void actions.step(Math.min(10000, Math.max(1, Math.round(Number(ticks.value)) || 1))))
+  const most = 10000
+  const words = { 'aria-label': 'Ticks of a step' }
+  const ticks = h('input', { testid: 'ticks', type: 'number', min: 1, max: most, value: 1, ...words })
+  const wanted = () => Math.min(most, Math.max(1, Math.round(Number(ticks.value)) || 1))
+  const run = () => void actions.step(wanted())
+  const step = h('button', { testid: 'step', title: 'Run that many ticks, then pause (N: one)', onclick: run }, 'Step')
   const speed = segments('speed', 'Speed', SPEEDS, (value) => {
     void actions.ask({ type: 'SetSpeed', factor: value === MAX ? null : Number(value) })
   })

@@ -8,6 +8,7 @@ const MENU = 'M4 7h16M4 12h16M4 17h16'
 const HUD = 'M4 19a8 8 0 1 1 16 0M12 19l4-6'
 
 export function toolbar(store: Store, showHelp: () => void): HTMLElement {
+  const words = { 'aria-label': 'Help', title: 'Keys and controls (?)' }
   return h(
     'header',
     { class: 'toolbar' },
@@ -15,7 +16,7 @@ export function toolbar(store: Store, showHelp: () => void): HTMLElement {
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
     banner(store),
     run(store),
-    h('button', { class: 'round', testid: 'help', 'aria-label': 'Help', title: 'Keys and controls (?)', onclick: showHelp }, '?'),
+    h('button', { class: 'round', testid: 'help', onclick: showHelp, ...words }, '?'),
     opener('hud', 'HUD', HUD, 'U', store.isHudOpen),
   )
 }
