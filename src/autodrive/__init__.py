@@ -10,6 +10,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from autodrive.client import Client as Client
+    from autodrive.client import NoSimulatorError as NoSimulatorError
     from autodrive.errors import AutodriveError as AutodriveError
     from autodrive.errors import CommandError as CommandError
     from autodrive.errors import EngineError as EngineError
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
     from autodrive.world import make as make
 
 _HOME = {
+    "client": ("Client", "NoSimulatorError"),
     "errors": ("AutodriveError", "CommandError", "EngineError", "SpecError"),
     "protocol.messages": (
         "BackOnRoad",
