@@ -2,12 +2,12 @@
 import '../hud.css'
 import type { Connection } from '../connection'
 import type { Store } from '../store'
-import { h, setText } from './element'
+import { h } from './element'
 import { History } from './history'
 import { TEXTS } from './hud_rows'
-import type { Moment, Row } from './hud_rows'
-import { dashboard, sensors, simulation } from './hud_sections'
-import type { Section } from './hud_sections'
+import type { Moment } from './hud_rows'
+import { dashboard, row, sensors, simulation } from './hud_sections'
+import type { Rows, Section } from './hud_sections'
 import { recall, remember } from './memory'
 import { plot } from './plot'
 import { polar } from './polar'
@@ -23,14 +23,14 @@ const WINDOWS = [10, 20, 30]
 export function hud(store: Store, connection: Connection): HTMLElement {
   const history = new History()
   const whereabouts = new Whereabouts()
-  const rows = new Map<Row, HTMLElement>()
+  const rows: Rows = new Map()
   const sections = [
     dashboard(rows, whereabouts),
     sensors(rows),
     lidar(rows),
     cameras(store),
-    plots(history),
     simulation(rows),
+    plots(history),
   ]
   const element = h(
     'aside',
@@ -41,7 +41,7 @@ export function hud(store: Store, connection: Connection): HTMLElement {
   const refresh = () => {
     if (!store.isHudOpen.value || document.hidden) return
     const moment = momentOf(store)
-    for (const [row, place] of rows) setText(place, TEXTS[row](moment))
+    for (const [id, write] of rows) write(TEXTS[id](moment))
     for (const section of sections) if (isUnfolded(section.element)) section.refresh(moment)
   }
 
@@ -113,21 +113,15 @@ function isUnfolded(element: HTMLElement): boolean {
   return !(element instanceof HTMLDetailsElement) || element.open
 }
 
-function lidar(rows: Map<Row, HTMLElement>): Section {
+function lidar(rows: Rows): Section {
   const plan = polar()
-  const measurement = h('dd', { class: 'measurement', testid: 'hud-lidar' })
-  rows.set('lidar', measurement)
+  const hint = 'What a beam that turns with the scan rate measures at the present instant; "inf" where there is nothing'
   const figures = h(
     'dl',
     { class: 'lidar-figures' },
-    h(
-      'div',
-      { title: 'What a beam that turns with the scan rate measures at the present instant; "inf" if nothing' },
-      h('dt', {}, 'LIDAR Measurement'),
-      measurement,
-    ),
+    row(rows, 'lidar', 'LIDAR Measurement', hint),
     h('div', {}, h('dt', {}, 'Nearest'), plan.nearest),
-    h('div', { class: 'wide' }, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
+    h('div', {}, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
   )
   const element = folding('lidar', 'LIDAR', [], h('div', { class: 'lidar-split' }, plan.element, figures))
   return { element, refresh: plan.refresh }

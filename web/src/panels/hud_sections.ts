@@ -11,14 +11,24 @@ export interface Section {
   refresh: (moment: Moment) => void
 }
 
-type Rows = Map<Row, HTMLElement>
+/** How each row's text is written. */
+export type Rows = Map<Row, (text: string) => void>
 
-/** A label and its value, which is kept in `rows` to be written. */
-function row(rows: Rows, id: Row, label: string, title = ''): HTMLElement {
-  const value = h('dd', { testid: `hud-${id}` })
-  rows.set(id, value)
-  return h('div', { class: `row row-${id}`, title: title || null }, h('dt', {}, label), value)
+/** A label and its value, which `rows` then writes. */
+export function row(rows: Rows, id: Row, label: string, title = ''): HTMLElement {
+  const number = h('span', {})
+  const unit = h('span', { class: 'unit' })
+  rows.set(id, (text) => {
+    const end = UNIT.exec(text)?.index ?? text.length
+    setText(number, text.slice(0, end))
+    setText(unit, text.slice(end))
+  })
+  const value = h('dd', { testid: `hud-${id}` }, number, unit)
+  return h('div', { class: `fact fact-${id}`, title: title || null }, h('dt', {}, label), value)
 }
+
+/** What follows the number of a text, if anything. */
+const UNIT = / ?(%|m\/s|rad|Hz|ms|m|×)$/
 
 /** A bar from the middle to both sides. */
 function bar(): { element: HTMLElement; set: (share: number) => void } {
@@ -64,7 +74,7 @@ export function dashboard(rows: Rows, whereabouts: Whereabouts): Section {
       withBar(row(rows, 'throttle', 'Throttle', 'Magnitude of the throttle; the bar shows reverse to the left'), throttle),
       withBar(row(rows, 'steering', 'Steering', 'Right turns are positive, as in the report (a Frame has left positive)'), wheel),
     ),
-    h('div', { class: 'tell-tales' }, lights.element, h('dl', {}, h('div', { class: 'row' }, h('dt', {}, 'Road'), road))),
+    h('div', { class: 'tell-tales' }, lights.element, h('dl', {}, h('div', { class: 'fact' }, h('dt', {}, 'Road'), road))),
     h('dl', { class: 'bumps' }, bumps),
   )
   return {

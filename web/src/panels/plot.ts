@@ -18,7 +18,7 @@ export interface Plot {
 
 const NOTHING = 'none'
 const COLOURS = ['plot-1', 'plot-2'] as const
-const HEIGHT = 104
+const HEIGHT = 92
 const AXIS = 40
 
 /** One of the two: what was chosen, what is drawn of it, and where the latest value is shown. */
@@ -80,7 +80,7 @@ function take(history: History, window: number, ages: number[], traces: Trace[])
       const value = column?.[row] ?? NaN
       values[row - start] = Number.isFinite(value) ? value : null
     }
-    setText(text, column && end > 0 ? fixed(column[end - 1]) : '')
+    setText(text, column && end > 0 ? `${fixed(column[end - 1])} ${SIGNALS.get(select.value)?.unit ?? ''}` : '')
   }
   traces.forEach((trace, i) => {
     const scalar = SIGNALS.get(trace.select.value)
@@ -94,12 +94,12 @@ function trace(key: string, first: string, i: number): Trace {
   const select = h('select', { 'aria-label': `Signal ${i + 1}`, title: 'What is plotted' })
   const groups = new Map<string, HTMLOptGroupElement>()
   select.append(h('option', { value: NOTHING }, 'None'))
-  for (const [id, { group, label, unit }] of SIGNALS) {
+  for (const [id, { group, label }] of SIGNALS) {
     if (!groups.has(group)) {
       groups.set(group, h('optgroup', { label: group }))
       select.append(groups.get(group)!)
     }
-    groups.get(group)!.append(h('option', { value: id }, unit ? `${label} [${unit}]` : label))
+    groups.get(group)!.append(h('option', { value: id }, label))
   }
   const kept = recall(key)
   select.value = kept !== null && (kept === NOTHING || SIGNALS.has(kept)) ? kept : first
@@ -158,8 +158,8 @@ function options(
         stroke: () => colours.muted,
         grid: { stroke: () => colours.grid, width: 1 },
         ticks: { show: false },
-        splits: () => [0, 1, 2, 3, 4].map((i) => (i / 4 - 1) * seconds()),
-        values: (_, splits) => splits.map((value) => (value === 0 ? 'now' : `${fixed(value, value % 1 ? 1 : 0)} s`)),
+        splits: () => [-0.75, -0.5, -0.25].map((share) => share * seconds()),
+        values: (_, splits) => splits.map((value) => `${fixed(value, value % 1 ? 1 : 0)} s`),
       },
       axis(0),
       axis(1),

@@ -5,13 +5,13 @@ import { h, setText } from './element'
 import { fixed, nearestRay, presentRay } from './hud_rows'
 import type { Moment } from './hud_rows'
 import { recall, remember } from './memory'
-import { niceStep, tickText } from './scales'
+import { niceStep } from './scales'
 
 export interface Polar {
   element: HTMLElement
   /** What the person may press to change the scale. */
   toggle: HTMLButtonElement
-  /** Distance and direction of the nearest return. */
+  /** Where the nearest return is told. */
   nearest: HTMLElement
   refresh: (moment: Moment) => void
 }
@@ -30,7 +30,7 @@ type Scale = (distance: number) => number
 export function polar(): Polar {
   const canvas = h('canvas', { class: 'polar-canvas', role: 'img', 'aria-label': 'LIDAR scan from above, heading up' })
   const toggle = h('button', { class: 'quiet', testid: 'hud-polar-scale', onclick: () => turn(!isLog) })
-  const nearest = h('dd', { testid: 'hud-nearest' })
+  const nearest = h('dd', { class: 'nearest', testid: 'hud-nearest' })
   let isLog = recall('polar') === 'log'
   let colours: Colours | null = null
   let reach = 1
@@ -48,7 +48,7 @@ export function polar(): Polar {
   const adapt = (scan: LidarScan): number => {
     let farthest = scan.range_min
     for (const range of scan.ranges) if (Number.isFinite(range) && range > farthest) farthest = range
-    const wanted = Math.max(niceStep(Math.max(farthest, 0.1) / 4) * 4, 0.4)
+    const wanted = roundReach(Math.max(farthest, 0.4))
     if (wanted >= reach) patience = performance.now() + PATIENCE
     if (wanted > reach || performance.now() > patience) reach = wanted
     return reach
@@ -71,7 +71,7 @@ export function polar(): Polar {
       const scale: Scale = isLog
         ? (distance) => Math.max(0, Math.log(distance / least) / span)
         : (distance) => distance / far
-      const rings = isLog ? decades(least, far) : quarters(far)
+      const rings = isLog ? decades(least, far) : evenly(far)
       drawRings(context, rings, scale, radius, colours)
       if (scan) drawScan(context, scan, yawOf(scene?.lidar ?? null), scale, radius, frame?.time ?? scan.time, colours)
       drawNumbers(context, rings, scale, radius, colours)
@@ -102,7 +102,7 @@ function drawNumbers(context: CanvasRenderingContext2D, rings: number[], scale: 
   context.textBaseline = 'middle'
   for (const ring of rings) {
     const at = scale(ring) * radius * Math.SQRT1_2
-    const text = tickText(ring, niceStep(ring))
+    const text = String(Number(ring.toPrecision(2)))
     context.lineWidth = 3
     context.strokeStyle = colours.surface
     context.fillStyle = colours.muted
@@ -172,7 +172,22 @@ function drawCar(context: CanvasRenderingContext2D, colours: Colours) {
   context.fill()
 }
 
-const quarters = (far: number): number[] => [1, 2, 3, 4].map((i) => (i * far) / 4)
+/** Reaches that divide into so many round rings; and their tenths and tens. */
+const REACHES: readonly [reach: number, rings: number][] = [
+  [1, 4], [1.2, 4], [1.6, 4], [2, 4], [3, 3], [4, 4], [5, 5], [6, 3], [8, 4], [10, 4],
+] // prettier-ignore
+
+/** The least of them that is not less than that distance [m]. */
+function roundReach(farthest: number): number {
+  const power = 10 ** Math.floor(Math.log10(farthest))
+  return (REACHES.find(([reach]) => reach * power >= farthest) ?? REACHES[0]!)[0] * power
+}
+
+function evenly(far: number): number[] {
+  const mantissa = far / 10 ** Math.floor(Math.log10(far) + 1e-9)
+  const rings = REACHES.find(([reach]) => Math.abs(reach - mantissa) < 1e-6)?.[1] ?? 4
+  return Array.from({ length: rings }, (_, i) => ((i + 1) * far) / rings)
+}
 
 /** 1, 2, 5 and their tenths and tens between the two. */
 function decades(least: number, far: number): number[] {
@@ -187,12 +202,12 @@ function yawOf(lidar: Pose | null): number {
   return Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 }
 
-/** For example "0.42 m, 35° left". */
+/** Distance, and below it the direction: "0.42 m\n35° left". */
 function bearing(scan: LidarScan, lidar: Pose | null): string {
   const ray = nearestRay(scan)
   if (ray < 0) return 'inf m'
   const turn = scan.angle_min + ray * scan.angle_increment + yawOf(lidar)
   const degrees = Math.round((Math.atan2(Math.sin(turn), Math.cos(turn)) * 180) / Math.PI)
   const side = degrees === 0 || Math.abs(degrees) === 180 ? '' : degrees > 0 ? ' left' : ' right'
-  return `${fixed(scan.ranges[ray])} m, ${Math.abs(degrees)}°${side}`
+  return `${fixed(scan.ranges[ray])} m\n${Math.abs(degrees)}°${side}`
 }

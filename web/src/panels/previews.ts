@@ -45,7 +45,7 @@ class Preview {
   readonly element: HTMLElement
   private readonly canvas = h('canvas', { width: 320, height: 180 })
   private readonly state = h('span', { class: 'preview-state' })
-  private readonly figures = h('span', { class: 'preview-figures' })
+  private readonly figures = h('span', { class: 'preview-figures', title: 'Rate, and age in simulated time' })
   private readonly view: HTMLButtonElement
   private shown: Picture | null = null
   private isDrawing = false
@@ -58,9 +58,10 @@ class Preview {
       { class: 'preview-view', title: `${name} preview; press to enlarge`, 'aria-pressed': 'false', onclick: () => this.enlarge() },
       this.canvas,
       this.state,
+      this.figures,
     )
-    const caption = h('figcaption', {}, h('span', {}, name), this.figures)
-    this.element = h('figure', { class: 'preview', testid: `hud-${camera}-camera` }, this.view, caption)
+    const caption = h('figcaption', {}, name)
+    this.element = h('figure', { class: 'preview', testid: `hud-${camera}-camera` }, caption, this.view)
   }
 
   refresh(moment: Moment, isThere: boolean, picture: Picture | null): void {
@@ -88,8 +89,10 @@ class Preview {
     this.isDrawing = true
     try {
       const bitmap = await createImageBitmap(new Blob([picture.jpeg.slice()], { type: 'image/jpeg' }))
-      if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height)
-        [this.canvas.width, this.canvas.height] = [bitmap.width, bitmap.height]
+      if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
+        ;[this.canvas.width, this.canvas.height] = [bitmap.width, bitmap.height]
+        this.view.style.setProperty('--aspect', `${bitmap.width} / ${bitmap.height}`)
+      }
       this.canvas.getContext('2d')?.drawImage(bitmap, 0, 0)
       bitmap.close()
     } catch {

@@ -15,7 +15,8 @@ export interface Scalar {
 /** By the names that the page remembers. */
 export const SIGNALS = new Map<string, Scalar>()
 
-const WHEELS = ['front left', 'front right', 'rear left', 'rear right'] as const
+/** Front and rear, left and right. */
+const WHEELS = ['FL', 'FR', 'RL', 'RR'] as const
 
 type Value = Scalar['of']
 function group(name: string, ...signals: [id: string, label: string, unit: string, span: number, of: Value][]): void {
@@ -23,7 +24,7 @@ function group(name: string, ...signals: [id: string, label: string, unit: strin
 }
 function each(id: string, label: string, unit: string, span: number, of: (vehicle: VehicleFrame) => Float64Array): void {
   WHEELS.forEach((wheel, i) => {
-    group(label, [`${id}-${i}`, `${label}, ${wheel}`, unit, span, (_, vehicle) => of(vehicle)[i] ?? NaN])
+    group(label, [`${id}-${i}`, `${label} ${wheel}`, unit, span, (_, vehicle) => of(vehicle)[i] ?? NaN])
   })
 }
 const axis = (of: (vehicle: VehicleFrame) => Float64Array, i: number): Value => (_, vehicle) => of(vehicle)[i] ?? NaN
@@ -37,7 +38,7 @@ group(
   ['speed', 'Speed', 'm/s', 0.1, (_, vehicle) => vehicle.velocity[0] ?? NaN],
   ['side-speed', 'Sideways speed', 'm/s', 0.1, (_, vehicle) => vehicle.velocity[1] ?? NaN],
   ['throttle', 'Throttle', '%', 20, (_, vehicle) => vehicle.throttle * 100],
-  ['steering', 'Steering (right +)', 'rad', 0.2, (_, vehicle) => steering(vehicle)],
+  ['steering', 'Steering', 'rad', 0.2, (_, vehicle) => steering(vehicle)],
   ['collisions', 'Collisions', '', 1, (_, vehicle) => vehicle.collision_count],
 )
 group(
