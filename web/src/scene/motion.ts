@@ -9,6 +9,10 @@ const DELAY = 1.5
 const KEPT = 0.8
 /** What moves farther than this between two Frames, and than its speed explains, was put there [m]. */
 const JUMP = 0.25
+/** A clock that is fast or slow is put right within about this time [s]. */
+const CATCH_UP = 0.3
+/** Without a Frame for so long, time stood still [s]. */
+const PAUSE = 0.3
 const TURN = 2 * Math.PI
 
 export interface Placed {
@@ -42,6 +46,7 @@ export class Motion {
   readonly moment: Moment = { time: 0, isDay: true, vehicles: new Map(), objects: new Map() }
   private arrivals: Arrival[] = []
   private shown = 0
+  private rate = 1
   private before = 0
 
   /** Forgets everything: another scenario. */
@@ -73,11 +78,12 @@ export class Motion {
     if (!latest) return this.moment
     const { rate, interval, jitter } = this.pace()
     const wanted = latest.frame.time + (now - latest.at) * rate - DELAY * interval - jitter
-    const ahead = wanted - this.shown
+    const next = this.shown + elapsed * rate
+    const ahead = wanted - next
     const tolerance = 4 * interval + 0.1 * rate
     // small differences are made up by a slightly faster or slower clock
     if (Math.abs(ahead) > tolerance) this.shown = Math.max(wanted, this.arrivals[0].frame.time)
-    else this.shown += Math.max(0, elapsed * rate + ahead * (1 - Math.exp(-elapsed / 0.15)))
+    else this.shown = Math.max(this.shown, next - ahead * Math.expm1(-elapsed / CATCH_UP))
     this.shown = Math.min(this.shown, latest.frame.time)
     this.between()
     return this.moment
@@ -96,13 +102,18 @@ export class Motion {
 
   /** Simulated seconds per wall second, seconds of simulated time between Frames, and how unevenly they come. */
   private pace(): { rate: number; interval: number; jitter: number } {
-    const recent = this.arrivals.slice(-16)
+    let first = Math.max(0, this.arrivals.length - 16)
+    // a pause says nothing about the pace
+    for (let i = first + 1; i < this.arrivals.length; i++) {
+      if (this.arrivals[i].at - this.arrivals[i - 1].at > PAUSE) first = i
+    }
+    const recent = this.arrivals.slice(first)
     const n = recent.length - 1
-    if (n < 1) return { rate: 1, interval: 0, jitter: 0 }
+    if (n < 1) return { rate: this.rate, interval: 0, jitter: 0 }
     const span = recent[n].frame.time - recent[0].frame.time
     const wall = recent[n].at - recent[0].at
-    // after a pause the first Frames span it: they say nothing about the pace
-    const rate = wall > 0.02 ? Math.min(span / wall, 50) : 1
+    const rate = wall > 0.05 && n > 3 ? Math.min(span / wall, 50) : this.rate
+    this.rate = rate
     let late = 0
     for (const { frame, at } of recent) {
       late = Math.max(late, at - recent[0].at - (frame.time - recent[0].frame.time) / Math.max(rate, 1e-3))

@@ -49,6 +49,7 @@ const FAST = 18
 const HOPELESS = 8
 /** Times after which a profile is judged [s]. */
 const PATIENCE = 2.5
+const LAST_PATIENCE = 5
 const TRUST = 60
 
 export function isSoftware(renderer: string): boolean {
@@ -67,7 +68,8 @@ export class QualityChoice {
   }
 
   profile(quality: Quality): Profile {
-    return PROFILES[quality === 'auto' || quality === 'stream' ? STEPS[this.step] : quality]
+    if (quality === 'auto' || quality === 'stream') return PROFILES[STEPS[this.step]]
+    return PROFILES[quality === 'low' && this.isSoftware ? 'light' : quality]
   }
 
   /** Forgets what was measured: something else took time. */
@@ -83,7 +85,7 @@ export class QualityChoice {
     if (now - this.since < PATIENCE || this.times.length < 6) return 'stay'
     const median = this.times.slice().sort((a, b) => a - b)[this.times.length >> 1]
     if (median > SLOW && this.step > 0) return this.go(-1, now)
-    if (median > 1000 / HOPELESS) return 'hopeless'
+    if (median > 1000 / HOPELESS && now - this.since > LAST_PATIENCE) return 'hopeless'
     const canRise = !this.isSoftware && !this.wasLifted && this.step < STEPS.length - 1
     if (canRise && median < FAST && now - this.since > TRUST) {
       this.wasLifted = true

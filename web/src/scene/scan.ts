@@ -29,28 +29,50 @@ void main() {
 }
 `
 const FRAGMENT = /* glsl */ `
+uniform float brightness;
 out vec4 pixel;
 void main() {
   float far = length(gl_PointCoord - 0.5) * 2.0;
   if (far > 1.0) discard;
-  pixel = vec4(${COLOR}, smoothstep(1.0, 0.6, far));
+  pixel = vec4(${COLOR}, brightness * smoothstep(1.0, 0.6, far));
 }
 `
-const VEIL = /* glsl */ `
-out vec4 pixel;
-void main() { pixel = vec4(${COLOR}, 0.06); }
+/** The fan fades within this distance [m]: else it would tint the whole picture. */
+const FAN = 0.9
+const VEIL_VERTEX = /* glsl */ `
+out vec3 place;
+void main() {
+  place = position;
+  gl_Position = projectionMatrix * viewMatrix * vec4(position, 1.0);
+}
 `
+const VEIL_FRAGMENT = /* glsl */ `
+uniform vec3 center;
+uniform float brightness;
+in vec3 place;
+out vec4 pixel;
+void main() {
+  float near = 1.0 - min(distance(place, center) / ${FAN.toFixed(3)}, 1.0);
+  pixel = vec4(${COLOR}, 0.22 * near * near * brightness);
+}
+`
+/** How much of it is left by night, when eyes are used to the dark. */
+const BY_NIGHT = 0.55
 
 export class ScanView {
   readonly group = new Group()
   private readonly points = new BufferGeometry()
   private readonly fan = new BufferGeometry()
+  private readonly brightness = { value: 1 }
+  private readonly center = new Vector3()
   private readonly dot = new ShaderMaterial({
-    ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3, uniforms: { size: { value: SIZE } } },
+    ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3 },
+    ...{ uniforms: { size: { value: SIZE }, brightness: this.brightness } },
     ...{ transparent: true, depthWrite: false },
   })
   private readonly veil = new ShaderMaterial({
-    ...{ vertexShader: VERTEX, fragmentShader: VEIL, glslVersion: GLSL3, uniforms: { size: { value: 1 } } },
+    ...{ vertexShader: VEIL_VERTEX, fragmentShader: VEIL_FRAGMENT, glslVersion: GLSL3 },
+    ...{ uniforms: { center: { value: this.center }, brightness: this.brightness } },
     ...{ transparent: true, depthWrite: false, side: DoubleSide },
   })
   private drawn: LidarScan | null = null
@@ -72,6 +94,7 @@ export class ScanView {
 
   /** Draws that scan of the vehicle from where its sensor, at `mount` in vehicle axes, was. */
   show(scan: LidarScan | null, vehicle: string, mount: Pose | null, motion: Motion): void {
+    this.brightness.value = motion.moment.isDay ? 1 : BY_NIGHT
     this.group.visible = false
     if (!scan || !mount) return
     this.group.visible = true
@@ -119,6 +142,7 @@ export class ScanView {
       points.setXYZ(hits++, hit.x, hit.y, hit.z)
       isOpen = true
     }
+    this.center.copy(center)
     this.points.setDrawRange(0, hits)
     this.fan.setDrawRange(0, corners)
     points.needsUpdate = fan.needsUpdate = true

@@ -32,7 +32,7 @@ export function showScene(canvas: HTMLCanvasElement, store: Store): SceneView {
 
 /** A click of the mouse wheel, in the units of its event [pixels]. */
 const CLICK = 100
-const NO_WEBGL = 'This browser offers no WebGL: the simulator draws the scene.'
+const NO_WEBGL = 'This browser offers no WebGL: only the simulator can draw the scene.'
 const TOO_SLOW = 'This computer draws slowly: the simulator draws the scene.'
 
 class View implements SceneView {
@@ -171,8 +171,9 @@ class View implements SceneView {
 
   private setQuality(): void {
     const quality = this.store.quality.value
-    if (quality !== 'stream' && !this.painter) return this.giveUp(NO_WEBGL)
+    if (quality !== 'stream' && !this.painter) this.store.notice.value = NO_WEBGL
     this.stream.isShown = quality === 'stream'
+    if (quality === 'stream') this.viewpoints.controls.enabled = false
     const profile = this.choice.profile(quality)
     this.choice.restart(performance.now() / 1000)
     if (quality === 'stream' || profile === this.profile) return
