@@ -9,6 +9,7 @@ import os
 import platform
 import shutil
 import socket
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -16,6 +17,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 DISTRIBUTION = "autodrive-simulator"
+
+PAGE_PORT = 8730
+"""Of the page, if it is free."""
 
 _IMPORT_NAMES = {"mujoco-core": "mujoco", "pyyaml": "yaml", "resvg-py": "resvg_py"}
 """Import name of a distribution, where the two differ."""
@@ -38,6 +42,10 @@ def examine() -> Iterator[Finding]:
     yield _cache()
     yield _opengl()
     yield _machine()
+    yield _page()
+    yield from _page_tools()
+    yield _port()
+    yield _browser()
     yield _devkit()
 
 
@@ -121,6 +129,50 @@ def _machine() -> Finding:
     return Finding("machine", True, f"{platform.system()} {platform.machine()}, {cores} cores")
 
 
+def _page() -> Finding:
+    """Without it programs can connect, people see nothing."""
+    index = Path(__file__).parent / "page" / "index.html"
+    if index.is_file():
+        return Finding("page", True, str(index.parent))
+    checkout = _checkout()
+    mend = f"{checkout}/scripts/page" if checkout else f"{_installer()} --force-reinstall {DISTRIBUTION}"
+    return Finding("page", False, "not built; there is nothing to look at, all else works", mend)
+
+
+def _page_tools() -> Iterator[Finding]:
+    """Node builds the page; where there is none `scripts/page` fetches it."""
+    if _checkout() is None:
+        return
+    node = shutil.which("node")
+    says = _output(node, "--version") if node else ""
+    yield Finding(
+        "Node", True, f"{says} ({node})" if says else "none; scripts/page fetches it from PyPI when it builds"
+    )
+
+
+def _port() -> Finding:
+    """Not a fault: the next free one is taken."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", PAGE_PORT))
+        except OSError as error:
+            says = f"port {PAGE_PORT} is in use ({error.strerror}); the next free one is taken, or that of --port"
+            return Finding("port", True, says)
+    return Finding("port", True, f"{PAGE_PORT} is free for the page")
+
+
+def _browser() -> Finding:
+    """Not a fault: it may be on another machine."""
+    from autodrive.browser import has_screen
+
+    names = ("firefox", "chromium", "google-chrome", "chromium-browser", "google-chrome-stable", "microsoft-edge")
+    found = next((path for name in names if (path := shutil.which(name))), "")
+    if has_screen():
+        return Finding("browser", True, found or "that of the system")
+    return Finding("browser", True, f"{found or 'none found'}; no screen here, so the link is printed, not opened")
+
+
 def _devkit() -> Finding:
     """Not a fault either way: the script may be started later."""
     with socket.socket() as probe:
@@ -128,6 +180,15 @@ def _devkit() -> Finding:
         is_there = probe.connect_ex(("127.0.0.1", 4567)) == 0
     says = "a script listens on 127.0.0.1:4567" if is_there else "no script listens on 127.0.0.1:4567 now"
     return Finding("devkit", True, says)
+
+
+def _output(*command: str) -> str:
+    """The first line that a program says; empty if it cannot be run."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.partition("\n")[0].strip()
 
 
 # -- lines that mend --------------------------------------------------------------------------------------------
