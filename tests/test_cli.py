@@ -80,8 +80,8 @@ class Started:
 # -- help and faults --------------------------------------------------------------------------------------------
 
 
-def test_without_a_command_help_is_printed() -> None:
-    done = call()
+def test_help_names_every_command() -> None:
+    done = call("--help")
     assert done.returncode == 0
     for command in ("run", "list", "show", "check", "doctor"):
         assert re.search(rf"^  {command} ", done.stdout, re.MULTILINE)
@@ -114,6 +114,7 @@ def test_help_loads_neither_physics_nor_compiler() -> None:
         (("run", "--mode", "autopilot"), "'manual', 'autonomous'"),
         (("run", "--devkit", "here:there"), "--devkit is HOST:PORT, for example 127.0.0.1:4567, not 'here:there'"),
         (("run", "--devkit", "127.0.0.1:70000"), "--devkit is HOST:PORT, for example 127.0.0.1:4567"),
+        (("run", "--port", "70000"), "Invalid value for '--port'"),
         (("run", "--devkit-profile", "1999"), "'2020', '2022', '2023', '2025'"),
         (("run", "--summary", "no/such/folder/s.json"), "the summary cannot be written: No such file or directory"),
         (("list", "cars"), "'scenarios', 'maps', 'vehicles', 'modules'"),
@@ -242,7 +243,20 @@ def test_doctor_gives_the_line_that_mends_a_package_that_cannot_be_imported(tmp_
 
 
 def test_a_run_of_some_seconds_ends_by_itself_and_writes_its_summary(tmp_path: Path) -> None:
-    done = call("run", "plane", "--duration", "2", "--speed", "max", "--seed", "5", "--summary", "s.json", cwd=tmp_path)
+    done = call(
+        "run",
+        "plane",
+        "--headless",
+        "--duration",
+        "2",
+        "--speed",
+        "max",
+        "--seed",
+        "5",
+        "--summary",
+        "s.json",
+        cwd=tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "s.json").read_text())
     assert (summary["scenario"], summary["seed"], summary["speed"]) == ("plane", 5, "max")
@@ -258,14 +272,24 @@ def test_a_run_of_some_seconds_ends_by_itself_and_writes_its_summary(tmp_path: P
 
 def test_the_mode_asked_for_is_the_mode_it_runs_in(tmp_path: Path) -> None:
     call(
-        "run", "plane", "--mode", "autonomous", "--duration", "0.1", "--speed", "max", "--summary", tmp_path / "s.json"
+        "run",
+        "plane",
+        "--headless",
+        "--mode",
+        "autonomous",
+        "--duration",
+        "0.1",
+        "--speed",
+        "max",
+        "--summary",
+        tmp_path / "s.json",
     )
     assert json.loads((tmp_path / "s.json").read_text())["vehicles"]["V1"]["mode"] == "autonomous"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_run_cleanly_with_its_summary(number: signal.Signals, tmp_path: Path) -> None:
-    run = Started(tmp_path, "plane", "--summary", str(tmp_path / "s.json"))
+    run = Started(tmp_path, "plane", "--headless", "--summary", str(tmp_path / "s.json"))
     run.wait_for("Ctrl-C ends it")
     time.sleep(0.5)
     assert run.end(number) == 0
@@ -278,7 +302,7 @@ def test_a_signal_ends_a_run_cleanly_with_its_summary(number: signal.Signals, tm
 def test_on_a_terminal_the_status_line_is_alive(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
-        [*AUTODRIVE, "run", "plane", "--duration", "1.5"],
+        [*AUTODRIVE, "run", "plane", "--headless", "--duration", "1.5"],
         stdout=theirs,
         stderr=theirs,
         env={**os.environ, "TERM": "xterm", "COLUMNS": "160"},
@@ -320,7 +344,17 @@ def devkit() -> Iterator[tuple[int, list[dict[str, str]]]]:
 
 def test_a_devkit_script_drives_the_car(devkit: tuple[int, list[dict[str, str]]], tmp_path: Path) -> None:
     port, came = devkit
-    done = call("run", "plane", "--devkit", f"127.0.0.1:{port}", "--duration", "4", "--summary", tmp_path / "s.json")
+    done = call(
+        "run",
+        "plane",
+        "--headless",
+        "--devkit",
+        f"127.0.0.1:{port}",
+        "--duration",
+        "4",
+        "--summary",
+        tmp_path / "s.json",
+    )
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "s.json").read_text())
     vehicle, bridge = summary["vehicles"]["V1"], summary["bridge"]
@@ -341,7 +375,19 @@ def test_in_manual_mode_a_devkit_script_does_not_drive(
 ) -> None:
     port, _ = devkit
     address = f"127.0.0.1:{port}"
-    call("run", "plane", "--devkit", address, "--mode", "manual", "--duration", "2", "--summary", tmp_path / "s.json")
+    call(
+        "run",
+        "plane",
+        "--headless",
+        "--devkit",
+        address,
+        "--mode",
+        "manual",
+        "--duration",
+        "2",
+        "--summary",
+        tmp_path / "s.json",
+    )
     summary = json.loads((tmp_path / "s.json").read_text())
     assert summary["bridge"]["commands_received"] > 0
     assert summary["vehicles"]["V1"]["distance"] < 1e-3  # it stands, but for settling

@@ -22,7 +22,7 @@ RATE = load_vehicle("nigel").cameras["front"].rate
 
 def summary_of(folder: Path, *arguments: str, **environment: str) -> tuple[dict[str, Any], str, str]:
     """The summary of a run, what it says at its end, and its messages."""
-    done = call("run", *arguments, "--summary", folder / "s.json", **environment)
+    done = call("run", "--headless", *arguments, "--summary", folder / "s.json", **environment)
     assert done.returncode == 0, done.stderr
     return json.loads((folder / "s.json").read_text()), done.stdout, done.stderr
 
