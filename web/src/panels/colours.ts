@@ -21,8 +21,14 @@ export function watchColours<Name extends string>(
   new MutationObserver(read).observe(document.documentElement, { attributeFilter: ['data-theme', 'style', 'class'] })
 }
 
+export interface Paper {
+  context: CanvasRenderingContext2D
+  width: number
+  height: number
+}
+
 /** Makes a canvas as sharp as the screen; its context counts in CSS pixels. Null while it has no size. */
-export function fit(canvas: HTMLCanvasElement): { context: CanvasRenderingContext2D; width: number; height: number } | null {
+export function fit(canvas: HTMLCanvasElement): Paper | null {
   const width = canvas.clientWidth
   const height = canvas.clientHeight
   const context = canvas.getContext('2d')

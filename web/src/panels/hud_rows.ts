@@ -31,7 +31,8 @@ export function fixed(value: number | null | undefined, decimals = 2): string {
 export function clock(seconds: number): string {
   if (!Number.isFinite(seconds)) return NONE
   const whole = Math.max(0, Math.floor(seconds + 1e-9)) // ticks are sums of decimal fractions
-  return [whole / 3600, (whole / 60) % 60, whole % 60].map((part) => String(Math.floor(part)).padStart(2, '0')).join(':')
+  const parts = [whole / 3600, (whole / 60) % 60, whole % 60]
+  return parts.map((part) => String(Math.floor(part)).padStart(2, '0')).join(':')
 }
 
 /** R when the mean speed of the rear wheels, rounded to 0.1 rpm, is negative; else D. */

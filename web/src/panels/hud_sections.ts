@@ -42,6 +42,8 @@ function bar(): { element: HTMLElement; set: (share: number) => void } {
   }
 }
 
+const STEERING = 'Right turns are positive, as in the report; messages have left turns positive'
+
 /** Time, speed, gear, what the actuators do, lamps, notices. */
 export function dashboard(rows: Rows, whereabouts: Whereabouts): Section {
   const throttle = bar()
@@ -71,10 +73,15 @@ export function dashboard(rows: Rows, whereabouts: Whereabouts): Section {
     h(
       'dl',
       { class: 'actuators' },
-      withBar(row(rows, 'throttle', 'Throttle', 'Magnitude of the throttle; the bar shows reverse to the left'), throttle),
-      withBar(row(rows, 'steering', 'Steering', 'Right turns are positive, as in the report (a Frame has left positive)'), wheel),
+      withBar(row(rows, 'throttle', 'Throttle', 'Its magnitude; the bar shows reverse to the left'), throttle),
+      withBar(row(rows, 'steering', 'Steering', STEERING), wheel),
     ),
-    h('div', { class: 'tell-tales' }, lights.element, h('dl', {}, h('div', { class: 'fact' }, h('dt', {}, 'Road'), road))),
+    h(
+      'div',
+      { class: 'tell-tales' },
+      lights.element,
+      h('dl', {}, h('div', { class: 'fact' }, h('dt', {}, 'Road'), road)),
+    ),
     h('dl', { class: 'bumps' }, bumps),
   )
   return {
@@ -90,7 +97,9 @@ export function dashboard(rows: Rows, whereabouts: Whereabouts): Section {
       const last = whereabouts.lastCollision(name)
       const count = vehicle?.collision_count ?? 0
       bumps.dataset.state = count > 0 ? 'some' : 'none'
-      setText(touched, last && count > 0 ? `${last.other}, ${fixed(last.impulse)} N s, at ${clock(last.time)}` : '')
+      const isTold = last !== null && count > 0
+      setText(touched, isTold ? `${last.other}, ${fixed(last.impulse)} N s` : '')
+      touched.title = isTold ? `The last one, at ${clock(last.time)}` : ''
     },
   }
 }

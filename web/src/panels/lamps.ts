@@ -1,5 +1,5 @@
 // The vehicle's lamps as small tell-tales.
-import type { VehicleFrame } from '../messages'
+import type { Lights, VehicleFrame } from '../messages'
 import { Headlights } from '../messages'
 import { h, icon } from './element'
 
@@ -10,38 +10,57 @@ export interface Lamps {
 
 type Lit = 'off' | 'dim' | 'on'
 
-const TELL_TALES: [id: string, label: string, path: string, lit: (vehicle: VehicleFrame) => Lit][] = [
-  ['left', 'Left indicator', 'M10.5 5.5 3.5 12l7 6.5V15H20V9h-9.5z', ({ lights }) => (lights.left_indicator ? 'on' : 'off')],
-  [
-    'low',
-    'Low beam',
-    'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7l-6 2M8 11.5l-6 2M8.5 16l-6 2',
-    ({ lights }) => (lights.headlights === Headlights.LOW ? 'on' : 'off'),
-  ],
-  [
-    'high',
-    'High beam',
-    'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7H3M8 12H2M9 17H3',
-    ({ lights }) => (lights.headlights === Headlights.HIGH ? 'on' : 'off'),
-  ],
-  [
-    'tail',
-    'Tail lights: bright where the vehicle stands',
-    'M12 8a4 4 0 1 1 0 8a4 4 0 1 1 0-8M5 6.5a9.5 9.5 0 0 0 0 11M19 6.5a9.5 9.5 0 0 1 0 11',
-    ({ lights }) => (['off', 'dim', 'on'] as const)[lights.tail_lights] ?? 'off',
-  ],
-  [
-    'reverse',
-    'Reverse lights',
-    'M9 19V5h4.5a3.7 3.7 0 0 1 0 7.4H9M13 12.4l4 6.6',
-    ({ lights }) => (lights.reverse_lights ? 'on' : 'off'),
-  ],
-  ['right', 'Right indicator', 'M13.5 5.5 20.5 12l-7 6.5V15H4V9h9.5z', ({ lights }) => (lights.right_indicator ? 'on' : 'off')],
+interface TellTale {
+  id: string
+  label: string
+  path: string
+  lit: (lights: Lights) => Lit
+}
+
+const onIf = (is: boolean): Lit => (is ? 'on' : 'off')
+
+const TELL_TALES: readonly TellTale[] = [
+  {
+    id: 'left',
+    label: 'Left indicator',
+    path: 'M10.5 5.5 3.5 12l7 6.5V15H20V9h-9.5z',
+    lit: (lights) => onIf(lights.left_indicator),
+  },
+  {
+    id: 'low',
+    label: 'Low beam',
+    path: 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7l-6 2M8 11.5l-6 2M8.5 16l-6 2',
+    lit: (lights) => onIf(lights.headlights === Headlights.LOW),
+  },
+  {
+    id: 'high',
+    label: 'High beam',
+    path: 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7H3M8 12H2M9 17H3',
+    lit: (lights) => onIf(lights.headlights === Headlights.HIGH),
+  },
+  {
+    id: 'tail',
+    label: 'Tail lights',
+    path: 'M12 8a4 4 0 1 1 0 8a4 4 0 1 1 0-8M5 6.5a9.5 9.5 0 0 0 0 11M19 6.5a9.5 9.5 0 0 1 0 11',
+    lit: (lights) => (['off', 'dim', 'on'] as const)[lights.tail_lights] ?? 'off',
+  },
+  {
+    id: 'reverse',
+    label: 'Reverse lights',
+    path: 'M9 19V5h4.5a3.7 3.7 0 0 1 0 7.4H9M13 12.4l4 6.6',
+    lit: (lights) => onIf(lights.reverse_lights),
+  },
+  {
+    id: 'right',
+    label: 'Right indicator',
+    path: 'M13.5 5.5 20.5 12l-7 6.5V15H4V9h9.5z',
+    lit: (lights) => onIf(lights.right_indicator),
+  },
 ]
 
 export function lamps(): Lamps {
   const element = h('div', { class: 'lamps', testid: 'hud-lamps', role: 'group', 'aria-label': 'Lamps' })
-  const all = TELL_TALES.map(([id, label, path, lit]) => {
+  const all = TELL_TALES.map(({ id, label, path, lit }) => {
     const lamp = h('span', { class: 'lamp', testid: `hud-lamp-${id}`, title: label, role: 'img' }, icon(path))
     lamp.dataset.lamp = id
     element.append(lamp)
@@ -51,7 +70,7 @@ export function lamps(): Lamps {
     element,
     refresh(vehicle) {
       for (const { lamp, label, lit } of all) {
-        const state = vehicle ? lit(vehicle) : 'off'
+        const state = vehicle ? lit(vehicle.lights) : 'off'
         if (lamp.dataset.lit === state) continue
         lamp.dataset.lit = state
         lamp.setAttribute('aria-label', `${label}: ${state}`)

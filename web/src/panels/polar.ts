@@ -17,10 +17,11 @@ export interface Polar {
 }
 
 const NAMES = ['scan', 'scan-fill', 'grid', 'muted', 'surface', 'text', 'plot-2'] as const
+type Context = CanvasRenderingContext2D
 type Colours = Record<(typeof NAMES)[number], string>
 
-/** Room for the outermost ring's number [px]. */
-const MARGIN = 12
+/** Between the outermost ring and the edge [px]. */
+const MARGIN = 4
 /** The scale shrinks after so long a time without farther returns [ms], so that it does not jump about. */
 const PATIENCE = 1500
 
@@ -39,7 +40,8 @@ export function polar(): Polar {
     isLog = value
     remember('polar', isLog ? 'log' : 'linear')
     setText(toggle, isLog ? 'Log' : 'Linear')
-    toggle.title = `Rings with ${isLog ? 'logarithmic' : 'linear'} distance; press for ${isLog ? 'linear' : 'logarithmic'}`
+    const names = isLog ? (['logarithmic', 'linear'] as const) : (['linear', 'logarithmic'] as const)
+    toggle.title = `Rings with ${names[0]} distance; press for ${names[1]}`
   }
   turn(isLog)
   watchColours(NAMES, (now) => (colours = now))
@@ -66,7 +68,7 @@ export function polar(): Polar {
       const radius = Math.min(width, height) / 2 - MARGIN
       context.translate(width / 2, height / 2)
       const least = scan ? Math.max(scan.range_min, 0.01) / 1.5 : 0.1
-      const far = scan ? (isLog ? scan.range_max : adapt(scan)) : reach
+      const far = !scan ? reach : isLog && Number.isFinite(scan.range_max) ? scan.range_max : adapt(scan)
       const span = Math.log(far / least)
       const scale: Scale = isLog
         ? (distance) => Math.max(0, Math.log(distance / least) / span)
@@ -80,7 +82,7 @@ export function polar(): Polar {
   }
 }
 
-function drawRings(context: CanvasRenderingContext2D, rings: number[], scale: Scale, radius: number, colours: Colours) {
+function drawRings(context: Context, rings: number[], scale: Scale, radius: number, colours: Colours) {
   context.lineWidth = 1
   context.strokeStyle = colours.grid
   context.beginPath()
@@ -96,7 +98,7 @@ function drawRings(context: CanvasRenderingContext2D, rings: number[], scale: Sc
 }
 
 /** Numbers of the rings, above the scan. */
-function drawNumbers(context: CanvasRenderingContext2D, rings: number[], scale: Scale, radius: number, colours: Colours) {
+function drawNumbers(context: Context, rings: number[], scale: Scale, radius: number, colours: Colours) {
   context.font = '10.5px system-ui, sans-serif'
   context.textAlign = 'center'
   context.textBaseline = 'middle'
@@ -112,7 +114,7 @@ function drawNumbers(context: CanvasRenderingContext2D, rings: number[], scale: 
 }
 
 function drawScan(
-  context: CanvasRenderingContext2D,
+  context: Context,
   scan: LidarScan,
   yaw: number,
   scale: Scale,
@@ -162,7 +164,7 @@ function drawScan(
 }
 
 /** An arrow head where the sensor is: its place, not the vehicle's size, which a logarithm would distort. */
-function drawCar(context: CanvasRenderingContext2D, colours: Colours) {
+function drawCar(context: Context, colours: Colours) {
   context.fillStyle = colours.text
   context.beginPath()
   context.moveTo(0, -7)
@@ -175,7 +177,7 @@ function drawCar(context: CanvasRenderingContext2D, colours: Colours) {
 /** Reaches that divide into so many round rings; and their tenths and tens. */
 const REACHES: readonly [reach: number, rings: number][] = [
   [1, 4], [1.2, 4], [1.6, 4], [2, 4], [3, 3], [4, 4], [5, 5], [6, 3], [8, 4], [10, 4],
-] // prettier-ignore
+]
 
 /** The least of them that is not less than that distance [m]. */
 function roundReach(farthest: number): number {

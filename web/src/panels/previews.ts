@@ -45,23 +45,24 @@ class Preview {
   readonly element: HTMLElement
   private readonly canvas = h('canvas', { width: 320, height: 180 })
   private readonly state = h('span', { class: 'preview-state' })
-  private readonly figures = h('span', { class: 'preview-figures', title: 'Rate, and age in simulated time' })
+  private readonly figures = h('span', { class: 'preview-figures' })
   private readonly view: HTMLButtonElement
+  private readonly title: string
   private shown: Picture | null = null
   private isDrawing = false
   private readonly arrivals: number[] = []
 
   constructor(camera: string) {
-    const name = `${camera.charAt(0).toUpperCase()}${camera.slice(1)} camera`
+    const name = camera.charAt(0).toUpperCase() + camera.slice(1)
+    this.title = `${name} camera preview: rate, and age in simulated time. Press to enlarge`
     this.view = h(
       'button',
-      { class: 'preview-view', title: `${name} preview; press to enlarge`, 'aria-pressed': 'false', onclick: () => this.enlarge() },
+      { class: 'preview-view', title: this.title, 'aria-pressed': 'false', onclick: () => this.enlarge() },
       this.canvas,
       this.state,
-      this.figures,
     )
-    const caption = h('figcaption', {}, name)
-    this.element = h('figure', { class: 'preview', testid: `hud-${camera}-camera` }, caption, this.view)
+    const caption = h('figcaption', {}, h('span', {}, name), this.figures)
+    this.element = h('figure', { class: 'preview', testid: `hud-${camera}-camera` }, this.view, caption)
   }
 
   refresh(moment: Moment, isThere: boolean, picture: Picture | null): void {
@@ -75,7 +76,9 @@ class Preview {
     const age = picture && moment.frame ? Math.max(0, moment.frame.time - picture.time) : 0
     this.canvas.style.visibility = this.shown ? 'visible' : 'hidden'
     this.element.dataset.state = this.shown ? (age > STALE ? 'stale' : 'live') : 'none'
-    setText(this.state, this.shown ? '' : missing(isThere, moment.status?.cameras_fault ?? ''))
+    const text = this.shown ? '' : missing(isThere, moment.status?.cameras_fault ?? '')
+    setText(this.state, text)
+    this.view.title = text || this.title
     setText(this.figures, this.shown ? `${fixed(this.rate(), 0)} Hz · ${ageText(age)}` : '')
   }
 

@@ -19,19 +19,23 @@ export const SIGNALS = new Map<string, Scalar>()
 const WHEELS = ['FL', 'FR', 'RL', 'RR'] as const
 
 type Value = Scalar['of']
+type Values = (vehicle: VehicleFrame) => Float64Array
 function group(name: string, ...signals: [id: string, label: string, unit: string, span: number, of: Value][]): void {
   for (const [id, label, unit, span, of] of signals) SIGNALS.set(id, { group: name, label, unit, span, of })
 }
-function each(id: string, label: string, unit: string, span: number, of: (vehicle: VehicleFrame) => Float64Array): void {
+function each(id: string, label: string, unit: string, span: number, of: Values): void {
   WHEELS.forEach((wheel, i) => {
     group(label, [`${id}-${i}`, `${label} ${wheel}`, unit, span, (_, vehicle) => of(vehicle)[i] ?? NaN])
   })
 }
-const axis = (of: (vehicle: VehicleFrame) => Float64Array, i: number): Value => (_, vehicle) => of(vehicle)[i] ?? NaN
-const euler = (vehicle: VehicleFrame) => vehicle.imu.euler
-const rate = (vehicle: VehicleFrame) => vehicle.imu.angular_velocity
-const acceleration = (vehicle: VehicleFrame) => vehicle.imu.linear_acceleration
-const position = (vehicle: VehicleFrame) => vehicle.ips.position
+const axis =
+  (of: Values, i: number): Value =>
+  (_, vehicle) =>
+    of(vehicle)[i] ?? NaN
+const euler: Values = (vehicle) => vehicle.imu.euler
+const rate: Values = (vehicle) => vehicle.imu.angular_velocity
+const acceleration: Values = (vehicle) => vehicle.imu.linear_acceleration
+const position: Values = (vehicle) => vehicle.ips.position
 
 group(
   'Vehicle',
