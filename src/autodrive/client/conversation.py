@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import msgspec
 
@@ -18,7 +19,7 @@ RETRY = 0.2
 """Between two attempts to reach a simulator that was lost [s]."""
 BACKLOG = 2**16
 """Where so much had come since the last look [bytes], the simulator may have waited: a newer Frame follows at once."""
-CATCH_UP = 0.2
+CATCH_UP = 0.5
 """That Frame is waited for so long at most: while paused there is none [s]."""
 
 
@@ -58,9 +59,7 @@ class Conversation:
     def catch_up(self) -> None:
         """Take all that has come; if that was much, also the fresh Frame that follows it."""
         if self.look(0.0) > BACKLOG and self.subscription.frame_rate != 0:
-            count, end = self.view.count, time.monotonic() + CATCH_UP
-            while self.view.count == count and (left := end - time.monotonic()) > 0:
-                self.look(left)
+            self._await_fresh()
         self.complain()
 
     def complain(self) -> None:
@@ -132,6 +131,17 @@ class Conversation:
         return answer
 
     # -- the wire -------------------------------------------------------------------------------------------------
+
+    def _await_fresh(self) -> None:
+        """What was on the way is old; what the simulator sends after a pong was chosen then."""
+        wire = self._connected()
+        pongs = wire.pongs
+        with suppress(NoSimulatorError):  # the next look tells
+            wire.ping()
+        self.until(lambda: self._wire is not wire or wire.pongs > pongs, None, "pong")
+        count, end = self.view.count, time.monotonic() + CATCH_UP
+        while self.view.count == count and (left := end - time.monotonic()) > 0:
+            self.look(left)
 
     def _connect(self) -> None:
         """Begin a conversation; until the Welcome."""

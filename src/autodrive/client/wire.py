@@ -87,7 +87,10 @@ class Wire:
         self._timeout = timeout
         self._protocol = ClientProtocol(parse_uri(address.uri), subprotocols=[SUBPROTOCOL], max_size=LARGEST)  # type: ignore[list-item]
         self._part = b""  # of a message that came in fragments
+        self._is_open = False
         self._is_ended = False
+        self.pongs = 0
+        """Answers to pings that came."""
         self._socket = self._connected()
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._socket, selectors.EVENT_READ)
@@ -96,6 +99,7 @@ class Wire:
         except BaseException:
             self._drop()
             raise
+        self._is_open = True
 
     def send(self, *messages: bytes) -> None:
         """Send them now, together."""
@@ -115,6 +119,11 @@ class Wire:
             self._selector.select(left)
             messages = self._read()
         return messages
+
+    def ping(self) -> None:
+        """Ask for a pong, which follows all that was sent here before."""
+        self._protocol.send_ping(b"")
+        self._write()
 
     def close(self) -> None:
         """Say goodbye; what was sent before has arrived then."""
@@ -191,7 +200,7 @@ class Wire:
             self._write()
             if self._is_ended:
                 break
-        if self._is_ended and not messages and self._protocol.state is not State.CONNECTING:
+        if self._is_ended and not messages and self._is_open:
             raise self._lost()
         return messages
 
@@ -199,7 +208,9 @@ class Wire:
         """Of the fragments that have come; a proxy may have cut a message."""
         messages: list[bytes] = []
         for event in self._protocol.events_received():
-            if isinstance(event, Frame) and event.opcode in (Opcode.BINARY, Opcode.TEXT, Opcode.CONT):
+            if isinstance(event, Frame) and event.opcode is Opcode.PONG:
+                self.pongs += 1
+            elif isinstance(event, Frame) and event.opcode in (Opcode.BINARY, Opcode.TEXT, Opcode.CONT):
                 self._part += event.data
                 if event.fin:
                     messages.append(self._part)

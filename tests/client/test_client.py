@@ -1,0 +1,259 @@
+"""The client against a real simulator in this process; the World itself says what is right."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from itertools import islice
+
+import numpy as np
+import pytest
+
+import autodrive
+from autodrive import Client, Command, CommandError, Frame, NoSimulatorError
+from autodrive.bridge.server import Server
+from autodrive.protocol.codec import encode
+from autodrive.simulation import Simulation
+from tests.client.conftest import bare
+
+
+@pytest.fixture
+def sim(server: Server) -> Iterator[Client]:
+    with Client(server.address, name="script") as client:
+        yield client
+
+
+def test_steps_over_the_wire_give_the_bits_of_world_step(sim: Client) -> None:
+    world = autodrive.make("mini_map")
+    rng = np.random.default_rng(4)
+    events = 0
+    with sim.lockstep():
+        assert encode(sim.reset(seed=11)) == encode(world.reset(11))
+        for _ in range(600):  # long enough to leave the road, and to have some scans
+            throttle, steering = rng.uniform(0.6, 1.0), rng.uniform(0.0, 1.0)
+            orders = {"V1": Command(throttle, steering, autodrive.Headlights.LOW)}
+            frame = sim.step(orders)
+            assert encode(frame) == encode(world.step(orders))
+            events += len(frame.events)
+    assert events > 0
+    assert frame.vehicles["V1"].lidar is not None
+
+
+def test_several_ticks_in_one_step_are_those_one_by_one(sim: Client) -> None:
+    world = autodrive.make("mini_map")
+    with sim.lockstep():
+        sim.reset()
+        frame = sim.step({"V1": Command(0.5)}, ticks=40)
+    there = world.step({"V1": Command(0.5)})
+    for _ in range(39):
+        there = world.step()
+    assert frame.tick == there.tick
+    assert encode(frame.vehicles) == encode(there.vehicles)
+
+
+def test_lockstep_pauses_and_resumes_what_ran(sim: Client, simulation: Simulation) -> None:
+    with sim.lockstep():
+        assert simulation.is_paused
+    assert not simulation.is_paused
+    sim.pause()
+    with sim.lockstep():
+        sim.step()
+    assert simulation.is_paused
+
+
+def test_the_first_step_pauses_and_the_next_goes_on_from_there(sim: Client, simulation: Simulation) -> None:
+    first = sim.step()
+    assert simulation.is_paused
+    assert sim.step().tick == first.tick + 1
+
+
+def test_frames_come_in_order_and_whole(sim: Client) -> None:
+    frames = list(islice(sim.frames(), 30))
+    ticks = [frame.tick for frame in frames]
+    assert ticks == sorted(set(ticks))
+    scan = frames[-1].vehicles["V1"].lidar
+    assert scan is not None
+    assert frames[-1].time - scan.time < 0.2  # the LIDAR turns seven times a second
+
+
+def test_frames_can_be_asked_for_less_often(sim: Client) -> None:
+    start = time.monotonic()
+    for _ in islice(sim.frames(rate=20.0), 11):
+        pass
+    assert time.monotonic() - start > 0.3  # ten intervals of 50 ms, the first two may be short; of each tick 0.1 s
+    assert next(sim.frames()).tick > 0
+
+
+def test_the_latest_frame_is_the_same_until_another_comes(sim: Client) -> None:
+    sim.pause()
+    assert sim.frame is sim.frame
+
+
+def test_a_script_that_did_not_read_for_long_gets_a_fresh_frame(sim: Client, simulation: Simulation) -> None:
+    simulation.request(autodrive.protocol.messages.SetSpeed(None)).result(30)
+    start = simulation.frame.tick
+    wait_until(lambda: simulation.frame.tick > start + 3000)  # some 5 MB: more than is kept on the way
+    simulation.request(autodrive.protocol.messages.SetSpeed(1.0)).result(30)
+    now = simulation.frame.tick
+    assert sim.frame.tick >= now
+
+
+def test_events_of_frames_that_nobody_read_are_kept(sim: Client, simulation: Simulation) -> None:
+    seen: list[object] = []
+
+    class Witness:
+        def publish(self, frame: Frame) -> None:
+            seen.extend(frame.events)
+
+    sim.pause()
+    simulation.add_sink(Witness())
+    sim.reset()
+    sim.resume()
+    end = time.monotonic() + 60.0
+    while len(seen) < 2 and time.monotonic() < end:
+        sim.drive("V1", throttle=1.0)
+        time.sleep(0.05)
+    sim.pause()
+    told = [*sim.frame.events]
+    with sim.lockstep():
+        told += sim.step().events
+    assert encode(told[-len(seen) :]) == encode(seen)
+
+
+def test_driving_moves_the_car_and_lights_its_lamps(sim: Client) -> None:
+    start = sim.frame.vehicles["V1"].ips.position
+    wait_until(lambda: drive(sim) and float(np.linalg.norm(sim.frame.vehicles["V1"].ips.position - start)) > 0.05)
+    assert sim.frame.vehicles["V1"].lights.headlights == 1
+    wait_until(lambda: sim.status.drivers == {"V1": "script"})
+    sim.release("V1")
+    wait_until(lambda: not sim.status.drivers)
+
+
+def drive(sim: Client) -> bool:
+    sim.drive("V1", throttle=np.float32(0.5), steering=0.1, headlights=1)  # type: ignore[arg-type]
+    return True
+
+
+def test_what_a_drive_was_refused_is_raised_by_the_next_call(sim: Client) -> None:
+    sim.set_driving_mode("V1", False)
+    sim.drive("V1", throttle=0.5)
+    with pytest.raises(CommandError, match=r"manual mode .*: sim\.set_driving_mode\(vehicle, is_autonomous=True\)"):
+        wait_until(lambda: not sim.wait())
+    assert sim.frame.tick > 0  # once
+    sim.drive("V9", throttle=0.5)
+    with pytest.raises(CommandError, match="vehicle 'V9' is not known"):
+        wait_until(lambda: not sim.wait())
+
+
+def test_only_one_of_two_drives(sim: Client, server: Server) -> None:
+    sim.drive("V1", throttle=0.1)
+    wait_until(lambda: sim.status.drivers == {"V1": "script"})
+    with Client(server.url, name="script") as other:
+        assert other.name == "script 2"
+        other.drive("V1", throttle=0.2)
+        with pytest.raises(CommandError, match="'script' drives vehicle 'V1'"):
+            wait_until(lambda: not other.wait())
+        sim.drive("V1", throttle=0.1)
+        with pytest.raises(CommandError, match="'script' drives vehicle 'V1'"):
+            other.step({"V1": Command(0.5)})
+        sim.resume()
+        sim.release("V1")
+        wait_until(lambda: not other.status.drivers)
+        other.drive("V1", throttle=0.2)
+        wait_until(lambda: other.status.drivers == {"V1": "script 2"})
+
+
+def test_requests_are_carried_out(sim: Client, simulation: Simulation) -> None:
+    assert not sim.set_scene_light(False).scene_light
+    assert sim.pause().tick <= simulation.frame.tick
+    there = sim.teleport("V1", 0.5, 0.25, 1.0).vehicles["V1"].pose.position
+    assert there[:2] == pytest.approx([0.5, 0.25], abs=0.01)
+    sim.set_speed(3.0)
+    assert simulation.speed == 3.0
+    assert not sim.set_driving_mode("V1", False).vehicles["V1"].is_autonomous
+    assert sim.reset(seed=3).tick == 0
+    sim.resume()
+    wait_until(lambda: sim.frame.tick > 5)
+
+
+def test_another_scenario_brings_its_own_frames(sim: Client) -> None:
+    assert set(sim.scenarios) == {"mini_map", "boxes"}
+    before = sim.scene
+    frame = sim.load_scenario("boxes")
+    assert frame.objects
+    assert sim.scene is not before
+    assert sim.wait().objects
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda sim: sim.load_scenario("minimap"), "scenario 'minimap' is not known.*mini_map"),
+        (lambda sim: sim.teleport("V2", 0.0, 0.0), "vehicle 'V2' is not known"),
+        (lambda sim: sim.set_speed(-1.0), "speed must be a positive number"),
+        (lambda sim: sim.step({"V1": Command(float("nan"))}), "must be a finite number"),
+        (lambda sim: sim.step(ticks=0), "1 tick or more"),
+        (lambda sim: sim.connect_bridge(), "without a bridge"),
+        (lambda sim: sim.drive("V1", throttle="fast"), "is no Command"),
+        (lambda sim: sim.drive("V1", headlights=7), "7 is not a valid Headlights"),
+    ],
+)
+def test_what_is_refused_is_a_command_error_with_the_simulators_words(sim: Client, ask: object, words: str) -> None:
+    with pytest.raises(CommandError, match=words):
+        ask(sim)  # type: ignore[operator]
+    assert sim.reset().tick == 0  # and the conversation goes on
+
+
+def test_a_wait_in_a_pause_ends_and_says_why(sim: Client) -> None:
+    sim.pause()
+    with pytest.raises(TimeoutError, match=r"no Frame came within 0\.2 s; the simulation is paused: sim\.resume"):
+        sim.wait(timeout=0.2)
+
+
+def test_a_picture_that_was_not_asked_for_is_not_waited_for(sim: Client) -> None:
+    with pytest.raises(autodrive.AutodriveError, match="make the Client with a picture_rate"):
+        sim.image("V1", "front")
+
+
+def test_a_token_is_needed_where_there_is_one(simulation: Simulation) -> None:
+    with Server(simulation, scenery=bare, port=0, token="sesame") as server:
+        for token in (None, "wrong"):
+            with pytest.raises(autodrive.AutodriveError, match="needs its token"):
+                Client(server.address, token=token)
+        for address, token in ((server.url, None), (server.address, "sesame")):
+            with Client(address, token=token) as sim:
+                assert sim.frame.vehicles
+
+
+def test_a_client_that_left_no_longer_drives(sim: Client, server: Server) -> None:
+    with Client(server.address) as other:
+        other.drive("V1", throttle=0.1)
+    sim.drive("V1", throttle=0.1)
+    wait_until(lambda: sim.status.drivers == {"V1": "script"})
+    with pytest.raises(autodrive.AutodriveError, match="closed"):
+        _ = other.frame
+
+
+def test_a_served_simulation_that_starts_anew_is_found_again(simulation: Simulation) -> None:
+    server = Server(simulation, scenery=bare, port=0)
+    server.start()
+    with Client(server.address, name="script") as sim:
+        wait_until(lambda: sim.frame.vehicles["V1"].lidar is not None)
+        port = server.port
+        server.close()
+        timer = threading.Timer(0.5, (server := Server(simulation, scenery=bare, port=port)).start)
+        timer.start()
+        assert sim.wait().vehicles["V1"].lidar is not None  # with the scans that were asked for
+        timer.join()
+        sim.step()
+        server.close()
+        with pytest.raises(NoSimulatorError, match=r"was lost"):
+            sim.step()
+
+
+def wait_until(is_so: object, seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not is_so():  # type: ignore[operator]
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.005)
