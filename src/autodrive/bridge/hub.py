@@ -308,7 +308,7 @@ class Hub:
                 drivers={vehicle: who.name for vehicle, who in self.seats.drivers(self._loop.time()).items()},
                 bridge=self._errands.bridge_status(self._loop.time()),
                 cameras_fault=self._cameras_fault() if self._are_pictures_wanted else "",
-                note=self._errands.note,
+                note=self._errands.note or ("" if simulation.is_running else "the simulation is not running"),
             )
         )
         for viewer in self._viewers:
