@@ -15,7 +15,7 @@ import { previews } from './previews'
 import { Whereabouts } from './whereabouts'
 
 /** Texts change so often [Hz]: faster cannot be read. */
-const RATE = 15
+const RATE = 12
 /** Seconds of simulated time that the plots can show. */
 const WINDOWS = [10, 20, 30]
 
@@ -113,6 +113,15 @@ function isUnfolded(element: HTMLElement): boolean {
   return !(element instanceof HTMLDetailsElement) || element.open
 }
 
+/** Every other time: what is drawn costs more than texts. */
+function seldom<Argument>(refresh: (argument: Argument) => void): (argument: Argument) => void {
+  let isDue = false
+  return (argument) => {
+    isDue = !isDue
+    if (isDue) refresh(argument)
+  }
+}
+
 function lidar(rows: Rows): Section {
   const plan = polar()
   const hint = 'What a beam that turns with the scan rate measures at the present instant; "inf" where there is nothing'
@@ -124,7 +133,7 @@ function lidar(rows: Rows): Section {
     h('div', {}, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
   )
   const element = folding('lidar', 'LIDAR', [], h('div', { class: 'lidar-split' }, plan.element, figures))
-  return { element, refresh: plan.refresh }
+  return { element, refresh: seldom(plan.refresh) }
 }
 
 function cameras(store: Store): Section {
@@ -140,5 +149,7 @@ function plots(history: History): Section {
   window.value = WINDOWS.includes(Number(kept)) ? String(kept) : '10'
   window.addEventListener('change', () => remember('plot-window', window.value))
   const element = folding('plots', 'Plots', [window], ...both.map((one) => one.element))
-  return { element, refresh: () => both.forEach((one) => one.refresh(history, Number(window.value))) }
+  let turn = 0
+  const refresh = () => both[(turn = 1 - turn)]!.refresh(history, Number(window.value))
+  return { element, refresh }
 }

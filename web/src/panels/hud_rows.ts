@@ -23,6 +23,7 @@ export const NONE = '–'
 export function fixed(value: number | null | undefined, decimals = 2): string {
   if (value === null || value === undefined || Number.isNaN(value)) return NONE
   if (!Number.isFinite(value)) return value > 0 ? 'inf' : '-inf'
+  if (Math.abs(value) >= 1e9) return value.toExponential(2)
   const text = value.toFixed(decimals)
   return /^-[0.]+$/.test(text) ? text.slice(1) : text
 }

@@ -16,15 +16,20 @@ export type Rows = Map<Row, (text: string) => void>
 
 /** A label and its value, which `rows` then writes. */
 export function row(rows: Rows, id: Row, label: string, title = ''): HTMLElement {
-  const number = h('span', {})
-  const unit = h('span', { class: 'unit' })
+  const number = new Text()
+  const unit = new Text()
   rows.set(id, (text) => {
     const end = UNIT.exec(text)?.index ?? text.length
-    setText(number, text.slice(0, end))
-    setText(unit, text.slice(end))
+    write(number, text.slice(0, end))
+    write(unit, text.slice(end))
   })
-  const value = h('dd', { testid: `hud-${id}` }, number, unit)
+  const value = h('dd', { testid: `hud-${id}` }, number, h('span', { class: 'unit' }, unit))
   return h('div', { class: `fact fact-${id}`, title: title || null }, h('dt', {}, label), value)
+}
+
+/** Changes a text in place, which leaves no old node behind. */
+function write(place: Text, text: string): void {
+  if (place.data !== text) place.data = text
 }
 
 /** What follows the number of a text, if anything. */
@@ -125,7 +130,7 @@ export function sensors(rows: Rows): Section {
     refresh({ vehicle }) {
       for (const { values, cells } of vectors) {
         const numbers = vehicle ? values(vehicle) : null
-        cells.forEach((cell, i) => setText(cell, fixed(numbers?.[i])))
+        cells.forEach((cell, i) => write(cell, fixed(numbers?.[i])))
       }
     },
   }
@@ -133,13 +138,13 @@ export function sensors(rows: Rows): Section {
 
 /** Reads as "[x, y, z] m", looks like columns. */
 function vectorRow(id: string, label: string, { unit, title }: { unit: string; title: string }) {
-  const cells = [0, 1, 2].map(() => h('span', { class: 'cell' }))
+  const cells = [0, 1, 2].map(() => new Text())
   const mark = (text: string) => h('span', { class: 'unseen' }, text)
   const value = h(
     'dd',
     { testid: `hud-${id}` },
     mark('['),
-    ...cells.flatMap((cell, i) => (i === 0 ? [cell] : [mark(', '), cell])),
+    ...cells.flatMap((text, i) => [i > 0 && mark(', '), h('span', { class: 'cell' }, text)]),
     mark('] '),
     h('span', { class: 'unit' }, unit),
   )
