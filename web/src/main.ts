@@ -52,6 +52,9 @@ stream(store, connection, canvas)
 // A click into the scene ends typing, and keys drive again.
 canvas.addEventListener('pointerdown', () => (document.activeElement as HTMLElement | null)?.blur())
 
+// A page that nobody looks at needs little.
+document.addEventListener('visibilitychange', () => connection.subscribe({ frame_rate: document.hidden ? 5 : 60 }))
+
 /** A door for scripts in the browser's console: what the page knows, and its line to the simulator. */
 const door: { store: Store; connection: Connection; view: SceneView | null } = { store, connection, view: null }
 declare global {

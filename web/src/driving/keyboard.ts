@@ -36,7 +36,11 @@ export function listenToKeyboard(driver: Driver, once: (deed: Deed) => void): vo
   window.addEventListener('keydown', (event) => {
     if (event.key === 'Meta') return letGo() // a key let go while it is down is never told
     if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing) return
-    if (event.target instanceof Element && event.target.closest(FIELDS)) return
+    const field = event.target instanceof HTMLElement ? event.target.closest<HTMLElement>(FIELDS) : null
+    if (field) {
+      if (event.key === 'Escape') field.blur() // keys drive again
+      return
+    }
     const deed = deedOf(event)
     if (!deed) return
     event.preventDefault()

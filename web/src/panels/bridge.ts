@@ -104,9 +104,6 @@ const FIELD = {
   autocapitalize: 'off',
   spellcheck: 'false',
   'aria-describedby': 'bridge-fault',
-  onkeydown: (event: KeyboardEvent) => {
-    if (event.key === 'Escape') (event.currentTarget as HTMLElement).blur()
-  },
 }
 
 function named(label: string, field: HTMLElement): HTMLElement {

@@ -1,4 +1,5 @@
 // The menu: the report's table 13 from top to bottom, then scenario, time and picture.
+import { sentence } from '../actions'
 import type { Actions } from '../actions'
 import type { Connection } from '../connection'
 import type { Quality, Store } from '../store'
@@ -133,7 +134,7 @@ function scenario(store: Store, connection: Connection): HTMLElement {
     try {
       await connection.request({ type: 'LoadScenario', name })
     } catch (words) {
-      tell(fault, words instanceof Error ? words.message : String(words))
+      tell(fault, sentence(words))
     }
     isLoading = select.disabled = false
     show()
