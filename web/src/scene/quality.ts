@@ -80,9 +80,9 @@ export class QualityChoice {
 
   /** Takes the duration of a picture [s] at `now` [s]; whether another profile, or none of them, is better. */
   measure(duration: number, now: number): 'stay' | 'change' | 'hopeless' {
-    if (duration > 1.5) this.restart(now) // a hidden tab, not a slow one
-    else this.times.push(1000 * duration)
-    if (now - this.since < PATIENCE || this.times.length < 6) return 'stay'
+    this.times.push(1000 * duration)
+    const enough = duration > 0.5 ? 3 : 6
+    if (now - this.since < PATIENCE || this.times.length < enough) return 'stay'
     const median = this.times.slice().sort((a, b) => a - b)[this.times.length >> 1]
     if (median > SLOW && this.step > 0) return this.go(-1, now)
     if (median > 1000 / HOPELESS && now - this.since > LAST_PATIENCE) return 'hopeless'

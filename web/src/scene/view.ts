@@ -115,6 +115,10 @@ class View implements SceneView {
       () => canvas.removeEventListener('wheel', wheel),
       () => size.disconnect(),
     )
+    // a hidden tab is not a slow one
+    const shown = () => this.choice.restart(performance.now() / 1000)
+    document.addEventListener('visibilitychange', shown)
+    this.ends.push(() => document.removeEventListener('visibilitychange', shown))
     const restored = () => this.world?.redraw()
     canvas.addEventListener('webglcontextrestored', restored)
     this.ends.push(() => canvas.removeEventListener('webglcontextrestored', restored))
@@ -206,6 +210,7 @@ class View implements SceneView {
     const now = milliseconds / 1000
     const dt = Math.max(0, now - this.before)
     this.before = now
+    if (document.hidden) return
     this.count(now)
     if (this.store.quality.value === 'stream' || !this.painter) return
     if (this.paint(now, Math.min(dt, 0.25)) && this.store.quality.value === 'auto') this.judge(dt, now)
