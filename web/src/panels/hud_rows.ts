@@ -97,7 +97,7 @@ export const TEXTS = {
   rtf: ofStatus((status) => `${fixed(status.real_time_factor)} ×`),
   viewers: ofStatus((status) => String(status.viewers)),
   driver: ({ status, name, viewer }) => driver(status, name, viewer),
-  bridge: ofBridge(({ state }) => state.charAt(0).toUpperCase() + state.slice(1)),
+  bridge: ofBridge(({ state }) => ({ closed: 'Disconnected', connecting: 'Connecting', connected: 'Connected' })[state]),
   telemetry: ofBridge(({ telemetry_rate }) => `${fixed(telemetry_rate, 1)} Hz`),
   commands: ofBridge(({ command_rate }) => `${fixed(command_rate, 1)} Hz`),
   'round-trip': ofBridge(({ round_trip }) => (round_trip === null ? NONE : `${fixed(round_trip * 1000, 1)} ms`)),

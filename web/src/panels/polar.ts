@@ -104,6 +104,7 @@ function drawNumbers(context: Context, rings: number[], scale: Scale, radius: nu
   context.textBaseline = 'middle'
   for (const ring of rings) {
     const at = scale(ring) * radius * Math.SQRT1_2
+    if (at < 14) continue // the arrow is there
     const text = String(Number(ring.toPrecision(2)))
     context.lineWidth = 3
     context.strokeStyle = colours.surface

@@ -23,9 +23,9 @@ type Values = (vehicle: VehicleFrame) => Float64Array
 function group(name: string, ...signals: [id: string, label: string, unit: string, span: number, of: Value][]): void {
   for (const [id, label, unit, span, of] of signals) SIGNALS.set(id, { group: name, label, unit, span, of })
 }
-function each(id: string, label: string, unit: string, span: number, of: Values): void {
+function each(id: string, name: string, label: string, unit: string, span: number, of: Values): void {
   WHEELS.forEach((wheel, i) => {
-    group(label, [`${id}-${i}`, `${label} ${wheel}`, unit, span, (_, vehicle) => of(vehicle)[i] ?? NaN])
+    group(name, [`${id}-${i}`, `${label} ${wheel}`, unit, span, (_, vehicle) => of(vehicle)[i] ?? NaN])
   })
 }
 const axis =
@@ -40,7 +40,7 @@ const position: Values = (vehicle) => vehicle.ips.position
 group(
   'Vehicle',
   ['speed', 'Speed', 'm/s', 0.1, (_, vehicle) => vehicle.velocity[0] ?? NaN],
-  ['side-speed', 'Sideways speed', 'm/s', 0.1, (_, vehicle) => vehicle.velocity[1] ?? NaN],
+  ['side-speed', 'Side speed', 'm/s', 0.1, (_, vehicle) => vehicle.velocity[1] ?? NaN],
   ['throttle', 'Throttle', '%', 20, (_, vehicle) => vehicle.throttle * 100],
   ['steering', 'Steering', 'rad', 0.2, (_, vehicle) => steering(vehicle)],
   ['collisions', 'Collisions', '', 1, (_, vehicle) => vehicle.collision_count],
@@ -50,9 +50,9 @@ group(
   ['yaw-rate', 'Yaw rate', 'rad/s', 0.2, axis(rate, 2)],
   ['roll-rate', 'Roll rate', 'rad/s', 0.2, axis(rate, 0)],
   ['pitch-rate', 'Pitch rate', 'rad/s', 0.2, axis(rate, 1)],
-  ['acceleration-x', 'Acceleration x', 'm/s²', 0.5, axis(acceleration, 0)],
-  ['acceleration-y', 'Acceleration y', 'm/s²', 0.5, axis(acceleration, 1)],
-  ['acceleration-z', 'Acceleration z', 'm/s²', 0.5, axis(acceleration, 2)],
+  ['acceleration-x', 'Accel. x', 'm/s²', 0.5, axis(acceleration, 0)],
+  ['acceleration-y', 'Accel. y', 'm/s²', 0.5, axis(acceleration, 1)],
+  ['acceleration-z', 'Accel. z', 'm/s²', 0.5, axis(acceleration, 2)],
   ['roll', 'Roll', 'rad', 0.02, axis(euler, 0)],
   ['pitch', 'Pitch', 'rad', 0.02, axis(euler, 1)],
   ['yaw', 'Yaw', 'rad', 0.2, axis(euler, 2)],
@@ -62,19 +62,19 @@ group(
 )
 group(
   'LIDAR',
-  ['nearest', 'Nearest range', 'm', 0.2, ({ scan }) => (scan && scan.ranges[nearestRay(scan)]) ?? NaN],
+  ['nearest', 'Nearest', 'm', 0.2, ({ scan }) => (scan && scan.ranges[nearestRay(scan)]) ?? NaN],
   ['measurement', 'Measurement', 'm', 0.2, ({ scan, frame }) => presentRange(scan, frame?.time ?? 0)],
 )
-each('slip-ratio', 'Slip ratio', '', 0.1, (vehicle) => vehicle.wheels.slip_ratio)
-each('slip-angle', 'Slip angle', 'rad', 0.02, (vehicle) => vehicle.wheels.slip_angle)
-each('load', 'Normal load', 'N', 1, (vehicle) => vehicle.wheels.normal_load)
-each('spin', 'Wheel speed', 'rad/s', 1, (vehicle) => vehicle.wheels.angular_velocity)
-each('compression', 'Suspension', 'm', 0.001, (vehicle) => vehicle.wheels.compression)
+each('slip-ratio', 'Slip ratio', 'Slip ratio', '', 0.1, (vehicle) => vehicle.wheels.slip_ratio)
+each('slip-angle', 'Slip angle', 'Slip angle', 'rad', 0.02, (vehicle) => vehicle.wheels.slip_angle)
+each('load', 'Normal load', 'Load', 'N', 1, (vehicle) => vehicle.wheels.normal_load)
+each('spin', 'Wheel speed', 'Wheel', 'rad/s', 1, (vehicle) => vehicle.wheels.angular_velocity)
+each('compression', 'Compression of the suspension', 'Spring', 'm', 0.001, (vehicle) => vehicle.wheels.compression)
 group(
-  'Simulation',
-  ['rtf', 'Real-time factor', '×', 0.1, ({ status }) => status?.real_time_factor ?? NaN],
+  'Simulation and bridge',
+  ['rtf', 'Real time', '×', 0.1, ({ status }) => status?.real_time_factor ?? NaN],
   ['frame-rate', 'Frame rate', 'Hz', 10, ({ frameRate }) => frameRate],
-  ['telemetry', 'Bridge telemetry', 'Hz', 10, ({ status }) => status?.bridge.telemetry_rate ?? NaN],
-  ['commands', 'Bridge commands', 'Hz', 10, ({ status }) => status?.bridge.command_rate ?? NaN],
-  ['round-trip', 'Bridge round trip', 'ms', 1, ({ status }) => (status?.bridge.round_trip ?? NaN) * 1000],
+  ['telemetry', 'Telemetry', 'Hz', 10, ({ status }) => status?.bridge.telemetry_rate ?? NaN],
+  ['commands', 'Commands', 'Hz', 10, ({ status }) => status?.bridge.command_rate ?? NaN],
+  ['round-trip', 'Round trip', 'ms', 1, ({ status }) => (status?.bridge.round_trip ?? NaN) * 1000],
 )
