@@ -45,7 +45,7 @@ const DEEDS: Partial<Record<Deed, () => void>> = {
 }
 
 document.body.prepend(toolbar(store, keys.toggle), menu(store, connection, actions))
-document.body.append(touch(driver), notices(store), keys.element)
+document.body.append(touch(driver, store), notices(store), keys.element)
 listenToKeyboard(driver, (deed) => DEEDS[deed]?.())
 listenToGamepad(driver)
 stream(store, connection, canvas)

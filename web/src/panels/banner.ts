@@ -17,7 +17,7 @@ export function banner(store: Store): HTMLElement {
       return
     }
     line.title = store.lost.value
-    setText(text, link === 'connecting' ? 'Connecting to the simulator…' : `${store.lost.value} Reconnecting…`)
+    setText(text, link === 'connecting' ? 'Connecting to the simulator…' : `Reconnecting… ${store.lost.value}`)
     if (link === 'lost') line.hidden = false
     else timer = window.setTimeout(() => (line.hidden = false), PATIENCE)
   })

@@ -2,6 +2,7 @@
 import type { Lights, VehicleFrame } from '../messages'
 import { Headlights } from '../messages'
 import { h, icon } from './element'
+import { HIGH_BEAM, LEFT_INDICATOR, LOW_BEAM, RIGHT_INDICATOR } from './icons'
 
 export interface Lamps {
   element: HTMLElement
@@ -23,19 +24,19 @@ const TELL_TALES: readonly TellTale[] = [
   {
     id: 'left',
     label: 'Left indicator',
-    path: 'M10.5 5.5 3.5 12l7 6.5V15H20V9h-9.5z',
+    path: LEFT_INDICATOR,
     lit: (lights) => onIf(lights.left_indicator),
   },
   {
     id: 'low',
     label: 'Low beam',
-    path: 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7l-6 2M8 11.5l-6 2M8.5 16l-6 2',
+    path: LOW_BEAM,
     lit: (lights) => onIf(lights.headlights === Headlights.LOW),
   },
   {
     id: 'high',
     label: 'High beam',
-    path: 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7H3M8 12H2M9 17H3',
+    path: HIGH_BEAM,
     lit: (lights) => onIf(lights.headlights === Headlights.HIGH),
   },
   {
@@ -53,7 +54,7 @@ const TELL_TALES: readonly TellTale[] = [
   {
     id: 'right',
     label: 'Right indicator',
-    path: 'M13.5 5.5 20.5 12l-7 6.5V15H4V9h9.5z',
+    path: RIGHT_INDICATOR,
     lit: (lights) => onIf(lights.right_indicator),
   },
 ]

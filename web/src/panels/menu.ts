@@ -147,12 +147,13 @@ function scenario(store: Store, connection: Connection): HTMLElement {
     setOptions(select, isKnown ? known : { [scene.scenario]: scene.title, ...known })
     if (isLoading) return
     if (scene) select.value = scene.scenario
-    tell(note, store.status.value?.note ?? '')
+    const doing = store.status.value?.note
+    tell(note, doing ? sentence(doing) : '')
   }
 
   store.welcome.watch(show)
   store.scene.watch(show)
-  store.status.watch((status) => (status?.note ? tell(note, status.note) : show()))
+  store.status.watch((status) => (status?.note ? tell(note, sentence(status.note)) : show()))
   return section('Scenario', select, note, fault)
 }
 

@@ -3,9 +3,7 @@ import type { Store } from '../store'
 import type { Signal } from '../signal'
 import { banner } from './banner'
 import { h, icon, setText } from './element'
-
-const MENU = 'M4 7h16M4 12h16M4 17h16'
-const HUD = 'M4 19a8 8 0 1 1 16 0M12 19l4-6'
+import { HUD, MENU } from './icons'
 
 export function toolbar(store: Store, showHelp: () => void): HTMLElement {
   const words = { 'aria-label': 'Help', title: 'Keys and controls (?)' }

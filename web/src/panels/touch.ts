@@ -1,16 +1,16 @@
 // Driving with the fingers: a pad that steers, a pad that drives, and the lamps; shown where the pointer is a finger.
 import { Headlights, Indicators } from '../messages'
 import type { Driver, Wish } from '../driving/driver'
-import { h } from './element'
+import type { Lights } from '../messages'
+import type { Store } from '../store'
+import { h, icon } from './element'
+import { HAZARD, HIGH_BEAM, LEFT_INDICATOR, LOW_BEAM, RIGHT_INDICATOR } from './icons'
 
-export function touch(driver: Driver): HTMLElement {
-  const lamps: [string, string, () => void][] = [
-    ['Low beam', '◐', () => driver.toggleHeadlights(Headlights.LOW)],
-    ['High beam', '●', () => driver.toggleHeadlights(Headlights.HIGH)],
-    ['Left indicator', '◀', () => driver.toggleIndicators(Indicators.LEFT)],
-    ['Hazard indicators', '▲', () => driver.toggleIndicators(Indicators.HAZARD)],
-    ['Right indicator', '▶', () => driver.toggleIndicators(Indicators.RIGHT)],
-  ]
+export function touch(driver: Driver, store: Store): HTMLElement {
+  const beam = (label: string, path: string, which: Headlights) =>
+    lamp(store, label, path, (lights) => lights.headlights === which, () => driver.toggleHeadlights(which))
+  const side = (label: string, path: string, which: Indicators) =>
+    lamp(store, label, path, (lights) => lights.indicators === which, () => driver.toggleIndicators(which))
   return h(
     'div',
     { class: 'touch', testid: 'touch' },
@@ -18,10 +18,31 @@ export function touch(driver: Driver): HTMLElement {
     h(
       'div',
       { class: 'touch-lamps' },
-      ...lamps.map(([label, sign, press]) => h('button', { 'aria-label': label, title: label, onclick: press }, sign)),
+      beam('Low beam', LOW_BEAM, Headlights.LOW),
+      beam('High beam', HIGH_BEAM, Headlights.HIGH),
+      side('Left indicator', LEFT_INDICATOR, Indicators.LEFT),
+      side('Hazard indicators', HAZARD, Indicators.HAZARD),
+      side('Right indicator', RIGHT_INDICATOR, Indicators.RIGHT),
     ),
     pad(driver, 'throttle', 'Throttle'),
   )
+}
+
+/** A button that switches a lamp and shows whether it is on. */
+function lamp(
+  store: Store,
+  label: string,
+  path: string,
+  isOn: (lights: Lights) => boolean,
+  press: () => void,
+): HTMLElement {
+  const button = h('button', { 'aria-label': label, title: label, onclick: press }, icon(path))
+  store.frame.watch((frame) => {
+    const vehicle = frame?.vehicles[store.vehicle.value]
+    const pressed = String(vehicle ? isOn(vehicle.lights) : false)
+    if (button.getAttribute('aria-pressed') !== pressed) button.setAttribute('aria-pressed', pressed)
+  })
+  return button
 }
 
 /** A pad with a knob that follows the finger along one direction and returns when it is let go. */
