@@ -18,10 +18,18 @@ vec3 shown(vec3 c) {
   float bright = 1.0 - d * d / (peak + d - low);
   vec3 pressed = mix(c * (bright / max(peak, 1e-4)), vec3(bright), 1.0 - 1.0 / (0.15 * (peak - bright) + 1.0));
   c = clamp(peak < low ? c : pressed, 0.0, 1.0);
+#ifdef LIGHTWEIGHT
+  vec3 s1 = sqrt(c), s2 = sqrt(s1), s3 = sqrt(s2);  // a fit, within 0.003
+  return clamp(0.662002687 * s1 + 0.684122060 * s2 - 0.323583601 * s3 - 0.0225411470 * c, 0.0, 1.0);
+#else
   return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
+#endif
 }
 // Against bands in the night: noise of less than a level.
 vec3 dithered(vec3 c) {
+#ifdef LIGHTWEIGHT
+  return c;
+#endif
   float noise = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
   return c + (noise - 0.5) / 255.0;
 }
@@ -57,8 +65,8 @@ uniform mat3 sun_from_map;
 uniform float glows[13];  // 0: what glows always; 1 ... 12: the lamps
 #endif
 in vec3 color, emission, finish;
-out vec3 place, facing, in_sun, own_color, own_emission;
-out vec3 own_finish;
+out vec3 place, facing, in_sun;
+flat out vec3 own_color, own_emission, own_finish;
 out vec2 own_uv;
 #ifdef LIGHTWEIGHT
 out vec3 from_sky, from_sun;
@@ -101,8 +109,8 @@ uniform int beam_count, head_count, lamp_count;
 uniform vec4 lamp_place[${LAMP_SLOTS}], lamp_aim[${LAMP_SLOTS}], lamp_color[${LAMP_SLOTS}], lamp_up[${LAMP_SLOTS}];
 uniform mat4 beam_from_map[${BEAM_SLOTS}];
 uniform float beam_texel;
-in vec3 place, facing, in_sun, own_color, own_emission;
-in vec3 own_finish;
+in vec3 place, facing, in_sun;
+flat in vec3 own_color, own_emission, own_finish;
 in vec2 own_uv;
 #ifdef LIGHTWEIGHT
 in vec3 from_sky, from_sun;
@@ -149,6 +157,7 @@ float openness() {
   for (int i = 0; i < caster_count; i++) {
     vec4 other = caster_place[i];
     vec2 d = place.xy - other.xy;
+    if (dot(d, d) > 0.15) continue;
     vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - caster_half.xy, 0.0);
     open *= 1.0 - 0.75 * exp(-dot(outside, outside) * 700.0);
   }
@@ -184,23 +193,30 @@ vec3 lamp_light(int i, out vec3 l) {
 }
 
 void main() {
-  vec3 n = normalize(facing), v = normalize(cameraPosition - place), color = own_color;
+  vec3 color = own_color;
 #ifdef TEXTURED
   color *= texture(picture, own_uv).rgb;
 #endif
-  bool is_flat = own_finish.z < 0.5;
+  float open = openness(), lit = is_day == 1 ? sunlit() : 1.0;
   float roughness = own_finish.x, metallic = own_finish.y;
+#ifdef LIGHTWEIGHT
+  vec3 plain = color * (1.0 - 0.5 * metallic);
+  vec3 light = plain * (open * from_sky + lit * from_sun);
+  if (lamp_count == 0) {
+    pixel = vec4(shown(light * exposure.x + own_emission * exposure.y), 1.0);
+    return;
+  }
+#endif
+  vec3 n = normalize(facing), v = normalize(cameraPosition - place);
+  bool is_flat = own_finish.z < 0.5;
   Finish f;
   f.alpha = roughness * roughness;
   f.roughness = roughness;
   f.diffuse = color * (1.0 - metallic);
   f.specular = mix(vec3(0.04), color, metallic);
   f.is_glossy = own_finish.z > 1.5;
-
-  float open = openness(), lit = is_day == 1 ? sunlit() : 1.0;
 #ifdef LIGHTWEIGHT
-  f.diffuse = color * (1.0 - 0.5 * metallic);
-  vec3 light = f.diffuse * (open * from_sky + lit * from_sun);
+  f.diffuse = plain;
 #else
   vec3 light = f.diffuse * 0.31831 * open * mix(floor_glow, 0.5 * (zenith + horizon), n.z * 0.5 + 0.5);
   if (f.is_glossy) {

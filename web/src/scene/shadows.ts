@@ -10,6 +10,7 @@ import {
   LinearFilter,
   Matrix3,
   Matrix4,
+  NearestFilter,
   Object3D,
   RedFormat,
   Scene,
@@ -70,11 +71,11 @@ export class Shadows {
     private readonly sunHeight: number,
     private readonly extent: number,
   ) {
-    const { stillMap, casterMap, beamMap, softness } = profile
+    const { stillMap, casterMap, beamMap, softness, isLightweight } = profile
     this.targets = {
-      still: softness > 0 ? target(stillMap) : null,
-      caster: softness > 0 ? target(casterMap) : null,
-      beam: beamMap > 0 ? target(2 * beamMap) : null,
+      still: softness > 0 ? target(stillMap, isLightweight) : null,
+      caster: softness > 0 ? target(casterMap, isLightweight) : null,
+      beam: beamMap > 0 ? target(2 * beamMap, isLightweight) : null,
     }
     this.uniforms.still_map.value = this.targets.still?.depthTexture ?? null
     this.uniforms.caster_map.value = this.targets.caster?.depthTexture ?? null
@@ -189,10 +190,10 @@ export class Shadows {
   }
 }
 
-function target(edge: number): WebGLRenderTarget {
+function target(edge: number, isPlain: boolean): WebGLRenderTarget {
   const depthTexture = new DepthTexture(edge, edge, UnsignedIntType)
   depthTexture.compareFunction = LessEqualCompare
-  depthTexture.minFilter = depthTexture.magFilter = LinearFilter
+  depthTexture.minFilter = depthTexture.magFilter = isPlain ? NearestFilter : LinearFilter
   return new WebGLRenderTarget(edge, edge, { depthTexture, format: RedFormat, generateMipmaps: false })
 }
 

@@ -5,6 +5,7 @@ import {
   InstancedMesh,
   LinearFilter,
   LinearMipmapLinearFilter,
+  LinearMipmapNearestFilter,
   Matrix4,
   Mesh,
   RepeatWrapping,
@@ -168,7 +169,7 @@ export class World {
       texture.flipY = false
       texture.colorSpace = SRGBColorSpace
       texture.wrapS = texture.wrapT = RepeatWrapping
-      texture.minFilter = LinearMipmapLinearFilter
+      texture.minFilter = this.profile.isLightweight ? LinearMipmapNearestFilter : LinearMipmapLinearFilter
       texture.magFilter = LinearFilter
       texture.anisotropy = this.profile.anisotropy
       texture.needsUpdate = true
