@@ -3,6 +3,7 @@ import '../hud.css'
 import type { Connection } from '../connection'
 import type { Store } from '../store'
 import { h } from './element'
+import { choice } from './fields'
 import { History } from './history'
 import { TEXTS } from './hud_rows'
 import type { Moment } from './hud_rows'
@@ -143,11 +144,11 @@ function cameras(store: Store): Section {
 
 function plots(history: History): Section {
   const both = [plot('plot-a', ['speed', 'throttle']), plot('plot-b', ['yaw-rate', 'steering'])]
-  const window = h('select', { 'aria-label': 'Time shown', testid: 'hud-plot-window', title: 'Simulated time shown' })
+  const label = { 'aria-label': 'Time shown', title: 'Simulated time shown' }
+  const window = choice('hud-plot-window', (seconds) => remember('plot-window', seconds), label)
   window.append(...WINDOWS.map((seconds) => h('option', { value: seconds }, `${seconds} s`)))
   const kept = recall('plot-window')
   window.value = WINDOWS.includes(Number(kept)) ? String(kept) : '10'
-  window.addEventListener('change', () => remember('plot-window', window.value))
   const element = folding('plots', 'Plots', [window], ...both.map((one) => one.element))
   let turn = 0
   const refresh = () => both[(turn = 1 - turn)]!.refresh(history, Number(window.value))

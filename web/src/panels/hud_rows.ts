@@ -83,6 +83,8 @@ const ofStatus =
     status ? text(status) : NONE
 const ofBridge = (text: (bridge: BridgeStatus) => string): Text => ofStatus((status) => text(status.bridge))
 
+const BRIDGE = { closed: 'Disconnected', connecting: 'Connecting', connected: 'Connected' } as const
+
 /** Each row's text, by the name of the row. */
 export const TEXTS = {
   time: ({ frame }) => (frame ? clock(frame.time) : NONE),
@@ -97,7 +99,7 @@ export const TEXTS = {
   rtf: ofStatus((status) => `${fixed(status.real_time_factor)} ×`),
   viewers: ofStatus((status) => String(status.viewers)),
   driver: ({ status, name, viewer }) => driver(status, name, viewer),
-  bridge: ofBridge(({ state }) => ({ closed: 'Disconnected', connecting: 'Connecting', connected: 'Connected' })[state]),
+  bridge: ofBridge(({ state }) => BRIDGE[state]),
   telemetry: ofBridge(({ telemetry_rate }) => `${fixed(telemetry_rate, 1)} Hz`),
   commands: ofBridge(({ command_rate }) => `${fixed(command_rate, 1)} Hz`),
   'round-trip': ofBridge(({ round_trip }) => (round_trip === null ? NONE : `${fixed(round_trip * 1000, 1)} ms`)),

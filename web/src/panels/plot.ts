@@ -4,6 +4,7 @@ import 'uplot/dist/uPlot.min.css'
 
 import { watchColours } from './colours'
 import { h, setText } from './element'
+import { choice } from './fields'
 import type { History } from './history'
 import { fixed } from './hud_rows'
 import { recall, remember } from './memory'
@@ -91,7 +92,8 @@ function take(history: History, window: number, ages: number[], traces: Trace[])
 }
 
 function trace(key: string, first: string, i: number): Trace {
-  const select = h('select', { 'aria-label': `Signal ${i + 1}`, title: 'What is plotted' })
+  const label = { 'aria-label': `Signal ${i + 1}`, title: 'What is plotted' }
+  const select = choice('hud-signal', (id) => remember(key, id), label)
   const groups = new Map<string, HTMLOptGroupElement>()
   select.append(h('option', { value: NOTHING }, 'None'))
   for (const [id, { group, label }] of SIGNALS) {
@@ -103,7 +105,6 @@ function trace(key: string, first: string, i: number): Trace {
   }
   const kept = recall(key)
   select.value = kept !== null && (kept === NOTHING || SIGNALS.has(kept)) ? kept : first
-  select.addEventListener('change', () => remember(key, select.value))
   const now = h('output', { class: 'plot-now' })
   h('label', { class: 'plot-trace', style: `--trace: var(--${COLOURS[i]})` }, select, now)
   return { select, now, ticks: [0, 1], values: [] }
