@@ -56,7 +56,8 @@ class Run:
         if (status := self.bridge.status) != "closed":
             parts.append(f"devkit {status}, {self.bridge.counters.commands_received} commands")
         if self.server is not None:
-            parts.append(self.link)
+            viewers = self.server.viewers
+            parts.append(f"{self.link} {viewers} viewer{'' if viewers == 1 else 's'}")
         return "  ".join(parts)
 
 
@@ -96,6 +97,7 @@ def run(options: RunOptions, screen: Screen) -> dict[str, Any]:
         encoder = _encoder(options)
         bridge = _bridge(simulation, options, encoder)
         stack.callback(bridge.close)
+        stage.watch(bridge)
         server = _server(simulation, stage, options, bridge, encoder) if options.has_page else None
         under_way = Run(simulation, stage, odometer, bridge, server)
         stack.callback(simulation.stop)

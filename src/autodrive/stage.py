@@ -10,6 +10,7 @@ from autodrive.browse import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
 
 if TYPE_CHECKING:
+    from autodrive.bridge.devkit import DevkitBridge
     from autodrive.camera_watch import CameraWatch
     from autodrive.protocol.messages import Frame
     from autodrive.run_options import RunOptions
@@ -31,7 +32,8 @@ class Stage:
         self.cameras: CameraWatch | None = None
         self._options = options
         self._names: WeakKeyDictionary[World, str] = WeakKeyDictionary()
-        self._is_looked_at = options.pictures == "always"
+        self._bridge: DevkitBridge | None = None
+        self._is_looked_at = False
         self._tick_duration = 0.0
         self._tick = self._ticks = 0
 
@@ -59,8 +61,12 @@ class Stage:
         return {**titles("scenario"), asked: load_scenario(asked).title}
 
     def look(self, is_looked_at: bool) -> None:
-        """Somebody, or nobody, wants pictures; it counts where they are drawn only while wanted."""
+        """Some viewer, or none, wants pictures; it counts where they are drawn only while wanted."""
         self._is_looked_at = is_looked_at
+
+    def watch(self, bridge: DevkitBridge) -> None:
+        """Let the cameras draw while that bridge is connected, too."""
+        self._bridge = bridge
 
     def publish(self, frame: Frame) -> None:
         """A new Frame of the present world."""
@@ -79,6 +85,12 @@ class Stage:
         if self.cameras is not None:
             return self.cameras.fault
         return "the cameras were switched off with --no-cameras" if self._options.pictures == "never" else ""
+
+    @property
+    def _is_wanted(self) -> bool:
+        """Whether pictures are to be drawn now."""
+        is_connected = self._bridge is not None and self._bridge.status == "connected"
+        return self._is_looked_at or is_connected or self._options.pictures == "always"
 
     def _spec(self, name: str) -> ScenarioSpec:
         """The scenario with the mode and seed asked for, so that a reset keeps them."""

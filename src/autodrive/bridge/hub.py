@@ -106,6 +106,11 @@ class Hub:
         if self._are_pictures_wanted:
             self._wants_pictures(False)
 
+    @property
+    def viewers(self) -> int:
+        """How many are connected now; any thread may ask."""
+        return len(self._viewers)
+
     # -- one client ---------------------------------------------------------------------------------------------
 
     async def talk(self, scope: dict[str, Any], receive: Any, send: Any) -> None:

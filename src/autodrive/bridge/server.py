@@ -101,6 +101,11 @@ class Server:
         return f"[{host}]:{self._port}" if ":" in host else f"{host}:{self._port}"
 
     @property
+    def viewers(self) -> int:
+        """How many are connected now."""
+        return self._hub.viewers
+
+    @property
     def url(self) -> str:
         """The link to open, with the token where one is needed."""
         return f"http://{self.address}/" + (f"?token={self.token}" if self.token else "")
