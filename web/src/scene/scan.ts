@@ -53,7 +53,7 @@ in vec3 place;
 out vec4 pixel;
 void main() {
   float near = 1.0 - min(distance(place, center) / ${FAN.toFixed(3)}, 1.0);
-  pixel = vec4(${COLOR}, 0.22 * near * near * brightness);
+  pixel = vec4(${COLOR}, 0.12 * near * near * brightness);
 }
 `
 /** How much of it is left by night, when eyes are used to the dark. */

@@ -258,10 +258,11 @@ export class World {
     burning.clear()
     if (!isDay) {
       const own = this.vehicles.get(watched)
+      const others = [...this.vehicles.values()].filter((model) => model !== own)
       own?.light(burning, true)
       if (this.profile.beamMap > 0) burning.beams = Math.min(burning.lamps, BEAM_SLOTS)
-      for (const model of this.vehicles.values()) if (model !== own) model.light(burning, true)
-      for (const model of this.vehicles.values()) model.light(burning, false)
+      for (const model of others) model.light(burning, true)
+      for (const model of own ? [own, ...others] : others) model.light(burning, false)
     }
     this.light.beam_count.value = burning.beams
     this.light.head_count.value = burning.heads
