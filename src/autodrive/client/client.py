@@ -213,7 +213,7 @@ class Client:
     @contextmanager
     def lockstep(self) -> Iterator[Client]:
         """`with sim.lockstep(): ...` pauses the simulation for steps, and resumes it in the end if it ran before."""
-        was_paused = self.status.is_paused
+        was_paused = self._talk.is_stepping or self.status.is_paused  # a Status may be older than our Pause
         self._talk.begin_stepping()
         try:
             yield self

@@ -103,7 +103,7 @@ class Wire:
 
     def send(self, *messages: bytes) -> None:
         """Send them now, together."""
-        if self._is_ended:
+        if not self._is_talking:
             raise self._lost()
         for message in messages:
             self._protocol.send_binary(message)
@@ -122,6 +122,8 @@ class Wire:
 
     def ping(self) -> None:
         """Ask for a pong, which follows all that was sent here before."""
+        if not self._is_talking:
+            raise self._lost()
         self._protocol.send_ping(b"")
         self._write()
 
@@ -129,7 +131,7 @@ class Wire:
         """Say goodbye; what was sent before has arrived then."""
         end = time.monotonic() + GOODBYE
         try:
-            if not self._is_ended:
+            if self._is_talking:
                 self._protocol.send_close()
                 self._write()
             while not self._is_ended and (left := end - time.monotonic()) > 0:
@@ -138,6 +140,11 @@ class Wire:
             pass
         finally:
             self._drop()
+
+    @property
+    def _is_talking(self) -> bool:
+        """Whether neither side has ended the conversation."""
+        return not self._is_ended and self._protocol.state is State.OPEN
 
     # -- the socket ---------------------------------------------------------------------------------------------
 
