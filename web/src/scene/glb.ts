@@ -1,4 +1,4 @@
-// The simulator's .glb files: named nodes with surfaces in three details, joints and lamps. As render/glb.py writes them.
+// The simulator's .glb files: named nodes with surfaces in three details, joints and lamps (render/glb.py).
 
 export type Detail = 'full' | 'reduced' | 'shadow'
 export type Vector = [number, number, number]

@@ -1,6 +1,6 @@
 // The glare around lamps that burn and look at us.
-import { AdditiveBlending, BufferAttribute, BufferGeometry, DynamicDrawUsage, GLSL3, Points, ShaderMaterial } from 'three'
-import { Vector3 } from 'three'
+import { AdditiveBlending, BufferAttribute, BufferGeometry, DynamicDrawUsage } from 'three'
+import { GLSL3, Points, ShaderMaterial, Vector3 } from 'three'
 
 import { LAMPS } from './lamps'
 import type { VehicleModel } from './vehicle'

@@ -12,7 +12,7 @@ export const LAMPS = KINDS.flatMap((kind) => [`${kind}_left`, `${kind}_right`])
 /** The first of them throw far. */
 const HEADLIGHTS = 4
 
-/** Room for lamps in the shaders (WebGL promises 224 uniforms), and for headlights that cast shadows, which come first. */
+/** Room for lamps in the shaders (WebGL promises 224 uniforms), and for headlights with shadows, which come first. */
 export const LAMP_SLOTS = 32
 export const BEAM_SLOTS = 4
 

@@ -1,6 +1,6 @@
 // The WebGL context: shadow maps, then the picture, smoothed where the profile asks for it.
-import { Color, LinearFilter, Mesh, NoToneMapping, OrthographicCamera, Vector3, WebGLRenderer, WebGLRenderTarget } from 'three'
-import { BufferAttribute, BufferGeometry, GLSL3, ShaderMaterial } from 'three'
+import { BufferAttribute, BufferGeometry, Color, GLSL3, LinearFilter, Mesh, NoToneMapping } from 'three'
+import { OrthographicCamera, ShaderMaterial, Vector3, WebGLRenderer, WebGLRenderTarget } from 'three'
 import type { PerspectiveCamera } from 'three'
 
 import type { Moment } from './motion'
@@ -34,7 +34,8 @@ export class Painter {
   /** For that canvas; null if the browser has no WebGL 2. */
   static on(canvas: HTMLCanvasElement): Painter | null {
     try {
-      return new Painter(new WebGLRenderer({ canvas, antialias: false, alpha: false, powerPreference: 'high-performance' }))
+      const powerPreference = 'high-performance'
+      return new Painter(new WebGLRenderer({ canvas, antialias: false, alpha: false, powerPreference }))
     } catch {
       return null
     }

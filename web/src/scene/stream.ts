@@ -25,7 +25,8 @@ export class StreamView {
 
   resize(): void {
     const { canvas } = this
-    const box = { left: canvas.offsetLeft, top: canvas.offsetTop, width: canvas.clientWidth, height: canvas.clientHeight }
+    const { offsetLeft: left, offsetTop: top, clientWidth: width, clientHeight: height } = canvas
+    const box = { left, top, width, height }
     for (const [side, value] of Object.entries(box)) this.overlay.style.setProperty(side, `${value}px`)
   }
 

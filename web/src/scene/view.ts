@@ -1,5 +1,5 @@
 // The 3D view of the page: what the store holds, drawn at the rate of the screen.
-import type { Store } from '../store'
+import type { Quality, Store } from '../store'
 import type { Frame, Scene } from '../messages'
 import { type Asset, loadAsset } from './glb'
 import { Motion } from './motion'
@@ -30,6 +30,7 @@ export function showScene(canvas: HTMLCanvasElement, store: Store): SceneView {
   return new View(canvas, store)
 }
 
+const QUALITIES: readonly Quality[] = ['auto', 'low', 'high', 'ultra', 'stream']
 /** A click of the mouse wheel, in the units of its event [pixels]. */
 const CLICK = 100
 const NO_WEBGL = 'This browser offers no WebGL: only the simulator can draw the scene.'
@@ -59,8 +60,8 @@ class View implements SceneView {
   ) {
     this.painter = Painter.on(canvas)
     this.choice = new QualityChoice(this.painter?.isSoftware ?? true)
-    const wanted = new URLSearchParams(location.search).get('quality')
-    if (wanted && /^(auto|low|high|ultra|stream)$/.test(wanted)) store.quality.value = wanted as typeof store.quality.value
+    const wanted = QUALITIES.find((quality) => quality === new URLSearchParams(location.search).get('quality'))
+    if (wanted) store.quality.value = wanted
     this.profile = this.choice.profile(store.quality.value)
     this.viewpoints = new Viewpoints(canvas)
     this.stream = new StreamView(canvas)

@@ -208,7 +208,8 @@ export class World {
       const textures = this.textures(model)
       const crowd: Crowd = { names, meshes: [] }
       for (const { geometry, picture } of pieces(model, rig, 'full', true)) {
-        const mesh = new InstancedMesh(this.keep(geometry), this.material(textures[picture] ?? null, null), names.length)
+        const material = this.material(textures[picture] ?? null, null)
+        const mesh = new InstancedMesh(this.keep(geometry), material, names.length)
         crowd.meshes.push(mesh)
         this.stage.add(mesh)
       }
