@@ -30,11 +30,11 @@ PATIENCE = 60.0
 """Wall time [s]; the machine may be busy."""
 
 
-def made(car: str) -> tuple[World, CameraProcess]:
+def made(car: str, *, is_wanted: bool = True) -> tuple[World, CameraProcess]:
     processes: list[CameraProcess] = []
 
     def eyes(compiled: object) -> CameraProcess:
-        processes.append(CameraProcess.of(compiled))  # type: ignore[arg-type]
+        processes.append(CameraProcess.of(compiled, is_wanted=is_wanted))  # type: ignore[arg-type]
         return processes[0]
 
     world = autodrive.make(ScenarioSpec(map="mini_map", vehicles={"V1": VehiclePlacement(type=car)}), cameras=eyes)
@@ -238,3 +238,21 @@ def test_smooth_edges_are_dropped_only_where_they_take_longer_than_the_cameras_p
     seat = SimpleNamespace(spec=SimpleNamespace(rate=30.0))
     sight, renderer = SimpleNamespace(quality=asked, seats=[seat]), SimpleNamespace(quality=PROFILES[drawn])
     assert _is_too_slow(sight, renderer, [draw_time] * count) == is_too_slow  # type: ignore[arg-type]
+
+
+def test_while_nobody_looks_nothing_is_drawn_and_no_process_is_there(gl: str, car: str) -> None:
+    world, process = made(car, is_wanted=False)
+    world.step()
+    assert process.pid == 0
+    assert not world.is_looking
+    process.is_wanted = True
+    assert process.wait(PATIENCE)
+    assert looked(world)
+    process.is_wanted = False
+    assert world.step().vehicles["V1"].cameras == {}  # rather none than old ones
+    assert not world.is_looking
+    assert is_alive(process.pid)  # to be quick the next time
+    process.is_wanted = True
+    assert looked(world)
+    world.close()
+    assert not is_alive(process.pid)

@@ -13,19 +13,18 @@ import os
 import pickle
 import signal
 import statistics
-import subprocess
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from autodrive.camera_link import Answer, Failed, Order, Ready, Shared, Shot, Taken, line, read_answer, read_order
 from autodrive.cameras import Film, Sight, sight_of, with_images
+from autodrive.child import Process, become_child, spawn
 from autodrive.errors import AutodriveError
 from autodrive.protocol.messages import CameraImage, Frame, Pose
 from autodrive.render.moment import Moment
@@ -71,11 +70,13 @@ class CameraProcess:
     """Eyes that look when they are free: each Frame has the latest finished pictures, with their own time and pose.
 
     A moment is sent when a picture is due and the one before is finished, so that the rate is what the machine can do.
-    Where nothing can be drawn, or the process dies, one line of the log says so and Frames have no pictures.
+    Where nothing can be drawn, or the process dies, one line of the log says so and Frames have no pictures. They have
+    none, too, while pictures are not wanted; the process begins when they are first wanted.
     """
 
-    def __init__(self, sight: Sight) -> None:
+    def __init__(self, sight: Sight, *, is_wanted: bool = True) -> None:
         self._sight = sight
+        self._is_wanted = is_wanted
         self._names = [(seat.vehicle, seat.camera) for seat in sight.seats]
         self._schedules = [
             None if seat.spec.rate is None else Schedule.of(seat.spec.rate, sight.substep) for seat in sight.seats
@@ -93,22 +94,40 @@ class CameraProcess:
         self._renderer = self._fault = ""
         self._arrivals: deque[float] = deque(maxlen=1000)
         self._draw_times: deque[float] = deque(maxlen=1000)
-        self._begin()
+        self._process: Process | None = None
+        if is_wanted:
+            self._begin()
 
     @classmethod
-    def of(cls, compiled: Compiled, quality: str = "auto") -> CameraProcess:
+    def of(cls, compiled: Compiled, quality: str = "auto", *, is_wanted: bool = True) -> CameraProcess:
         """For the cameras of that world."""
-        return cls(sight_of(compiled, quality))
+        return cls(sight_of(compiled, quality), is_wanted=is_wanted)
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether anybody looks at the pictures; while not, nothing is drawn. May be set in any thread."""
+        return self._is_wanted
+
+    @is_wanted.setter
+    def is_wanted(self, wanted: bool) -> None:
+        with self._lock:
+            if wanted == self._is_wanted:
+                return
+            self._is_wanted = wanted
+            self._forget()  # what was seen before is old by now
+            if wanted and self._process is None and not self._is_closing:
+                self._begin()
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until the process can draw, or has failed; whether it can."""
-        self._is_ready.wait(timeout)
+        """Wait until the process can draw, or has failed; whether it can. It cannot before it is wanted."""
+        if self._process is not None:
+            self._is_ready.wait(timeout)
         return bool(self._renderer) and not self._fault
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
-        return self._process.pid
+        """Number of the process; 0 before it begins."""
+        return self._process.pid if self._process else 0
 
     @property
     def statistics(self) -> CameraStatistics:
@@ -127,7 +146,7 @@ class CameraProcess:
         with self._lock:
             if anew:
                 self._sent_at = [None] * len(self._names)
-            if self._is_free:
+            if self._is_free and self._is_wanted:
                 due = [n for n in range(len(self._names)) if self._is_due(n, now)]
                 if due:
                     self._send(frame, now, due)
@@ -154,12 +173,14 @@ class CameraProcess:
     def is_awaited(self) -> bool:
         """Whether a picture is under way or has come since, or one of what was moved by hand is still to be taken."""
         with self._lock:
-            is_at_work = not self._fault and (not self._is_free or None in self._sent_at)
+            is_at_work = self._is_wanted and not self._fault and (not self._is_free or None in self._sent_at)
             return is_at_work or self._shown is not self._images
 
     def close(self) -> None:
         """End the process."""
         self._is_closing = True
+        if self._process is None:
+            return
         if not self._is_ready.is_set():
             self._process.kill()  # it may not even listen yet
         with contextlib.suppress(OSError, ValueError):
@@ -197,29 +218,20 @@ class CameraProcess:
         descriptor = Shared.descriptor(self._sight)
         try:
             self._shared = Shared(descriptor, self._sight)
-            self._process = subprocess.Popen(
-                # -P: a file of the user's in this folder is none of our modules
-                [sys.executable, "-P", "-m", "autodrive.camera_process", str(descriptor)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,  # graphics drivers talk a lot
-                pass_fds=[descriptor],
-                start_new_session=True,  # Ctrl-C is for the simulator, which then ends the process
-                env=_environment(),
-            )
+            process = spawn("autodrive.camera_process", str(descriptor), descriptors=[descriptor])
         finally:
             os.close(descriptor)
-        assert self._process.stdin is not None
-        self._stdin: IO[bytes] = self._process.stdin
-        self._thread = threading.Thread(target=self._attend, name="autodrive-cameras", daemon=True)
+        assert process.stdin is not None
+        self._process, self._stdin = process, process.stdin
+        self._thread = threading.Thread(target=self._attend, args=(process,), name="autodrive-cameras", daemon=True)
         self._thread.start()
 
-    def _attend(self) -> None:
+    def _attend(self, process: Process) -> None:
         """Tell the process what to draw, then take its answers until it ends."""
         with contextlib.suppress(OSError, ValueError):  # it may be closed before it has begun
             pickle.dump(self._sight, self._stdin, pickle.HIGHEST_PROTOCOL)
             self._stdin.flush()
-        for answer in self._answers():
+        for answer in _answers(process):
             match answer:
                 case Ready(renderer=renderer):
                     self._renderer, self._is_free = renderer, True
@@ -228,13 +240,7 @@ class CameraProcess:
                     self._take(answer)
                 case Failed(reason=reason):
                     self._fault = reason
-        self._end()
-
-    def _answers(self) -> Iterator[Answer]:
-        assert self._process.stdout is not None
-        with self._process.stdout as stdout:
-            for text in stdout:
-                yield read_answer(text)
+        self._end(process)
 
     def _take(self, taken: Taken) -> None:
         images = [self._image(number, shot) for number, shot in zip(self._ordered, taken.shots, strict=True)]
@@ -250,18 +256,25 @@ class CameraProcess:
         pose = Pose(_kept(np.array(shot.position)), _kept(np.array(shot.orientation)))
         return CameraImage(shot.time, pose, shot.intrinsics, *map(_kept, self._shared.plates[number]))
 
-    def _end(self) -> None:
+    def _end(self, process: Process) -> None:
         """The process is gone, because it was asked to or because it failed."""
         with self._lock:
             self._is_free = False
             self._images = {}
             self._arrivals.clear()
-        code = self._process.wait()
+        code = process.wait()
         if not self._is_closing:
             how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
             self._fault = self._fault or f"cameras are unavailable: their process ended unexpectedly ({how})"
             log.warning("%s", self._fault)
         self._is_ready.set()
+
+
+def _answers(process: Process) -> Iterator[Answer]:
+    assert process.stdout is not None
+    with process.stdout as stdout:
+        for text in stdout:
+            yield read_answer(text)
 
 
 def _kept(array: Any) -> Any:
@@ -273,21 +286,12 @@ def _kept(array: Any) -> Any:
     return copied
 
 
-def _environment() -> dict[str, str]:
-    """The process finds the package where the simulator found it."""
-    root = str(Path(__file__).parents[1])
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))}
-
-
 # -- in the process ---------------------------------------------------------------------------------------------
 
 
 def main() -> None:
     """Draw what is ordered until there are no more orders."""
-    answers = os.fdopen(os.dup(1), "wb", buffering=0)
-    os.dup2(2, 1)  # whatever else prints does not spoil the answers
-    with contextlib.suppress(OSError, AttributeError):
-        os.nice(5)  # pictures give way to physics
+    answers = become_child()
     try:
         for answer in _work():
             answers.write(line(answer))

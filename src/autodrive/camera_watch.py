@@ -22,9 +22,12 @@ START = 30.0
 """The process that draws is there within that wall time [s], or the run begins without it."""
 
 
-def watched_world(scenario: ScenarioSpec, *, quality: str, draws_in_tick: bool) -> tuple[World, CameraWatch | None]:
+def watched_world(
+    scenario: ScenarioSpec, *, quality: str, draws_in_tick: bool, is_wanted: bool = True
+) -> tuple[World, CameraWatch | None]:
     """A world whose cameras see, and who watches them; nobody if it has no cameras.
 
+    Pictures that are not wanted are drawn from `CameraWatch.want` on; those of the tick are always drawn.
     Where nothing can be drawn the world has no pictures, and one line of the log says why. Raises `AutodriveError` for
     a quality that is not known.
     """
@@ -39,7 +42,7 @@ def watched_world(scenario: ScenarioSpec, *, quality: str, draws_in_tick: bool) 
     made: list[CameraProcess] = []
 
     def eyes(compiled: Compiled) -> CameraProcess:
-        made.append(CameraProcess.of(compiled, quality))
+        made.append(CameraProcess.of(compiled, quality, is_wanted=is_wanted))
         return made[0]
 
     world = make(scenario, cameras=eyes)
@@ -57,6 +60,11 @@ class CameraWatch:
         self._process = process
         self._latest: dict[tuple[str, str], CameraImage] = {}
         self._counts: dict[str, dict[str, int]] = {}
+
+    def want(self, is_wanted: bool) -> None:
+        """Whether anybody looks at the pictures; any thread may say so."""
+        if self._process is not None:
+            self._process.is_wanted = is_wanted
 
     def wait(self) -> None:
         """Until pictures can be drawn, so that the first second has them too."""
@@ -83,6 +91,8 @@ class CameraWatch:
             return "cameras unavailable"
         if self._process is None:
             return f"{sum(n for counts in self._counts.values() for n in counts.values())} pictures"
+        if not self._process.is_wanted:
+            return "cameras rest"
         statistics = self._process.statistics
         drawn_in = "" if math.isnan(statistics.draw_time) else f" in {1e3 * statistics.draw_time:.0f} ms"
         return f"cameras {statistics.rate:.1f} Hz{drawn_in}"

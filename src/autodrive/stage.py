@@ -63,6 +63,7 @@ class Stage:
     def look(self, is_looked_at: bool) -> None:
         """Some viewer, or none, wants pictures; it counts where they are drawn only while wanted."""
         self._is_looked_at = is_looked_at
+        self._tell_wish()
 
     def watch(self, bridge: DevkitBridge) -> None:
         """Let the cameras draw while that bridge is connected, too."""
@@ -72,6 +73,7 @@ class Stage:
         """A new Frame of the present world."""
         self._ticks += frame.tick != self._tick
         self._tick = frame.tick
+        self._tell_wish()
         if self.cameras is not None:
             self.cameras.publish(frame)
 
@@ -92,6 +94,11 @@ class Stage:
         is_connected = self._bridge is not None and self._bridge.status == "connected"
         return self._is_looked_at or is_connected or self._options.pictures == "always"
 
+    def _tell_wish(self) -> None:
+        """Let the cameras draw or rest."""
+        if self.cameras is not None:
+            self.cameras.want(self._is_wanted)
+
     def _spec(self, name: str) -> ScenarioSpec:
         """The scenario with the mode and seed asked for, so that a reset keeps them."""
         options = self._options
@@ -111,4 +118,6 @@ class Stage:
             return autodrive.make(spec), None
         from autodrive.camera_watch import watched_world
 
-        return watched_world(spec, quality=options.camera_quality, draws_in_tick=options.draws_in_tick)
+        return watched_world(
+            spec, quality=options.camera_quality, draws_in_tick=options.draws_in_tick, is_wanted=self._is_wanted
+        )
