@@ -17,7 +17,7 @@ LAYERS: list[set[str]] = [
     {"actuators", "physics", "render", "sensors"},
     {"scenario", "vehicles", "maps"},
     {"world", "compile", "referee", "assets", "cameras", "scenery"},
-    {"simulation", "camera_link", "camera_process", "child", "scene_process", "jpeg"},
+    {"simulation", "camera_link", "camera_process", "child", "jpeg", "scene_camera", "scene_process"},
     {"app", "stage", "run_options", "run_summary", "bridge", "recording", "envs", "batch"}
     | {"browse", "browser", "doctor", "generate", "camera_watch", "portrait"},
     {"cli"},
