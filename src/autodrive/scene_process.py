@@ -94,8 +94,8 @@ class Wish(NamedTuple):
 class SceneProcess:
     """Draws the scene cameras of any number of viewers, one picture at a time, each viewer in turn.
 
-    It begins with the first `draw`. If it dies it begins anew with the next, unless it died before any picture: then,
-    as without OpenGL, `fault` says why and each `draw` fails with it. All methods may be called from any thread.
+    It begins with the first `draw`. If it dies, the picture that it was at fails, and it begins anew with the next; if
+    it cannot begin, as without OpenGL, each `draw` fails and `fault` says why. Any thread may call all methods.
     """
 
     def __init__(self, things: Things) -> None:
@@ -214,7 +214,7 @@ class SceneProcess:
     def _drawn(self, viewer: int, wish: Wish) -> bytes:
         """Raises `AutodriveError` where the process has failed."""
         self.check(wish.camera)
-        process = self._process or self._begin()
+        process = self._living() or self._begin()
         with self._mail:
             camera = self._cameras.setdefault(viewer, SceneCamera(self._things.vehicles))
         viewpoint = camera.viewpoint(wish.camera, wish.frame, time.monotonic())
@@ -226,17 +226,28 @@ class SceneProcess:
             case _:
                 raise AutodriveError("the scene camera cannot be drawn: its process answered something else")
 
+    def _living(self) -> Process | None:
+        """The process, if it is there and has not died since the last picture."""
+        process = self._process
+        if process is not None and process.poll() is not None:
+            log.warning("%s; it begins anew", _how_it_ended(process))
+            self._end()
+        return self._process
+
     def _begin(self) -> Process:
         """A process that can draw."""
         with self._mail:
             if self._is_closed:
                 raise AutodriveError("scene cameras are no longer drawn for this world")
             self._process = process = spawn("autodrive.scene_process")
-        self._is_hopeless = True  # until it has proved otherwise
         _send(process, pickle.dumps(self._things, pickle.HIGHEST_PROTOCOL))
-        match self._answer(process):
-            case Ready(renderer=renderer):
-                self._renderer, self._fault, self._is_hopeless = renderer, "", False
+        try:
+            ready = self._answer(process)
+        except AutodriveError:
+            self._is_hopeless = True
+            raise
+        if isinstance(ready, Ready):
+            self._renderer, self._fault = ready.renderer, ""
         return process
 
     def _answer(self, process: Process) -> Answer:
