@@ -27,6 +27,7 @@ from autodrive.protocol.native import (
 
 if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
+    from autodrive.bridge.filming import Filming
     from autodrive.bridge.viewer import Viewer
     from autodrive.simulation import Simulation
 
@@ -47,6 +48,7 @@ class Errands:
         seats: Seats,
         bridge: DevkitBridge | None,
         scenarios: dict[str, str],
+        filming: Filming,
         show_status: Callable[[], None],
     ) -> None:
         self.note = ""
@@ -57,6 +59,7 @@ class Errands:
         self._bridge = bridge
         self._gauge = Gauge(bridge) if bridge is not None else None
         self._scenarios = scenarios
+        self._filming = filming
         self._show_status = show_status
         self._will_pause: list[bool] = []
         self._complained: dict[tuple[Viewer, str], float] = {}
@@ -93,6 +96,7 @@ class Errands:
 
     def forget(self, viewer: Viewer) -> None:
         """It went away."""
+        self._filming.forget(viewer)
         self._seats.leave(viewer)
         self._complained = {key: at for key, at in self._complained.items() if key[0] is not viewer}
 
@@ -116,8 +120,9 @@ class Errands:
                     viewer.done(please.id, self._simulation.frame)
                 case DisconnectBridge():
                     self._begin(self._disconnect(viewer, please.id))
-                case SetCamera():
-                    raise AutodriveError("this simulator does not draw scene cameras for viewers")
+                case SetCamera() as wish:
+                    self._filming.wish(viewer, wish, now)
+                    viewer.done(please.id, self._simulation.frame)
                 case request:
                     self._pass_on(viewer, please.id, request, now)
         except AutodriveError as error:

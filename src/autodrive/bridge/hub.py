@@ -13,6 +13,7 @@ import msgspec
 from autodrive import __version__
 from autodrive.bridge.errands import Errands
 from autodrive.bridge.files import File, scene_files
+from autodrive.bridge.filming import Filming
 from autodrive.bridge.mail import Carried, Mail, News
 from autodrive.bridge.rate import Allowance
 from autodrive.bridge.seats import Seats
@@ -37,6 +38,7 @@ from autodrive.protocol.native import (
 if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
     from autodrive.jpeg import JpegEncoder
+    from autodrive.scene_process import SceneProcess
     from autodrive.scenery import Scenery
     from autodrive.simulation import Simulation
     from autodrive.world import World
@@ -71,6 +73,7 @@ class Hub:
         pictures: JpegEncoder | None,
         cameras_fault: Callable[[], str],
         wants_pictures: Callable[[bool], None],
+        crew: Callable[[World], SceneProcess],
     ) -> None:
         self.files: dict[str, File] = {}
         self.seats = Seats()
@@ -82,7 +85,8 @@ class Hub:
         self._stream = Stream(pictures)
         self._viewers: set[Viewer] = set()
         self._mail = Mail(simulation, self._take_mail)
-        self._errands = Errands(simulation, self._mail, self.seats, bridge, scenarios, self._show_status)
+        self._filming = Filming(crew)
+        self._errands = Errands(simulation, self._mail, self.seats, bridge, scenarios, self._filming, self._show_status)
         self._held: list[News | Carried] = []
         self._world: World | None = None
         self._drawing: asyncio.Task[None] | None = None
@@ -105,6 +109,7 @@ class Hub:
                 task.cancel()
         if self._are_pictures_wanted:
             self._wants_pictures(False)
+        await self._filming.close()
 
     @property
     def viewers(self) -> int:
@@ -252,6 +257,7 @@ class Hub:
     def _spread(self, news: News) -> None:
         self._stream.latest = news.frame
         now = self._loop.time()
+        self._filming.news(news.frame, now)
         is_early = False
         for viewer in self._viewers:
             is_early |= viewer.news(news.frame, news.events, now)
@@ -275,6 +281,7 @@ class Hub:
             self._stream.set_scene(scenery.scene)
         except Exception:
             log.exception("server: the scene cannot be drawn, and viewers see none")
+        await self._filming.set_world(world)
         self._errands.note = ""
         self._world = world
         for viewer in self._viewers:

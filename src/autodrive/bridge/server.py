@@ -24,6 +24,7 @@ from autodrive.errors import AutodriveError
 if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
     from autodrive.jpeg import JpegEncoder
+    from autodrive.scene_process import SceneProcess
     from autodrive.scenery import Scenery
     from autodrive.simulation import Simulation
     from autodrive.world import World
@@ -53,6 +54,7 @@ class Server:
     - `pictures`: makes the JPEGs of the sensor cameras; None: no pictures are sent.
     - `cameras_fault()`: why there are no pictures; empty if there are.
     - `wants_pictures(wanted)`: called in the server's thread when the first viewer wants pictures, and when none does.
+    - `crew(world)`: makes what draws scene cameras for viewers who cannot; None: `SceneProcess.of`.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class Server:
         pictures: JpegEncoder | None = None,
         cameras_fault: Callable[[], str] = lambda: "",
         wants_pictures: Callable[[bool], None] = lambda wanted: None,
+        crew: Callable[[World], SceneProcess] | None = None,
     ) -> None:
         self.host = host
         self.token = token or (None if is_loopback(host) else secrets.token_urlsafe(16))
@@ -85,6 +88,7 @@ class Server:
             pictures=pictures,
             cameras_fault=cameras_fault,
             wants_pictures=wants_pictures,
+            crew=crew or _crew,
         )
         self._thread: threading.Thread | None = None
         self._server: uvicorn.Server | None = None
@@ -164,6 +168,13 @@ class Server:
         is_ready.set()
         async with self._hub:
             await self._server.serve(sockets=[listener])
+
+
+def _crew(world: World) -> SceneProcess:
+    """Imported when the first viewer needs it: it brings the renderer along."""
+    from autodrive.scene_process import SceneProcess  # noqa: PLC0415
+
+    return SceneProcess.of(world)
 
 
 def _new_loop() -> asyncio.AbstractEventLoop:
