@@ -22,6 +22,8 @@ from autodrive.stage import Stage
 if TYPE_CHECKING:
     from autodrive.bridge.server import Server
     from autodrive.jpeg import JpegEncoder
+    from autodrive.scene_process import SceneProcess
+    from autodrive.world import World
 
 REFRESH = 0.2
 """Wall time between two status lines [s]."""
@@ -159,7 +161,14 @@ def _server(
         pictures=encoder,
         cameras_fault=lambda: stage.cameras_fault,
         wants_pictures=stage.look,
+        crew=partial(_crew, quality=options.camera_quality),
     )
+
+
+def _crew(world: World, quality: str) -> SceneProcess:
+    from autodrive.scene_process import SceneProcess
+
+    return SceneProcess.of(world, quality)
 
 
 @contextmanager
