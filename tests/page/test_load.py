@@ -6,7 +6,9 @@ import time
 from urllib.parse import urlsplit
 
 import numpy as np
+import pytest
 
+from autodrive.protocol.messages import Command, Headlights, Pause, SetSceneLight, Step
 from tests.page.conftest import Visitor
 from tests.page.proxy import proxy
 from tests.page.visits import Served, note
@@ -63,3 +65,19 @@ def test_page_works_behind_a_proxy_that_gives_it_a_folder(plane: Served, visitor
         visit.until(lambda: plane.vehicle.speed > 0.05)
         visit.page.keyboard.up("w")
         assert all(request.startswith((url, "data:", "blob:")) for request in visit.requests)
+
+
+@pytest.mark.parametrize("quality", ["low", "high"])
+def test_picture_of_two_cars_costs_few_draw_calls_and_triangles(
+    two_cars: Served, visitor: Visitor, quality: str
+) -> None:
+    lit = Command(headlights=Headlights.HIGH)
+    two_cars.ask(SetSceneLight(False))
+    two_cars.ask(Pause())
+    two_cars.ask(Step(1, {"V1": lit, "V2": lit}))
+    visit = visitor(size=(320, 180)).go(f"{two_cars.url}?quality={quality}")  # pixels cost time, and do not count here
+    visit.until_drawn()
+    stats = visit.knows("view.stats()")
+    note(f"two_cars by night, {stats['profile']}: {stats['calls']} draw calls, {stats['triangles']} triangles")
+    assert 0 < stats["calls"] <= 200
+    assert 0 < stats["triangles"] <= 200_000
