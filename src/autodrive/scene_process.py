@@ -94,8 +94,8 @@ class Wish(NamedTuple):
 class SceneProcess:
     """Draws the scene cameras of any number of viewers, one picture at a time, each viewer in turn.
 
-    It begins with the first `draw`. If it dies, the picture that it was at fails, and it begins anew with the next; if
-    it cannot begin, as without OpenGL, each `draw` fails and `fault` says why. Any thread may call all methods.
+    It begins with the first `draw`. If it dies, another one draws the picture that it was at; if that cannot begin, as
+    without OpenGL, each `draw` fails and `fault` says why. Any thread may call all methods.
     """
 
     def __init__(self, things: Things) -> None:
@@ -212,27 +212,28 @@ class SceneProcess:
             return viewer, self._waiting.pop(viewer)
 
     def _drawn(self, viewer: int, wish: Wish) -> bytes:
-        """Raises `AutodriveError` where the process has failed."""
+        """Raises `AutodriveError` where the process has failed, and another one too."""
         self.check(wish.camera)
-        process = self._living() or self._begin()
         with self._mail:
             camera = self._cameras.setdefault(viewer, SceneCamera(self._things.vehicles))
         viewpoint = camera.viewpoint(wish.camera, wish.frame, time.monotonic())
         moment = Moment.of(wish.frame).data.tobytes()
-        _send(process, _line(Order(moment, viewpoint, *picture_size(wish.camera.width))))
-        match self._answer(process):
-            case Drawn(jpeg=jpeg):
-                return jpeg
-            case _:
-                raise AutodriveError("the scene camera cannot be drawn: its process answered something else")
+        order = Order(moment, viewpoint, *picture_size(wish.camera.width))
+        if self._process is not None:
+            try:
+                return self._ordered(self._process, order)
+            except AutodriveError:
+                if self._is_closed:
+                    raise
+                self._end()
+        return self._ordered(self._begin(), order)
 
-    def _living(self) -> Process | None:
-        """The process, if it is there and has not died since the last picture."""
-        process = self._process
-        if process is not None and process.poll() is not None:
-            log.warning("%s; it begins anew", _how_it_ended(process))
-            self._end()
-        return self._process
+    def _ordered(self, process: Process, order: Order) -> bytes:
+        _send(process, _line(order))
+        answer = self._answer(process)
+        if not isinstance(answer, Drawn):
+            raise AutodriveError("the scene camera cannot be drawn: its process answered something else")
+        return answer.jpeg
 
     def _begin(self) -> Process:
         """A process that can draw."""
