@@ -71,6 +71,7 @@ def test_each_control_has_a_name_that_can_be_read_out(visit: Visit) -> None:
 def test_buttons_are_pressed_with_the_keyboard(two_cars: Served, visit: Visit) -> None:
     for key in ("Enter", "Space"):
         is_day = two_cars.frame.scene_light
+        visit.until_text("scene-light-status", "On" if is_day else "Off")  # what the page switches from
         visit.get("scene-light").focus()
         visit.page.keyboard.press(key)
         visit.until(lambda is_day=is_day: two_cars.frame.scene_light != is_day)
