@@ -117,6 +117,7 @@ class Errands:
             match please.request:
                 case ConnectBridge(host=host, port=port):
                     self._connect(host, port)
+                    self._show_status()
                     viewer.done(please.id, self._simulation.frame)
                 case DisconnectBridge():
                     self._begin(self._disconnect(viewer, please.id))
@@ -129,7 +130,6 @@ class Errands:
             viewer.fault(Fault("request", str(error), please.id))
         except _TakenError as error:
             viewer.fault(Fault("taken", str(error), please.id))
-        self._show_status()
 
     def _pass_on(self, viewer: Viewer, id: int, request: Request, now: float) -> None:
         match request:
@@ -166,6 +166,8 @@ class Errands:
                 raise _TakenError(_taken(vehicle, holders[vehicle]))
         for vehicle in step.commands:
             self._seats.take(vehicle, viewer, "script", None, now)
+            if vehicle not in holders:
+                self._show_status()
 
     def _note_begin(self, request: Request) -> None:
         match request:

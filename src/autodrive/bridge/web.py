@@ -7,6 +7,7 @@ import socket
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from autodrive.bridge.door import Door
@@ -82,12 +83,12 @@ class Site:
         refusal = "" if is_public else self._door.refusal(headers, scope["query_string"])
         if scope["type"] == "websocket":
             await receive()
-            if refusal:
-                await _answer(send, 403, refusal, prefix="websocket.http")
-            elif path != "ws":
-                await _answer(send, 404, "the WebSocket is at /ws", prefix="websocket.http")
-            else:
+            if not refusal and path == "ws":
                 await self._talk(scope, receive, send)
+                return
+            status, text = (403, refusal) if refusal else (404, "the WebSocket is at /ws")
+            await _answer(send, status, text, prefix="websocket.http")
+            raise ClientDisconnected  # else uvicorn takes the answer for a fault of ours, and logs it
         elif refusal:
             await _answer(send, 403, refusal)
         elif scope["method"] not in {"GET", "HEAD"}:
