@@ -17,8 +17,6 @@ from autodrive.bridge.engineio import Dialect
 from autodrive.devkit import Nigel, Server, drive
 from tests.bridge.conftest import PATIENCE, eventually, free_port
 
-pytest_plugins = ["tests.bridge.conftest"]
-
 ADDRESS = "ws://127.0.0.1:{}/socket.io/?EIO=4&transport=websocket"
 
 

@@ -36,7 +36,7 @@ def kept(visit: Visit, name: str) -> float:
         "() => { window.drawn = 0; const count = () => (++drawn, requestAnimationFrame(count)); count() }"
     )
     visit.until(lambda: visit.page.evaluate("() => window.drawn") > 3)
-    visit.page.screenshot(path=FOLDER / f"{name}.png")
+    visit.page.screenshot(path=FOLDER / f"{name}.png", animations="disabled")
     middle = visit.pixels()[200:900, 500:1400]
     assert middle.std() > 0.01, "all of one colour"
     return float(middle.mean())
