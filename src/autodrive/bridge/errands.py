@@ -177,6 +177,7 @@ class Errands:
                 self._will_pause.append(isinstance(request, Pause))
             case LoadScenario(name=name):
                 self.note = f"loading the scenario {self._scenarios[name] or name}"
+                self._show_status()
             case _:
                 pass
 
