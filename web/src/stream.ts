@@ -3,7 +3,7 @@ import type { Connection } from './connection'
 import type { Store } from './store'
 
 /** Pictures no wider than this [pixels], and so many a second at most [Hz]. */
-const WIDEST = 1280
+const WIDEST = 960
 const RATE = 30
 
 /** Orbit: how far a pixel of dragging turns [rad], a notch of the wheel zooms, and the limits. */
