@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol
 
 from autodrive.descriptions import suggest
 from autodrive.errors import AutodriveError, CommandError
@@ -30,12 +30,10 @@ from autodrive.protocol.messages import (
     Step,
     Teleport,
 )
+from autodrive.protocol.native import Source
 
 if TYPE_CHECKING:
     from autodrive.world import World
-
-Source: TypeAlias = Literal["script", "person"]
-"""Where a command comes from. A vehicle in autonomous mode obeys scripts, in manual mode a person."""
 
 NO_ORDERS: Mapping[str, Command] = {}
 

@@ -53,7 +53,7 @@ SWEEP = 0.02
 """A Frame that could not be sent yet is looked at again after that time [s]."""
 STATUS = 0.25
 """Between two Status [s]."""
-POLICY, NORMAL, TRY_LATER = 1008, 1000, 1013
+POLICY, TRY_LATER = 1008, 1013
 """Codes with which a WebSocket is closed (RFC 6455)."""
 
 

@@ -10,22 +10,7 @@ from typing import Any, Literal, TypeAlias
 
 import msgspec
 
-from autodrive.protocol.messages import (
-    CameraIntrinsics,
-    Command,
-    Frame,
-    LidarScan,
-    LoadScenario,
-    Pause,
-    Pose,
-    Reset,
-    Resume,
-    SetDrivingMode,
-    SetSceneLight,
-    SetSpeed,
-    Step,
-    Teleport,
-)
+from autodrive.protocol.messages import CameraIntrinsics, Command, Frame, LidarScan, Pose, Request
 
 PROTOCOL = 1
 """Version of this conversation. Additions keep it; what breaks a client makes it greater."""
@@ -35,6 +20,7 @@ SUBPROTOCOL = f"autodrive.v{PROTOCOL}"
 
 Vector: TypeAlias = tuple[float, float, float]
 Source: TypeAlias = Literal["script", "person"]
+"""Where a command comes from. A vehicle in autonomous mode obeys scripts, in manual mode a person."""
 
 # -- from the client --------------------------------------------------------------------------------------------
 
@@ -107,20 +93,7 @@ class SetCamera(msgspec.Struct, frozen=True, tag=True):
     rate: float = 30.0
 
 
-Ask: TypeAlias = (
-    Reset
-    | Pause
-    | Resume
-    | Step
-    | SetSpeed
-    | Teleport
-    | SetSceneLight
-    | SetDrivingMode
-    | LoadScenario
-    | ConnectBridge
-    | DisconnectBridge
-    | SetCamera
-)
+Ask: TypeAlias = Request | ConnectBridge | DisconnectBridge | SetCamera
 """All that can be requested."""
 
 
