@@ -284,3 +284,19 @@ def test_scene_cameras_are_drawn_for_who_cannot(gl: str, one: Guest, simulation:
     one.ask("Resume")
     seen = [one.hear()["type"] for _ in range(30)]
     assert "Rendered" not in seen[10:]
+
+
+def test_scene_cameras_go_on_in_another_scenario(gl: str, one_world: World) -> None:
+    one_world.reset(0)
+    simulation = Simulation(one_world, load=autodrive.make)
+    scenarios = {"two_cars": "Two cars"}
+    with Server(simulation, scenery=scenery, scenarios=scenarios, port=free_port()) as server, simulation:
+        with guest(server) as it:
+            it.ask("SetCamera", camera="Driver's Eye", width=160)
+            it.until("Rendered")
+            assert it.ask("LoadScenario", name="two_cars")["type"] == "Done"
+            it.until("Rendered")  # it may be the last of the world before
+            it.until("Frame")
+            it.until("Rendered")
+        simulation.stop()
+        simulation.world.close()

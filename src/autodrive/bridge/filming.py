@@ -49,8 +49,8 @@ class Filming:
 
     async def set_world(self, world: World) -> None:
         """From now on that one is drawn."""
-        before, self._process = self._process, None
-        self._world, self._latest = world, None
+        before, self._world, self._latest = self._process, world, None
+        self._process = self._crew(world) if self._shootings else None
         if before is not None:
             await asyncio.to_thread(before.close)
 
@@ -123,14 +123,13 @@ class Filming:
         shooting.is_under_way = False
         if self._shootings.get(viewer) is not shooting:
             return
-        if picture.cancelled() or (error := picture.exception()) is None:
-            if not picture.cancelled():
-                viewer.rendered(encode(Rendered(frame.time, picture.result())))
-            if shooting.is_due_again:
-                shooting.is_due_again = False
-                self._shoot_now(viewer, shooting)
-        elif self._latest is None:  # drawn for a World that is gone
-            shooting.frame = None
-        else:
+        error = picture.exception()
+        if error is None:
+            viewer.rendered(encode(Rendered(frame.time, picture.result())))
+        elif self._latest is not None:  # else it was drawn for a World that is gone
             del self._shootings[viewer]
             viewer.fault(Fault("request", str(error)))
+            return
+        if shooting.is_due_again:
+            shooting.is_due_again = False
+            self._shoot_now(viewer, shooting)
