@@ -84,7 +84,7 @@ class Viewer:
         self._wake.set()
 
     def news(self, frame: Frame, events: tuple[Event, ...], now: float) -> bool:
-        """Take note of a Frame; whether it is to be looked at again because it may only be sent later."""
+        """Take note of a Frame; whether it is to be looked at again: it may only be sent later, or one before it is."""
         if events:
             self._events.extend(events)
         rate = self.subscription.frame_rate
@@ -96,7 +96,7 @@ class Viewer:
             return False
         if self._has_new(frame, now):
             self._wake.set()
-        return rate != 0 and frame is not self._sent and not self._is_due
+        return rate != 0 and frame is not self._sent
 
     # -- sending ------------------------------------------------------------------------------------------------
 
@@ -127,11 +127,11 @@ class Viewer:
 
     async def _send_frame(self, send: Send) -> None:
         """The latest, if one is due, after the scans and pictures that are new in it."""
-        latest = self._stream.latest
+        latest, is_due = self._stream.latest, self._is_due
         if latest is None:
             return
-        await self._send_new(latest, send)
-        if self._is_due and not self._replies and latest is not self._sent:
+        await self._send_new(latest, send)  # meanwhile a newer one may come, and become due
+        if is_due and not self._replies and latest is not self._sent:
             self._is_due = False
             self._sent = latest
             rate = self.subscription.frame_rate
