@@ -22,8 +22,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from autodrive.app import PAGE
-from autodrive.bridge import server
-from autodrive.doctor import PAGE_PORT
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import Command, LoadScenario
 from autodrive.protocol.native import (
@@ -169,10 +167,6 @@ def test_headless_serves_nothing(tmp_path: Path) -> None:
     )
     assert json.loads(summary.read_text())["page"] is None
     assert "browser" not in done.stdout + done.stderr
-
-
-def test_doctor_knows_the_port_of_the_page() -> None:
-    assert PAGE_PORT == server.PORT
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.errors import AutodriveError
 from autodrive.jit import compiling
+from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.run_options import RunOptions
 from autodrive.run_summary import Odometer, bridge_summary, run_summary
 from autodrive.simulation import Simulation
@@ -134,7 +135,7 @@ def _encoder(options: RunOptions) -> JpegEncoder | None:
 
 def _bridge(simulation: Simulation, options: RunOptions, encoder: JpegEncoder | None) -> DevkitBridge:
     """Not started: it is when asked for, on the command line or from the page."""
-    host, port = options.devkit or ("127.0.0.1", 4567)
+    host, port = options.devkit or ("127.0.0.1", DEVKIT_PORT)
     if encoder is None:
         return DevkitBridge(simulation, host, port, options.devkit_profile)
     from autodrive.jpeg import images_of

@@ -6,12 +6,12 @@ import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from pydantic import BaseModel
@@ -23,15 +23,34 @@ from autodrive.render.glb import read_glb, write_glb
 from autodrive.render.scene import Scene
 
 if TYPE_CHECKING:
-    from autodrive.compile import Compiled
     from autodrive.maps.map import Map
+    from autodrive.maps.solids import BoxPlacement
     from autodrive.vehicles.spec import VehicleSpec
 
 
 Kind = Literal["vehicle", "map", "box"]
 
 
-def scene_of(compiled: Compiled) -> Scene:
+class Drawable(Protocol):
+    """What is needed of a compiled scenario to draw it."""
+
+    @property
+    def map(self) -> Map:
+        """Where it is."""
+        ...
+
+    @property
+    def vehicles(self) -> Mapping[str, VehicleSpec]:
+        """By name, in the order of a Moment's rows."""
+        ...
+
+    @property
+    def boxes(self) -> Sequence[BoxPlacement]:
+        """Movable things, likewise in order."""
+        ...
+
+
+def scene_of(world: Drawable) -> Scene:
     """All there is to draw of a world; what is equal is held once."""
     known: dict[str, Asset] = {}
 
@@ -42,10 +61,10 @@ def scene_of(compiled: Compiled) -> Scene:
         return known[name]
 
     return Scene(
-        static=shared("map", compiled.map),
-        vehicles=[shared("vehicle", spec) for spec in compiled.vehicles.values()],
-        objects=[shared("box", box.size) for box in compiled.boxes],
-        lights=[spec.lights for spec in compiled.vehicles.values()],
+        static=shared("map", world.map),
+        vehicles=[shared("vehicle", spec) for spec in world.vehicles.values()],
+        objects=[shared("box", box.size) for box in world.boxes],
+        lights=[spec.lights for spec in world.vehicles.values()],
     )
 
 

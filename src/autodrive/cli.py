@@ -13,6 +13,7 @@ import typer
 
 from autodrive import __version__
 from autodrive.errors import AutodriveError
+from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from autodrive.run_options import DrivingMode, RunOptions
 
 app = typer.Typer(name="autodrive", add_completion=True, rich_markup_mode=None, pretty_exceptions_enable=False)
-
-DEVKIT_PORT = 4567
-"""The devkits listen here unless told otherwise."""
 
 LOOKS_PER_LOG_LINE = 50
 """Where no live line is possible, only one in so many is printed: one in ten seconds."""
@@ -110,7 +108,7 @@ def run(
     ] = "127.0.0.1",
     port: Annotated[
         int | None,
-        typer.Option(min=0, max=65535, help="Serve the page on that port.  [default: 8730, or the next free one]"),
+        typer.Option(min=0, max=65535, help=f"Serve the page on that port.  [default: {PORT}, or the next free one]"),
     ] = None,
     token: Annotated[
         str | None,

@@ -16,10 +16,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-DISTRIBUTION = "autodrive-simulator"
+from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
-PAGE_PORT = 8730
-"""Of the page, if it is free."""
+DISTRIBUTION = "autodrive-simulator"
 
 _IMPORT_NAMES = {"mujoco-core": "mujoco", "pyyaml": "yaml", "resvg-py": "resvg_py"}
 """Import name of a distribution, where the two differ."""
@@ -155,11 +154,11 @@ def _port() -> Finding:
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind(("127.0.0.1", PAGE_PORT))
+            probe.bind(("127.0.0.1", PORT))
         except OSError as error:
-            says = f"port {PAGE_PORT} is in use ({error.strerror}); the next free one is taken, or that of --port"
+            says = f"port {PORT} is in use ({error.strerror}); the next free one is taken, or that of --port"
             return Finding("port", True, says)
-    return Finding("port", True, f"{PAGE_PORT} is free for the page")
+    return Finding("port", True, f"{PORT} is free for the page")
 
 
 def _browser() -> Finding:
@@ -177,8 +176,8 @@ def _devkit() -> Finding:
     """Not a fault either way: the script may be started later."""
     with socket.socket() as probe:
         probe.settimeout(0.5)
-        is_there = probe.connect_ex(("127.0.0.1", 4567)) == 0
-    says = "a script listens on 127.0.0.1:4567" if is_there else "no script listens on 127.0.0.1:4567 now"
+        is_there = probe.connect_ex(("127.0.0.1", DEVKIT_PORT)) == 0
+    says = f"{'a' if is_there else 'no'} script listens on 127.0.0.1:{DEVKIT_PORT}{'' if is_there else ' now'}"
     return Finding("devkit", True, says)
 
 

@@ -328,7 +328,7 @@ def main() -> None:
 
 def _work() -> Iterator[Answer]:
     things: Things = pickle.load(sys.stdin.buffer)
-    scene = scene_of(things)  # pyright: ignore[reportArgumentType]  (it reads no more of a Compiled)
+    scene = scene_of(things)
     renderer = Renderer(scene, things.quality)
     times: deque[float] = deque(maxlen=TRIAL)
     try:

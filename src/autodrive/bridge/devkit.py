@@ -25,6 +25,7 @@ from autodrive.bridge.session import Driven, Session
 from autodrive.descriptions import suggest
 from autodrive.errors import AutodriveError
 from autodrive.protocol.devkit import PROFILES, Images, Profile
+from autodrive.protocol.ports import DEVKIT_PORT
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
@@ -64,7 +65,7 @@ class DevkitBridge:
         self,
         simulation: Published,
         host: str = "127.0.0.1",
-        port: int = 4567,
+        port: int = DEVKIT_PORT,
         profile: str | None = None,
         *,
         images: Callable[[Frame, float], Images] | None = None,
@@ -244,5 +245,5 @@ def _checked_address(host: str, port: int) -> str:
     if not is_host:
         raise AutodriveError(f"devkit host {host!r} is not a name or an IP address, for example '127.0.0.1'")
     if not 0 < port < 65536:
-        raise AutodriveError(f"devkit port {port} is not from 1 to 65535; the devkits listen on 4567")
+        raise AutodriveError(f"devkit port {port} is not from 1 to 65535; the devkits listen on {DEVKIT_PORT}")
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"

@@ -20,6 +20,7 @@ from autodrive.bridge.files import page_files
 from autodrive.bridge.hub import Hub
 from autodrive.bridge.web import Protocol, Site
 from autodrive.errors import AutodriveError
+from autodrive.protocol.ports import PORT
 
 if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
@@ -31,9 +32,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-PORT = 8730
-"""Where the page is, if that port is free; else one of the next `PORTS`."""
 PORTS = 20
+"""So many are tried, from the usual one on."""
 MESSAGE_LIMIT = 2**16
 """A client that sends a longer message [bytes] is disconnected."""
 CONNECTIONS = 400
@@ -48,7 +48,7 @@ class Server:
       `LoadScenario` brings.
     - `bridge`: connected and disconnected by request; it need not be started. None: such requests are refused.
     - `scenarios`: name -> title of those that may be loaded; the Simulation's `load` makes them.
-    - `port` None: 8730, or the next free one; a port that was asked for and is taken is an `AutodriveError`.
+    - `port` None: `PORT`, or the next free one; a port that was asked for and is taken is an `AutodriveError`.
     - `token`: needed to enter. Where `host` is not this machine alone, one is made if none is given.
     - `allowed_origins`: of pages elsewhere that may connect, for example 'https://lab.example.org'.
     - `pictures`: makes the JPEGs of the sensor cameras; None: no pictures are sent.

@@ -39,6 +39,7 @@ from autodrive.protocol.native import (
     Status,
     Subscribe,
 )
+from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 LOADING = 300.0
 """A scenario is loaded within that time: its maps may be drawn for the first time [s]."""
@@ -62,7 +63,7 @@ class Client:
 
     def __init__(
         self,
-        address: str = "127.0.0.1:8730",
+        address: str = f"127.0.0.1:{PORT}",
         *,
         token: str | None = None,
         name: str | None = None,
@@ -257,7 +258,7 @@ class Client:
         """Go over to the scenario of that name, one of `scenarios`."""
         return self._talk.ask(LoadScenario(name), timeout)
 
-    def connect_bridge(self, host: str = "127.0.0.1", port: int = 4567) -> Frame:
+    def connect_bridge(self, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> Frame:
         """Have the simulator look for the devkit script that listens there; `status.bridge` tells how it stands."""
         return self._talk.ask(ConnectBridge(host, port))
 

@@ -17,9 +17,8 @@ from websockets.uri import parse_uri
 
 from autodrive.errors import AutodriveError
 from autodrive.protocol.native import SUBPROTOCOL
+from autodrive.protocol.ports import PORT
 
-PORT = 8730
-"""Where a simulator listens if nothing else was said."""
 LARGEST = 2**26
 """No message is longer [bytes]."""
 KEPT = 2**18

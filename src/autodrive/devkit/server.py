@@ -21,8 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
-PORT = 4567
-"""The simulator looks for a script here unless told otherwise."""
+from autodrive.protocol.ports import DEVKIT_PORT
 
 EVENT = "Bridge"
 """The one event of both directions."""
@@ -55,7 +54,7 @@ class Driven(Protocol):
         ...
 
 
-def drive(step: Callable[[], object], *things: Driven, host: str = "127.0.0.1", port: int = PORT) -> None:
+def drive(step: Callable[[], object], *things: Driven, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> None:
     """Serve for ever: at each message, `things` (vehicles, traffic lights) take it, `step()` runs, their commands go.
 
     `host` '' listens to other machines too. What `step` raises ends it; Ctrl-C ends it.
@@ -78,7 +77,7 @@ class Server:
     port is taken. `port` 0 takes a free one.
     """
 
-    def __init__(self, respond: Respond, *, host: str = "127.0.0.1", port: int = PORT) -> None:
+    def __init__(self, respond: Respond, *, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> None:
         self._respond = respond
         self._one_at_a_time = threading.Lock()
         self._fault: BaseException | None = None

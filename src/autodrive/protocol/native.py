@@ -11,6 +11,7 @@ from typing import Any, Literal, TypeAlias
 import msgspec
 
 from autodrive.protocol.messages import CameraIntrinsics, Command, Frame, LidarScan, Pose, Request
+from autodrive.protocol.ports import DEVKIT_PORT
 
 PROTOCOL = 1
 """Version of this conversation. Additions keep it; what breaks a client makes it greater."""
@@ -69,7 +70,7 @@ class ConnectBridge(msgspec.Struct, frozen=True, tag=True):
     """Connect the simulator to the devkit script that listens there."""
 
     host: str = "127.0.0.1"
-    port: int = 4567
+    port: int = DEVKIT_PORT
 
 
 class DisconnectBridge(msgspec.Struct, frozen=True, tag=True):
@@ -166,7 +167,7 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
 class BridgeStatus(msgspec.Struct, frozen=True):
     """How the connection to a devkit script stands; `fault` says why there is none."""
 
-    address: str = "127.0.0.1:4567"
+    address: str = f"127.0.0.1:{DEVKIT_PORT}"
     state: Literal["closed", "connecting", "connected"] = "closed"
     fault: str = ""
     telemetry_rate: float = 0.0
