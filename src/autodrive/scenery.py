@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from autodrive.render.look import light_table
 from autodrive.render.viewpoints import scene_cameras
 
 if TYPE_CHECKING:
+    from autodrive.sensors.catalog import SensorSuiteSpec
     from autodrive.sensors.sensor import Mount
     from autodrive.vehicles.spec import VehicleSpec
     from autodrive.world import World
@@ -72,7 +74,23 @@ def _vehicle(spec: VehicleSpec, type_: str, files: _Files) -> VehicleScene:
         lamps=_lamps(spec.lights),
         cameras=list(spec.cameras),
         lidar=lidar and _pose(lidar.mount),
+        wheelbase=spec.wheelbase,
+        wheel_radius=spec.wheels.radius,
+        speed_limit=spec.drivetrain.speed_limit * spec.wheels.radius,
+        sensor_noise=_noise(spec.sensors),
     )
+
+
+def _noise(sensors: SensorSuiteSpec) -> dict[str, float]:
+    """Of what is noisy by itself; a step of `d` adds its rounding, d^2 / 12."""
+    noises = {
+        "encoder_angle": sensors.encoders.noise,
+        "ips": sensors.ips.noise,
+        "imu_orientation": sensors.imu.noise.orientation,
+        "imu_angular_velocity": sensors.imu.noise.angular_velocity,
+        "imu_linear_acceleration": sensors.imu.noise.linear_acceleration,
+    }
+    return {name: hypot(noise.sigma, noise.offset, noise.step / 12**0.5) for name, noise in noises.items()}
 
 
 def _lamps(lights: LightsSpec) -> dict[str, Lamp]:

@@ -6,11 +6,21 @@ Quaternions are wxyz and of unit length. A vector or quaternion comes as a tuple
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
-
-from numba.extending import register_jitable
+from typing import TYPE_CHECKING, TypeAlias
 
 from autodrive.state import Floats
+
+if TYPE_CHECKING:
+    from numba.extending import register_jitable
+else:
+    try:
+        from numba.extending import register_jitable
+    except ImportError:  # where only clients are installed, nothing is compiled
+
+        def register_jitable(function):
+            """The function as it is."""
+            return function
+
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]

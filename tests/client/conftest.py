@@ -19,7 +19,8 @@ SCENARIOS = {"mini_map": "Mini-map", "boxes": "Boxes"}
 def bare(world: World) -> Scenery:
     """A Scene without its .glb files, which no script needs."""
     vehicles = {
-        name: VehicleScene("nigel", "", 0.15, 0.5236, {}, ["front", "rear"], None) for name in world.vehicle_specs
+        name: VehicleScene("nigel", "", 0.15, 0.5236, {}, ["front", "rear"], None, 0.14, 0.03, 0.44, {})
+        for name in world.vehicle_specs
     }
     return Scenery(Scene(world.spec.title, world.spec.title, "", world.tick_duration, "", vehicles, {}, {}, {}), {})
 

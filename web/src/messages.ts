@@ -270,6 +270,10 @@ export interface VehicleScene {
   lamps: Record<string, Lamp>
   cameras: (string)[]
   lidar: Pose | null
+  wheelbase: number
+  wheel_radius: number
+  speed_limit: number
+  sensor_noise: Record<string, number>
 }
 
 /**

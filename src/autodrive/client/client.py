@@ -21,6 +21,7 @@ from autodrive.protocol.messages import (
     Indicators,
     LoadScenario,
     Pause,
+    Request,
     Reset,
     Resume,
     SetDrivingMode,
@@ -169,6 +170,12 @@ class Client:
         """What others see: the name asked for, with a number if somebody has it already."""
         return self._talk.view.welcome.name if self._talk.view.welcome else self._talk.name
 
+    def set_picture_rate(self, rate: float) -> None:
+        """Want that many pictures of each camera a second of wall time at most [Hz], 0: none."""
+        usual = self._talk.subscription
+        if usual.picture_rate != rate:
+            self._talk.subscribe(msgspec.structs.replace(usual, picture_rate=rate))
+
     # -- driving ------------------------------------------------------------------------------------------------
 
     def drive(
@@ -222,6 +229,10 @@ class Client:
             if not was_paused and not self._talk.is_closed:
                 with suppress(ConnectionError):
                     self.resume()
+
+    def ask(self, request: Request) -> Frame:
+        """Any request as a message, for example `Teleport("V1", 1.0, 0.5)`."""
+        return self._talk.ask(request)
 
     def reset(self, seed: int | None = None) -> Frame:
         """The initial state; `seed` None keeps the seed."""

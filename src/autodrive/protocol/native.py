@@ -143,6 +143,15 @@ class VehicleScene(msgspec.Struct, frozen=True):
     """Names of the sensor cameras."""
     lidar: Pose | None
     """Of the scan's axes in the vehicle frame."""
+    wheelbase: float
+    """[m]."""
+    wheel_radius: float
+    """[m]."""
+    speed_limit: float
+    """Of the driven wheels' tread at full throttle [m/s]."""
+    sensor_noise: dict[str, float]
+    """Standard deviation of a sample, of its offset too, by quantity and in its unit: 'encoder_angle' [rad], 'ips' [m],
+    'imu_orientation' [rad], 'imu_angular_velocity' [rad/s], 'imu_linear_acceleration' [m/s^2]; 0: it is exact."""
 
 
 class Scene(msgspec.Struct, frozen=True, tag=True):
