@@ -1,9 +1,10 @@
-// Drives where the way is free, by the LIDAR alone, and stops where it is not.
+// Drives where the way is free, by the LIDAR alone; where there is none it goes back, and turns.
 //
-//   roslaunch autodrive_ros follow_the_gap.launch      (with the simulator on: autodrive run boxes --mode autonomous)
+//   roslaunch autodrive_ros follow_the_gap.launch      (with the simulator on: autodrive run mini_map --mode autonomous)
 //
 // At each scan: for some headings, how far could the car go that way before it touched something? The best of them,
-// where a turn costs a little, is steered at; the shorter the way, the slower the car.
+// where a turn costs a little, is steered at; the shorter the way, the slower the car. (What is lower than the LIDAR,
+// like a single construction box, it does not see.)
 
 #include <algorithm>
 #include <cmath>
@@ -15,11 +16,14 @@
 
 namespace {
 
-constexpr double kHalfWidth = 0.13;       // of what the car needs [m]; it is 0.175 m wide
-constexpr double kStop = 0.25;            // free way at which it stands [m]; the bumper is 0.08 m ahead of the LIDAR
-constexpr double kSlow = 1.0;             // ... and at which it need not be slower [m]
-constexpr double kSight = 2.0;            // further away nothing matters [m]
-constexpr double kTurnCosts = 0.4;        // free way that a turn by one radian must gain [m]
+constexpr double kHalfWidth = 0.19;        // of the way that it wants [m]; it is 0.175 m wide, and its tail cuts corners
+constexpr double kStop = 0.25;             // free way at which it stands [m]; the bumper is 0.08 m ahead of the LIDAR
+constexpr double kGo = 0.6;                // ... and at which it goes on again [m]
+constexpr double kTail = 0.4;             // free way behind the LIDAR to go back [m]; the bumper is 0.2 m behind it
+constexpr double kSlow = 1.0;              // ... and at which it need not be slow [m]
+constexpr double kSight = 2.0;             // further away nothing matters [m]
+constexpr double kTurnCosts = 0.3;         // free way that a turn by one radian must gain [m]
+constexpr double kGain = 2.0;              // steering angle by heading: it must turn before it is there
 constexpr double kSteeringLimit = 0.5236;  // [rad]
 constexpr double kDegree = M_PI / 180.0;
 
@@ -32,7 +36,9 @@ struct Point {
 std::vector<Point> hits(const sensor_msgs::LaserScan& scan) {
   std::vector<Point> points;
   for (std::size_t i = 0; i < scan.ranges.size(); ++i) {
-    const double range = scan.ranges[i], angle = i * scan.angle_increment;
+    const double angle = i * scan.angle_increment;
+    double range = scan.ranges[i];
+    if (std::isinf(range) && range < 0.0) range = scan.range_min;  // too near to measure (REP 117)
     if (std::isfinite(range)) points.push_back({range * std::cos(angle), range * std::sin(angle)});
   }
   return points;
@@ -65,10 +71,15 @@ class Driver {
       const double worth = free_way(points, heading) - kTurnCosts * std::abs(heading);
       if (worth > gain) best = heading, gain = worth;
     }
-    const double way = std::min(free_way(points, best), free_way(points, 0.5 * best));
+    const double way = free_way(points, best);
+    is_stuck_ = way < (is_stuck_ ? kGo : kStop);
     std_msgs::Float32 throttle, steering;
-    throttle.data = way < kStop ? 0.0 : speed_ * std::clamp(way / kSlow, 0.4, 1.0);  // 0 brakes
-    steering.data = left_ * std::clamp(best / kSteeringLimit, -1.0, 1.0);
+    throttle.data = speed_ * std::clamp(way / kSlow, 0.4, 1.0);
+    steering.data = left_ * std::clamp(kGain * best / kSteeringLimit, -1.0, 1.0);
+    if (is_stuck_) {  // back, with the wheels the other way; a throttle of 0 brakes
+      throttle.data = free_way(points, M_PI) > kTail ? -0.5 * speed_ : 0.0;
+      steering.data = best < 0.0 ? left_ : -left_;
+    }
     throttle_.publish(throttle);
     steering_.publish(steering);
   }
@@ -76,6 +87,7 @@ class Driver {
   ros::NodeHandle node_;
   ros::Publisher throttle_, steering_;
   ros::Subscriber scan_;
+  bool is_stuck_ = false;
   double left_;   // sign of a steering command to the left: -1 with the names of 2020 and 2022
   double speed_;  // throttle where the way is free
 };
