@@ -83,7 +83,7 @@ class Started:
 def test_help_names_every_command() -> None:
     done = call("--help")
     assert done.returncode == 0
-    for command in ("run", "list", "show", "check", "doctor"):
+    for command in ("run", "list", "show", "check", "urdf", "doctor"):
         assert re.search(rf"^  {command} ", done.stdout, re.MULTILINE)
 
 

@@ -1,4 +1,4 @@
-"""The command line: `autodrive run, list, show, check, doctor`. Heavy imports wait until a command needs them."""
+"""The command line: `autodrive run, list, show, check, urdf, doctor`. Heavy imports wait until a command needs them."""
 
 from __future__ import annotations
 
@@ -288,6 +288,22 @@ def check(
 
     found, title = browse.check(file, cast("Kind | None", kind and kind.value))
     typer.echo(f"{file}: {found} '{title}' is in order")
+
+
+@app.command()
+def urdf(
+    name: Annotated[str, typer.Argument(help="Name of a vehicle, or the path of its file.")],
+    output: Annotated[Path, typer.Option(help="Folder of a ROS package called autodrive_description.")],
+) -> None:
+    """Write a vehicle's robot description for ROS: a URDF and its meshes."""
+    from autodrive.vehicles.spec import load_vehicle
+    from autodrive.vehicles.urdf import write_urdf
+
+    try:
+        path = write_urdf(load_vehicle(name), Path(name).stem, output)
+    except OSError as error:
+        raise AutodriveError(f"it cannot be written: {error.strerror}  ({error.filename})") from None
+    typer.echo(f"vehicle '{Path(name).stem}' is described in {path}")
 
 
 @app.command()
