@@ -1,0 +1,19 @@
+"""How topics are carried."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+
+QUALITIES = {
+    "sensor": QoSProfile(depth=5, reliability=BEST_EFFORT),
+    "state": QoSProfile(depth=10, reliability=RELIABLE),
+    "latched": QoSProfile(depth=1, reliability=RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+    "clock": QoSProfile(depth=1, reliability=BEST_EFFORT),
+    "tf": QoSProfile(depth=100, reliability=RELIABLE),
+}
+"""Quality of an `autodrive.ros.Topic` -> QoS; as sensor data, tf2 and /clock usually have it."""
+
+COMMAND = QoSProfile(depth=10, reliability=RELIABLE)
+"""Of what is read."""

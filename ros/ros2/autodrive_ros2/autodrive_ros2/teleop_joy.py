@@ -1,0 +1,55 @@
+"""Drives by a gamepad: sensor_msgs/Joy in, ackermann_msgs/AckermannDriveStamped out, while a button is held."""
+
+from __future__ import annotations
+
+import rclpy
+from ackermann_msgs.msg import AckermannDriveStamped
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from sensor_msgs.msg import Joy
+
+
+class TeleopJoy(Node):
+    """Its axes are those of an Xbox pad under joy_node: the left stick drives, the right one steers, LB is held."""
+
+    def __init__(self) -> None:
+        super().__init__("teleop_joy")
+
+        def parameter(name: str, default: int | float | str) -> int | float | str:
+            return self.declare_parameter(name, default).value
+
+        self._axes = parameter("axis_speed", 1), parameter("axis_steering", 3)
+        self._button = parameter("button_hold", 4)
+        self._limits = parameter("speed_limit", 0.44), parameter("steering_limit", 0.5236)
+        self._is_held = False
+        self._out = self.create_publisher(
+            AckermannDriveStamped, f"autodrive/{parameter('vehicle', 'nigel_1')}/drive", 10
+        )
+        self.create_subscription(Joy, "joy", self.take, 10)
+
+    def take(self, joy: Joy) -> None:
+        """Drive; once the button is let go, stop, and leave the wheel to others."""
+        was_held, self._is_held = self._is_held, self._button < len(joy.buttons) and bool(joy.buttons[self._button])
+        if not (self._is_held or was_held):
+            return
+        command = AckermannDriveStamped(header=joy.header)
+        if self._is_held:
+            speed, angle = (joy.axes[axis] if axis < len(joy.axes) else 0.0 for axis in self._axes)
+            command.drive.speed = speed * self._limits[0]
+            command.drive.steering_angle = angle * self._limits[1]
+        self._out.publish(command)
+
+
+def main() -> None:
+    """Until Ctrl-C."""
+    rclpy.init()
+    try:
+        rclpy.spin(TeleopJoy())
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()
