@@ -294,8 +294,11 @@ class Bridge:
 
     def _run(self) -> None:
         while not self.is_ended:
-            with self._complaining():
-                self._source.serve(self)
+            try:
+                with self._complaining():
+                    self._source.serve(self)
+            except Exception:
+                log.exception("begins anew after a fault")
             self._ended.wait(RETRY)
         if isinstance(self._source, DirectSource):
             self._source.close()

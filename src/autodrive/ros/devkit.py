@@ -182,9 +182,11 @@ class _Car:
         return f"{self.prefix} {name}".lstrip()
 
     def _measure_speed(self, angle: float, now: float) -> None:
-        """Of the rear wheels; a message that brings no news of them says nothing."""
+        """Since 2025 it is told, without its sign; before, that of the rear wheels' tread is taken."""
         if self._angle is not None and now > self._time:
-            self._speed = self._car.wheel_radius * (angle - self._angle) / (now - self._time)
+            rolled = self._car.wheel_radius * (angle - self._angle) / (now - self._time)
+            told = self._told.speed
+            self._speed = rolled if told is None else math.copysign(told, rolled)
         self._angle, self._time = angle, now
 
     def _scan(self, now: float) -> LidarScan | None:

@@ -71,6 +71,7 @@ class DirectSource:
                 try:
                     frame = sim.wait(min(listener.patience, LOOK))
                 except TimeoutError:
+                    self.status = sim.status
                     listener.idle()
                     continue
                 if sim.scene is not self.scene:
