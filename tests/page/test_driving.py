@@ -26,8 +26,7 @@ def page(served: Served, browser: Browser) -> Iterator[Visit]:
 @pytest.fixture
 def visit(plane: Served, page: Visit) -> Visit:
     """One for all, of a car at the start."""
-    page.until(lambda: page.knows("store.frame.value.time") < 1)
-    return page
+    return page.until_begun(plane)
 
 
 def heading(served: Served) -> float:

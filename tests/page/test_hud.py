@@ -32,8 +32,7 @@ def tab(served: Served, browser: Browser) -> Iterator[Visit]:
 
 @pytest.fixture
 def visit(mini_map: Served, tab: Visit) -> Visit:
-    tab.until(lambda: tab.knows("store.frame.value.time") < 1)
-    return tab
+    return tab.until_begun(mini_map)
 
 
 @pytest.fixture

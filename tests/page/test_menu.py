@@ -25,7 +25,8 @@ def tab(served: Served, browser: Browser) -> Iterator[Visit]:
 @pytest.fixture
 def visit(plane: Served, tab: Visit) -> Visit:
     """One for all, with its menu open."""
-    tab.until(lambda: tab.knows("store.scene.value.scenario") == "plane" and tab.knows("store.frame.value.time") < 1)
+    tab.until(lambda: tab.knows("store.scene.value.scenario") == "plane")
+    tab.until_begun(plane)
     if not tab.get("menu").is_visible():
         tab.press("menu-button")
     return tab

@@ -107,6 +107,13 @@ class Visit:
     def until_text(self, testid: str, text: str) -> None:
         self.until(lambda: text in self.text(testid))
 
+    def until_begun(self, served: Served) -> Visit:
+        """Wait until the page shows the world that was renewed; meanwhile it stands still, for the page may be slow."""
+        frame = served.ask(messages.Pause())
+        self.until(lambda: self.knows("store.frame.value.time") == frame.time)
+        served.ask(messages.Resume())
+        return self
+
     def until_drawn(self) -> None:
         """Wait for a picture of the scene that is there now."""
         self.until(lambda: self.knows("view && view.stats().calls > 0"))
