@@ -83,8 +83,9 @@ class running:  # noqa: N801 - reads as a word
 def halted(simulation: Simulation, node: Recorder, command: autodrive.Command) -> tuple[Frame, VehicleFrame]:
     """After a drive of 40 ticks with that command the world stands still, and the node has told so."""
     simulation.request(Pause()).result(PATIENCE)
-    for _ in range(4):
-        frame = simulation.request(Step(10, {"V1": command})).result(PATIENCE)
+    for _ in range(3):
+        simulation.request(Step(10, {"V1": command})).result(PATIENCE)
+    frame = simulation.request(Step(10, {"V1": command})).result(PATIENCE)
     eventually(lambda: seconds(node.last("odom")["header"]["stamp"]) == pytest.approx(frame.time, abs=1e-9))
     return frame, frame.vehicles["V1"]
 

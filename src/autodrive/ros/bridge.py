@@ -49,6 +49,7 @@ class Bridge:
         self._wheels: dict[str, Wheel] = {}
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="autodrive-ros-bridge", daemon=True)
+        self._one_at_a_time = threading.Lock()
         self._opened: set[str] = set()
         self._pending: Update | None = None
         self._due = 0.0
@@ -139,6 +140,12 @@ class Bridge:
 
     def take(self, update: Update) -> None:
         """Publish what is new in it, and the states when they are due."""
+        with self._one_at_a_time:
+            self._take(update)
+        if self._is_direct:
+            self._repeat()
+
+    def _take(self, update: Update) -> None:
         frame = update.frame
         self._time = frame.time
         if frame.tick < self._tick:
@@ -158,13 +165,12 @@ class Bridge:
         self._pending = update
         if time.monotonic() >= self._due:
             self._publish_states(update)
-        if self._is_direct:
-            self._repeat()
 
     def idle(self) -> None:
         """Publish the state that was not due, if it is now: while paused none follows."""
-        if self._pending is not None and time.monotonic() >= self._due:
-            self._publish_states(self._pending)
+        with self._one_at_a_time:
+            if self._pending is not None and time.monotonic() >= self._due:
+                self._publish_states(self._pending)
 
     def _publish_states(self, update: Update) -> None:
         now, period = time.monotonic(), 1.0 / self.config.rate

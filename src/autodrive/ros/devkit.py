@@ -31,7 +31,7 @@ from autodrive.protocol.messages import (
 )
 from autodrive.protocol.native import Picture
 from autodrive.ros.config import Config
-from autodrive.ros.direct import Listener
+from autodrive.ros.direct import LOOK, Listener
 from autodrive.ros.update import Car, Update
 from autodrive.transforms import euler_from_quaternion, rotate
 
@@ -65,7 +65,8 @@ class DevkitSource:
         host, _, port = self._config.address.rpartition(":")
         with Server(lambda data: self._respond(data, listener), host=host, port=int(port)) as server:
             while not listener.is_ended:
-                server.wait(0.2)
+                server.wait(min(listener.patience, LOOK))
+                listener.idle()
 
     def _respond(self, data: Mapping[str, Any], listener: Listener) -> dict[str, str]:
         names = self._names(data)
