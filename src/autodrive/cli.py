@@ -292,18 +292,21 @@ def check(
 
 @app.command()
 def urdf(
-    name: Annotated[str, typer.Argument(help="Name of a vehicle, or the path of its file.")],
+    names: Annotated[list[str], typer.Argument(help="Names of vehicles, or the paths of their files.")],
     output: Annotated[Path, typer.Option(help="Folder of a ROS package called autodrive_description.")],
 ) -> None:
-    """Write a vehicle's robot description for ROS: a URDF and its meshes."""
+    """Write the robot description of vehicles for ROS: URDF and meshes."""
     from autodrive.vehicles.spec import load_vehicle
-    from autodrive.vehicles.urdf import write_urdf
+    from autodrive.vehicles.urdf import package_files
 
+    files = package_files({Path(name).stem: load_vehicle(name) for name in names})
     try:
-        path = write_urdf(load_vehicle(name), Path(name).stem, output)
+        for path, content in files.items():
+            (output / path).parent.mkdir(parents=True, exist_ok=True)
+            (output / path).write_bytes(content)
     except OSError as error:
         raise AutodriveError(f"it cannot be written: {error.strerror}  ({error.filename})") from None
-    typer.echo(f"vehicle '{Path(name).stem}' is described in {path}")
+    typer.echo(f"{len(files)} files are written to {output}")
 
 
 @app.command()

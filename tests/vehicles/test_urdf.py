@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from autodrive.cli import app
+from autodrive.render.asset import Asset
 from autodrive.render.glb import write_glb
 from autodrive.vehicles.mesh import vehicle_asset
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
-from autodrive.vehicles.urdf import srgb, vehicle_urdf
+from autodrive.vehicles.urdf import package_files, srgb, vehicle_urdf
 
 ROOT = Path(__file__).parents[2]
 COMMITTED = ROOT / "ros" / "autodrive_description"
@@ -44,6 +45,11 @@ ORIGINAL = {
 @pytest.fixture(scope="module")
 def spec() -> VehicleSpec:
     return load_vehicle("nigel")
+
+
+@pytest.fixture(scope="module")
+def asset(spec: VehicleSpec) -> Asset:
+    return vehicle_asset(spec)
 
 
 @pytest.fixture(scope="module")
@@ -160,9 +166,9 @@ def test_links_together_weigh_and_turn_as_the_body_of_the_spec(robot: ElementTre
 
 
 def test_meshes_are_those_of_the_simulator(
-    robot: ElementTree.Element, described: tuple[str, dict[str, bytes]], spec: VehicleSpec
+    robot: ElementTree.Element, described: tuple[str, dict[str, bytes]], asset: Asset
 ) -> None:
-    glb = trimesh.load_scene(io.BytesIO(write_glb(vehicle_asset(spec), ("full",))), file_type="glb")
+    glb = trimesh.load_scene(io.BytesIO(write_glb(asset, ("full",))), file_type="glb")
     glb.apply_transform(trimesh.transformations.rotation_matrix(math.pi / 2, (1.0, 0.0, 0.0)))  # of glTF y is up
     scene = trimesh.Scene()
     found = poses(robot)
@@ -177,19 +183,14 @@ def test_meshes_are_those_of_the_simulator(
     assert scene.centroid == pytest.approx(glb.centroid, abs=1e-4)
 
 
-def test_every_mesh_is_used_and_the_package_is_small(
-    robot: ElementTree.Element, described: tuple[str, dict[str, bytes]]
-) -> None:
+def test_every_mesh_is_used(robot: ElementTree.Element, described: tuple[str, dict[str, bytes]]) -> None:
     used = {mesh.attrib["filename"] for mesh in robot.iterfind("link/visual/geometry/mesh")}
     assert used == {f"package://autodrive_description/{path}" for path in described[1]}
-    assert sum(map(len, described[1].values())) < 2e6
 
 
-def test_materials_are_those_of_the_simulator_as_screens_show_them(
-    robot: ElementTree.Element, spec: VehicleSpec
-) -> None:
+def test_materials_are_those_of_the_simulator_as_screens_show_them(robot: ElementTree.Element, asset: Asset) -> None:
     assert [srgb(value) for value in (0.0, 0.0021, 0.2140, 1.0)] == pytest.approx([0.0, 0.0271, 0.5, 1.0], abs=1e-3)
-    surfaces = [one for node in vehicle_asset(spec).nodes for one in node.surfaces.get("full", ())]
+    surfaces = [one for node in asset.nodes for one in node.surfaces.get("full", ())]
     colors = {one.material.name: [*map(srgb, one.material.color), 1.0] for one in surfaces}
     told = {one.attrib["name"]: one.find("color").attrib["rgba"] for one in robot.iterfind("material")}  # type: ignore[union-attr]
     assert told.keys() == colors.keys()
@@ -215,13 +216,18 @@ def test_colliders_are_those_of_the_spec(robot: ElementTree.Element, spec: Vehic
             assert placed(link.find("collision/origin"))[:3, 2] == pytest.approx((0.0, -1.0, 0.0), abs=1e-9)
 
 
-def test_the_package_holds_what_is_written_anew(described: tuple[str, dict[str, bytes]]) -> None:
-    text, files = described
+def test_the_package_holds_what_is_written_anew_and_is_small() -> None:
+    files = package_files({name: load_vehicle(name) for name in ("nigel", "nigel_2023")})
     remedy = "it is out of date: run scripts/generate-description"
-    assert (COMMITTED / "urdf" / "nigel.urdf").read_text() == text, remedy
-    kept = {str(path.relative_to(COMMITTED)): path.read_bytes() for path in COMMITTED.rglob("*.stl")}
+    folders = (COMMITTED / "urdf", COMMITTED / "meshes")
+    kept = {str(one.relative_to(COMMITTED)): one for folder in folders for one in folder.rglob("*") if one.is_file()}
+    kept = {path: one.read_bytes() for path, one in kept.items()}
     assert kept.keys() == files.keys(), remedy
+    assert sum(map(len, kept.values())) < 2e6
     for path, content in files.items():
+        if path.endswith(".urdf"):
+            assert kept[path] == content, f"{path}: {remedy}"
+            continue
         (ours, theirs) = (np.frombuffer(data[84:], FACET) for data in (content, kept[path]))
         assert len(ours) == len(theirs), remedy
         assert np.allclose(ours["corners"], theirs["corners"], atol=1e-6), f"{path}: {remedy}"

@@ -8,8 +8,7 @@ suspension and the levers of the steering stand still.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from autodrive.physics.wheel import ackermann_angle
@@ -30,11 +29,16 @@ SIDEWAYS: Quaternion = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 """A cylinder of URDF, which stands along z, lies along y."""
 
 
-def vehicle_urdf(spec: VehicleSpec, name: str) -> tuple[str, dict[str, bytes]]:
-    """The URDF of that vehicle, called `name`, and its meshes: path within the package -> binary STL."""
+def vehicle_urdf(
+    spec: VehicleSpec, name: str, known: Mapping[str, bytes] | None = None
+) -> tuple[str, dict[str, bytes]]:
+    """The URDF of that vehicle, called `name`, and the meshes: path within the package -> binary STL.
+
+    `known`: meshes of other vehicles; those that are equal are used again, and all are among the meshes returned.
+    """
     meshes = meshes_by_link(vehicle_asset(spec))
     robot = Element("robot", name=name)
-    files: dict[str, bytes] = {}
+    files = dict(known or {})
     for material in sorted({one for parts in meshes.values() for one in parts}, key=lambda one: one.name):
         _add_material(robot, material)
     for element in (*_body(spec), *_wheels(spec), *_sensors(spec)):
@@ -45,14 +49,14 @@ def vehicle_urdf(spec: VehicleSpec, name: str) -> tuple[str, dict[str, bytes]]:
     return f'<?xml version="1.0"?>\n{tostring(robot, encoding="unicode")}\n', files
 
 
-def write_urdf(spec: VehicleSpec, name: str, folder: Path) -> Path:
-    """Both as files of a ROS package in that folder; returns the path of the URDF. Raises OSError."""
-    text, files = vehicle_urdf(spec, name)
-    path = folder / "urdf" / f"{name}.urdf"
-    for one, content in {path: text.encode(), **{folder / mesh: data for mesh, data in files.items()}}.items():
-        one.parent.mkdir(parents=True, exist_ok=True)
-        one.write_bytes(content)
-    return path
+def package_files(vehicles: Mapping[str, VehicleSpec]) -> dict[str, bytes]:
+    """URDF and meshes of vehicles, by name: path within the package -> content."""
+    urdfs: dict[str, bytes] = {}
+    meshes: dict[str, bytes] = {}
+    for name, spec in vehicles.items():
+        text, meshes = vehicle_urdf(spec, name, meshes)
+        urdfs[f"urdf/{name}.urdf"] = text.encode()
+    return urdfs | meshes
 
 
 def srgb(linear: float) -> float:
