@@ -9,6 +9,7 @@ import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -58,8 +59,13 @@ def described(spec: VehicleSpec) -> tuple[str, dict[str, bytes]]:
 
 
 @pytest.fixture(scope="module")
-def robot(described: tuple[str, dict[str, bytes]]) -> ElementTree.Element:
-    return ElementTree.fromstring(described[0])
+def text(described: tuple[str, dict[str, bytes]]) -> str:
+    return described[0]
+
+
+@pytest.fixture(scope="module")
+def robot(text: str) -> ElementTree.Element:
+    return ElementTree.fromstring(text)
 
 
 def numbers(text: str) -> list[float]:
@@ -76,35 +82,41 @@ def placed(element: ElementTree.Element | None) -> Matrix:
     return pose
 
 
-def poses(robot: ElementTree.Element, **angles: float) -> dict[str, Matrix]:
-    """Of every link in base_link, at those joint angles [rad]; a joint comes after its parent link's."""
-    found = {"base_link": np.eye(4)}
-    for joint in robot.iterfind("joint"):
-        parent, child, axis = joint.find("parent"), joint.find("child"), joint.find("axis")
-        assert parent is not None
-        assert child is not None
-        pose = found[parent.attrib["link"]] @ placed(joint.find("origin"))
-        if axis is not None:
-            angle = angles.get(joint.attrib["name"], 0.0)
-            pose = pose @ trimesh.transformations.rotation_matrix(angle, numbers(axis.attrib["xyz"]))
-        found[child.attrib["link"]] = pose
+def read(text: str, **angles: float) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """As MuJoCo's own reader of URDF has it, at those joint angles [rad]; base_link is its world."""
+    options = '<mujoco><compiler fusestatic="false" discardvisual="true"/></mujoco></robot>'
+    model = mujoco.MjModel.from_xml_string(text.replace("</robot>", options))
+    data = mujoco.MjData(model)
+    for joint, angle in angles.items():
+        data.joint(joint).qpos = angle
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def poses(text: str, **angles: float) -> dict[str, Matrix]:
+    """Of every link in base_link, at those joint angles [rad]."""
+    model, data = read(text, **angles)
+    found = {}
+    for number in range(1, model.nbody):
+        found[model.body(number).name] = pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = data.xmat[number].reshape(3, 3), data.xpos[number]
     return found
 
 
-def test_the_parser_of_ros_accepts_it(described: tuple[str, dict[str, bytes]], tmp_path: Path) -> None:
+def test_the_parser_of_ros_accepts_it(text: str, tmp_path: Path) -> None:
     check = shutil.which("check_urdf")
     if check is None:
         pytest.skip("check_urdf is missing. Install it: sudo apt-get install liburdfdom-tools")
     file = tmp_path / "nigel.urdf"
-    file.write_text(described[0])
+    file.write_text(text)
     done = subprocess.run([check, file], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "root Link: base_link has 11 child(ren)" in done.stdout
     assert not done.stderr
 
 
-def test_frames_stand_where_the_spec_and_the_original_have_them(robot: ElementTree.Element, spec: VehicleSpec) -> None:
-    found = poses(robot)
+def test_frames_stand_where_the_spec_and_the_original_have_them(text: str, spec: VehicleSpec) -> None:
+    found = poses(text)
     for name, place in ORIGINAL.items():
         assert found[name][:3, 3] == pytest.approx(place, abs=0.5e-4), name
     lidar = spec.sensors.lidar
@@ -120,18 +132,16 @@ def test_frames_stand_where_the_spec_and_the_original_have_them(robot: ElementTr
 
 
 @pytest.mark.parametrize(("camera", "ahead"), [("front", 1.0), ("rear", -1.0)])
-def test_optical_frames_look_along_z_with_x_to_the_right_and_y_down(
-    robot: ElementTree.Element, camera: str, ahead: float
-) -> None:
-    x, y, z = poses(robot)[f"{camera}_camera_optical_frame"][:3, :3].T
+def test_optical_frames_look_along_z_with_x_to_the_right_and_y_down(text: str, camera: str, ahead: float) -> None:
+    x, y, z = poses(text)[f"{camera}_camera_optical_frame"][:3, :3].T
     down = math.radians(7.294)  # both cameras look down by that angle
     assert z == pytest.approx((ahead * math.cos(down), 0.0, -math.sin(down)), abs=1e-9)
     assert x == pytest.approx((0.0, -ahead, 0.0), abs=1e-9)
     assert y == pytest.approx(np.cross(z, x), abs=1e-9)
 
 
-def test_wheels_steer_to_the_left_and_roll_forward(robot: ElementTree.Element, spec: VehicleSpec) -> None:
-    found = poses(robot, front_left_steering_joint=0.3, front_left_wheel_joint=0.1, rear_right_wheel_joint=0.1)
+def test_wheels_steer_to_the_left_and_roll_forward(robot: ElementTree.Element, text: str, spec: VehicleSpec) -> None:
+    found = poses(text, front_left_steering_joint=0.3, front_left_wheel_joint=0.1, rear_right_wheel_joint=0.1)
     axle = found["front_left_wheel"][:3, 1]
     assert axle == pytest.approx((-math.sin(0.3), math.cos(0.3), 0.0))
     top = found["rear_right_wheel"] @ (0.0, 0.0, spec.wheels.radius, 1.0)
@@ -143,35 +153,27 @@ def test_wheels_steer_to_the_left_and_roll_forward(robot: ElementTree.Element, s
     assert (float(limit.attrib["lower"]), float(limit.attrib["upper"])) == pytest.approx((-inner, inner))
 
 
-def test_links_together_weigh_and_turn_as_the_body_of_the_spec(robot: ElementTree.Element, spec: VehicleSpec) -> None:
-    found = poses(robot)
-    mass, moment, about_origin = 0.0, np.zeros(3), np.zeros((3, 3))
-    for link in robot.iterfind("link"):
-        inertial = link.find("inertial")
-        if inertial is None:
-            continue
-        weight = float(inertial.find("mass").attrib["value"])  # type: ignore[union-attr]
-        told = inertial.find("inertia").attrib  # type: ignore[union-attr]
-        own = np.array([[float(told["i" + "".join(sorted(a + b))]) for a in "xyz"] for b in "xyz"])
-        assert (np.linalg.eigvalsh(own) > 0.0).all(), link.attrib["name"]
-        place = (found[link.attrib["name"]] @ placed(inertial.find("origin")))[:3, 3]
-        mass += weight
-        moment += weight * place
-        about_origin += own + weight * (place @ place * np.eye(3) - np.outer(place, place))
-    center = moment / mass
-    about_center = about_origin - mass * (center @ center * np.eye(3) - np.outer(center, center))
-    assert mass == pytest.approx(spec.body.mass)
+def test_links_together_weigh_and_turn_as_the_body_of_the_spec(text: str, spec: VehicleSpec) -> None:
+    model, data = read(text)
+    center = model.body_mass @ data.xipos / spec.body.mass
+    about_center = np.zeros((3, 3))
+    for mass, moments, place, axes in zip(model.body_mass, model.body_inertia, data.xipos, data.ximat, strict=True):
+        turn, offset = axes.reshape(3, 3), place - center
+        about_center += turn @ np.diag(moments) @ turn.T + mass * (
+            offset @ offset * np.eye(3) - np.outer(offset, offset)
+        )
+    assert model.body_mass.sum() == pytest.approx(spec.body.mass)
     assert center == pytest.approx(spec.body.center_of_mass, abs=1e-9)
     assert about_center == pytest.approx(np.diag(spec.body.inertia), abs=1e-9)
 
 
 def test_meshes_are_those_of_the_simulator(
-    robot: ElementTree.Element, described: tuple[str, dict[str, bytes]], asset: Asset
+    robot: ElementTree.Element, text: str, described: tuple[str, dict[str, bytes]], asset: Asset
 ) -> None:
     glb = trimesh.load_scene(io.BytesIO(write_glb(asset, ("full",))), file_type="glb")
     glb.apply_transform(trimesh.transformations.rotation_matrix(math.pi / 2, (1.0, 0.0, 0.0)))  # of glTF y is up
     scene = trimesh.Scene()
-    found = poses(robot)
+    found = poses(text)
     for link in robot.iterfind("link"):
         for visual in link.iterfind("visual"):
             path = visual.find("geometry/mesh").attrib["filename"]  # type: ignore[union-attr]
@@ -238,9 +240,10 @@ def test_the_command_line_writes_the_package_of_a_car_of_ones_own(spec: VehicleS
     file.write_text(yaml.safe_dump(spec.model_dump(mode="json", exclude_none=True) | {"track": 0.2}))
     done = CliRunner().invoke(app, ["urdf", str(file), "--output", str(tmp_path / "package")])
     assert done.exit_code == 0, done.output
-    robot = ElementTree.parse(tmp_path / "package" / "urdf" / "wide.urdf").getroot()
+    text = (tmp_path / "package" / "urdf" / "wide.urdf").read_text()
+    robot = ElementTree.fromstring(text)
     assert robot.attrib["name"] == "wide"
-    assert poses(robot)["rear_left_wheel"][1, 3] == 0.1
+    assert poses(text)["rear_left_wheel"][1, 3] == 0.1
     meshes = [mesh.attrib["filename"] for mesh in robot.iterfind("link/visual/geometry/mesh")]
     assert all(
         (tmp_path / "package" / name.removeprefix("package://autodrive_description/")).is_file() for name in meshes
