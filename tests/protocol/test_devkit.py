@@ -160,9 +160,9 @@ def test_no_scan_spells_null() -> None:
         text = "\n".join(f"{value:.7g}" for value in ranges)
         return b"null" in base64.b64encode(gzip.compress(text.encode(), 6, mtime=0))
 
-    random = np.random.default_rng(0)
+    random = np.random.default_rng(377)
     ranges = random.uniform(0.15, 12.0, 360).tolist()
-    while not spells_null(ranges):  # one of some thousand scans does
+    while not spells_null(ranges):  # one of some thousand scans does: the first one here, by most builds of zlib
         ranges = random.uniform(0.15, 12.0, 360).tolist()
     text = telemetry(frame(vehicle(lidar=scan(ranges, 0.0))), PROFILES["2025"])["V1 LIDAR Range Array"]
     assert "null" not in text
