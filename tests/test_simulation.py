@@ -253,6 +253,51 @@ def test_steps_run_exactly_that_many_ticks_while_paused(simulation: Simulation) 
     assert simulation.frame.tick == paused.tick + 3
 
 
+def test_who_asks_may_carry_out_a_short_step_while_the_world_stands_still(simulation: Simulation) -> None:
+    simulation.request(Pause()).result(PATIENCE)
+    threads: set[str] = set()
+
+    class Sink:
+        def publish(self, frame: Frame) -> None:
+            threads.add(threading.current_thread().name)
+
+    simulation.add_sink(Sink())
+    eventually(lambda: simulation.request(Step(1), here=True).done())  # as soon as its own thread sleeps
+    threads.clear()
+    tick = simulation.frame.tick
+    done = [simulation.request(Step(2), here=True) for _ in range(10)]
+    assert all(one.done() for one in done)
+    assert [one.result().tick for one in done] == [tick + 2 * n for n in range(1, 11)]
+    assert threads == {threading.current_thread().name}
+
+
+def test_a_step_here_waits_its_turn_where_the_world_moves(simulation: Simulation) -> None:
+    pause = simulation.request(Pause())
+    step, long = simulation.request(Step(1), here=True), simulation.request(Step(11), here=True)
+    first = pause.result(PATIENCE).tick
+    assert [step.result(PATIENCE).tick, long.result(PATIENCE).tick] == [first + 1, first + 12]
+
+
+def test_steps_here_from_many_threads_between_pauses_all_count(simulation: Simulation) -> None:
+    simulation.request(Pause()).result(PATIENCE)
+    before = simulation.frame.tick
+    ticks: list[int] = []
+
+    def ask() -> None:
+        for n in range(100):
+            ticks.append(simulation.request(Step(1), here=True).result(PATIENCE).tick)
+            if n % 10 == 0:
+                simulation.request(SetSceneLight(n % 20 == 0)).result(PATIENCE)
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE)
+    assert len(ticks) == 400
+    assert simulation.request(Pause()).result(PATIENCE).tick == before + 400
+
+
 def test_the_commands_of_a_step_are_for_its_first_tick_and_count_whoever_drives(world: World) -> None:
     with Simulation(world, is_paused=True) as simulation:
         simulation.request(SetDrivingMode("V1", is_autonomous=False))

@@ -176,6 +176,11 @@ class CameraProcess:
             is_at_work = self._is_wanted and not self._fault and (not self._is_free or None in self._sent_at)
             return is_at_work or self._shown is not self._images
 
+    @property
+    def belongs_to_thread(self) -> bool:
+        """It draws elsewhere."""
+        return False
+
     def close(self) -> None:
         """End the process."""
         self._is_closing = True

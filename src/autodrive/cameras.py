@@ -56,6 +56,11 @@ class Eyes(Protocol):
         """Whether a picture of the latest Frame is still to come."""
         ...
 
+    @property
+    def belongs_to_thread(self) -> bool:
+        """Whether only the thread that has seen before may see again."""
+        ...
+
 
 class Seat(NamedTuple):
     """A camera's place: on which vehicle, and what it is."""
@@ -174,6 +179,11 @@ class Cameras:
     def is_awaited(self) -> bool:
         """Never: a Frame comes with its pictures."""
         return False
+
+    @property
+    def belongs_to_thread(self) -> bool:
+        """OpenGL's context does."""
+        return True
 
     def close(self) -> None:
         """Give back what the graphics side holds; the next picture would fetch it again."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Protocol
 
@@ -39,6 +40,9 @@ NO_ORDERS: Mapping[str, Command] = {}
 
 log = logging.getLogger(__name__)
 
+SHORT = 10
+"""A Step of no more ticks is over before others notice."""
+
 LOOK = 0.01
 """How often a World that stands still is asked for pictures that are still to come [s]."""
 
@@ -55,7 +59,7 @@ class Simulation:
 
     `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario's
     name, for `LoadScenario`, and raises `AutodriveError` where it cannot. All methods may be called from any thread;
-    only the simulation's own thread touches the World.
+    only one at a time touches the World: the simulation's own, but for Steps that are carried out `here`.
     """
 
     def __init__(
@@ -76,6 +80,9 @@ class Simulation:
         self._commands: dict[tuple[str, Source], Command] = {}
         self._requests: deque[tuple[Request, Future[Frame]]] = deque()
         self._mail = threading.Condition()
+        self._turn = threading.Lock()
+        """Whoever has it may touch the World; taken before the mailbox's, never after. The simulation's thread lets go
+        of it while it sleeps in a pause."""
         self._thread: threading.Thread | None = None
         self._is_stopping = False
         self._error: BaseException | None = None
@@ -139,17 +146,38 @@ class Simulation:
         with self._mail:
             self._commands[vehicle, source] = command
 
-    def request(self, request: Request) -> Future[Frame]:
+    def request(self, request: Request, *, here: bool = False) -> Future[Frame]:
         """Ask for something to be done before the next tick, in the order asked. Raises `CommandError`.
 
-        The result of the Future is the Frame after it was done; nobody needs to wait for it.
+        The result of the Future is the Frame after it was done; nobody needs to wait for it. `here`: a short Step of a
+        paused simulation may be carried out in the caller's thread, sinks and all, which spares waking up two threads.
         """
         self._check_request(request)
         done: Future[Frame] = Future()
+        if here and isinstance(request, Step) and request.ticks <= SHORT and self._step_here(request, done):
+            return done
         with self._mail:
             self._requests.append((request, done))
             self._mail.notify_all()
         return done
+
+    def _step_here(self, step: Step, done: Future[Frame]) -> bool:
+        """Whether it could be done: nobody else is at it, or was there before."""
+        if not self._turn.acquire(blocking=False):
+            return False
+        try:
+            is_free = self.is_running and self.is_paused and not self._requests and not self._is_stopping
+            if not is_free or self.world.belongs_to_thread:
+                return False
+            try:
+                self._carry_out(step)
+            except Exception as error:
+                done.set_exception(error)
+            else:
+                done.set_result(self._frame)
+            return True
+        finally:
+            self._turn.release()
 
     def add_sink(self, sink: Sink) -> None:
         """Give `sink` every Frame from now on. A sink that raises is told to the log and dropped."""
@@ -230,12 +258,14 @@ class Simulation:
         end = self._pace.ticks + ticks
         if not self.is_paused:
             self._pace.restart(time.perf_counter())
+        self._turn.acquire()
         try:
             while not self._is_stopping and self._pace.ticks < end:
                 self._carry_out_requests()
                 if self._is_due():
                     self._tick()
         finally:
+            self._turn.release()
             self._pace.rest(time.perf_counter())
 
     def _is_due(self) -> bool:
@@ -247,10 +277,19 @@ class Simulation:
             delay = LOOK
             if self.world.look() is not self._frame:
                 self._publish(self.world.frame)
-        with self._mail:
+        with self._turn_left() if self.is_paused else contextlib.nullcontext(), self._mail:
             if not self._requests and not self._is_stopping:
                 self._mail.wait(delay)
         return False
+
+    @contextlib.contextmanager
+    def _turn_left(self) -> Iterator[None]:
+        """Others may touch the World meanwhile."""
+        self._turn.release()
+        try:
+            yield
+        finally:
+            self._turn.acquire()
 
     def _tick(self, orders: Mapping[str, Command] = NO_ORDERS) -> None:
         """One tick with the mail of those who drive, and with `orders`, which count for more."""

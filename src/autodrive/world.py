@@ -190,6 +190,11 @@ class World:
         """Whether pictures of the Frame at hand are still to come, which `look` will bring; in real time only."""
         return self._eyes is not None and self._eyes.is_awaited
 
+    @property
+    def belongs_to_thread(self) -> bool:
+        """Whether only the thread that has stepped it may step it again: what draws in the tick is bound to one."""
+        return self._eyes is not None and self._eyes.belongs_to_thread
+
     def look(self) -> Frame:
         """The Frame at hand with the pictures that have come meanwhile; a new one, without events, if some have."""
         if self._eyes is not None:

@@ -139,7 +139,7 @@ class Errands:
                 raise AutodriveError(f"scenario '{name[:80]}' is not known. {suggest(name, list(self._scenarios))}")
             case _:
                 pass
-        future = self._simulation.request(request)
+        future = self._simulation.request(request, here=True)
         self._note_begin(request)
         viewer.pending += 1
 
@@ -154,6 +154,8 @@ class Errands:
                 viewer.done(id, done.result())
 
         self._mail.when_carried(future, tell)
+        if future.done():
+            self._mail.deliver()
 
     def _check_step(self, viewer: Viewer, step: Step, now: float) -> None:
         if not (self._will_pause[-1] if self._will_pause else self._simulation.is_paused):

@@ -93,6 +93,10 @@ class Mail:
 
         future.add_done_callback(bring)
 
+    def deliver(self) -> None:
+        """What has come, without waiting for the bell; in the loop."""
+        self._take()
+
     def take(self) -> list[News | Carried]:
         """All that has come, in order; in the loop."""
         with self._lock:
