@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
+from xmlrpc.client import ServerProxy
 
 import pytest
 
@@ -89,8 +90,9 @@ def master(environment: dict[str, str], folder: Path) -> Running:
     running = Running(environment, folder, "roscore", "-p", port)
 
     def answers() -> bool:
-        done = subprocess.run(["rosparam", "get", "/run_id"], env=environment, capture_output=True, check=False)
-        return done.returncode == 0
+        with contextlib.suppress(OSError):
+            return ServerProxy(environment["ROS_MASTER_URI"]).hasParam("/test", "/run_id")[2]  # type: ignore[index]
+        return False
 
     await_that(answers)
     return running

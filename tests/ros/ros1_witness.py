@@ -75,6 +75,10 @@ class Witness:
         t, q = found.transform.translation, found.transform.rotation
         return [[t.x, t.y, t.z], [q.x, q.y, q.z, q.w], found.header.stamp.to_sec()]
 
+    def forget_frames(self):
+        """Simulated time may have gone back."""
+        self._buffer.clear()
+
     def frames(self):
         return self._buffer.all_frames_as_yaml()
 
