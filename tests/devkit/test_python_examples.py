@@ -9,15 +9,20 @@ import pty
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
+import yaml
 
 import autodrive
-from autodrive import Frame, Simulation
+from autodrive import Frame, ScenarioSpec, Simulation
 from autodrive.bridge.devkit import DevkitBridge
+from autodrive.descriptions import find
+from autodrive.jpeg import JpegEncoder, images_of
 from autodrive.maps import load_map
-from autodrive.protocol.messages import Event
+from autodrive.protocol.messages import Event, Step
+from autodrive.scenario import VehiclePlacement
 from autodrive.transforms import euler_from_quaternion
 from tests.bridge.conftest import eventually, free_port, is_listening
 
@@ -67,6 +72,31 @@ def test_the_waypoints_are_followed_within_the_lane() -> None:
     assert max(abs(one.offset) for one in nearest if one) < 0.0625
     assert sum(abs(one.speed) for one in car) * 0.01 > 6.0
     assert not recorder.events
+
+
+def test_the_lane_is_kept_by_the_front_camera(tmp_path: Path) -> None:
+    """Two thirds of a lap, with a crossroads; each tick of 50 ms waits for the script's answer to the one before."""
+    nigel = yaml.safe_load(find("vehicle", "nigel").read_text())
+    nigel["cameras"] = {"front": nigel["cameras"]["front"] | {"rate": 10.0}}
+    (tmp_path / "nigel.yaml").write_text(yaml.safe_dump(nigel))
+    places = {"V1": VehiclePlacement(type=str(tmp_path / "nigel.yaml"), is_autonomous=True)}
+    simulation = Simulation(
+        autodrive.make(ScenarioSpec(map="mini_map", vehicles=places, tick=0.05), cameras="software"), is_paused=True
+    )
+    lanes, way, port = load_map("mini_map").lane_graph, 0.0, free_port()
+    images = partial(images_of, encoder=JpegEncoder())
+    with example("3_follow_lane.py", port), simulation, DevkitBridge(simulation, port=port, images=images) as bridge:
+        eventually(lambda: bridge.counters.commands_received)
+        while way < 8.0:
+            answered = bridge.counters.commands_received
+            frame = simulation.request(Step()).result()
+            eventually(lambda answered=answered: bridge.counters.commands_received > answered)
+            car = frame.vehicles["V1"]
+            way += 0.05 * float(car.velocity[0])
+            nearest = lanes.nearest(*car.pose.position[:2])
+            assert nearest
+            assert abs(nearest.offset) < 0.0625  # as above
+            assert frame.time < 40.0, "it does not get on"
 
 
 def test_the_car_stops_before_the_box() -> None:
