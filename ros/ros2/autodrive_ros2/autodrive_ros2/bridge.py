@@ -5,9 +5,11 @@ from __future__ import annotations
 import logging
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
@@ -58,12 +60,16 @@ class BridgeNode(Node):
     def has_readers(self, topic: Topic) -> bool:
         """Whether somebody reads it now; what is latched is for those who come later."""
         publisher = self._publishers_of.get(topic.name)
-        return publisher is not None and (topic.quality == "latched" or publisher.get_subscription_count() > 0)
+        try:
+            return publisher is not None and (topic.quality == "latched" or publisher.get_subscription_count() > 0)
+        except RCLError:  # Ctrl-C, which ROS hears before us
+            return False
 
     def publish(self, message: Message, topic: Topic) -> None:
         """Send it."""
-        if (publisher := self._publishers_of.get(topic.name)) and self.context.ok():
-            publisher.publish(build(message))
+        if publisher := self._publishers_of.get(topic.name):
+            with suppress(RCLError):  # as above
+                publisher.publish(build(message))
 
     def now(self) -> float:
         """Wall time [s]."""
