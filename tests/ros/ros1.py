@@ -12,7 +12,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 from xmlrpc.client import ServerProxy
 
 import pytest
@@ -153,3 +153,30 @@ def simulator(folder: Path, *arguments: str, port: int) -> Started:
 def client(port: int) -> Client:
     """To know better: the simulator's own protocol, each tick."""
     return Client(f"127.0.0.1:{port}", name="test", frame_rate=None, scans=True)
+
+
+class Stage(NamedTuple):
+    """A master and a simulator for all tests."""
+
+    environment: dict[str, str]
+    folder: Path
+    master: list[Running]
+    simulator: list[Started]
+    port: int
+
+
+@pytest.fixture(scope="session")
+def stage(environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    folder = tmp_path_factory.mktemp("ros1")
+    port = free_port()
+    run = simulator(folder, "mini_map", port=port)
+    one = Stage(environment, folder, [master(environment, folder)], [run], port)
+    try:
+        yield one
+    finally:
+        one.simulator[0].end(signal.SIGTERM)
+        one.master[0].end(signal.SIGINT)
+
+
+def launched(stage: Stage, *arguments: str, **options: Any) -> Running:
+    return Running(stage.environment, stage.folder, "roslaunch", "autodrive_ros", *arguments, **options)

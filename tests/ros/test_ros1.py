@@ -8,10 +8,11 @@ import os
 import pty
 import re
 import signal
+import subprocess
 from base64 import b64decode
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
+from xmlrpc.client import ServerProxy
 
 import numpy as np
 import pytest
@@ -22,39 +23,11 @@ from autodrive.protocol.messages import Headlights, Indicators, VehicleFrame
 from autodrive.ros import Config
 from autodrive.ros.topics import WORLD_TOPICS, VehicleTopics
 from autodrive.vehicles.spec import load_vehicle
-from tests.ros.ros1 import Running, Witness, await_that, client, free_port, master, simulator, witness
-from tests.test_cli import Started
+from tests.ros.ros1 import Running, Stage, Witness, await_that, client, launched, master, simulator, witness
 
 NIGEL = "/autodrive/nigel_1"
 TOPICS = VehicleTopics(Config(), is_direct=True)
 TYPES = {f"/{topic.name}".replace("//", "/"): topic.type for topic in [*TOPICS.all, *WORLD_TOPICS]}
-
-
-class Stage(NamedTuple):
-    """A master and a simulator for all tests."""
-
-    environment: dict[str, str]
-    folder: Path
-    master: list[Running]
-    simulator: list[Started]
-    port: int
-
-
-@pytest.fixture(scope="module")
-def stage(environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    folder = tmp_path_factory.mktemp("ros1")
-    port = free_port()
-    run = simulator(folder, "mini_map", port=port)
-    one = Stage(environment, folder, [master(environment, folder)], [run], port)
-    try:
-        yield one
-    finally:
-        one.simulator[0].end(signal.SIGTERM)
-        one.master[0].end(signal.SIGINT)
-
-
-def launched(stage: Stage, *arguments: str, **options: Any) -> Running:
-    return Running(stage.environment, stage.folder, "roslaunch", "autodrive_ros", *arguments, **options)
 
 
 @pytest.fixture(scope="module")
@@ -202,28 +175,27 @@ def test_pictures_are_those_of_the_simulator(
     topics = [name, f"{name}/image_raw", f"{name}/image_raw/compressed", f"{name}/camera_info"]
     seen: dict[float, bytes] = {}  # by a viewer of the native protocol
 
-    def both_have_seen_one() -> bool:
+    def the_same_one() -> list[Any] | None:
         viewer.wait()
         if picture := viewer.pictures.get(("V1", camera)):
             seen[round(picture.time, 6)] = bytes(picture.jpeg)
-        told = [heard(hearing, each)["header"]["stamp"] for each in topics]
-        return len(set(told)) == 1 and round(told[0], 6) in seen
+        told = [heard(hearing, each) for each in topics]
+        stamps = {round(one["header"]["stamp"], 6) for one in told}
+        return told if len(stamps) == 1 and stamps <= set(seen) else None
 
     with Client(f"127.0.0.1:{stage.port}", picture_rate=30.0, picture_quality=90) as viewer:
         for each in topics:
             hearing.listen(topic_of(each), TYPES[topic_of(each)])
-        await_that(both_have_seen_one)
-        legacy, raw, compressed, pinhole = (heard(hearing, each) for each in topics)
+        legacy, raw, compressed, pinhole = await_that(the_same_one)
     for each in topics:
         hearing.deafen(topic_of(each))
-    if raw["header"]["stamp"] == compressed["header"]["stamp"]:
-        jpeg = b64decode(compressed["data"])
-        assert b64decode(raw["data"]) == simplejpeg.decode_jpeg(jpeg, colorspace="RGB").tobytes()
-    jpeg = seen[round(legacy["header"]["stamp"], 6)]
+    jpeg = seen[round(raw["header"]["stamp"], 6)]
+    assert b64decode(compressed["data"]) == jpeg
+    assert b64decode(raw["data"]) == simplejpeg.decode_jpeg(jpeg, colorspace="RGB").tobytes()
+    assert legacy["data"] == raw["data"]
     spec = load_vehicle("nigel").cameras[camera].intrinsics
     assert (raw["width"], raw["height"], raw["encoding"]) == (spec.width, spec.height, "rgb8")
     assert raw["header"]["frame_id"] == f"{camera}_camera_optical_frame"
-    assert b64decode(legacy["data"]) == simplejpeg.decode_jpeg(jpeg, colorspace="RGB").tobytes()
     np.testing.assert_allclose(pinhole["K"], [spec.fx, 0, spec.cx - 0.5, 0, spec.fy, spec.cy - 0.5, 0, 0, 1], rtol=1e-9)
 
 
@@ -317,3 +289,39 @@ def test_keys_drive(bridge: Running, stage: Stage, sim: Client) -> None:
     finally:
         os.close(keyboard)
         os.close(terminal)
+
+
+# -- what comes and goes -----------------------------------------------------------------------------------------
+
+
+def test_the_node_goes_on_with_a_simulator_that_was_started_anew(
+    bridge: Running, hearing: Witness, stage: Stage
+) -> None:
+    stage.simulator[0].end(signal.SIGTERM)
+    stage.simulator[0] = simulator(stage.folder, "mini_map", port=stage.port)
+    before = hearing.counts()[topic_of("lidar")]
+    hearing.latest(topic_of("lidar"), before + 1, 60.0)
+    with client(stage.port) as sim:
+        say(hearing, throttle=0.5)
+        await_that(lambda: sim.wait().vehicles["V1"].speed > 0.05)
+        say(hearing, throttle=None)
+
+
+def test_the_node_goes_on_with_a_master_that_was_started_anew(
+    bridge: Running, hearing: Witness, stage: Stage, sim: Client
+) -> None:
+    asked = ("rosparam", "get", "/autodrive_ros_bridge/port")
+    stage.master[0].end(signal.SIGINT)
+    before = hearing.counts()[topic_of("ips")]
+    hearing.latest(topic_of("ips"), before + 10)  # who was connected hears on
+    stage.master[0] = master(stage.environment, stage.folder)
+    with witness(stage.environment, stage.folder) as other:  # who knows the new one only
+        await_that(lambda: TYPES.items() <= other.topics().items())
+        other.listen(topic_of("lidar"), "sensor_msgs/LaserScan")
+        other.latest(topic_of("lidar"), 2)
+        say(other, throttle=0.5)
+        await_that(lambda: sim.wait().vehicles["V1"].speed > 0.05)
+    told = subprocess.run(asked, env=stage.environment, capture_output=True, text=True, check=True).stdout
+    assert told.strip() == str(stage.port)
+    with ServerProxy(stage.environment["ROS_MASTER_URI"]) as proxy:
+        assert "<robot" in str(proxy.getParam("/test", "/robot_description"))
