@@ -1,0 +1,71 @@
+"""The page on Python says what the devkit has, and its first program drives."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import autodrive
+from autodrive import Simulation
+from autodrive.bridge.devkit import DevkitBridge
+from autodrive.devkit import Nigel
+from autodrive.protocol.devkit import PROFILES, telemetry
+from tests.bridge.conftest import eventually, free_port, is_listening
+from tests.protocol.devkit_frames import frame
+
+PAGE = (Path(__file__).parents[2] / "docs" / "python.md").read_text()
+
+
+def rows(*, of_commands: bool) -> dict[str, str]:
+    """Attribute -> type, of one of the two tables."""
+    found = dict(re.findall(r"^\| `(\w+)` \| ([\w, ().]+) \|", PAGE, re.MULTILINE))
+    return {name: kind for name, kind in found.items() if name.endswith("_command") == of_commands}
+
+
+def test_the_tables_have_all_attributes_of_a_vehicle() -> None:
+    nigel = Nigel("V1")
+    public = {name for name in dir(nigel) if not name.startswith("_") and not callable(getattr(nigel, name))} - {"id"}
+    assert {*rows(of_commands=False), *rows(of_commands=True)} == public
+
+
+def test_each_attribute_is_of_the_type_that_the_table_says() -> None:
+    nigel = Nigel("V1")
+    nigel.parse_data(telemetry(frame(), PROFILES["2025"]))
+    for name, kind in rows(of_commands=False).items():
+        value = getattr(nigel, name)
+        if kind == "float":
+            assert isinstance(value, float), name
+        else:
+            dtype, shape = kind.split(", ", 1)
+            assert value.dtype == np.dtype(dtype), name
+            sizes = [size for size in shape.strip("()").split(", ") if size]
+            assert value.ndim == len([size for size in sizes if size.rstrip(",")]), name
+            if sizes[0].rstrip(",").isdigit():
+                assert value.shape == (int(sizes[0].rstrip(",")),), name
+
+
+def test_each_command_takes_the_values_that_the_table_says() -> None:
+    nigel = Nigel("V1")
+    for name, kind in rows(of_commands=True).items():
+        setattr(nigel, name, {"float": 0.5, "int": 1, "bool": True}[kind])
+    assert nigel.generate_commands() == {
+        "V1 Throttle": "0.5", "V1 Steering": "0.5", "V1 Headlights": "1", "V1 Indicators": "1", "V1 Reset": "True",
+    }  # fmt: skip
+
+
+def test_the_first_program_drives(tmp_path: Path) -> None:
+    (source,) = re.findall(r"`my_script.py`:\n\n```python\n(.*?)```", PAGE, re.DOTALL)
+    port = free_port()
+    (tmp_path / "my_script.py").write_text(source.replace("drive(step, nigel)", f"drive(step, nigel, port={port})"))
+    simulation = Simulation(autodrive.make("mini_map"))
+    with subprocess.Popen([sys.executable, tmp_path / "my_script.py"]) as script:
+        eventually(lambda: is_listening(port) or script.poll() is not None)
+        with DevkitBridge(simulation, port=port) as bridge:
+            simulation.run(2.0)
+            assert bridge.counters.profile == "2025"
+        script.kill()
+    assert simulation.frame.vehicles["V1"].pose.position[0] > 0.2
