@@ -139,7 +139,7 @@ class Services:
         if wanted == states.STATE_STOPPED:
             self._bridge.ask(Reset())
         self._is_stopped = wanted == states.STATE_STOPPED
-        self._await(lambda: self._is_paused == (wanted != states.STATE_PLAYING))
+        self._await(lambda: self._state() == wanted)
 
     def step_simulation(self, request: Any, _: Any) -> None:
         """Each step is a tick."""
@@ -216,8 +216,8 @@ class Services:
         self._bridge.ask(Pause())
         self._bridge.ask(LoadScenario(request.uri))
         self._bridge.ask(Reset())
-        self._await(lambda: self._bridge.scene is not None and self._bridge.scene.scenario == request.uri)
         self._is_stopped = True
+        self._await(lambda: self._is_at_the_beginning_of(request.uri))
         response.world = self._world(request.uri, self._bridge.scenarios[request.uri])
 
     def get_current_world(self, _: Any, response: Any) -> None:
@@ -239,6 +239,10 @@ class Services:
             return self._states.STATE_PLAYING
         is_stopped = self._is_stopped and self._bridge.frame.tick == 0
         return self._states.STATE_STOPPED if is_stopped else self._states.STATE_PAUSED
+
+    def _is_at_the_beginning_of(self, scenario: str) -> bool:
+        scene = self._bridge.scene
+        return scene is not None and scene.scenario == scenario and self._state() == self._states.STATE_STOPPED
 
     def _now(self) -> Frame:
         if self._bridge.frame is None:

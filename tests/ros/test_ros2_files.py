@@ -1,0 +1,141 @@
+"""Launch files and the RViz file of ROS 2, as far as they can be tried where neither launch nor RViz 2 is installed.
+
+The launch files run with stand-ins of `launch` and `launch_ros` that keep what they are given: arguments, nodes, and
+what those are started with. That `ros2 launch` starts them is not tried here, nor is what RViz 2 draws.
+"""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+import yaml
+
+from autodrive.ros import Bridge, Config
+from tests.ros.recorder import Recorder
+
+PACKAGE = Path(__file__).parents[2] / "ros" / "ros2" / "autodrive_ros2"
+RVIZ = PACKAGE / "rviz" / "autodrive.rviz"
+
+TYPES = {
+    "rviz_default_plugins/RobotModel": "std_msgs/String",
+    "rviz_default_plugins/LaserScan": "sensor_msgs/LaserScan",
+    "rviz_default_plugins/Odometry": "nav_msgs/Odometry",
+    "rviz_default_plugins/Image": "sensor_msgs/Image",
+}
+"""What a display reads."""
+
+
+class Kept(SimpleNamespace):
+    """What something was made of: by name, or all others as `args`."""
+
+    def __init__(self, *args: Any, **named: Any) -> None:
+        super().__init__(args=args, **named)
+
+
+class LaunchConfiguration(Kept):
+    def perform(self, context: dict[str, str]) -> str:
+        return context[self.args[0]]
+
+
+@pytest.fixture
+def launch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The packages that a launch file imports."""
+    made: dict[str, dict[str, Any]] = {
+        "launch": {"LaunchDescription": Kept},
+        "launch.actions": dict.fromkeys(("DeclareLaunchArgument", "OpaqueFunction", "IncludeLaunchDescription"), Kept),
+        "launch.substitutions": {"LaunchConfiguration": LaunchConfiguration},
+        "launch.launch_description_sources": {"PythonLaunchDescriptionSource": Kept},
+        "launch_ros": {},
+        "launch_ros.actions": {"Node": Kept},
+        "ament_index_python": {},
+        "ament_index_python.packages": {"get_package_share_directory": lambda _: str(PACKAGE)},
+    }
+    for name, contents in made.items():
+        module = ModuleType(name)
+        vars(module).update(contents)
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+
+def described(file: str) -> list[Kept]:
+    return runpy.run_path(str(PACKAGE / "launch" / file))["generate_launch_description"]().args[0]
+
+
+def started(**chosen: str) -> list[Kept]:
+    """The nodes of bringup_headless with these arguments."""
+    *arguments, nodes = described("bringup_headless.launch.py")
+    context = {one.args[0]: one.default_value for one in arguments}
+    assert set(chosen) <= set(context)
+    return nodes.function(context | chosen)
+
+
+def test_headless_starts_the_bridge_as_it_is_told(launch: None) -> None:
+    (bridge,) = started(namespace="lab", host="10.0.0.7", port="9000", mode="devkit")
+    assert (bridge.package, bridge.executable, bridge.namespace) == ("autodrive_ros2", "autodrive_bridge", "lab")
+    file, chosen = bridge.parameters
+    assert chosen == {"mode": "devkit", "host": "10.0.0.7", "port": 9000}
+    given = yaml.safe_load(Path(file).read_text())["/**"]["ros__parameters"]
+    Config(**(given | chosen))  # they are its names, and fit
+
+
+def test_its_program_is_installed(launch: None) -> None:
+    (bridge,) = started()
+    assert f'f"{bridge.executable} = {{NAME}}.bridge:main"' in (PACKAGE / "setup.py").read_text()
+
+
+def test_graphics_is_headless_with_rviz(launch: None) -> None:
+    (included,) = described("bringup_graphics.launch.py")
+    assert Path(included.args[0].args[0]).name == "bringup_headless.launch.py"
+    assert dict(included.launch_arguments) == {"rviz": "true"}
+    _, rviz = started(rviz="true")
+    assert (rviz.package, rviz.executable, rviz.arguments) == ("rviz2", "rviz2", ["-d", str(RVIZ)])
+    assert rviz.parameters == [{"use_sim_time": True}]
+
+
+def test_in_a_namespace_rviz_reads_the_topics_there(launch: None) -> None:
+    _, rviz = started(rviz="true", namespace="/lab")
+    told = Path(rviz.arguments[1]).read_text()
+    assert "/lab/autodrive/nigel_1/scan" in told
+    assert told.count("/autodrive/") == told.count("/lab/autodrive/") == RVIZ.read_text().count("/autodrive/")
+
+
+def topics(display: dict[str, Any]) -> list[str]:
+    return [display[name]["Value"] for name in ("Topic", "Description Topic") if name in display]
+
+
+def test_rviz_shows_what_the_bridge_publishes() -> None:
+    node = Recorder()
+    Bridge(Config(), node)
+    known = {f"/{name}": topic for name, topic in node.topics.items()}
+    displays = yaml.safe_load(RVIZ.read_text())["Visualization Manager"]["Displays"]
+    shown = [(display, topic) for display in displays for topic in topics(display)]
+    assert {display["Class"] for display, _ in shown} == set(TYPES)
+    for display, topic in shown:
+        assert known[topic].type == TYPES[display["Class"]], topic
+        qos = display.get("Topic") or display["Description Topic"]
+        if known[topic].quality == "latched":
+            assert qos["Durability Policy"] == "Transient Local"
+        else:
+            assert qos["Reliability Policy"] == "Best Effort", "which reads reliable topics too"
+
+
+def test_rviz_has_a_dock_for_each_picture_and_a_known_plugin_for_each_thing() -> None:
+    tree = yaml.safe_load(RVIZ.read_text())
+    manager = tree["Visualization Manager"]
+    plain = bytes.fromhex(tree["Window Geometry"]["QMainWindow State"]).replace(b"\0", b"").decode("latin-1")
+    for display in manager["Displays"]:
+        if display["Class"].endswith("/Image"):
+            assert display["Name"] in plain
+            assert display["Name"] in tree["Window Geometry"]
+    classes = [one["Class"] for one in (*manager["Displays"], *manager["Tools"], manager["Views"]["Current"])]
+    assert all(name.startswith("rviz_default_plugins/") for name in classes)
+    assert all(panel["Class"].startswith("rviz_common/") for panel in tree["Panels"])
+    poses = [tool for tool in manager["Tools"] if tool["Class"].endswith("/SetInitialPose")]
+    node = Recorder()
+    Bridge(Config(), node)
+    assert poses[0]["Topic"]["Value"].removeprefix("/") in node.subscriptions
