@@ -114,7 +114,7 @@ def test_polar_plot_and_time_plots_are_drawn(visit: Visit, mini_map: Served) -> 
     assert len(plots) == 3
     for plot in plots:
         canvas = plot.locator("canvas").first
-        canvas.scroll_into_view_if_needed()
+        canvas.evaluate("of => of.scrollIntoView()")
         visit.until(lambda canvas=canvas: canvas.evaluate(COLOURS) > 10)
 
 
