@@ -48,12 +48,17 @@ def environment() -> dict[str, str]:
     if shutil.which("roscore", path="/usr/bin") is None or shutil.which("catkin_make", path="/usr/bin") is None:
         pytest.skip("ROS 1 is not installed: scripts/ros1")
     subprocess.run([ROOT / "scripts" / "ros1", "--headless", "true"], check=True, timeout=600)
-    own = {"HOME", "LANG", "TMPDIR", "DISPLAY"}
+    return sourced()
+
+
+def sourced() -> dict[str, str]:
+    """What a terminal has after `. build/ros1/devel/setup.sh`, with a master of its own."""
+    own = {"HOME", "LANG", "TMPDIR"}
     plain = {name: value for name, value in os.environ.items() if name in own} | {"PATH": "/usr/bin:/bin:/usr/sbin"}
     source = f". {WORKSPACE}/devel/setup.sh && env -0"
     told = subprocess.run(["sh", "-c", source], env=plain, capture_output=True, text=True, check=True).stdout
-    sourced = dict(line.split("=", 1) for line in told.split("\0") if line)
-    return sourced | {"ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}", "ROS_IP": "127.0.0.1"}
+    variables = dict(line.split("=", 1) for line in told.split("\0") if line)
+    return variables | {"ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}", "ROS_IP": "127.0.0.1"}
 
 
 class Running:
