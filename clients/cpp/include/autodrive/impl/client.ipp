@@ -1,0 +1,179 @@
+#pragma once
+
+#include <boost/asio/connect.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/websocket.hpp>
+
+#include "autodrive/client.hpp"
+#include "autodrive/impl/messages.ipp"
+#include "autodrive/impl/msgpack.ipp"
+
+namespace autodrive {
+
+namespace detail {
+
+/// A WebSocket whose every act ends within a time.
+class Connection {
+public:
+    Connection(const std::string& host, unsigned short port, const std::string& token, std::chrono::milliseconds timeout)
+        : timeout_(timeout), socket_(context_) {
+        namespace websocket = boost::beast::websocket;
+        boost::asio::ip::tcp::resolver resolver(context_);
+        const std::string number = std::to_string(port);
+        run([&](auto done) {
+            boost::beast::get_lowest_layer(socket_).async_connect(resolver.resolve(host, number),
+                                                                  [done](Error fault, const auto&) { done(fault); });
+        });
+        boost::beast::get_lowest_layer(socket_).socket().set_option(boost::asio::ip::tcp::no_delay(true));
+        socket_.set_option(websocket::stream_base::decorator([](websocket::request_type& request) {
+            request.set(boost::beast::http::field::sec_websocket_protocol, "autodrive.v1");
+        }));
+        socket_.read_message_max(std::size_t{1} << 26);
+        socket_.binary(true);
+        run([&](auto done) {
+            socket_.async_handshake(host + ":" + number, token.empty() ? "/ws" : "/ws?token=" + escaped(token),
+                                    [done](Error fault) { done(fault); });
+        });
+    }
+
+    void send(const std::vector<std::uint8_t>& bytes) {
+        run([&](auto done) {
+            socket_.async_write(boost::asio::buffer(bytes), [done](Error fault, std::size_t) { done(fault); });
+        });
+    }
+
+    /// The next message, until the one after it.
+    std::pair<const std::uint8_t*, std::size_t> receive() {
+        buffer_.consume(buffer_.size());
+        run([&](auto done) { socket_.async_read(buffer_, [done](Error fault, std::size_t) { done(fault); }); });
+        return {static_cast<const std::uint8_t*>(buffer_.cdata().data()), buffer_.size()};
+    }
+
+private:
+    using Error = boost::beast::error_code;
+
+    /// Begins something asynchronous and waits for its end, at most `timeout_`.
+    template <typename Begin>
+    void run(Begin begin) {
+        Error result = boost::asio::error::would_block;
+        boost::beast::get_lowest_layer(socket_).expires_after(timeout_);
+        begin([&result](Error fault) { result = fault; });
+        context_.restart();
+        context_.run();
+        boost::beast::get_lowest_layer(socket_).expires_never();
+        if (result) throw boost::system::system_error(result);
+    }
+
+    static std::string escaped(const std::string& text) {
+        static constexpr char digits[] = "0123456789ABCDEF";
+        std::string written;
+        for (const unsigned char letter : text) {
+            const bool is_plain = (letter >= '0' && letter <= '9') || (letter >= 'A' && letter <= 'Z') ||
+                                  (letter >= 'a' && letter <= 'z') || letter == '-' || letter == '_';
+            if (is_plain)
+                written += static_cast<char>(letter);
+            else
+                written.append({'%', digits[letter >> 4], digits[letter & 15]});
+        }
+        return written;
+    }
+
+    std::chrono::milliseconds timeout_;
+    boost::asio::io_context context_{1};
+    boost::beast::websocket::stream<boost::beast::tcp_stream, false> socket_;
+    boost::beast::flat_buffer buffer_;
+};
+
+}  // namespace detail
+
+AUTODRIVE_INLINE Client::Client(const std::string& host, unsigned short port, const std::string& token,
+                                const Subscription& subscription, std::chrono::milliseconds timeout)
+    : connection_(std::make_unique<detail::Connection>(host, port, token, timeout)) {
+    send({{"type", "Hello"}, {"protocol", 1}, {"name", "C++"}});
+    Json wish = {{"type", "Subscribe"}, {"scans", subscription.scans}, {"picture_rate", subscription.picture_rate}};
+    wish["frame_rate"] = subscription.frame_rate ? Json(*subscription.frame_rate) : Json();
+    send(wish);
+    while (welcome_.is_null() || scene_.is_null()) take(receive());
+}
+
+AUTODRIVE_INLINE Client::~Client() = default;
+AUTODRIVE_INLINE Client::Client(Client&&) noexcept = default;
+AUTODRIVE_INLINE Client& Client::operator=(Client&&) noexcept = default;
+
+AUTODRIVE_INLINE Frame Client::next() {
+    while (!fresh_) take(receive());
+    fresh_ = false;
+    return frame_;
+}
+
+AUTODRIVE_INLINE void Client::drive(const std::string& vehicle, const Command& command) {
+    send({{"type", "Drive"}, {"vehicle", vehicle}, {"command", wire::command(command)}});
+}
+
+AUTODRIVE_INLINE Frame Client::step(int ticks, const std::map<std::string, Command>& commands) {
+    Json told = Json::object();
+    for (const auto& [vehicle, command] : commands) told[vehicle] = wire::command(command);
+    return request({{"type", "Step"}, {"ticks", ticks}, {"commands", told}});
+}
+
+AUTODRIVE_INLINE Frame Client::pause() { return request({{"type", "Pause"}}); }
+AUTODRIVE_INLINE Frame Client::resume() { return request({{"type", "Resume"}}); }
+AUTODRIVE_INLINE Frame Client::reset() { return request({{"type", "Reset"}}); }
+
+AUTODRIVE_INLINE Frame Client::teleport(const std::string& vehicle, double x, double y, double yaw) {
+    return request({{"type", "Teleport"}, {"vehicle", vehicle}, {"x", x}, {"y", y}, {"yaw", yaw}});
+}
+
+AUTODRIVE_INLINE Frame Client::request(const Json& request) {
+    const std::int64_t id = next_id_++;
+    send({{"type", "Please"}, {"id", id}, {"request", request}});
+    while (true) {
+        const Json message = receive();
+        if (message.value("id", Json()) == id) {
+            if (message.at("type") == "Fault") throw Refused(message.at("text").get<std::string>());
+            show(message.at("frame"));
+            fresh_ = false;
+            return frame_;
+        }
+        take(message);
+    }
+}
+
+AUTODRIVE_INLINE void Client::send(const Json& message) { connection_->send(Json::to_msgpack(message)); }
+
+AUTODRIVE_INLINE Json Client::receive() {
+    const auto [bytes, size] = connection_->receive();
+    return detail::Unpacker(bytes, size).value();
+}
+
+AUTODRIVE_INLINE void Client::take(const Json& message) {
+    const std::string& type = message.at("type").get_ref<const std::string&>();
+    if (type == "Frame") {
+        show(message);
+    } else if (type == "Scan") {
+        scans_[message.at("vehicle")] = wire::scan(message.at("scan"));
+    } else if (type == "Picture") {
+        pictures_[{message.at("vehicle"), message.at("camera")}] = {message.at("time"), message.at("jpeg").get_binary()};
+    } else if (type == "Status") {
+        status_ = message;
+    } else if (type == "Scene") {
+        scene_ = message;
+        scans_.clear();
+        pictures_.clear();
+    } else if (type == "Welcome") {
+        welcome_ = message;
+    } else if (type == "Fault") {
+        throw Refused(message.at("text").get<std::string>());
+    }
+}
+
+AUTODRIVE_INLINE void Client::show(const Json& told) {
+    frame_ = wire::frame(told);
+    fresh_ = true;
+    for (auto& [name, vehicle] : frame_.vehicles)
+        if (const auto scan = scans_.find(name); scan != scans_.end()) vehicle.lidar = scan->second;
+}
+
+}  // namespace autodrive

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstring>
+#include <stdexcept>
+
+#include "autodrive/messages.hpp"
+
+namespace autodrive::wire {
+
+/// An array of the wire: a MessagePack extension of little-endian values, 1 for float64 and 2 for int64.
+template <typename Value, int code>
+std::vector<Value> array(const Json& json) {
+    const auto& binary = json.get_binary();
+    if (!binary.has_subtype() || binary.subtype() != code || binary.size() % sizeof(Value))
+        throw std::runtime_error("an array of the wire has another type than expected");
+    std::vector<Value> values(binary.size() / sizeof(Value));
+    std::memcpy(values.data(), binary.data(), binary.size());
+    return values;
+}
+
+inline std::vector<double> doubles(const Json& json) { return array<double, 1>(json); }
+
+template <int size>
+Eigen::Matrix<double, size, 1> vector(const Json& json) {
+    const auto values = doubles(json);
+    if (values.size() != size) throw std::runtime_error("a vector of the wire has another length than expected");
+    return Eigen::Map<const Eigen::Matrix<double, size, 1>>(values.data());
+}
+
+inline Eigen::Quaterniond quaternion(const Json& json) {
+    const auto wxyz = vector<4>(json);
+    return {wxyz[0], wxyz[1], wxyz[2], wxyz[3]};
+}
+
+inline Pose pose(const Json& json) { return {vector<3>(json.at("position")), quaternion(json.at("orientation"))}; }
+
+inline LidarScan scan(const Json& json) {
+    return {json.at("time"),      doubles(json.at("ranges")), doubles(json.at("intensities")),
+            json.at("angle_min"), json.at("angle_increment"), json.at("range_min"),
+            json.at("range_max"), json.at("scan_rate"),       json.at("scan_time"),
+            json.at("time_increment")};
+}
+
+inline VehicleFrame vehicle(const Json& json) {
+    VehicleFrame vehicle;
+    vehicle.pose = pose(json.at("pose"));
+    vehicle.velocity = vector<3>(json.at("velocity"));
+    vehicle.angular_velocity = vector<3>(json.at("angular_velocity"));
+    vehicle.throttle = json.at("throttle");
+    vehicle.steering = json.at("steering");
+    const Json& encoders = json.at("encoders");
+    const auto ticks = array<std::int64_t, 2>(encoders.at("ticks"));
+    vehicle.encoders = {encoders.at("time"), ticks.at(0), ticks.at(1), vector<2>(encoders.at("angles"))};
+    vehicle.position = vector<3>(json.at("ips").at("position"));
+    const Json& imu = json.at("imu");
+    vehicle.imu = {imu.at("time"), quaternion(imu.at("orientation")), vector<3>(imu.at("euler")),
+                   vector<3>(imu.at("angular_velocity")), vector<3>(imu.at("linear_acceleration"))};
+    vehicle.headlights = json.at("lights").at("headlights");
+    vehicle.indicators = json.at("lights").at("indicators");
+    vehicle.is_autonomous = json.at("is_autonomous");
+    vehicle.collision_count = json.at("collision_count");
+    return vehicle;
+}
+
+inline Frame frame(const Json& json) {
+    Frame frame;
+    frame.time = json.at("time");
+    frame.tick = json.at("tick");
+    frame.scene_light = json.at("scene_light");
+    for (const auto& [name, told] : json.at("vehicles").items()) frame.vehicles[name] = vehicle(told);
+    for (const auto& [name, told] : json.at("objects").items()) frame.objects[name] = pose(told.at("pose"));
+    for (const Json& told : json.at("events"))
+        frame.events.push_back({told.at("type"), told.at("time"), told.at("vehicle"), told.value("other", ""),
+                                vector<3>(told.at("position"))});
+    return frame;
+}
+
+inline Json command(const Command& command) {
+    Json json = {{"throttle", command.throttle}, {"steering", command.steering}};
+    if (command.headlights) json["headlights"] = *command.headlights;
+    if (command.indicators) json["indicators"] = *command.indicators;
+    return json;
+}
+
+}  // namespace autodrive::wire

@@ -1,0 +1,2 @@
+// What client.hpp leaves to a library.
+#include <autodrive/impl/client.ipp>
