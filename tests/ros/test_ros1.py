@@ -23,7 +23,7 @@ from autodrive.protocol.messages import Headlights, Indicators, VehicleFrame
 from autodrive.ros import Config
 from autodrive.ros.topics import WORLD_TOPICS, VehicleTopics
 from autodrive.vehicles.spec import load_vehicle
-from tests.ros.ros1 import Running, Stage, Witness, await_that, client, launched, master, simulator, witness
+from tests.ros.ros1 import ROOT, Running, Stage, Witness, await_that, client, launched, master, simulator, witness
 
 NIGEL = "/autodrive/nigel_1"
 TOPICS = VehicleTopics(Config(), is_direct=True)
@@ -270,6 +270,17 @@ def test_the_example_in_python_goes_round_the_bend(bridge: Running, stage: Stage
     events = [type(event).__name__ for event in sim.frame.events]
     assert sim.frame.vehicles["V1"].collision_count == 0
     assert "OffRoad" not in events
+
+
+def test_the_program_of_the_document_drives(bridge: Running, stage: Stage, sim: Client) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "ros1.md").read_text(), flags=re.DOTALL)
+    program = stage.folder / "careful.py"
+    program.write_text(code)
+    with Running(stage.environment, stage.folder, "python3", program):
+        await_that(lambda: sim.wait().vehicles["V1"].speed > 0.1)
+        sim.teleport("V1", 3.4, 0.0, 0.0)  # before a wall
+        await_that(lambda: sim.wait().vehicles["V1"].throttle == 0.0)
+    assert sim.frame.vehicles["V1"].collision_count == 0
 
 
 def test_keys_drive(bridge: Running, stage: Stage, sim: Client) -> None:

@@ -1,0 +1,54 @@
+"""What can be said of the ROS 1 files without ROS: they agree with the code."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import yaml
+
+from autodrive.ros import Config
+from autodrive.ros.topics import VehicleTopics
+from tests.ros.ros1_tables import DOCUMENT, rewritten
+
+PACKAGE = Path(__file__).parents[2] / "ros" / "ros1" / "autodrive_ros"
+
+
+def test_the_tables_of_the_document_are_those_of_the_code() -> None:
+    text = DOCUMENT.read_text()
+    assert text == rewritten(text), "write them anew:  python -m tests.ros.ros1_tables"
+
+
+def test_every_parameter_is_an_argument_with_the_same_default() -> None:
+    arguments = {
+        one.attrib["name"]: one.attrib["default"]
+        for one in ElementTree.parse(PACKAGE / "launch" / "autodrive.launch").iterfind("arg")
+    }
+    del arguments["use_sim_time"]
+    for field in dataclasses.fields(Config):
+        if field.name != "robot_description":
+            told = arguments.pop(field.name)
+            assert (str(field.default).lower() == told) or float(told) == field.default, field.name
+    assert not arguments
+
+
+def test_what_rviz_shows_is_published() -> None:
+    displays = yaml.safe_load((PACKAGE / "rviz" / "autodrive.rviz").read_text())["Visualization Manager"]["Displays"]
+    shown = {one[key] for one in displays for key in ("Topic", "Image Topic") if key in one}
+    topics = VehicleTopics(Config(), is_direct=True)
+    published = {topic.name.removeprefix(f"{topics.root}/") for topic in topics.all}
+    assert shown - published == {"route"}  # of the example
+    assert {"lidar", "odom", "front_camera", "rear_camera"} <= shown
+
+
+def test_the_messages_of_both_generations_are_the_same_files() -> None:
+    messages = PACKAGE.parent / "autodrive_msgs" / "msg"
+    assert messages.is_symlink()
+    assert messages.resolve() == PACKAGE.parents[1] / "ros2" / "autodrive_msgs" / "msg"
+
+
+def test_the_script_is_plain_sh() -> None:
+    script = PACKAGE.parents[2] / "scripts" / "ros1"
+    assert subprocess.run(["sh", "-n", script], check=False).returncode == 0
