@@ -21,12 +21,8 @@ BUILT = ROOT / "build" / "ros2"
 VEHICLE = "/autodrive/nigel_1"
 
 
-@pytest.fixture(scope="session")
-def ros2() -> dict[str, str]:
-    """Environment of a terminal in which the packages are built and sourced, in a domain of its own."""
-    if not (WHEELS / "installed.txt").is_file():
-        pytest.skip("ROS 2 is not there: scripts/ros2")
-    subprocess.run([ROOT / "scripts" / "ros2"], check=True, timeout=600)
+def sourced() -> dict[str, str]:
+    """Environment of a terminal in which the packages are sourced, in a domain of its own."""
     plain = {name: value for name, value in os.environ.items() if name in {"HOME", "LANG", "TMPDIR"}}
     told = subprocess.run(
         ["bash", "-c", f". {BUILT}/setup.sh && env -0"],
@@ -35,12 +31,20 @@ def ros2() -> dict[str, str]:
         text=True,
         check=True,
     ).stdout
-    sourced = dict(line.split("=", 1) for line in told.split("\0") if line)
-    return sourced | {
+    return dict(line.split("=", 1) for line in told.split("\0") if line) | {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_DOMAIN_ID": str(random.randint(1, 100)),
         "PYTHONUNBUFFERED": "1",
     }
+
+
+@pytest.fixture(scope="session")
+def ros2() -> dict[str, str]:
+    """Likewise, once they are built."""
+    if not (WHEELS / "installed.txt").is_file():
+        pytest.skip("ROS 2 is not there: scripts/ros2")
+    subprocess.run([ROOT / "scripts" / "ros2"], check=True, timeout=600)
+    return sourced()
 
 
 def bridge(environment: dict[str, str], folder: Path, *arguments: str, **parameters: object) -> Running:

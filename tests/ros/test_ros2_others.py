@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from autodrive import Client
+from tests.ros import ros2_tables
 from tests.ros.ros1 import Running, await_that, client, free_port, simulator
 from tests.ros.ros2 import BUILT, VEHICLE, WHEELS, Witness, bridge, ros2, witness
 
@@ -122,6 +124,32 @@ def test_a_gamepad_drives_while_its_button_is_held(
         heard.say("/devkit/joy", "sensor_msgs/Joy", pushed | {"buttons": [0] * 5})
         await_that(lambda: sim.frame.vehicles["V1"].throttle == 0.0)
         heard.say("/devkit/joy", "sensor_msgs/Joy", None)
+
+
+def test_the_program_of_the_document_drives_and_stops_before_what_is_in_the_way(
+    ros2: dict[str, str], heard: Witness, sim: Client, folder: Path
+) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", ros2_tables.DOCUMENT.read_text(), flags=re.DOTALL)
+    program = folder / "careful.py"
+    program.write_text(code)
+    sim.reset()
+    scan = await_that(lambda: sim.frame.vehicles["V1"].lidar)
+    ahead = min(*scan.ranges[:20], *scan.ranges[-20:])  # a devkit's LIDAR begins straight ahead
+    x, y, _ = sim.frame.vehicles["V1"].pose.position
+    sim.teleport("V1", x + ahead - 0.75, y)
+    with Running(ros2, folder, WHEELS / "bin" / "python", program, "--ros-args", "-r", "__ns:=/devkit"):
+        await_that(lambda: sim.frame.vehicles["V1"].speed > 0.1)
+        await_that(lambda: abs(sim.frame.vehicles["V1"].speed) < 0.01)
+        car = sim.frame.vehicles["V1"]
+        assert car.collision_count == 0
+        assert car.lidar is not None
+        assert 0.25 < min(*car.lidar.ranges[:20], *car.lidar.ranges[-20:]) < 0.5
+
+
+def test_the_tables_of_the_document_are_those_of_the_code(ros2: dict[str, str]) -> None:
+    """If not:  python -m tests.ros.ros2_tables"""
+    text = ros2_tables.DOCUMENT.read_text()
+    assert ros2_tables.rewritten(text, ros2_tables.tables(ros2)) == text
 
 
 def test_without_the_optional_packages_it_runs_and_says_what_it_lacks(ros2: dict[str, str], folder: Path) -> None:

@@ -41,6 +41,7 @@ class Config:
     take_over: bool = True
     """Whether a command that comes after silence makes its vehicle autonomous, where a person drives; direct mode."""
     publish_tf: bool = True
+    """Whether /tf and /tf_static are published."""
     publish_map_to_odom: bool = True
     """Ground truth as a perfect localisation; off where a localisation of the user's publishes it."""
     robot_description: str = ""

@@ -41,6 +41,8 @@ RANGE_MIN, RANGE_MAX = 0.15, 12.0
 """Of the LIDAR (report, table 7) [m]."""
 CAMERAS = ("front", "rear")
 UNKNOWN = np.full(4, math.nan)
+REPEAT = 0.2
+"""Where nothing moves, a scan or a picture is the same as before: it is told again after that time [s]."""
 
 
 class DevkitSource:
@@ -127,8 +129,8 @@ class _Car:
         self._config = config
         self._car = car
         self._told = Vehicle(prefix)
-        self._scan_text = ""
-        self._picture_texts: dict[str, str] = {}
+        self._texts: dict[str, tuple[str, float]] = {}
+        """Scan and pictures as they were told last, and when [s]."""
         self._angle: float | None = None
         self._time = 0.0
         self._speed = 0.0
@@ -137,12 +139,11 @@ class _Car:
         """As a Frame; what the devkits are not told is unknown, or follows from what they are."""
         told, era = self._told, self._config.era
         scan = str(data.get(self._key("LIDAR Range Array"), ""))
-        self.new_scan = None
-        skipped = ("Image",) if scan != self._scan_text else ("Image", "LIDAR Range", "LIDAR Intensity")
+        skipped = (
+            ("Image",) if scan != self._texts.get("scan", ("",))[0] else ("Image", "LIDAR Range", "LIDAR Intensity")
+        )
         told.parse_data({key: text for key, text in data.items() if not any(word in key for word in skipped)})
-        if scan and scan != self._scan_text:
-            self.new_scan = self._scan(now)
-        self._scan_text = scan
+        self.new_scan = self._scan(now) if self._is_news("scan", scan, now) else None
         orientation = np.roll(_vector(told.orientation_quaternion, (0.0, 0.0, 0.0, 1.0)), 1)
         lever = rotate(orientation, era.origin)
         position = _vector(told.position, (0.0, 0.0, 0.0)) - lever
@@ -169,15 +170,21 @@ class _Car:
         )
 
     def new_pictures(self, data: Mapping[str, Any], now: float) -> dict[str, Picture]:
-        """Those that were not told before, by camera; their pose is not known."""
+        """Those that are news, by camera; their pose is not known."""
         news = {}
         for camera in CAMERAS:
-            text = data.get(self._key(f"{camera.capitalize()} Camera Image"))
-            if text and text != self._picture_texts.get(camera):
-                self._picture_texts[camera] = text
+            text = str(data.get(self._key(f"{camera.capitalize()} Camera Image"), ""))
+            if self._is_news(camera, text, now):
                 jpeg = base64.b64decode(text)
                 news[camera] = Picture(self.prefix, camera, now, Pose(UNKNOWN[:3], UNKNOWN), _pinhole(jpeg), jpeg)
         return news
+
+    def _is_news(self, of: str, text: str, now: float) -> bool:
+        known, when = self._texts.get(of, ("", -math.inf))
+        if not text or (text == known and now - when < REPEAT):
+            return False
+        self._texts[of] = text, now
+        return True
 
     def _key(self, name: str) -> str:
         return f"{self.prefix} {name}".lstrip()
