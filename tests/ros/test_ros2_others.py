@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import pty
 import re
@@ -133,10 +134,8 @@ def test_the_program_of_the_document_drives_and_stops_before_what_is_in_the_way(
     program = folder / "careful.py"
     program.write_text(code)
     sim.reset()
-    scan = await_that(lambda: sim.frame.vehicles["V1"].lidar)
-    ahead = min(*scan.ranges[:20], *scan.ranges[-20:])  # a devkit's LIDAR begins straight ahead
     x, y, _ = sim.frame.vehicles["V1"].pose.position
-    sim.teleport("V1", x + ahead - 0.75, y)
+    sim.teleport("V1", x + 0.4, y, math.pi)  # a wall is behind the start
     with Running(ros2, folder, WHEELS / "bin" / "python", program, "--ros-args", "-r", "__ns:=/devkit"):
         await_that(lambda: sim.frame.vehicles["V1"].speed > 0.1)
         await_that(lambda: abs(sim.frame.vehicles["V1"].speed) < 0.01)
