@@ -2,8 +2,8 @@
 
     scripts/ros1 --headless && uv run benchmarks/ros1.py
 
-A simulator in real time, whose car drives in circles, with a scan and two pictures of 640 x 480; the node; and one reader
-in rospy: each a process of its own. CPU of the node in a core [%]; medians [ms] until the reader's callback: of a scan
+A simulator in real time, whose car drives in circles, with a scan and two pictures of 640 x 480; the node; a reader in
+rospy: each a process of its own. CPU of the node in a core [%]; medians [ms] until the reader's callback: of a scan
 from its simulated time on (where real time is, the fastest Frames to a native client say), of a picture from when a
 native client has it. (Before, it is drawn and encoded, which is the simulator's affair.)
 """
