@@ -19,7 +19,7 @@ AHEAD, ABOVE, DOWN = 0.186, 0.14465, math.radians(7.294)  # camera: from the rea
 LINES = np.array([-0.134, 0.150, 0.434])  # right edge, middle and left edge of the road, left of the lane's middle [m]
 RADIUS = 0.85  # of the lane's middle in a curve [m]
 OUT_OF_SIGHT = -1.6  # where the car is, before the next curve, as long as that is not seen [m]
-ROLL = 0.9 * 0.0325  # way by angle of the rear wheels, which slip a little [m/rad]
+ROLL = 0.92 * 0.0325  # way by angle of the rear wheels, which slip a little [m/rad]
 TURN, LOOKAHEAD = 2.2, 0.28  # curvature at full steering [1/m]; how far ahead to meet the lane [m]
 
 # places on the road, as a grid ahead (rows) and to the left (columns) [m], and the pixels in which they are seen
@@ -68,7 +68,7 @@ def step():
     bearing = np.arctan2(lane_y - car.pose[1], lane_x - car.pose[0]) - car.pose[2]
     goal = np.argmax((distance > LOOKAHEAD) & (abs(bearing) < math.pi / 2))
     car.curvature = max(-TURN, min(TURN, 2.0 * math.sin(bearing[goal]) / distance[goal]))
-    nigel.throttle_command = 0.8
+    nigel.throttle_command = 0.6
     nigel.steering_command = car.curvature / TURN
 
 
