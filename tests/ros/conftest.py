@@ -1,4 +1,5 @@
-"""Fixtures of both generations of ROS."""
+"""Fixtures of ROS 1 that its modules share."""
 
-from tests.ros.ros1 import environment as environment
-from tests.ros.ros1 import stage as stage
+from tests.ros.ros1 import environment, stage
+
+__all__ = ["environment", "stage"]
