@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import time
 from contextlib import suppress
 from dataclasses import replace
 
 import rclpy
+from ament_index_python.packages import get_package_share_directory
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
@@ -108,8 +110,20 @@ class _Log(logging.Handler):
         tell(record.getMessage())
 
 
+def make_room_for_pictures() -> None:
+    """Fast DDS shares less memory with readers on this machine than a raw picture has, and loses pieces of it.
+
+    Whoever has configured Fast DDS is left alone; another middleware does not look at this.
+    """
+    names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")  # before Fast DDS 3, and since
+    if not any(name in os.environ for name in (*names, "FASTDDS_BUILTIN_TRANSPORTS")):
+        file = f"{get_package_share_directory('autodrive_ros2')}/config/fastdds.xml"
+        os.environ.update(dict.fromkeys(names, file))
+
+
 def main() -> None:
     """Run until Ctrl-C."""
+    make_room_for_pictures()
     rclpy.init()
     try:
         node = BridgeNode()
