@@ -37,7 +37,8 @@ PICTURES = {
 CASES = [("devkit", "raw"), ("direct", "none"), ("direct", "compressed"), ("direct", "raw")]
 
 READER = """
-import json, sys, time, rclpy, sensor_msgs.msg
+import contextlib, json, sys, time, rclpy, sensor_msgs.msg
+from rclpy.executors import ExternalShutdownException
 from rclpy.qos import qos_profile_sensor_data
 rclpy.init()
 node = rclpy.create_node("reader")
@@ -46,7 +47,8 @@ def take(message, topic):
 for topic, kind in json.loads(sys.argv[1]).items():
     heard = lambda message, topic=topic: take(message, topic)
     node.create_subscription(getattr(sensor_msgs.msg, kind), topic, heard, qos_profile_sensor_data)
-rclpy.spin(node)
+with contextlib.suppress(ExternalShutdownException):
+    rclpy.spin(node)
 """
 
 
