@@ -37,8 +37,7 @@ PICTURES = {
 CASES = [("devkit", "raw"), ("direct", "none"), ("direct", "compressed"), ("direct", "raw")]
 
 READER = """
-import contextlib, json, sys, time, rclpy, sensor_msgs.msg
-from rclpy.executors import ExternalShutdownException
+import json, sys, time, rclpy, sensor_msgs.msg
 from rclpy.qos import qos_profile_sensor_data
 rclpy.init()
 node = rclpy.create_node("reader")
@@ -47,8 +46,7 @@ def take(message, topic):
 for topic, kind in json.loads(sys.argv[1]).items():
     heard = lambda message, topic=topic: take(message, topic)
     node.create_subscription(getattr(sensor_msgs.msg, kind), topic, heard, qos_profile_sensor_data)
-with contextlib.suppress(ExternalShutdownException):
-    rclpy.spin(node)
+rclpy.spin(node)
 """
 
 
@@ -85,7 +83,7 @@ def run(environment: dict[str, str], folder: Path, mode: str, pictures: str) -> 
             begin, used = time.time(), cpu(node.process.pid)
             seen = watched(port, 30.0 if mode == "direct" and pictures != "none" else 0.0)
             share = (cpu(node.process.pid) - used) / (time.time() - begin)
-            reader.terminate()
+            reader.kill()
             heard = [one for one in map(json.loads, reader.stdout) if begin + 1.0 < one[2] < begin + SECONDS - 1.0]
     simulated.end(signal.SIGTERM)
     # The devkits' protocol tells no time: the stamps are the node's.
