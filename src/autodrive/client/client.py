@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.client.conversation import Conversation
+from autodrive.client.view import View
 from autodrive.client.wire import Address
 from autodrive.errors import AutodriveError, CommandError
 from autodrive.protocol.messages import (
@@ -79,6 +80,7 @@ class Client:
         name = (Path(sys.argv[0]).name or "python") if name is None else name
         wanted = Subscribe(frame_rate, scans, picture_rate, picture_width, picture_quality)
         self._talk = Conversation(Address.of(address, token), name, wanted, timeout, patience)
+        self._heard = 0
         self._images: dict[tuple[str, str], tuple[Picture, NDArray[np.uint8]]] = {}
 
     def close(self) -> None:
@@ -170,11 +172,18 @@ class Client:
         """What others see: the name asked for, with a number if somebody has it already."""
         return self._talk.view.welcome.name if self._talk.view.welcome else self._talk.name
 
-    def set_picture_rate(self, rate: float) -> None:
-        """Want that many pictures of each camera a second of wall time at most [Hz], 0: none."""
-        usual = self._talk.subscription
-        if usual.picture_rate != rate:
-            self._talk.subscribe(msgspec.structs.replace(usual, picture_rate=rate))
+    def set_rates(self, frame_rate: float | None, picture_rate: float) -> None:
+        """Want so many Frames and pictures from now on, as when the Client was made."""
+        wanted = msgspec.structs.replace(self._talk.subscription, frame_rate=frame_rate, picture_rate=picture_rate)
+        if wanted != self._talk.subscription:
+            self._talk.subscribe(wanted)
+
+    def wait_news(self, timeout: float | None = None) -> View:
+        """What has been told, once a Frame, a scan or a picture has come that was not there at the last such call."""
+        view = self._talk.view
+        self._talk.until(lambda: self._talk.view is not view or self._talk.view.news > self._heard, timeout, "news")
+        self._heard = self._talk.view.news
+        return self._talk.view
 
     # -- driving ------------------------------------------------------------------------------------------------
 

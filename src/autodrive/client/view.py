@@ -18,11 +18,14 @@ class View:
         self.pictures: dict[tuple[str, str], Picture] = {}
         self.faults: list[Fault] = []
         """Those that belong to no request."""
+        self.scans: dict[str, LidarScan] = {}
+        """The latest of each vehicle, which may belong to a Frame that is still to come."""
         self.count = 0
         """Frames that came."""
+        self.news = 0
+        """Frames, scans and pictures that came."""
         self.is_new = False
         """Whether nobody took the latest Frame."""
-        self._scans: dict[str, LidarScan] = {}
         self._latest: Frame | None = None
         self._its_scans: dict[str, LidarScan] = {}
         self._events: list[Event] = []
@@ -30,6 +33,7 @@ class View:
 
     def take(self, message: ServerMessage) -> None:
         """Take note of a message."""
+        self.news += isinstance(message, Frame | Scan | Picture)
         match message:
             case Frame():
                 self._take_frame(message)
@@ -73,26 +77,26 @@ class View:
         if self._latest is not None and frame.tick < self._latest.tick:
             self._forget_after(frame.time)
         self._events += frame.events
-        self._latest, self._its_scans, self._whole = frame, self._scans, None
+        self._latest, self._its_scans, self._whole = frame, self.scans, None
         self.count += 1
         self.is_new = True
 
     def _take_scan(self, message: Scan) -> None:
         """It belongs to the Frames to come, or to the latest if that was sent before scans were wanted."""
-        self._scans = {**self._scans, message.vehicle: message.scan}
+        self.scans = {**self.scans, message.vehicle: message.scan}
         if self._latest is not None and message.scan.time <= self._latest.time:
-            self._its_scans, self._whole = self._scans, None
+            self._its_scans, self._whole = self.scans, None
 
     def _forget_after(self, time: float) -> None:
         """The world was reset: what was measured later than it is now, was before."""
-        self._scans = {vehicle: scan for vehicle, scan in self._scans.items() if scan.time <= time}
+        self.scans = {vehicle: scan for vehicle, scan in self.scans.items() if scan.time <= time}
         self.pictures = {key: picture for key, picture in self.pictures.items() if picture.time <= time}
 
     def _begin(self, scene: Scene) -> None:
         """Another world: what was of the one before is past."""
         self.scene = scene
         self.pictures = {}
-        self._scans = {}
+        self.scans = {}
         self._latest = self._whole = None
         self._events = []
         self.is_new = False

@@ -107,6 +107,11 @@ class Bridge:
     # -- what a source tells (see `Listener`) ----------------------------------------------------------------------
 
     @property
+    def wants_clock(self) -> bool:
+        """Whether somebody reads the time."""
+        return self._node.has_readers(CLOCK)
+
+    @property
     def wants_pictures(self) -> bool:
         """Whether somebody reads a picture."""
         cameras = (camera for one in self._vehicles.values() for camera in one.topics.cameras.values())
@@ -146,6 +151,14 @@ class Bridge:
             self._repeat()
 
     def _take(self, update: Update) -> None:
+        for (vehicle, camera), picture in update.pictures.items():
+            self._vehicles[vehicle].publish_picture(camera, picture)
+        for vehicle, scan in update.scans.items():
+            self._vehicles[vehicle].publish_scan(scan)
+        if update.is_new:
+            self._take_frame(update)
+
+    def _take_frame(self, update: Update) -> None:
         frame = update.frame
         self._time = frame.time
         if frame.tick < self._tick:
@@ -154,10 +167,6 @@ class Bridge:
         self._tick = frame.tick
         if self._node.has_readers(CLOCK):
             self._node.publish(Message(CLOCK.type, {"clock": Time.of(frame.time)}), CLOCK)
-        for (vehicle, camera), picture in update.pictures.items():
-            self._vehicles[vehicle].publish_picture(camera, picture)
-        for vehicle, scan in update.scans.items():
-            self._vehicles[vehicle].publish_scan(scan)
         for event in frame.events:
             if isinstance(event, Collision):
                 stamp = Time.of(event.time)

@@ -32,6 +32,8 @@ class Config:
     """First part of the names of vehicles since 2023, until a simulator has told it."""
     rate: float = 30.0
     """States published in a second of wall time at most [Hz]. Scans and pictures come when they are new."""
+    clock_rate: float = 100.0
+    """Times on /clock in a second of wall time at most [Hz], while somebody reads it; direct mode."""
     picture_rate: float = 30.0
     """Pictures of each camera in a second of wall time at most [Hz]; direct mode, while somebody reads them."""
     picture_quality: int = 90
@@ -54,7 +56,7 @@ class Config:
             raise AutodriveError(f"profile must be one of {', '.join(PROFILES)}, not '{self.profile}'")
         if not 0 <= self.port < 65536:
             raise AutodriveError(f"port must be 0 to 65535, not {self.port}")
-        for name, least in (("rate", 1e-3), ("picture_rate", 1e-3), ("command_timeout", 0.0)):
+        for name, least in (("rate", 1e-3), ("clock_rate", 1e-3), ("picture_rate", 1e-3), ("command_timeout", 0.0)):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= least):
                 raise AutodriveError(f"{name} must be a number of at least {least:g}, not {value}")

@@ -20,6 +20,11 @@ class Listener(Protocol):
     """Who is told what the simulator says."""
 
     @property
+    def wants_clock(self) -> bool:
+        """Whether somebody reads the time."""
+        ...
+
+    @property
     def wants_pictures(self) -> bool:
         """Whether somebody reads them."""
         ...
@@ -65,22 +70,23 @@ class DirectSource:
         scans: dict[str, LidarScan] = {}
         pictures: dict[tuple[str, str], Picture] = {}
         quality = config.picture_quality
-        with Client(**self._address(), frame_rate=None, scans=True, picture_quality=quality, patience=0.0) as sim:
+        with Client(**self._address(), frame_rate=config.rate, picture_quality=quality, patience=0.0) as sim:
             while not listener.is_ended:
-                sim.set_picture_rate(config.picture_rate if listener.wants_pictures else 0.0)
+                rate = max(config.rate, config.clock_rate) if listener.wants_clock else config.rate
+                sim.set_rates(rate, config.picture_rate if listener.wants_pictures else 0.0)
                 try:
-                    frame = sim.wait(min(listener.patience, LOOK))
+                    view = sim.wait_news(min(listener.patience, LOOK))
                 except TimeoutError:
-                    self.status = sim.status
                     listener.idle()
                     continue
-                if sim.scene is not self.scene:
-                    self.scene, scans, pictures = sim.scene, {}, {}
-                    self.scenarios = sim.scenarios
-                    listener.begin(_cars(self.scene))
-                self.frame, self.status = frame, sim.status
-                told = {name: one.lidar for name, one in frame.vehicles.items() if one.lidar is not None}
-                listener.take(Update(frame, _news(told, scans), _news(sim.pictures, pictures)))
+                if view.scene is not None and view.scene is not self.scene:
+                    self.scene, self.scenarios, scans, pictures = view.scene, sim.scenarios, {}, {}
+                    listener.begin(_cars(view.scene))
+                if (frame := view.frame) is None:
+                    continue
+                update = Update(frame, _news(view.scans, scans), _news(view.pictures, pictures), is_new=view.is_new)
+                self.frame, self.status = view.taken(), view.status
+                listener.take(update)
 
     def drive(self, vehicle: str, command: Command) -> None:
         """Raises `AutodriveError`, also for what was refused before."""

@@ -37,3 +37,5 @@ class Update:
     pictures: dict[tuple[str, str], Picture] = field(default_factory=dict)
     traffic_lights: dict[int, int] = field(default_factory=dict)
     """State by number from 1, where the simulator has some."""
+    is_new: bool = True
+    """Whether the Frame is; else it is the one before, and something came between two."""
