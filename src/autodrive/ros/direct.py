@@ -77,6 +77,7 @@ class DirectSource:
                 try:
                     view = sim.wait_news(min(listener.patience, LOOK))
                 except TimeoutError:
+                    self.status = sim.status  # somebody may have paused it
                     listener.idle()
                     continue
                 if view.scene is not None and view.scene is not self.scene:
