@@ -62,6 +62,14 @@ def test_lockstep_pauses_and_resumes_what_ran(sim: Client, simulation: Simulatio
     assert simulation.is_paused
 
 
+def test_the_status_is_never_older_than_the_answer_to_a_pause_or_resume(sim: Client) -> None:
+    for _ in range(50):
+        sim.pause()
+        assert sim.status.is_paused
+        sim.resume()
+        assert not sim.status.is_paused
+
+
 def test_the_first_step_pauses_and_the_next_goes_on_from_there(sim: Client, simulation: Simulation) -> None:
     first = sim.step()
     assert simulation.is_paused

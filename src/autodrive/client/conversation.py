@@ -7,12 +7,13 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import msgspec
+from msgspec.structs import replace
 
 from autodrive.client.view import View
 from autodrive.client.wire import Address, NoSimulatorError, Wire
 from autodrive.errors import AutodriveError, CommandError
 from autodrive.protocol.codec import decode_server, encode
-from autodrive.protocol.messages import Frame, Pause
+from autodrive.protocol.messages import Frame, Pause, Resume
 from autodrive.protocol.native import PROTOCOL, Ask, ClientMessage, Done, Fault, Hello, Please, Subscribe
 
 RETRY = 0.2
@@ -128,6 +129,8 @@ class Conversation:
         if isinstance(answer, Fault):
             raise CommandError(answer.text)
         assert answer is not None
+        if isinstance(request, Pause | Resume) and self.view.status is not None:  # the next Status is on its way
+            self.view.status = replace(self.view.status, is_paused=isinstance(request, Pause))
         return answer
 
     # -- the wire -------------------------------------------------------------------------------------------------
