@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from websockets.sync.client import connect
 
 import autodrive
 from autodrive import AutodriveError, Simulation
@@ -26,7 +29,8 @@ from tests.client.conftest import started
 from tests.ros.frames import Tree, matrix
 from tests.ros.recorder import Recorder
 
-URDF = (Path(__file__).parents[2] / "ros/autodrive_description/urdf/nigel.urdf").read_text()
+ROOT = Path(__file__).parents[2]
+URDF = (ROOT / "ros/autodrive_description/urdf/nigel.urdf").read_text()
 NIGEL = load_vehicle("nigel")
 SCENARIOS = {"mini_map": "Mini-map", "two_cars": "Two cars"}
 
@@ -298,6 +302,58 @@ def test_the_devkits_texts_are_told_as_the_frame_has_them(simulation: Simulation
         assert node.last(f"{root}/lidar")["ranges"] == pytest.approx(told.ranges, rel=1e-6)
         image = node.last(f"{root}/front_camera")
         assert len(image["data"]) == 3 * image["width"] * image["height"] > 0
+
+
+def test_a_message_recorded_of_the_original_simulator_is_told_and_answered(node: Recorder) -> None:
+    """It speaks at once, before any greeting, and waits for an answer to each of its messages."""
+    recorded = json.loads((ROOT / "tests/protocol/data/devkit_2023.json").read_text(encoding="utf-8"))["telemetry"]
+    port = free_port()
+    with running(Config(mode="devkit", port=port, profile="2023", robot_description=URDF), node):
+        eventually(lambda: _is_open(port))
+        url = f"ws://127.0.0.1:{port}/socket.io/?EIO=4&transport=websocket"
+        with connect(url, compression=None, max_size=None) as original:
+            for throttle in (0.0, 0.25):
+                original.send("42" + json.dumps(["Bridge", recorded]))
+                answer = next(text for text in original if str(text).startswith("42"))
+                event, commands = json.loads(str(answer)[2:])
+                assert float(commands["V1 Throttle"]) == throttle
+                node.say("nigel_1/throttle_command", data=0.25)
+                node.say("nigel_1/steering_command", data=-1.0)
+    assert event == "Bridge"
+    assert float(commands["V1 Steering"]) == -1.0
+    assert {"V1 Headlights", "V1 Indicators", "TL1 State", "TL4 State"} <= commands.keys()
+    assert vector(node.last("ips")) == pytest.approx((-1.1, 0.15, 0.033))
+    assert node.last("lidar")["ranges"][:3] == pytest.approx([math.inf, 1.008726, 1.01745])
+    assert node.last("lidar")["angle_min"] == pytest.approx(-math.pi)
+    assert node.last("autodrive/signal_1/state")["data"] == 0
+
+
+NONSENSE = [
+    {"V1 Position": "here"},
+    {"V1 Position": "0 0 0", "V1 Encoder Angles": "nan"},
+    {"V1 Position": "0 0 0", "V1 Throttle": "full"},
+    {"V1 Position": "0 0 0", "V1 LIDAR Range Array": "H4sI"},
+    {"V1 Position": "0 0 0", "V1 Orientation Quaternion": "0 0 0 0", "TL1 State": "red"},
+    {"V1 Position": "0 0 0", "V1 Front Camera Image": "%%%"},
+    {"V1 Position": ["0"], "V1 Speed": {}},
+]
+
+
+@pytest.mark.parametrize("nonsense", NONSENSE, ids=str)
+def test_nonsense_is_answered_and_what_follows_is_told(node: Recorder, nonsense: dict[str, Any]) -> None:
+    port = free_port()
+    with running(Config(mode="devkit", port=port, robot_description=URDF), node):
+        eventually(lambda: _is_open(port))
+        with connect(f"ws://127.0.0.1:{port}/socket.io/?EIO=4&transport=websocket", compression=None) as peer:
+            for data in (nonsense, {"V1 Position": "1 2 0.5", "V1 Throttle": "0.5"}):
+                peer.send("42" + json.dumps(["Bridge", data]))
+                assert "V1 Throttle" in next(str(text) for text in peer if str(text).startswith("42"))
+        eventually(lambda: vector(node.last("ips")) == [1.0, 2.0, 0.5])
+
+
+def _is_open(port: int) -> bool:
+    with socket.socket() as one:
+        return one.connect_ex(("127.0.0.1", port)) == 0
 
 
 def test_in_devkit_mode_there_are_no_requests() -> None:

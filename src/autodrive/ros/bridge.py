@@ -181,6 +181,13 @@ class Bridge:
             if self._pending is not None and time.monotonic() >= self._due:
                 self._publish_states(self._pending)
 
+    def complain(self, text: str) -> None:
+        """Warn, of the same not more often than is of use."""
+        now = time.monotonic()
+        if now - self._complaints.get(text, -math.inf) > COMPLAINTS:
+            self._complaints = {text: now}
+            log.warning("%s", text)
+
     def _publish_states(self, update: Update) -> None:
         now, period = time.monotonic(), 1.0 / self.config.rate
         self._due = max(self._due + period, now - 0.5 * period)
@@ -298,14 +305,11 @@ class Bridge:
 
     @contextlib.contextmanager
     def _complaining(self) -> Any:
-        """What goes wrong is told, not more often than is of use."""
+        """What goes wrong is told."""
         try:
             yield
         except (AutodriveError, OSError) as error:
-            now, text = time.monotonic(), str(error)
-            if now - self._complaints.get(text, -math.inf) > COMPLAINTS:
-                self._complaints = {text: now}
-                log.warning("%s", text)
+            self.complain(str(error))
 
     def _run(self) -> None:
         while not self.is_ended:

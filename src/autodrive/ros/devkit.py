@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import math
 import re
+import zlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -40,6 +42,8 @@ FIELD_OF_VIEW = 41.669
 RANGE_MIN, RANGE_MAX = 0.15, 12.0
 """Of the LIDAR (report, table 7) [m]."""
 CAMERAS = ("front", "rear")
+NONSENSE = (ValueError, TypeError, ArithmeticError, EOFError, OSError, zlib.error)
+"""What reading texts raises that mean nothing: numbers, arrays, base64, gzip."""
 UNKNOWN = np.full(4, math.nan)
 REPEAT = 0.2
 """Where nothing moves, a scan or a picture is the same as before: it is told again after that time [s]."""
@@ -71,6 +75,14 @@ class DevkitSource:
                 listener.idle()
 
     def _respond(self, data: Mapping[str, Any], listener: Listener) -> dict[str, str]:
+        """Whatever was told is answered: the original simulator waits for it."""
+        try:
+            self._tell(data, listener)
+        except NONSENSE as error:
+            listener.complain(f"a message of the simulator was not understood: {error}")
+        return self._answer()
+
+    def _tell(self, data: Mapping[str, Any], listener: Listener) -> None:
         names = self._names(data)
         if names and names.keys() != self._cars.keys():
             cars = {name: Car(number, "", CAMERAS) for number, name in enumerate(names, start=1)}
@@ -89,7 +101,6 @@ class DevkitSource:
         lights = {n: int(data[key]) for n in range(1, TRAFFIC_LIGHTS + 1) if (key := f"TL{n} State") in data}
         if frames:
             listener.take(Update(Frame(now, self._tick, frames, {}, (), True), scans, pictures, lights))
-        return self._answer()
 
     def _names(self, data: Mapping[str, Any]) -> dict[str, str]:
         """Vehicle -> what stands before its keys."""
@@ -175,8 +186,9 @@ class _Car:
         for camera in CAMERAS:
             text = str(data.get(self._key(f"{camera.capitalize()} Camera Image"), ""))
             if self._is_news(camera, text, now):
-                jpeg = base64.b64decode(text)
-                news[camera] = Picture(self.prefix, camera, now, Pose(UNKNOWN[:3], UNKNOWN), _pinhole(jpeg), jpeg)
+                with contextlib.suppress(ValueError):  # a picture that is damaged is none
+                    jpeg = base64.b64decode(text)
+                    news[camera] = Picture(self.prefix, camera, now, Pose(UNKNOWN[:3], UNKNOWN), _pinhole(jpeg), jpeg)
         return news
 
     def _is_news(self, of: str, text: str, now: float) -> bool:

@@ -51,6 +51,10 @@ class Listener(Protocol):
         """None has come."""
         ...
 
+    def complain(self, text: str) -> None:
+        """Something is wrong that a user should hear of."""
+        ...
+
 
 class DirectSource:
     """Reads with one connection, and drives and asks with another, so that neither waits for the other."""
