@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import simplejpeg
@@ -31,7 +32,7 @@ class JpegEncoder:
         self.encoded = 0
         """How often a picture was encoded."""
         self._lock = threading.Lock()
-        self._latest: dict[tuple[str, str], tuple[CameraImage, dict[tuple[int, int, int], bytes]]] = {}
+        self._latest: dict[tuple[str, str], _Latest] = {}
 
     def encode(
         self,
@@ -46,14 +47,23 @@ class JpegEncoder:
         width, height = size or self.size or (image.rgba.shape[1], image.rgba.shape[0])
         wanted = width, height, quality or self.quality
         with self._lock:
-            known, texts = self._latest.get((vehicle, camera), (None, {}))
-            if known is not image:
-                texts = {}
-                self._latest[vehicle, camera] = image, texts
-            if wanted not in texts:
-                texts[wanted] = _jpeg(image, *wanted)
-                self.encoded += 1
-            return texts[wanted]
+            latest = self._latest.get((vehicle, camera))
+            if latest is None or latest.image is not image:
+                latest = self._latest[vehicle, camera] = _Latest(image)
+        with latest.lock:  # pictures of two cameras are encoded at once
+            if wanted not in latest.texts:
+                latest.texts[wanted] = _jpeg(image, *wanted)
+                with self._lock:
+                    self.encoded += 1
+            return latest.texts[wanted]
+
+
+@dataclass
+class _Latest:
+    image: CameraImage
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    texts: dict[tuple[int, int, int], bytes] = field(default_factory=dict)
+    """By width, height and quality."""
 
 
 def images_of(frame: Frame, share: float = 1.0, *, encoder: JpegEncoder) -> Mapping[tuple[str, str], bytes]:

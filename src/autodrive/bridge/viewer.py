@@ -111,14 +111,14 @@ class Viewer:
                 self._scans.clear()
                 self._pictures.clear()
                 await send(self._stream.scene_bytes)
+            if self._status is not None:  # it is older than the answers, and goes before them
+                status, self._status = self._status, None
+                await send(status)
             while self._replies:
                 reply, frame = self._replies.popleft()
                 if frame is not None:
                     await self._send_new(frame, send)
                 await send(reply)
-            if self._status is not None:
-                status, self._status = self._status, None
-                await send(status)
             if self._rendered is not None:
                 rendered, self._rendered = self._rendered, None
                 await send(rendered)
@@ -154,12 +154,15 @@ class Viewer:
     async def _send_pictures(self, frame: Frame, send: Send) -> None:
         wants = self.subscription
         now = asyncio.get_running_loop().time()
+        encoding = []
         for key in self._new_pictures(frame, now):
             vehicle, camera = key
             image = frame.vehicles[vehicle].cameras[camera]
             self._pictures[key] = image
             self._next_pictures[key] = max(self._next_pictures.get(key, 0.0) + 1.0 / wants.picture_rate, now)
-            await send(await self._stream.picture_bytes(vehicle, camera, image, wants))
+            encoding.append(self._stream.picture_bytes(vehicle, camera, image, wants))
+        for picture in await asyncio.gather(*encoding):
+            await send(picture)
 
     def _has_new(self, frame: Frame, now: float) -> bool:
         wants = self.subscription
