@@ -11,31 +11,20 @@ native client has it. (Before, it is drawn and encoded, which is the simulator's
 from __future__ import annotations
 
 import json
-import os
 import signal
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from autodrive import Client
-from tests.ros.ros1 import Running, await_that, free_port, master, simulator, sourced
+from benchmarks.ros_node import CASES, PICTURES, ROOT, SECONDS, cpu, head, report, watched
+from tests.ros.ros1 import master, sourced
+from tests.ros.running import Running, await_that, free_port, simulator
 
-SECONDS = 15.0
-ROOT = "/autodrive/nigel_1"
 STATES = {f"{ROOT}/imu": "Imu", f"{ROOT}/lidar": "LaserScan", f"{ROOT}/joint_states": "JointState"}
-PICTURES = {
-    "none": {},
-    "compressed": {f"{ROOT}/{side}_camera/image_raw/compressed": "CompressedImage" for side in ("front", "rear")},
-    "raw": {f"{ROOT}/{side}_camera/image_raw": "Image" for side in ("front", "rear")},
-}
-CASES = [("devkit", "raw"), ("direct", "none"), ("direct", "compressed"), ("direct", "raw")]
-
 READER = """
 import json, sys, time, rospy, sensor_msgs.msg, std_msgs.msg
 rospy.init_node("reader", disable_rostime=True)
@@ -52,21 +41,9 @@ while not rospy.is_shutdown():
 """
 
 
-class Seen(NamedTuple):
-    """What a native client saw meanwhile: wall time less simulated time of each Frame, and arrivals of pictures [s]."""
-
-    frames: dict[float, float]
-    pictures: dict[float, float]
-
-    def lag(self, wall: float, stamp: float) -> float:
-        """From that simulated time on: the fastest Frames of the second around it say when that was [s]."""
-        return wall - stamp - min(offset for time_, offset in self.frames.items() if abs(time_ - stamp) < 0.5)
-
-
 def main() -> None:
     environment = sourced()
-    print(f"load {os.getloadavg()[0]:.1f}")
-    print(f"{'mode':>7} {'pictures':>10} {'CPU %':>6} {'scan ms':>8} {'picture ms':>10} {'of a camera':>11}")
+    head()
     with tempfile.TemporaryDirectory() as folder:
         roscore = master(environment, Path(folder))
         for mode, pictures in CASES:
@@ -94,33 +71,7 @@ def run(environment: dict[str, str], folder: Path, mode: str, pictures: str) -> 
         heard = [json.loads(line) for line in words.read_text().splitlines() if line.endswith("]")]
         heard = [one for one in heard if begin + 1.0 < one[2] < begin + SECONDS - 1.0]
     simulated.end(signal.SIGTERM)
-    # The devkits' protocol tells no time: the stamps are the node's.
-    scans = [seen.lag(wall, stamp) for topic, stamp, wall in heard if topic.endswith("lidar") and mode == "direct"]
-    shown = [(round(stamp, 6), wall) for topic, stamp, wall in heard if "front_camera" in topic]
-    late = [wall - seen.pictures[stamp] for stamp, wall in shown if stamp in seen.pictures]
-    rate = len(shown) / (SECONDS - 2.0)
-    print(
-        f"{mode:>7} {pictures:>10} {100.0 * share:6.1f} {median(scans):>8} {median(late):>10} {rate:8.1f} Hz",
-        flush=True,
-    )
-
-
-def median(values: list[float]) -> str:
-    return f"{1e3 * statistics.median(values):.2f}" if values else "-"
-
-
-def watched(port: int, picture_rate: float) -> Seen:
-    """For some seconds."""
-    seen = Seen({}, {})
-    with Client(f"127.0.0.1:{port}", picture_rate=picture_rate, picture_quality=90) as sim:
-        end = time.time() + SECONDS
-        while time.time() < end:
-            frame = sim.wait()
-            now = time.time()
-            seen.frames[frame.time] = now - frame.time
-            if picture := sim.pictures.get(("V1", "front")):
-                seen.pictures.setdefault(round(picture.time, 6), now)
-    return seen
+    report(mode, pictures, share, seen, heard)
 
 
 def node_of(launch: Running) -> int:
@@ -132,12 +83,6 @@ def node_of(launch: Running) -> int:
         return next((int(pid) for pids in threads for pid in pids), 0)
 
     return await_that(found)
-
-
-def cpu(pid: int) -> float:
-    """Time that it and its threads have used [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 if __name__ == "__main__":

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
 import random
 import subprocess
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.ros.ros1 import Running
+from tests.ros.running import ROOT, Running, Witness
 
-ROOT = Path(__file__).parents[2]
 WHEELS = ROOT / ".venv-ros2-jazzy"
 BUILT = ROOT / "build" / "ros2"
 VEHICLE = "/autodrive/nigel_1"
@@ -54,46 +49,5 @@ def bridge(environment: dict[str, str], folder: Path, *arguments: str, **paramet
     return Running(environment, folder, program, "--ros-args", *arguments, *given)
 
 
-class Witness:
-    """The node of ros2_witness.py: its methods are this one's."""
-
-    def __init__(self, environment: dict[str, str], folder: Path) -> None:
-        script = Path(__file__).parent / "ros2_witness.py"
-        with (folder / "witness.txt").open("a") as words:
-            self._process = subprocess.Popen(
-                [WHEELS / "bin" / "python", script],
-                env=environment | {"ROS_LOG_DIR": str(folder)},
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=words,
-                text=True,
-            )
-        assert self._answer() == "ready"
-
-    def __getattr__(self, name: str) -> Callable[..., Any]:
-        def ask(*arguments: object) -> Any:
-            assert self._process.stdin is not None
-            self._process.stdin.write(json.dumps([name, arguments]) + "\n")
-            self._process.stdin.flush()
-            is_well, value = self._answer()
-            assert is_well, value
-            return value
-
-        return ask
-
-    def close(self) -> None:
-        self._process.kill()
-        self._process.wait()
-
-    def _answer(self) -> Any:
-        assert self._process.stdout is not None
-        return json.loads(self._process.stdout.readline())
-
-
-@contextlib.contextmanager
-def witness(environment: dict[str, str], folder: Path) -> Iterator[Witness]:
-    one = Witness(environment, folder)
-    try:
-        yield one
-    finally:
-        one.close()
+def witness(environment: dict[str, str], folder: Path) -> Witness:
+    return Witness(environment, folder, WHEELS / "bin" / "python", "ros2_witness.py")

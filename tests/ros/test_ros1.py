@@ -23,7 +23,8 @@ from autodrive.protocol.messages import Headlights, Indicators, VehicleFrame
 from autodrive.ros import Config
 from autodrive.ros.topics import WORLD_TOPICS, VehicleTopics
 from autodrive.vehicles.spec import load_vehicle
-from tests.ros.ros1 import ROOT, Running, Stage, Witness, await_that, client, launched, master, simulator, witness
+from tests.ros.ros1 import Stage, launched, master, witness
+from tests.ros.running import ROOT, Running, Witness, await_that, client, simulator
 
 NIGEL = "/autodrive/nigel_1"
 TOPICS = VehicleTopics(Config(), is_direct=True)

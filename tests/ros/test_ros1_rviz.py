@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from autodrive import Client
 from autodrive.render.png import write_png
-from tests.ros.ros1 import ROOT, Running, Stage, await_that, launched
+from tests.ros.ros1 import Stage, launched
+from tests.ros.running import ROOT, Running, await_that
 
 SHOT = ROOT / "test-artefacts" / "ros1_rviz.png"
 SCENE = np.s_[62:800, 370:1010]

@@ -20,11 +20,9 @@ from autodrive import Client
 from autodrive.protocol.messages import Frame, VehicleFrame
 from autodrive.vehicles.spec import load_vehicle
 from tests.ros.frames import matrix
-from tests.ros.ros1 import Running, await_that, client, free_port, simulator
-from tests.ros.ros2 import BUILT, VEHICLE, Witness, bridge, ros2, witness
+from tests.ros.ros2 import BUILT, VEHICLE, bridge, witness
+from tests.ros.running import Running, Witness, await_that, client, free_port, simulator
 from tests.test_cli import Started
-
-__all__ = ["ros2"]
 
 PORT = free_port()
 

@@ -16,10 +16,8 @@ import pytest
 
 from autodrive import Client
 from tests.ros import ros2_tables
-from tests.ros.ros1 import Running, await_that, client, free_port, simulator
-from tests.ros.ros2 import BUILT, VEHICLE, WHEELS, Witness, bridge, ros2, witness
-
-__all__ = ["ros2"]
+from tests.ros.ros2 import BUILT, VEHICLE, WHEELS, bridge, witness
+from tests.ros.running import Running, Witness, await_that, client, free_port, simulator
 
 PORT = free_port()
 DEVKIT_PORT = free_port()

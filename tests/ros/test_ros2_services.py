@@ -11,10 +11,8 @@ from typing import Any
 import pytest
 
 from autodrive import Client
-from tests.ros.ros1 import await_that, client, free_port, simulator
-from tests.ros.ros2 import Witness, bridge, ros2, witness
-
-__all__ = ["ros2"]
+from tests.ros.ros2 import bridge, witness
+from tests.ros.running import Witness, await_that, client, free_port, simulator
 
 OK, UNSUPPORTED, NOT_FOUND, FAILED, ALREADY = 1, 0, 2, 4, 101
 STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = 0, 1, 2, 3, 4

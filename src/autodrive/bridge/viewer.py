@@ -159,7 +159,7 @@ class Viewer:
             vehicle, camera = key
             image = frame.vehicles[vehicle].cameras[camera]
             self._pictures[key] = image
-            self._next_pictures[key] = max(self._next_pictures.get(key, 0.0) + 1.0 / wants.picture_rate, now)
+            self._next_pictures[key] = max(self._next_pictures.get(key, now) + 1.0 / wants.picture_rate, now)
             encoding.append(self._stream.picture_bytes(vehicle, camera, image, wants))
         for picture in await asyncio.gather(*encoding):
             await send(picture)
