@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -326,6 +327,20 @@ def test_a_message_recorded_of_the_original_simulator_is_told_and_answered(node:
     assert node.last("lidar")["ranges"][:3] == pytest.approx([math.inf, 1.008726, 1.01745])
     assert node.last("lidar")["angle_min"] == pytest.approx(-math.pi)
     assert node.last("autodrive/signal_1/state")["data"] == 0
+
+
+def test_a_simulator_is_answered_at_the_rate_that_is_wanted(node: Recorder) -> None:
+    port = free_port()
+    with running(Config(mode="devkit", port=port, rate=50.0), node):
+        eventually(lambda: _is_open(port))
+        with connect(f"ws://127.0.0.1:{port}/socket.io/?EIO=4&transport=websocket", compression=None) as peer:
+            begin, count = time.monotonic(), 0
+            peer.send('42["Bridge",{"V1 Position":"0 0 0"}]')
+            while time.monotonic() < begin + 0.5:
+                if str(peer.recv()).startswith("42"):
+                    count += 1
+                    peer.send('42["Bridge",{"V1 Position":"0 0 0"}]')
+    assert 2 <= count <= 26
 
 
 NONSENSE = [

@@ -31,7 +31,8 @@ class Config:
     vehicle_type: str = "nigel"
     """First part of the names of vehicles since 2023, until a simulator has told it."""
     rate: float = 30.0
-    """States published in a second of wall time at most [Hz]. Scans and pictures come when they are new."""
+    """States published in a second of wall time at most [Hz]. Scans and pictures come when they are new; in devkit mode
+    all comes in messages of this rate, and commands go with their answers."""
     clock_rate: float = 100.0
     """Times on /clock in a second of wall time at most [Hz], while somebody reads it; direct mode."""
     picture_rate: float = 30.0

@@ -6,6 +6,7 @@ import base64
 import contextlib
 import math
 import re
+import time
 import zlib
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -42,6 +43,8 @@ FIELD_OF_VIEW = 41.669
 RANGE_MIN, RANGE_MAX = 0.15, 12.0
 """Of the LIDAR (report, table 7) [m]."""
 CAMERAS = ("front", "rear")
+LONGEST_REST = 0.5
+"""A simulator that hears nothing for longer may think that its message was lost [s]."""
 NONSENSE = (ValueError, TypeError, ArithmeticError, EOFError, OSError, zlib.error)
 """What reading texts raises that mean nothing: numbers, arrays, base64, gzip."""
 UNKNOWN = np.full(4, math.nan)
@@ -61,6 +64,7 @@ class DevkitSource:
         self._commands = commands
         self._cars: dict[str, _Car] = {}
         self._tick = 0
+        self._due = 0.0
         self.resets: set[str] = set()
         """Vehicles for which a reset is held."""
         self.traffic_lights: dict[int, int] = {}
@@ -80,7 +84,14 @@ class DevkitSource:
             self._tell(data, listener)
         except NONSENSE as error:
             listener.complain(f"a message of the simulator was not understood: {error}")
+        self._rest()
         return self._answer()
+
+    def _rest(self) -> None:
+        """An answer brings the next message: it need not come sooner than it is published."""
+        time.sleep(max(min(self._due - time.monotonic(), LONGEST_REST), 0.0))
+        now, period = time.monotonic(), 1.0 / self._config.rate
+        self._due = max(self._due, now - 0.5 * period) + period
 
     def _tell(self, data: Mapping[str, Any], listener: Listener) -> None:
         names = self._names(data)
