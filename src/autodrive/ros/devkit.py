@@ -90,8 +90,7 @@ class DevkitSource:
     def _rest(self) -> None:
         """An answer brings the next message: it need not come sooner than it is published."""
         time.sleep(max(min(self._due - time.monotonic(), LONGEST_REST), 0.0))
-        now, period = time.monotonic(), 1.0 / self._config.rate
-        self._due = max(self._due, now - 0.5 * period) + period
+        self._due = time.monotonic() + 1.0 / self._config.rate
 
     def _tell(self, data: Mapping[str, Any], listener: Listener) -> None:
         names = self._names(data)
