@@ -1,4 +1,4 @@
-"""Has the page built before it is packed; hatchling calls this for a wheel and a source distribution."""
+"""Build hook of hatchling: builds the page before it is packed into a wheel or a source distribution."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
 class PageBuildHook(BuildHookInterface):
-    """Runs `scripts/page`, which does nothing where the page is built and as new as its sources."""
+    """Runs `scripts/page`, which builds the page if it is missing or older than its sources."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Before the files are collected. An editable install builds nothing: `scripts/run` does."""
+        """Called before the files are collected. An editable install builds no page; `scripts/run` does."""
         if version == "editable":
             return
         page = Path(self.root, "scripts/page")
         if subprocess.run(["sh", str(page)], check=False).returncode:
-            raise SystemExit("the page could not be built; what is missing is said above")
+            raise SystemExit("the page could not be built; see the message above")

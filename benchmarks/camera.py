@@ -1,10 +1,9 @@
-"""What the pictures of the cameras cost: two cars on the mini-map, both 640x480 cameras of the first, shadows included.
+"""Cost of camera images: two cars on the mini-map, both 640x480 cameras of the first one, with shadows.
 
     uv run benchmarks/camera.py [--frames N]
 
-Wall time and CPU time of all cores [ms], medians; configurations take turns, so that all meet the same machine. The
-limits are what we want to stay below on two cores that do nothing else. With --frames: draws so many more and tells how
-much memory they left behind.
+Median wall time and CPU time of all cores [ms]; configurations take turns, so that the load of the machine affects all
+equally. The limits are targets for two idle cores. --frames: draw that many more and print the change in memory.
 """
 
 from __future__ import annotations
@@ -17,14 +16,14 @@ import time
 from pathlib import Path
 
 import autodrive
-from autodrive.assets import scene_of
-from autodrive.cameras import sight_of
+from autodrive.cameras.rig import camera_rig
 from autodrive.compile import compile_scenario
-from autodrive.render.moment import Moment
+from autodrive.meshes.store import scene_of
+from autodrive.render.render_state import RenderState
 from autodrive.render.renderer import Renderer
-from autodrive.render.view import View
 from autodrive.scenario import load_scenario
 from autodrive.sensors.camera import Camera
+from autodrive.sensors.camera_view import View
 
 ROUNDS, WARM = 60, 6
 LIMITS = {
@@ -37,8 +36,8 @@ LIMITS = {
 """[ms]."""
 
 
-def moments() -> dict[str, list[Moment]]:
-    """A drive by day, and one by night with the low beam on."""
+def states() -> dict[str, list[RenderState]]:
+    """A drive by day, and one by night with low beams."""
     world = autodrive.make("two_cars")
     drives = {}
     for light in ("day", "night"):
@@ -46,12 +45,12 @@ def moments() -> dict[str, list[Moment]]:
         world.set_scene_light(light == "day")
         lamps = autodrive.Headlights.LOW if light == "night" else autodrive.Headlights.OFF
         command = {"V1": autodrive.Command(0.6, 0.1, lamps)}
-        drives[light] = [Moment.of(world.step(command)) for _ in range(ROUNDS)]
+        drives[light] = [RenderState.of(world.step(command)) for _ in range(ROUNDS)]
     return drives
 
 
 def resident() -> float:
-    """[MB]."""
+    """Resident memory [MB]."""
     gc.collect()
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
@@ -61,17 +60,17 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=0)
     options = parser.parse_args()
     compiled = compile_scenario(load_scenario("two_cars"))
-    sight = sight_of(compiled)
-    cameras = [Camera(s.spec, vehicle=s.vehicle, name=s.camera, substep=sight.substep) for s in sight.seats[:2]]
-    drives = moments()
+    rig = camera_rig(compiled)
+    cameras = [Camera(s.spec, vehicle=s.vehicle, name=s.camera, substep=rig.substep) for s in rig.slots[:2]]
+    drives = states()
 
-    def views(moment: Moment, count: int) -> list[View]:
-        return [view for camera in cameras[:count] for view in camera.views(moment.vehicles[0], moment.time)]
+    def views(state: RenderState, count: int) -> list[View]:
+        return [view for camera in cameras[:count] for view in camera.views(state.vehicles[0], state.time)]
 
     before, started = resident(), time.perf_counter()
     first = Renderer(scene_of(compiled), "software")
     first.draw(drives["day"][0], views(drives["day"][0], 2))
-    print(f"start to the first pictures {time.perf_counter() - started:.2f} s, {resident() - before:.0f} MB resident")
+    print(f"start to the first images {time.perf_counter() - started:.2f} s, {resident() - before:.0f} MB resident")
     print(f"drawn by {first.name}")
     renderers = {"software": first, "software-fxaa": Renderer(scene_of(compiled), "software-fxaa")}
     walls: dict[tuple[str, str, int], list[float]] = {}
@@ -95,7 +94,7 @@ def main() -> None:
         held = resident()
         for number in range(options.frames):
             first.draw(drives["night"][number % ROUNDS], views(drives["night"][number % ROUNDS], 2))
-        print(f"{options.frames} more frames left {resident() - held:+.1f} MB behind")
+        print(f"{options.frames} more frames: {resident() - held:+.1f} MB of memory")
 
 
 if __name__ == "__main__":

@@ -19,15 +19,15 @@ import numpy as np
 from msgspec.structs import replace
 
 import autodrive
-from autodrive.bridge.server import Server
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Frame, LidarScan, Pose
 from autodrive.protocol.native import Scene
-from autodrive.scenery import Scenery
+from autodrive.server.scene_files import SceneFiles
+from autodrive.server.server import Server
 from autodrive.simulation import Simulation
 from autodrive.world import World
 
 TURNS = 20
-ORDERS = {"V1": Command(0.3, 0.1)}
+COMMANDS = {"V1": Command(0.3, 0.1)}
 POSE = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 RGBA = np.zeros((480, 640, 4), np.uint8)
 SCAN = LidarScan(0.0, np.ones(360), np.ones(360), -np.pi, np.pi / 180, 0.15, 12.0, 7.0, 1 / 7, 0.0)
@@ -63,17 +63,17 @@ class Ready:
         return self.jpeg
 
 
-def bare(world: World) -> Scenery:
-    return Scenery(Scene("benchmark", "", "", world.tick_duration, "", {}, {}, {}, {}), {})
+def bare(world: World) -> SceneFiles:
+    return SceneFiles(Scene("benchmark", "", "", world.tick_duration, "", {}, {}, {}, {}), {})
 
 
 def serve(pipe: Connection, is_loaded: bool) -> None:
     world: Any = autodrive.make("mini_map")
     world = Loaded(world) if is_loaded else world
-    world.step(ORDERS)
+    world.step(COMMANDS)
     pictures: Any = Ready() if is_loaded else None
     with Simulation(world, is_paused=True) as simulation:  # noqa: SIM117
-        with Server(simulation, scenery=bare, port=0, pictures=pictures) as server:
+        with Server(simulation, scene_files=bare, port=0, jpeg_encoder=pictures) as server:
             pipe.send(server.address)
             pipe.recv()
 
@@ -90,10 +90,10 @@ def measure(is_loaded: bool, steps: int) -> tuple[list[float], list[float]]:
         for _ in range(TURNS):
             for step, times in ((world.step, alone), (sim.step, wire)):
                 for _ in range(5):
-                    step(ORDERS)
+                    step(COMMANDS)
                 for _ in range(steps // TURNS):
                     start = time.perf_counter()
-                    step(ORDERS)
+                    step(COMMANDS)
                     times.append(time.perf_counter() - start)
         if is_loaded:
             assert len(sim.pictures) == 2

@@ -22,11 +22,12 @@ import tempfile
 import time
 from pathlib import Path
 
-from client import ORDERS, serve
-from devkit import picture
+from client import COMMANDS, serve
+from devkit import noise_image
 
 import autodrive
-from autodrive.protocol.devkit import PROFILES, telemetry
+from autodrive.protocol.devkit import telemetry
+from autodrive.protocol.devkit_profile import PROFILES
 
 PACKAGE = Path(__file__).parents[1] / "clients" / "cpp"
 ROUNDS = 1000
@@ -47,9 +48,9 @@ def of_server(program: Path) -> None:
     world = autodrive.make("mini_map")
     while world.time < 0.3:
         world.step()
-    jpeg = picture()
-    for era in ("2023", "2025"):
-        data = telemetry(world.frame, PROFILES[era], images={("V1", "front"): jpeg, ("V1", "rear"): jpeg})
+    jpeg = noise_image()
+    for generation in ("2023", "2025"):
+        data = telemetry(world.frame, PROFILES[generation], images={("V1", "front"): jpeg, ("V1", "rear"): jpeg})
         message = "42" + json.dumps(["Bridge", data], separators=(",", ":"))
         with subprocess.Popen([program], stdout=subprocess.PIPE, text=True) as script:
             assert script.stdout is not None
@@ -57,7 +58,7 @@ def of_server(program: Path) -> None:
             script.terminate()
         median, p95 = statistics.median(times), sorted(times)[round(0.95 * len(times))]
         rate = 1e3 * len(times) / sum(times)
-        print(f"server, {era}, {len(message)} bytes: {median:.3f} ms (95 %: {p95:.3f}), {rate:.0f}/s")
+        print(f"server, {generation}, {len(message)} bytes: {median:.3f} ms (95 %: {p95:.3f}), {rate:.0f}/s")
 
 
 def round_trips(port: int, message: bytes) -> list[float]:
@@ -87,7 +88,7 @@ def of_client(program: Path) -> None:
     ticks = []
     for _ in range(ROUNDS):
         start = time.perf_counter()
-        world.step(ORDERS)
+        world.step(COMMANDS)
         ticks.append(1e3 * (time.perf_counter() - start))
     tick = statistics.median(ticks)
     for is_loaded, what in ((False, "bare"), (True, "with a scan and two JPEGs of 30 kB")):

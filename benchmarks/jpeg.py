@@ -1,8 +1,8 @@
-"""What the pictures of both cameras cost on their way to a script: JPEG, and base64 of it.
+"""Cost of sending the images of both cameras to a devkit script: JPEG and base64.
 
     uv run benchmarks/jpeg.py [SCENARIO]
 
-CPU time of one core [ms], medians; the pictures are drawn, so that their bytes are those of the real thing.
+Median CPU time of one core [ms]. The images are rendered, so that their size in bytes is realistic.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sys
 import time
 
 import autodrive
-from autodrive.jpeg import JpegEncoder, images_of
+from autodrive.cameras.jpeg import JpegEncoder, images_of
 
 ROUNDS = 201
 KINDS = [(None, 75), (None, 90), ((320, 240), 75), ((1280, 720), 75)]
@@ -29,7 +29,7 @@ def main() -> None:
         jpegs = {}
         for _ in range(ROUNDS):
             started = time.thread_time()
-            jpegs = images_of(world.frame, encoder=JpegEncoder(size, quality))  # a new one, which remembers nothing
+            jpegs = images_of(world.frame, encoder=JpegEncoder(size, quality))  # a new encoder has no cached image
             encoded = time.thread_time()
             for jpeg in jpegs.values():
                 base64.b64encode(jpeg).decode()

@@ -1,8 +1,8 @@
-"""What a LIDAR scan costs, against MuJoCo's mj_multiRay at the same place in the same world.
+"""Measures the cost of a LIDAR scan, compared with mj_multiRay of MuJoCo in the same pose and world.
 
     uv run benchmarks/lidar.py [SCENARIO ...]
 
-CPU time of one core, medians over rounds that take turns; both answers are compared first.
+CPU time of one core, medians over interleaved rounds; the results of both are compared first.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ def main() -> None:
     for name in scenarios:
         world = autodrive.make(load_scenario(name))
         for _ in range(50):
-            world.step()  # the car settles, and with that it is a little tilted
+            world.step()  # the vehicle settles and is slightly tilted
         for rays in RAYS:
             c = world._compiled
-            costs = medians(contestants(c, rays))
+            costs = medians(candidates(c, rays))
             print(f"{name:12} {len(c.model.shapes.kind):6} {rays:5} " + " ".join(f"{cost:8.1f}" for cost in costs))
 
 
-def contestants(c: Compiled, rays: int) -> list[Callable[[], object]]:
-    """Our instantaneous scan, our rolling one (at rest, a whole period in one tick), and MuJoCo's."""
+def candidates(c: Compiled, rays: int) -> list[Callable[[], object]]:
+    """Our instantaneous scan, our rolling scan (at rest, a whole period in one tick), and the scan of MuJoCo."""
     mounted = next(iter(c.vehicles.values())).sensors.lidar
     assert mounted is not None, "the scenario's first vehicle has no LIDAR"
     spec = LidarSpec(rays=rays, mount=mounted.mount)
@@ -59,12 +59,12 @@ def contestants(c: Compiled, rays: int) -> list[Callable[[], object]]:
     distances = theirs().copy()
     distances[(distances < 0.0) | (distances > spec.range_max)] = np.inf
     distances[distances < spec.range_min] = -np.inf
-    assert np.allclose(ours.ranges, distances, rtol=0.0, atol=1e-9), "the two do not see the same"
+    assert np.allclose(ours.ranges, distances, rtol=0.0, atol=1e-9), "the two scans differ"
     return [lambda: instant.sample(c.model.shapes, c.state, 0, 0.0), roll, theirs]
 
 
 def mujoco_scan(c: Compiled, spec: LidarSpec) -> Callable[[], np.ndarray]:
-    """MuJoCo's rays from the same LIDAR, its own car excluded; what it would need each scan is made once."""
+    """Rays of MuJoCo from the same LIDAR, without its own vehicle; buffers are allocated once."""
     state, model, data = c.state, c.engine.model, c.engine.data
     q = state.vehicle_orientation[0]
     start = state.vehicle_position[0] + rotate(q, spec.mount.position)
@@ -75,7 +75,7 @@ def mujoco_scan(c: Compiled, spec: LidarSpec) -> Callable[[], np.ndarray]:
     geoms, distances = np.zeros(spec.rays, np.int32), np.zeros(spec.rays)
 
     def run() -> np.ndarray:
-        mujoco.mj_multiRay(
+        mujoco.mj_multiRay(  # pyright: ignore[reportAttributeAccessIssue]  (missing in the stubs)
             model, data, start, directions, None, True, body, geoms, distances, None, spec.rays, spec.range_max
         )
         return distances

@@ -1,9 +1,12 @@
-"""What a physics substep of 1 ms costs in the compiled loop, beside MuJoCo's own step of the same bodies.
+"""CPU time of a physics substep of 1 ms in the compiled loop, compared with MuJoCo's step of the same bodies.
 
     uv run benchmarks/physics.py
 
-CPU time of one core, medians; the engine's step alone is the part that no wheel model can save.
+CPU time of one core, medians. The step of the engine alone is the lower limit for any wheel model.
 """
+
+# pyright: reportAttributeAccessIssue=false
+# (the bindings of MuJoCo have no types)
 
 from __future__ import annotations
 
@@ -23,30 +26,31 @@ ROUNDS, SUBSTEPS = 21, 500
 
 
 def medians_us(runs: list[Callable[[], None]], prepare: Callable[[], None]) -> list[float]:
-    """Median CPU time of a substep [us] for each of the runs, which take turns."""
+    """Median CPU time of a substep [us] for each of the runs, which alternate."""
     figures: list[list[float]] = [[] for _ in runs]
     for _ in range(ROUNDS):
-        for run, kept in zip(runs, figures, strict=True):
+        for run, times in zip(runs, figures, strict=True):
             prepare()
             start = time.process_time()
             run()
-            kept.append((time.process_time() - start) / SUBSTEPS * 1e6)
-    return [statistics.median(kept) for kept in figures]
+            times.append((time.process_time() - start) / SUBSTEPS * 1e6)
+    return [statistics.median(times) for times in figures]
 
 
 def loop(world: World) -> Callable[[], None]:
     """The compiled substep loop, without sensors and Frame."""
     c = world._compiled
-    world._throttle[:] = 0.4
+    controls = world._controls
+    controls.throttle[:] = 0.4
 
     def run() -> None:
-        advance(c.model, c.state, c.views, c.touches, c.scratch, world._throttle, world._steering, 0, SUBSTEPS)
+        advance(c.model, c.state, c.views, c.contacts, c.scratch, controls.throttle, controls.steering, 0, SUBSTEPS)
 
     return run
 
 
 def engine_alone(world: World) -> Callable[[], None]:
-    """As many steps of the engine, with the wheels' last forces."""
+    """The same number of steps of the engine, with constant wheel forces."""
     engine = world._compiled.engine
 
     def run() -> None:
@@ -62,8 +66,8 @@ def measured(title: str, world: World, stir: Callable[[], None]) -> None:
         world.restore(snapshot)
         stir()
 
-    ours, alone = medians_us([loop(world), engine_alone(world)], prepare)
-    print(f"{title:45s} {ours:6.2f} us   engine alone {alone:6.2f} us   ratio {ours / alone:.2f}")
+    loop_us, engine_us = medians_us([loop(world), engine_alone(world)], prepare)
+    print(f"{title:45s} {loop_us:6.2f} us   engine alone {engine_us:6.2f} us   ratio {loop_us / engine_us:.2f}")
 
 
 def main() -> None:

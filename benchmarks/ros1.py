@@ -21,8 +21,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.ros_node import CASES, PICTURES, ROOT, SECONDS, cpu, head, report, watched
-from tests.ros.ros1 import master, sourced
-from tests.ros.running import Running, await_that, free_port, simulator
+from tests.support.ros.processes import Program, simulator
+from tests.support.ros.ros1 import master, sourced
+from tests.support.waiting import free_port, wait_until
 
 STATES = {f"{ROOT}/imu": "Imu", f"{ROOT}/lidar": "LaserScan", f"{ROOT}/joint_states": "JointState"}
 READER = """
@@ -48,7 +49,7 @@ def main() -> None:
         roscore = master(environment, Path(folder))
         for mode, pictures in CASES:
             run(environment, Path(folder), mode, pictures)
-        roscore.end(signal.SIGINT)
+        roscore.stop()
 
 
 def run(environment: dict[str, str], folder: Path, mode: str, pictures: str) -> None:
@@ -57,11 +58,11 @@ def run(environment: dict[str, str], folder: Path, mode: str, pictures: str) -> 
     simulated = simulator(folder, "mini_map", *options, port=port)
     at = devkit if mode == "devkit" else port
     launch = ["roslaunch", "autodrive_ros", "autodrive.launch", f"mode:={mode}", f"port:={at}"]
-    with Running(environment, folder, *launch) as node:
+    with Program(environment, folder, *launch) as node:
         command = ["/usr/bin/python3", "-c", READER, json.dumps(STATES | PICTURES[pictures])]
         words = folder / "heard.txt"  # no pipe, which would fill up
         with words.open("w") as output, subprocess.Popen(command, env=environment, stdout=output) as reader:
-            await_that(words.read_text)
+            wait_until(words.read_text)
             time.sleep(5.0)
             pid, begin = node_of(node), time.time()
             used = cpu(pid)
@@ -70,11 +71,11 @@ def run(environment: dict[str, str], folder: Path, mode: str, pictures: str) -> 
             reader.terminate()
         heard = [json.loads(line) for line in words.read_text().splitlines() if line.endswith("]")]
         heard = [one for one in heard if begin + 1.0 < one[2] < begin + SECONDS - 1.0]
-    simulated.end(signal.SIGTERM)
+    simulated.stop(signal.SIGTERM)
     report(mode, pictures, share, seen, heard)
 
 
-def node_of(launch: Running) -> int:
+def node_of(launch: Program) -> int:
     """Its process."""
 
     def found() -> int:
@@ -82,7 +83,7 @@ def node_of(launch: Running) -> int:
         threads = [one.read_text().split() for one in children.parents[1].glob("*/children")]
         return next((int(pid) for pids in threads for pid in pids), 0)
 
-    return await_that(found)
+    return wait_until(found)
 
 
 if __name__ == "__main__":

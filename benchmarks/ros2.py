@@ -21,8 +21,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.ros_node import CASES, PICTURES, ROOT, SECONDS, cpu, head, report, watched
-from tests.ros.ros2 import WHEELS, bridge, sourced
-from tests.ros.running import free_port, simulator
+from tests.support.ros.processes import simulator
+from tests.support.ros.ros2 import ENVIRONMENT, bridge, sourced
+from tests.support.waiting import free_port
 
 STATES = {f"{ROOT}/imu/data": "Imu", f"{ROOT}/scan": "LaserScan", f"{ROOT}/joint_states": "JointState"}
 READER = """
@@ -52,7 +53,7 @@ def run(environment: dict[str, str], folder: Path, mode: str, pictures: str) -> 
     options = ["--devkit", f"127.0.0.1:{devkit}", "--devkit-profile", "2025"] if mode == "devkit" else []
     simulated = simulator(folder, "mini_map", *options, port=port)
     with bridge(environment, folder, mode=mode, port=devkit if mode == "devkit" else port) as node:
-        command = [WHEELS / "bin" / "python", "-c", READER, json.dumps(STATES | PICTURES[pictures])]
+        command = [ENVIRONMENT / "bin" / "python", "-c", READER, json.dumps(STATES | PICTURES[pictures])]
         with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as reader:
             assert reader.stdout is not None
             reader.stdout.readline()
@@ -62,7 +63,7 @@ def run(environment: dict[str, str], folder: Path, mode: str, pictures: str) -> 
             share = (cpu(node.process.pid) - used) / (time.time() - begin)
             reader.kill()
             heard = [one for one in map(json.loads, reader.stdout) if begin + 1.0 < one[2] < begin + SECONDS - 1.0]
-    simulated.end(signal.SIGTERM)
+    simulated.stop(signal.SIGTERM)
     report(mode, pictures, share, seen, heard)
 
 

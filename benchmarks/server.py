@@ -29,10 +29,10 @@ import numpy as np
 
 import autodrive
 from autodrive import Command, Simulation
-from autodrive.bridge.server import Server
-from autodrive.jpeg import JpegEncoder
+from autodrive.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Frame, Pose
-from autodrive.scenery import Scenery
+from autodrive.server.scene_files import SceneFiles
+from autodrive.server.server import Server
 from autodrive.world import World
 
 SCENARIO = "boxes"
@@ -59,14 +59,14 @@ class Client:
             "Connection: Upgrade",
             f"Sec-WebSocket-Key: {key}",
             "Sec-WebSocket-Version: 13",
-            "Sec-WebSocket-Protocol: autodrive.v1",
+            "Sec-WebSocket-Protocol: autodrive.v2",
         ]
         self.socket.sendall("\r\n".join([*lines, "", ""]).encode())
         self.rest = b""
         while b"\r\n\r\n" not in self.rest:
             self.rest += self.socket.recv(65536)
         self.rest = self.rest.partition(b"\r\n\r\n")[2]
-        self.say({"type": "Hello", "protocol": 1, "name": name})
+        self.say({"type": "Hello", "protocol": 2, "name": name})
 
     def say(self, message: dict[str, Any]) -> None:
         """Masked with zeros."""
@@ -127,11 +127,13 @@ def step(port: int, count: int, all_sensors: int) -> None:
     client = Client(port)
     pictures = {"scans": True, "picture_rate": 1e5} if all_sensors else {}
     client.say({"type": "Subscribe", "frame_rate": 0.0, **pictures})
-    client.say({"type": "Please", "id": 0, "request": {"type": "Pause"}})
+    client.say({"type": "Request", "id": 0, "operation": {"type": "Pause"}})
     for number in range(count):
         begin = time.perf_counter()
-        client.say({"type": "Please", "id": number, "request": {"type": "Step", "commands": {"V1": {"throttle": 0.2}}}})
-        while b"\xa4Done" not in client.hear()[:20]:
+        client.say(
+            {"type": "Request", "id": number, "operation": {"type": "Step", "commands": {"V1": {"throttle": 0.2}}}}
+        )
+        while b"\xa8Response" not in client.hear()[:20]:
             pass
         print((time.perf_counter() - begin) * 1e6)
 
@@ -150,7 +152,7 @@ def other(role: str, *arguments: int) -> subprocess.Popen[str]:
 @contextmanager
 def served(world: World) -> Iterator[tuple[Simulation, Server]]:
     simulation = Simulation(world)
-    server = Server(simulation, scenery=lambda world: Scenery.of(world, SCENARIO), pictures=JpegEncoder())
+    server = Server(simulation, scene_files=lambda world: SceneFiles.of(world, SCENARIO), jpeg_encoder=JpegEncoder())
     with server, simulation:
         time.sleep(1.0)
         yield simulation, server

@@ -1,8 +1,8 @@
-"""How long a start takes, and how much memory it holds: import, first ever start, warm start to the first tick.
+"""Time and memory of a start: import, first start with an empty cache, start with a full cache, up to the first tick.
 
     uv run benchmarks/start.py [SCENARIO]
 
-Each figure is of a Python process of its own; the start of Python itself is not counted.
+Each figure is measured in a new Python process, without the start of Python itself.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ROUNDS = 7
 
 IMPORT = "import autodrive"
 
-# time.perf_counter is read first, so that the import of the package counts
+# includes the import of the package
 FIRST_TICK = "import autodrive\nworld = autodrive.make({scenario!r})\nworld.step()"
 
 MEASURED = """
@@ -29,7 +29,7 @@ print(time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_m
 
 
 def measure(code: str, **environment: str) -> tuple[float, float]:
-    """Wall time [s] and greatest resident memory [MiB] of that code in a process of its own."""
+    """Wall time [s] and maximum resident memory [MiB] of that code in a new process."""
     done = subprocess.run(
         [sys.executable, "-c", MEASURED.format(code=code)],
         env={**os.environ, **environment},
@@ -50,10 +50,9 @@ def main() -> None:
     light = [measure(IMPORT) for _ in range(ROUNDS)]
     bare = [measure("pass") for _ in range(ROUNDS)]
     report("import autodrive", statistics.median(t for t, _ in light), statistics.median(m for _, m in light))
-    report(
-        f"first tick of {scenario}, warm", statistics.median(t for t, _ in warm), statistics.median(m for _, m in warm)
-    )
-    report(f"first tick of {scenario}, first ever", first, first_memory)
+    title = f"first tick of {scenario}"
+    report(f"{title}, full cache", statistics.median(t for t, _ in warm), statistics.median(m for _, m in warm))
+    report(f"{title}, empty cache", first, first_memory)
     print(f"{'Python alone':44s}           {statistics.median(m for _, m in bare):6.0f} MiB")
 
 

@@ -1,9 +1,9 @@
-"""What a tick costs: `world.step` of 10 ms with a 1080-ray scan in each, the whole Frame made.
+"""CPU time of a tick: `world.step` of 10 ms with a scan of 1080 rays and the complete Frame.
 
     uv run benchmarks/step.py [--f1tenth-gym PYTHON]
 
-With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with its 1080-ray scan) runs after ours.
-CPU time of one core, medians.
+CPU time of one core, medians. With a Python that has f1tenth_gym installed, its `env.step` of 10 ms (with a scan of
+1080 rays) is measured, too.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pathlib import Path
 import yaml
 
 import autodrive
-from autodrive.descriptions import find
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.specs import find
 
 ROUNDS, TICKS = 15, 200
 
@@ -36,7 +36,7 @@ for _ in range(15):
 
 
 def with_fast_lidar(folder: Path) -> str:
-    """Nigel with 1080 rays at 100 Hz: a scan in every tick."""
+    """Vehicle file of nigel with 1080 rays at 100 Hz: a scan in every tick."""
     tree = yaml.safe_load(find("vehicle", "nigel").read_text())
     tree["sensors"]["lidar"] |= {"rays": 1080, "rate": 100.0}
     file = folder / "nigel_1080.yaml"
@@ -45,7 +45,7 @@ def with_fast_lidar(folder: Path) -> str:
 
 
 def ours(scenario_map: str, folder: Path) -> list[float]:
-    """CPU microseconds a tick, a figure a round."""
+    """CPU time of a tick in each round [us]."""
     spec = ScenarioSpec(
         map=scenario_map, vehicles={"V1": VehiclePlacement(type=with_fast_lidar(folder), x=-1.1, y=-0.15)}
     )

@@ -18,7 +18,7 @@ from pathlib import Path
 import autodrive
 from autodrive.protocol.native import SetCamera
 from autodrive.render.quality import NAMES
-from autodrive.scene_process import SceneProcess
+from autodrive.server.server import scene_renderer_factory
 
 WARM = 30
 """Pictures before the first that counts: by then it is decided whether smooth edges can be afforded."""
@@ -38,7 +38,7 @@ def main() -> None:
     parser.add_argument("--quality", choices=NAMES, default="auto")
     options = parser.parse_args()
     world = autodrive.make("two_cars")
-    scene = SceneProcess.of(world, options.quality)
+    scene = scene_renderer_factory(options.quality)(world)
     started = time.perf_counter()
     scene.draw(0, SetCamera(CAMERAS[0]), world.frame).result()
     print(f"start to the first picture {time.perf_counter() - started:.2f} s, drawn by {scene.renderer}")

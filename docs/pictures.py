@@ -1,4 +1,4 @@
-"""Draws the pictures of the README: `uv run docs/pictures.py`. Each is drawn at twice its size and made smaller."""
+"""Renders the images of the README, at twice their size for antialiasing: `uv run docs/pictures.py`."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ from pathlib import Path
 import numpy as np
 
 import autodrive
-from autodrive.assets import scene_of
+from autodrive.cameras.viewpoints import orbit
+from autodrive.cli.preview import render_preview
 from autodrive.compile import compile_scenario
-from autodrive.portrait import portrait
-from autodrive.render.moment import Moment
-from autodrive.render.png import write_png
+from autodrive.meshes.store import scene_of
+from autodrive.protocol.png import encode_png
+from autodrive.render.render_state import RenderState
 from autodrive.render.renderer import Renderer
-from autodrive.render.view import View
-from autodrive.render.viewpoints import orbit
 from autodrive.scenario import load_scenario
+from autodrive.sensors.camera_view import View
 
 HERE = Path(__file__).parent
 SIZE = 960, 540
 
 
-def draw(renderer: Renderer, moment: Moment, view: View, name: str) -> None:
-    """Write what the view sees, at half its size."""
-    pixels = renderer.draw(moment, [view])[0].rgba[..., :3]
+def draw(renderer: Renderer, state: RenderState, view: View, name: str) -> None:
+    """Render a view and write it at half its size."""
+    pixels = renderer.draw(state, [view])[0].rgba[..., :3]
     height, width, _ = pixels.shape
     means = pixels.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
-    write_png(HERE / name, np.round(means).astype(np.uint8))
+    (HERE / name).write_bytes(encode_png(np.round(means).astype(np.uint8)))
 
 
 def main() -> None:
-    """Draw all of them."""
-    portrait("vehicle", "nigel", HERE / "nigel.png")
+    """Render all images."""
+    render_preview("vehicle", "nigel", HERE / "nigel.png")
     world = autodrive.make("two_cars")
     frames = {}
     for name, lamps in (("day", autodrive.Headlights.OFF), ("night", autodrive.Headlights.LOW)):
@@ -45,9 +45,10 @@ def main() -> None:
             x, y, _ = frames[name].vehicles["V1"].pose.position.tolist()
             target = x + 0.25, y, 0.05
             view = orbit(target, 1.05, azimuth, 19.0, 42.0).view(2 * SIZE[0], 2 * SIZE[1])
-            draw(renderer, Moment.of(frames[name]), view, f"{name}.png")
+            draw(renderer, RenderState.of(frames[name]), view, f"{name}.png")
     seeing = autodrive.make("two_cars", cameras="software-fxaa")
-    write_png(HERE / "front_camera.png", np.ascontiguousarray(seeing.frame.vehicles["V1"].cameras["front"].rgb))
+    front = np.ascontiguousarray(seeing.frame.vehicles["V1"].cameras["front"].rgb)
+    (HERE / "front_camera.png").write_bytes(encode_png(front))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
-# What the scripts know of the machine: Python, apt, uv, and the registry that pip is configured to use. To be read into
-# a script that stands at the repository's root:  . scripts/machine.sh
+# Functions that find or install Python, system packages and uv, and read the package index from pip's configuration.
+# Source it with the repository's root as the working folder:  . scripts/machine.sh
 # shellcheck shell=sh
 
 unset VIRTUAL_ENV PYTHONHOME PYTHONPATH
@@ -22,28 +22,30 @@ find_python() {
     done
 }
 
-# -- apt, only for what is missing -------------------------------------------------------------------------------
+# -- apt, only for missing packages ------------------------------------------------------------------------------
 
 apt_install() {
     as_root=
     if [ "$(id -u)" -ne 0 ]; then as_root="sudo "; fi
     line="${as_root}apt-get install -y --no-install-recommends $*"
     if ! command -v apt-get >/dev/null 2>&1; then
-        fail "$* is missing and there is no apt-get here. $without_apt"
+        fail "$* is missing and apt-get was not found. $without_apt"
     fi
     if [ -n "$as_root" ] && ! command -v sudo >/dev/null 2>&1; then
-        fail "$* is missing, and this user is not root and has no sudo. Let an administrator run:  apt-get install -y $*"
+        fail "$* is missing. Installing it needs root or sudo. An administrator can run:  apt-get install -y $*"
     fi
     say "installing a system package:  $line"
-    # An old list of packages may do, so a failed update alone is no reason to stop.
-    ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get update -q >&2 || say "apt-get update failed; trying all the same"
+    # The existing package list may be sufficient, so a failed update is not an error.
+    # shellcheck disable=SC2086
+    ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get update -q >&2 || say "apt-get update failed; continuing"
+    # shellcheck disable=SC2086
     ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$@" >&2 ||
-        fail "could not install $*. See what apt-get says above; then run:  $line"
+        fail "could not install $*; apt-get prints the reason above. Then run:  $line"
 }
 
-# -- uv: the one on PATH, or our own -----------------------------------------------------------------------------
+# -- uv: from PATH, or installed into .venv-uv -------------------------------------------------------------------
 
-# Whether that uv is at least 0.9 (older ones may not read this lock).
+# Whether $1 is uv 0.9 or newer; older versions may not read uv.lock.
 is_recent() { "$1" --version 2>/dev/null | awk '{ split($2, v, "."); exit !(v[1] > 0 || v[2] >= 9) }'; }
 
 find_uv() {
@@ -51,18 +53,18 @@ find_uv() {
         if "$uv" --version >/dev/null 2>&1 && is_recent "$uv"; then return; fi
     done
     if ! "$python" -c 'import ensurepip, venv' >/dev/null 2>&1; then
-        without_apt="Install uv (https://docs.astral.sh/uv), then run this again."
+        without_apt="Install uv (https://docs.astral.sh/uv), then run this script again."
         apt_install "$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')"
     fi
     say "installing uv $UV_PINNED from PyPI into .venv-uv (17 MB)"
     rm -rf .venv-uv
     "$python" -m venv .venv-uv
     .venv-uv/bin/python -m pip install --disable-pip-version-check --only-binary :all: "uv==$UV_PINNED" >&2 ||
-        fail "could not install uv from PyPI. Is the network there? pip is configured by:  .venv-uv/bin/pip config list"
+        fail "could not install uv from PyPI. Check the network and the configuration of pip:  .venv-uv/bin/pip config list"
     uv=.venv-uv/bin/uv
 }
 
-# -- the registry that pip is configured to use ------------------------------------------------------------------
+# -- configuration of pip ----------------------------------------------------------------------------------------
 
 pip_setting() { "$python" - "$1" <<'PYTHON'
 import configparser, os, pathlib, sys
@@ -78,12 +80,12 @@ print(value or "")
 PYTHON
 }
 
-# -- all of it ---------------------------------------------------------------------------------------------------
+# -- everything together -----------------------------------------------------------------------------------------
 
-# Sets $python, $uv, $certificates and $index (empty: PyPI), and tells uv of them.
+# Sets $python, $uv, $certificates and $index (empty: PyPI), and the environment variables of uv.
 find_tools() {
     python=$(find_python)
-    [ -n "$python" ] || fail "Python 3.11 to 3.14 is needed and none is on PATH. On Debian 12 or newer:  apt-get install python3 python3-venv"
+    [ -n "$python" ] || fail "Python 3.11 to 3.14 is needed but was not found on PATH. On Debian 12 or newer:  apt-get install python3 python3-venv"
     find_uv
     export UV_PYTHON="$python" UV_HTTP_TIMEOUT="${UV_HTTP_TIMEOUT:-180}"
     certificates=$(pip_setting cert)

@@ -1,15 +1,94 @@
-"""Settings of all tests."""
+"""Settings of all tests: hypothesis, markers and xdist groups by directory, and the skips that CI accepts."""
+
+from __future__ import annotations
 
 import os
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadScopeScheduling
 
 from autodrive.render.gl import GlUnavailable, probe
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)  # a first call may compile
 settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+TESTS = Path(__file__).parent
+
+MARKERS = {"page": "browser", "ros": "toolchain", "clients": "toolchain", "hardening": "slow"}
+"""Directory -> marker of all its tests."""
+
+WITHOUT_TOOLCHAIN = {"test_bridge", "test_readings", "test_command_input", "test_dead_reckoning"}
+"""Modules of these directories that need nothing but Python."""
+
+SLOWEST_FIRST = ("ros1", "ros2", "clients", "page")
+"""Groups that start first, so that no worker begins a long one when the others are done."""
+
+ACCEPTED_SKIPS: tuple[str, ...] = ("no small file system can be mounted",)
+"""Beginnings of the reasons for which a test may be skipped where CI is set; any other skip fails the run."""
+
+_refused: list[str] = []
+
+
+def group_of(file: str) -> str:
+    """Group of a test file, whose path is relative to tests/.
+
+    Tests of a group run in one worker and share its session fixtures: a browser, a ROS master, a build.
+    """
+    directory, _, name = file.partition("/")
+    if directory == "ros":
+        return "ros1" if "ros1" in name else "ros2" if "ros2" in name else "ros"
+    return directory if directory in {"clients", "page"} else file
+
+
+class GroupScheduling(LoadScopeScheduling):
+    """Sends the tests of a group to the same worker."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return group_of(nodeid.partition("::")[0].removeprefix("tests/"))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupScheduling:
+    """Distribute by group (`--dist loadgroup` of pytest-xdist 3.8 has no effect with pytest 9.2)."""
+    return GroupScheduling(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test by its directory, and put the slow groups first."""
+    order = {group: rank for rank, group in enumerate(SLOWEST_FIRST)}
+
+    def rank(item: pytest.Item) -> int:
+        return order.get(group_of(item.path.relative_to(TESTS).as_posix()), len(order))
+
+    for item in items:
+        marker = MARKERS.get(item.path.relative_to(TESTS).parts[0])
+        if marker is not None and item.path.stem not in WITHOUT_TOOLCHAIN:
+            item.add_marker(marker)
+    items.sort(key=rank)
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """With CI=true a skip that nobody has agreed to is an error: it would hide a test that never runs."""
+    if report.skipped and os.environ.get("CI") and not hasattr(report, "wasxfail"):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        if not reason.removeprefix("Skipped: ").startswith(ACCEPTED_SKIPS or ("\0",)):
+            _refused.append(f"{report.nodeid}: {reason}")
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """The exit code of a run with such skips is 1."""
+    if _refused and exitstatus == 0 and not hasattr(session.config, "workerinput"):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name the tests that were skipped without agreement."""
+    for line in _refused:
+        terminalreporter.write_line(f"NOT TO BE SKIPPED where CI is set: {line}", red=True)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""What the documents show is run."""
+"""The YAML examples of the documentation run."""
 
 import math
 import re
@@ -9,12 +9,12 @@ import pytest
 import yaml
 
 import autodrive.devkit
-from autodrive.descriptions import find
 from autodrive.maps import load_map
 from autodrive.protocol.messages import CameraImage
 from autodrive.scenario import load_scenario
 from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.camera_imperfections import PRESETS
+from autodrive.specs import find
 from autodrive.vehicles.spec import load_vehicle
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -29,10 +29,19 @@ def test_scenario_of_the_document_runs(tmp_path: Path) -> None:
     file.write_text(examples("scenarios.md")[0])
     assert load_scenario(file).seed == 7
     world = autodrive.make(file)
+    frame = world.frame
     for _ in range(100):
         frame = world.step()
     assert set(frame.vehicles) == {"V1", "V2"}
     assert frame.objects["lid"].pose.position[2] == pytest.approx(0.15, abs=1e-3)  # soft contacts sink a little
+
+
+def test_the_scenario_made_in_python_is_like_that_of_the_file() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "scenarios.md").read_text(), flags=re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert list(names["world"].frame.vehicles) == ["V1", "V2"]
+    assert names["world"].frame.objects["crate"].pose.position[:2] == pytest.approx([0.5, 1.7])
 
 
 def test_map_of_the_document_is_in_order(tmp_path: Path) -> None:
@@ -51,6 +60,16 @@ def test_lidar_of_the_document_fits_the_car(tmp_path: Path) -> None:
     lidar = load_vehicle(str(file)).sensors.lidar
     assert lidar is not None
     assert (lidar.rays, lidar.rate) == (1080, 40.0)
+
+
+def test_the_range_sensor_of_the_document_fits_the_car(tmp_path: Path) -> None:
+    tree = yaml.safe_load(find("vehicle", "nigel").read_text())
+    tree["sensors"] |= yaml.safe_load(examples("adding_a_sensor.md")[0])
+    file = tmp_path / "ranging.yaml"
+    file.write_text(yaml.safe_dump(tree))
+    sensor = load_vehicle(str(file)).sensors.range
+    assert sensor is not None
+    assert (sensor.range_max, sensor.rate) == (4.0, 20.0)
 
 
 def test_cameras_of_the_document_fit_the_car(tmp_path: Path) -> None:
@@ -94,7 +113,7 @@ def test_pictures_of_the_document_are_taken(gl: str) -> None:
 
 
 def test_the_devkit_program_of_the_document_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "python.md").read_text(), flags=re.DOTALL)
+    code, *_ = re.findall(r"```python\n(.*?)```", (DOCS / "python.md").read_text(), flags=re.DOTALL)
     given: list[Any] = []
     monkeypatch.setattr(autodrive.devkit, "drive", lambda step, *things: given.extend((step, *things)))
     exec(code, {})

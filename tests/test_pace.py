@@ -1,24 +1,24 @@
-"""The pace against a clock of numbers: what is due when follows from arithmetic alone."""
+"""The pace with times given as numbers."""
 
 import pytest
 
-from autodrive.pace import COMPLAINT_INTERVAL, MAX_LAG, Pace
+from autodrive.pace import MAX_LAG, WARNING_INTERVAL, Pace
 
 TICK = 0.01
 
 
 def drive(pace: Pace, seconds: float, cost: float, begin: float = 100.0) -> tuple[float, int]:
-    """Ticks that cost `cost` of wall time each, slept between as the pace says; the time after, and the complaints."""
-    now, complaints = begin, 0
+    """Run ticks that cost `cost` of wall time each; returns the time after them and the number of warnings."""
+    now, warnings = begin, 0
     pace.restart(now)
     while now - begin < seconds:
         now += max(pace.delay(now), 0.0) + cost
-        complaints += pace.count(now)
-    return now, complaints
+        warnings += pace.count(now)
+    return now, warnings
 
 
 @pytest.mark.parametrize("speed", [0.25, 1.0, 3.0])
-def test_ticks_come_at_the_speed_that_was_asked_for(speed: float) -> None:
+def test_ticks_have_the_requested_speed(speed: float) -> None:
     pace = Pace(TICK, speed)
     drive(pace, 20.0, cost=0.001)
     assert pace.ticks * TICK == pytest.approx(20.0 * speed, abs=2 * TICK * max(speed, 1.0))  # a tick at either end
@@ -33,7 +33,7 @@ def test_as_fast_as_possible_never_waits_and_is_never_late() -> None:
     assert pace.late_ticks == 0
 
 
-def test_a_hiccup_is_caught_up() -> None:
+def test_a_short_lag_is_caught_up() -> None:
     pace = Pace(TICK, 1.0)
     now, _ = drive(pace, 1.0, cost=0.001)
     before = now + max(pace.delay(now), 0.0)  # the next tick was due then
@@ -49,15 +49,15 @@ def test_a_hiccup_is_caught_up() -> None:
 
 def test_a_machine_that_is_too_slow_slows_simulated_time_and_falls_no_further_behind() -> None:
     pace = Pace(TICK, 1.0)
-    now, complaints = drive(pace, 4 * COMPLAINT_INTERVAL, cost=2 * TICK)
+    now, warnings = drive(pace, 4 * WARNING_INTERVAL, cost=2 * TICK)
     assert pace.real_time_factor == pytest.approx(0.5, rel=0.02)  # each tick costs two
-    assert -pace.delay(now) <= MAX_LAG + 2 * TICK  # the debt is bounded by the limit and the tick that broke it
-    assert complaints in {4, 5}  # one each interval, one at the beginning
-    # nearly all are late: only those that follow a forgotten debt are not
+    assert -pace.delay(now) <= MAX_LAG + 2 * TICK  # the lag is bounded by the limit and one tick
+    assert warnings in {4, 5}  # one each interval, one at the beginning
+    # nearly all are late: only those after a dropped lag are not
     assert pace.late_ticks > 0.7 * pace.ticks
 
 
-def test_a_rest_is_neither_running_time_nor_debt() -> None:
+def test_a_rest_is_neither_running_time_nor_lag() -> None:
     pace = Pace(TICK, 1.0)
     now, _ = drive(pace, 1.0, cost=0.001)
     pace.rest(now)
@@ -67,7 +67,7 @@ def test_a_rest_is_neither_running_time_nor_debt() -> None:
     assert pace.late_ticks == 0
 
 
-def test_ticks_counted_at_rest_are_not_judged() -> None:
+def test_ticks_counted_at_rest_are_not_late() -> None:
     pace = Pace(TICK, 1.0)
     assert not pace.count(1e6)
     assert (pace.ticks, pace.late_ticks) == (1, 0)

@@ -50,7 +50,7 @@ def test_pushing_a_box_for_long_is_one_collision() -> None:
     assert frames[-1].vehicles["V1"].collision_count == 1
 
 
-def test_the_collision_is_told_in_the_tick_that_the_gap_closes_and_at_the_cars_nose() -> None:
+def test_a_collision_is_reported_in_the_tick_of_contact_at_the_front_of_the_car() -> None:
     world = autodrive.make(ScenarioSpec(boxes={"box": BoxSpec(x=0.6, y=0.02)}))
     frames = drive(world, 250)
     i, collision = only_collision(frames)
@@ -171,7 +171,7 @@ def is_outside(world: World, frame: Frame) -> bool:
     return not shapely.covers(world.map.drivable, wheels_on_the_ground(world, pose.position, pose.orientation)).all()
 
 
-def test_leaving_the_road_and_coming_back_are_told_where_shapely_sees_them() -> None:
+def test_leaving_the_road_and_returning_are_reported_where_shapely_finds_them() -> None:
     world = autodrive.make("mini_map")
     shapely.prepare(world.map.drivable)
     assert not is_outside(world, world.frame)
@@ -182,12 +182,12 @@ def test_leaving_the_road_and_coming_back_are_told_where_shapely_sees_them() -> 
         for before, now, frame in zip(outside, outside[1:], frames[1:], strict=False)
         if before != now
     ]
-    told = [event for event in events(frames) if isinstance(event, OffRoad | BackOnRoad)]
-    assert [(event.time, type(event)) for event in told] == expected
+    found = [event for event in events(frames) if isinstance(event, OffRoad | BackOnRoad)]
+    assert [(event.time, type(event)) for event in found] == expected
     assert expected[0][1] is OffRoad
     assert BackOnRoad in {kind for _, kind in expected}
     by_time = {frame.time: frame for frame in frames}
-    for event in told:
+    for event in found:
         assert event.position.tolist() == by_time[event.time].vehicles["V1"].pose.position.tolist()
         assert event.vehicle == "V1"
 
@@ -200,7 +200,7 @@ def test_driving_straight_leaves_the_road_where_a_wheel_meets_its_edge() -> None
     assert 0.0 <= beyond < 0.01 * 0.45  # the way of one tick at full speed, 0.44 m/s
 
 
-def test_a_teleport_off_the_road_and_back_is_told_with_the_next_tick() -> None:
+def test_a_teleport_off_the_road_and_back_is_reported_in_the_next_tick() -> None:
     world = autodrive.make("mini_map")
     world.teleport("V1", 10.0, 10.0)
     assert [type(event) for event in events(drive(world, 5, throttle=0.0))] == [OffRoad]
@@ -208,21 +208,21 @@ def test_a_teleport_off_the_road_and_back_is_told_with_the_next_tick() -> None:
     assert [type(event) for event in events(drive(world, 5, throttle=0.0))] == [BackOnRoad]
 
 
-def test_a_vehicle_that_begins_off_the_road_says_so_in_its_first_tick() -> None:
+def test_a_vehicle_that_starts_off_the_road_is_reported_in_its_first_tick() -> None:
     world = autodrive.make(ScenarioSpec(map="mini_map", vehicles={"V1": VehiclePlacement(x=10.0)}))
     frames = drive(world, 20, throttle=0.0)
     assert [type(event) for event in frames[0].events] == [OffRoad]
     assert not events(frames[1:])
 
 
-def test_where_there_is_no_road_nobody_leaves_it(slick: str) -> None:
+def test_on_a_map_without_a_road_no_vehicle_leaves_it(slick: str) -> None:
     world = autodrive.make(ScenarioSpec(map=slick))
     assert world.map.drivable.is_empty
     world.teleport("V1", 50.0, -50.0)
     assert not events(drive(world, 100))
 
 
-def test_nobody_leaves_the_pavement_of_the_plane_by_driving_about_on_it() -> None:
+def test_driving_on_the_pavement_of_the_plane_does_not_leave_it() -> None:
     world = autodrive.make("plane")
     world.teleport("V1", 9.0, -9.0, math.pi)
     assert not events(drive(world, 300, steering=0.1))

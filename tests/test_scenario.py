@@ -1,4 +1,4 @@
-"""Scenarios: what they say, and what is told of one that cannot be."""
+"""Scenarios: contents, and errors of invalid ones."""
 
 import math
 from pathlib import Path
@@ -6,20 +6,39 @@ from pathlib import Path
 import pytest
 
 import autodrive
-from autodrive.descriptions import names
 from autodrive.errors import SpecError
+from autodrive.maps import load_map
+from autodrive.protocol.messages import Command
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.specs import names
 
 
 @pytest.mark.parametrize("name", names("scenario"))
-def test_every_scenario_that_comes_with_the_simulator_runs(name: str) -> None:
+def test_every_included_scenario_runs(name: str) -> None:
     world = autodrive.make(name)
+    frame = world.frame
     for _ in range(20):
         frame = world.step()
     assert list(frame.vehicles) == list(load_scenario(name).vehicles)
     for vehicle in frame.vehicles.values():
         assert vehicle.collision_count == 0
-        assert abs(vehicle.speed) < 1e-6  # it stands where it was put
+        assert abs(vehicle.speed) < 1e-6  # it stands still
+
+
+def test_four_cars_stand_on_lanes_and_drive() -> None:
+    world = autodrive.make("four_cars")
+    lanes = load_map("mini_map").lane_graph
+    for name, vehicle in world.frame.vehicles.items():
+        x, y, _ = vehicle.pose.position.tolist()
+        place = lanes.nearest(x, y, float(vehicle.imu.euler[2]))
+        assert place is not None
+        assert abs(place.offset) < 0.002, name
+    assert list(world.frame.vehicles) == ["V1", "V2", "V3", "V4"]
+    for _ in range(100):
+        world.step({name: Command(throttle=0.5) for name in world.vehicle_names})
+    for vehicle in world.frame.vehicles.values():
+        assert vehicle.speed > 0.1
+        assert vehicle.collision_count == 0
 
 
 def test_vehicles_begin_where_the_scenario_puts_them() -> None:
@@ -37,6 +56,19 @@ def test_boxes_of_the_scenario_stand_on_the_ground_or_where_they_are_put() -> No
     assert objects["high"].pose.position == pytest.approx([1.0, 0.0, 0.45])
 
 
+def test_a_scenario_made_in_python_takes_plain_values() -> None:
+    scenario = autodrive.Scenario(vehicles={"V1": {"x": 0.5}, "V2": {"x": 2.0}}, boxes={"crate": {"x": 1.0, "y": 1.0}})  # pyright: ignore
+    frame = autodrive.make(scenario).frame
+    assert frame.vehicles["V2"].pose.position[0] == pytest.approx(2.0)
+    assert list(frame.objects) == ["crate"]
+
+
+def test_a_scenario_made_in_python_reports_all_its_errors() -> None:
+    with pytest.raises(autodrive.SpecError) as caught:
+        autodrive.Scenario(vehicles={"V1": {"yaw": 90}}, seed=-1)  # pyright: ignore
+    assert [error.partition(":")[0] for error in caught.value.errors] == ["vehicles.V1.yaw", "seed"]
+
+
 def test_tick_must_be_a_whole_number_of_substeps() -> None:
     with pytest.raises(ValueError, match=r"tick 0\.01 s must be a whole number of substeps of 0\.003 s"):
         ScenarioSpec(substep=0.003)
@@ -47,30 +79,30 @@ def test_seed_given_to_make_rules_over_that_of_the_file() -> None:
     assert autodrive.make("plane", seed=7).spec.seed == 7
 
 
-def test_unknown_map_and_vehicles_are_told_at_once() -> None:
+def test_unknown_map_and_vehicles_are_reported_together() -> None:
     spec = ScenarioSpec(map="tiny_twon", vehicles={"V1": VehiclePlacement(type="nigle")})
     with pytest.raises(SpecError) as caught:
         autodrive.make(spec)
-    assert len(caught.value.faults) == 2
-    assert "Did you mean 'tiny_town'?" in caught.value.faults[0]
-    assert caught.value.faults[1].startswith("vehicles.V1.type: ")
+    assert len(caught.value.errors) == 2
+    assert "Did you mean 'tiny_town'?" in caught.value.errors[0]
+    assert caught.value.errors[1].startswith("vehicles.V1.type: ")
 
 
-def test_vehicles_that_stand_in_each_other_are_told() -> None:
+def test_vehicles_that_overlap_are_reported() -> None:
     spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=0.1)})
-    with pytest.raises(SpecError, match="'V1' and 'V2' stand in each other at the start"):
+    with pytest.raises(SpecError, match="'V1' and 'V2' overlap at the start"):
         autodrive.make(spec)
 
 
-def test_vehicle_that_stands_in_a_wall_is_told() -> None:
+def test_a_vehicle_in_a_wall_is_reported() -> None:
     spec = ScenarioSpec(map="tiny_town", vehicles={"V1": VehiclePlacement(x=4.95)})
-    with pytest.raises(SpecError, match=r"'(V1|wall.*)' and '(V1|wall.*)' stand in each other"):
+    with pytest.raises(SpecError, match=r"'(V1|wall.*)' and '(V1|wall.*)' overlap"):
         autodrive.make(spec)
 
 
-def test_name_used_twice_is_told() -> None:
+def test_a_duplicate_name_is_reported() -> None:
     spec = ScenarioSpec(map="mini_map", boxes={"pile_1": BoxSpec(x=0.0, y=0.15)})
-    with pytest.raises(SpecError, match="the name 'pile_1' is given twice"):
+    with pytest.raises(SpecError, match="the name 'pile_1' is used twice"):
         autodrive.make(spec)
 
 
@@ -110,7 +142,7 @@ def test_box_under_the_ground_is_refused() -> None:
 
 def test_teleport_into_a_box_is_refused_and_nothing_moves() -> None:
     world = autodrive.make(ScenarioSpec(boxes={"crate": BoxSpec(x=1.0, y=0.0)}))
-    with pytest.raises(autodrive.CommandError, match="it would stand in 'crate'"):
+    with pytest.raises(autodrive.CommandError, match="it would overlap 'crate'"):
         world.teleport("V1", 1.0, 0.0)
     assert world.step().vehicles["V1"].pose.position == pytest.approx([0.0, 0.0, 0.0325])
     world.teleport("V1", 2.0, 0.0)

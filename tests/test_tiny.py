@@ -1,4 +1,4 @@
-"""The smallest use of the simulator: a world, a step, a Frame. Stays under three seconds."""
+"""The smallest use of the simulator: a world, a step, a Frame. Takes less than three seconds."""
 
 import math
 
@@ -12,15 +12,15 @@ def test_a_step_gives_the_frame_one_tick_later() -> None:
     assert frame.events == ()
 
 
-def test_a_frame_tells_all_that_the_readme_shows() -> None:
+def test_a_frame_has_the_values_that_the_readme_shows() -> None:
     vehicle = frame.vehicles["V1"]
-    assert abs(vehicle.speed) < 0.01  # the command has not reached the motors yet
+    assert abs(vehicle.speed) < 0.01  # the dead time of the motors is not over
     assert vehicle.ips.position.shape == (3,)
-    assert math.isclose(vehicle.ips.position[2], 0.0325, abs_tol=1e-6)  # the wheels' radius
-    assert vehicle.lidar is None  # the first scan is complete after a seventh of a second
+    assert math.isclose(vehicle.ips.position[2], 0.0325, abs_tol=1e-6)  # radius of the wheels
+    assert vehicle.lidar is not None  # from the start on
 
 
-def test_the_car_drives_and_sees() -> None:
+def test_the_car_drives_and_scans() -> None:
     world = autodrive.make("mini_map", seed=1)
     now = world.frame
     while now.time < 1.0:

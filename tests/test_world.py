@@ -1,4 +1,7 @@
-"""World.step and what else can be done to a world: commands, lights, sensors, teleport, reset."""
+"""World.step, and commands, lights, sensors, teleport and reset of a world."""
+
+# pyright: reportPossiblyUnboundVariable=false
+# A loop over a fixed number of ticks leaves its last Frame.
 
 import math
 from fractions import Fraction
@@ -15,9 +18,8 @@ from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, 
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.transforms import euler_from_quaternion
 from autodrive.world import World
-
-from .cars import OBEYS_AT_ONCE, car_file
-from .frames import digest, film
+from tests.support.cars import OBEYS_AT_ONCE, car_file
+from tests.support.frames import digest, digests
 
 LIMIT = math.radians(30.0)
 STANDING = Command()
@@ -64,7 +66,7 @@ def test_time_is_the_number_of_ticks_times_the_tick_without_drift(tick: float, s
         assert frame.vehicles["V1"].imu.time == frame.time
 
 
-def test_nobody_can_change_a_frame() -> None:
+def test_a_frame_is_read_only() -> None:
     world = plane(boxes={"box": BoxSpec(x=0.36, y=0.0)})
     frames = [drive(world, 1, throttle=1.0) for _ in range(100)]
     frame = frames[-1]
@@ -99,26 +101,29 @@ def test_commands_beyond_one_count_as_one(throttle: float, steering: float) -> N
 
 
 @pytest.mark.parametrize(
-    ("commands", "told"),
+    ("commands", "text"),
     [
         ({"V1": Command(throttle=math.nan)}, "V1.*nan"),
         ({"V1": Command(steering=math.inf)}, "V1.*inf"),
         ({"V1": Command(throttle=1.0), "V2": Command(steering=-math.inf)}, "V2.*inf"),
         ({"V1": Command(throttle=1.0), "V3": STANDING}, "'V3'.*V1.*V2"),
-        ({"V1": Command(throttle=1.0), "V2": Command(headlights=7)}, "V2.*headlights.*7"),  # pyright: ignore
-        ({"V1": Command(throttle=1.0), "V2": Command(indicators=-1)}, "V2.*indicators.*-1"),  # pyright: ignore
+        ({"V1": Command(throttle=1.0), "V2": Command(headlights=7)}, "headlights.*V2.*7"),  # pyright: ignore
+        ({"V1": Command(throttle=1.0), "V2": Command(indicators=-1)}, "indicators.*V2.*-1"),  # pyright: ignore
         ({"V1": Command(throttle="fast")}, "V1.*fast"),  # pyright: ignore[reportArgumentType]
+        ((0.5, 0), r"a dictionary .* such as {'V1': Command\(throttle=0\.5, steering=0\.2\)}, not \(0\.5, 0\)"),
+        (Command(throttle=0.5), r"a dictionary .* such as {'V1': Command\(throttle=0\.5"),
+        ({"V1": (0.5, 0)}, r"the command of vehicle 'V1' must be a Command, .* not \(0\.5, 0\)"),
     ],
 )
-def test_a_bad_command_is_an_error_and_nothing_has_moved(commands: dict[str, Command], told: str) -> None:
+def test_a_bad_command_is_an_error_and_nothing_has_moved(commands: Any, text: str) -> None:
     world, other = two_cars(), two_cars()
     for each in (world, other):
         each.step({"V1": Command(throttle=0.5, headlights=Headlights.LOW)})
     before = digest(world.frame)
-    with pytest.raises(CommandError, match=told):
+    with pytest.raises(CommandError, match=text):
         world.step(commands)
     assert digest(world.frame) == before
-    assert film(world, 50, lambda _: {}) == film(other, 50, lambda _: {})  # and no command was taken
+    assert digests(world, 50, lambda _: {}) == digests(other, 50, lambda _: {})  # and no command was taken
 
 
 @pytest.mark.parametrize(
@@ -175,7 +180,7 @@ def test_each_vehicle_obeys_its_own_commands() -> None:
 # -- lights ------------------------------------------------------------------------------------------------------
 
 
-def test_headlights_and_indicators_stay_until_told_otherwise() -> None:
+def test_headlights_and_indicators_keep_their_state_until_the_next_command() -> None:
     world = plane()
     drive(world, 1, headlights=Headlights.HIGH, indicators=Indicators.HAZARD)
     for frame in (drive(world, 30), world.step(), drive(world, 200, throttle=0.1)):
@@ -257,13 +262,13 @@ def test_a_teleported_vehicle_stands_where_it_was_put() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "text"),
     [(("V9", 0.0, 0.0), "V9.*V1"), (("V1", math.nan, 0.0), "nan"), (("V1", 0.0, 0.0, math.inf), "inf")],
 )
-def test_a_teleport_to_nowhere_is_an_error(arguments: tuple[Any, ...], told: str) -> None:
+def test_a_teleport_to_nowhere_is_an_error(arguments: tuple[Any, ...], text: str) -> None:
     world = plane()
     before = digest(world.frame)
-    with pytest.raises(CommandError, match=told):
+    with pytest.raises(CommandError, match=text):
         world.teleport(*arguments)
     assert digest(world.frame) == before
 
@@ -280,21 +285,21 @@ def test_reset_makes_a_world_as_new() -> None:
     def again(frame: Frame) -> dict[str, Command]:
         return {"V1": Command(throttle=1.0)} if frame.tick < 20 else {}
 
-    assert film(world, 150, again) == film(new, 150, again)
+    assert digests(world, 150, again) == digests(new, 150, again)
 
 
 def test_a_new_seed_stays_until_the_next(tmp_path: Path) -> None:
     car = car_file(tmp_path, {"sensors.imu.noise": "realistic"})
     spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car)})
     world = autodrive.make(spec, seed=1)
-    first = film(world, 5, lambda _: {})
+    first = digests(world, 5, lambda _: {})
     world.reset(seed=2)
-    second = film(world, 5, lambda _: {})
+    second = digests(world, 5, lambda _: {})
     world.reset()
-    assert film(world, 5, lambda _: {}) == second == film(autodrive.make(spec, seed=2), 5, lambda _: {}) != first
+    assert digests(world, 5, lambda _: {}) == second == digests(autodrive.make(spec, seed=2), 5, lambda _: {}) != first
 
 
-def test_scene_light_and_driving_mode_are_told_at_once_and_kept() -> None:
+def test_scene_light_and_driving_mode_change_at_once_and_stay() -> None:
     world = two_cars()
     assert world.frame.scene_light
     assert world.frame.vehicles["V2"].is_autonomous
@@ -312,12 +317,12 @@ def test_a_restore_mends_a_state_that_burst_while_touching_a_box() -> None:
     world = plane(boxes={"box": BoxSpec(x=0.36, y=0.0)})
     drive(world, 60, throttle=1.0)  # it pushes
     saved = world.save()
-    future = film(world, 50, lambda _: {"V1": Command(throttle=1.0)})
+    future = digests(world, 50, lambda _: {"V1": Command(throttle=1.0)})
     world._compiled.views.qpos[2] = math.nan
     with pytest.raises(EngineError, match="unstable"):
         drive(world, 1)
     world.restore(saved)
-    assert film(world, 50, lambda _: {"V1": Command(throttle=1.0)}) == future
+    assert digests(world, 50, lambda _: {"V1": Command(throttle=1.0)}) == future
 
 
 # -- views and sensors -------------------------------------------------------------------------------------------
@@ -342,22 +347,66 @@ def test_a_view_reads_the_ground_truth_of_the_frame() -> None:
         world.vehicle("V5")
 
 
+def test_a_held_vehicle_stays_at_its_pose_until_it_is_let_go() -> None:
+    world = plane(vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(y=2.0)})
+    pose = (1.0, -2.0, 0.2), (0.0, 0.0, 0.0, -2.0)
+    world.hold("V1", *pose)
+    for _ in range(50):
+        vehicle = world.step({"V1": Command(throttle=1.0)}).vehicles["V1"]
+        assert vehicle.pose.position.tolist() == [1.0, -2.0, 0.2]  # in the air, against gravity
+        assert np.abs(vehicle.pose.orientation).tolist() == [0.0, 0.0, 0.0, 1.0]
+        assert vehicle.speed == 0.0
+    saved = world.save()
+    later = digest(world.step())
+    world.restore(saved)
+    assert digest(world.step()) == later
+    world.hold("V1", None)
+    for _ in range(200):
+        frame = world.step()
+    assert frame.vehicles["V1"].pose.position[2] == pytest.approx(frame.vehicles["V2"].pose.position[2], abs=0.01)
+    with pytest.raises(CommandError, match="not a pose"):
+        world.hold("V1", (0.0, 0.0, math.nan))
+    with pytest.raises(CommandError, match="V7"):
+        world.hold("V7", None)
+
+
+def test_the_light_follows_the_time_of_day() -> None:
+    world = plane()
+    assert (world.frame.scene_light, world.frame.time_of_day) == (True, None)
+    world.set_time_of_day(5.9 * 3600.0, scale=3600.0)
+    assert not world.frame.scene_light
+    saved = world.save()
+    for _ in range(20):
+        frame = world.step()
+    assert frame.scene_light  # 0.2 s later it is 6:06
+    assert frame.time_of_day == pytest.approx(6.1 * 3600.0)
+    world.restore(saved)
+    assert world.step().time_of_day == pytest.approx(5.91 * 3600.0)
+    world.set_time_of_day(None)
+    assert world.step().time_of_day == pytest.approx(5.91 * 3600.0)
+    world.set_scene_light(True)
+    assert (world.frame.scene_light, world.frame.time_of_day) == (True, None)
+    with pytest.raises(CommandError, match="finite"):
+        world.set_time_of_day(math.inf)
+    assert world.reset().time_of_day is None
+
+
 @pytest.mark.parametrize("is_rolling", [False, True])
 def test_a_line_of_yaml_makes_1080_rays_at_40_hertz(tmp_path: Path, is_rolling: bool) -> None:
     lidar = {"rate": 40.0, "rays": 1080, "angle_min_deg": -135.0, "angle_increment_deg": 0.25, "is_rolling": is_rolling}
     car = car_file(tmp_path, {"sensors.lidar": lidar})
     world = plane(vehicles={"V1": VehiclePlacement(type=car)}, boxes={"box": BoxSpec(x=0.6, y=0.0)})
     times = []
-    for k in range(1, 101):
-        scan = world.step().vehicles["V1"].lidar
-        assert (scan is not None) == (k >= 3)  # 25 ms are over in the third tick
-        if scan and scan.time not in times:
+    for frame in (world.reset(), *(world.step() for _ in range(100))):
+        scan = frame.vehicles["V1"].lidar
+        assert scan is not None
+        if scan.time not in times:
             times.append(scan.time)
             assert scan.ranges.shape == scan.intensities.shape == (1080,)
             assert scan.scan_rate == 40.0
             assert np.isfinite(scan.ranges).any()
-    assert len(times) == 40
-    due = np.arange(1, 41) / 40.0
+    assert len(times) == 41
+    due = np.arange(41) / 40.0
     # a scan at one instant is made in the first tick that is due; the last ray of a rolling one leaves just in time
     assert times == pytest.approx(due if is_rolling else np.ceil(due / 0.01 - 1e-9) * 0.01, abs=1e-9)
 

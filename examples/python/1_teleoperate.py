@@ -1,7 +1,7 @@
-"""1. Drive with the keys of a terminal, and what a driving script is.
+"""1. Drive with the keyboard in a terminal; shows the structure of a driving script.
 
-A script is a server. Start it, then the simulator: autodrive run mini_map --devkit 127.0.0.1:4567
-Keys: w, s faster and slower; a, d to the left and right; q straight; e stop; x both; l lamps; Ctrl-C ends.
+A driving script is a server. Start it, then the simulator: autodrive run mini_map --devkit 127.0.0.1:4567
+Keys: w, s throttle +, -; a, d left, right; q straight; e stop; x stop and straight; l headlights; Ctrl-C quits.
 """
 
 import os
@@ -20,7 +20,7 @@ nigel.headlights_command = 0
 
 
 def step():
-    """Called at each message of the simulator, after `nigel` has taken it; then the commands go back."""
+    """Called for each message of the simulator, after `nigel` is updated; the commands are sent after it."""
     while select.select([sys.stdin], [], [], 0)[0]:
         press(os.read(sys.stdin.fileno(), 1).decode(errors="replace"))
     print(
@@ -32,18 +32,18 @@ def step():
 
 
 def press(key):
-    """Change the commands as that key says."""
-    faster = {"w": 0.2, "s": -0.2}.get(key, 0.0)
-    further_left = {"a": 0.2, "d": -0.2}.get(key, 0.0)
-    nigel.throttle_command = 0.0 if key in "ex" else max(-1.0, min(1.0, nigel.throttle_command + faster))
-    nigel.steering_command = 0.0 if key in "qx" else max(-1.0, min(1.0, nigel.steering_command + further_left))
+    """Change the commands according to a key."""
+    throttle_step = {"w": 0.2, "s": -0.2}.get(key, 0.0)
+    steering_step = {"a": 0.2, "d": -0.2}.get(key, 0.0)
+    nigel.throttle_command = 0.0 if key in "ex" else max(-1.0, min(1.0, nigel.throttle_command + throttle_step))
+    nigel.steering_command = 0.0 if key in "qx" else max(-1.0, min(1.0, nigel.steering_command + steering_step))
     if key == "l":
         nigel.headlights_command = (nigel.headlights_command + 1) % 3
 
 
 print(__doc__)
 before = termios.tcgetattr(sys.stdin)
-tty.setcbreak(sys.stdin)  # each key at once, without Enter
+tty.setcbreak(sys.stdin)  # keys arrive without Enter
 try:
     drive(step, nigel, port=PORT)
 except KeyboardInterrupt:

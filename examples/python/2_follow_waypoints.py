@@ -1,4 +1,4 @@
-"""2. Drive round the mini-map by way-points and the indoor positioning system: pure pursuit.
+"""2. Follow waypoints around the mini-map with pure pursuit; shows how to read position and heading.
 
 Start it, then the simulator: autodrive run mini_map --devkit 127.0.0.1:4567
 """
@@ -21,7 +21,7 @@ nigel = Nigel("V1", is_left_positive=True)
 
 
 def step():
-    """Steer along the circle that is tangent to the heading and meets a way-point a little ahead."""
+    """Steer along the circle that is tangent to the heading and passes through a waypoint ahead."""
     x, y, _ = nigel.position
     yaw = nigel.orientation_euler_angles[2]
     distance = np.hypot(*(route - (x, y)).T)

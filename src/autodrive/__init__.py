@@ -1,7 +1,7 @@
-"""A simulator for scaled autonomous vehicles: `make(scenario)` gives a `World`, `World.step(commands)` a `Frame`.
+"""A simulator for scaled autonomous vehicles: `make(scenario)` returns a `World`, `World.step(commands)` a `Frame`.
 
-The names below are the public ones. Each is imported when it is first used, so that `import autodrive` is light: no
-MuJoCo, Numba or GL before a world is made.
+The names below are the public API. Each is imported on first use, so that `import autodrive` is fast and loads MuJoCo,
+Numba and OpenGL only when a world is made.
 """
 
 from __future__ import annotations
@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from autodrive.errors import AutodriveError as AutodriveError
     from autodrive.errors import CommandError as CommandError
     from autodrive.errors import EngineError as EngineError
+    from autodrive.errors import NoImageError as NoImageError
+    from autodrive.errors import SnapshotError as SnapshotError
     from autodrive.errors import SpecError as SpecError
+    from autodrive.errors import WorldInUseError as WorldInUseError
+    from autodrive.factory import make as make
     from autodrive.maps.map import Map as Map
     from autodrive.maps.map import MapSpec as MapSpec
     from autodrive.maps.map import load_map as load_map
@@ -35,22 +39,33 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import ObjectFrame as ObjectFrame
     from autodrive.protocol.messages import OffRoad as OffRoad
     from autodrive.protocol.messages import Pose as Pose
+    from autodrive.protocol.messages import RangeReading as RangeReading
     from autodrive.protocol.messages import TailLights as TailLights
     from autodrive.protocol.messages import VehicleFrame as VehicleFrame
     from autodrive.protocol.messages import WheelsReading as WheelsReading
     from autodrive.render.gl import GlUnavailable as GlUnavailable
+    from autodrive.scenario import BoxSpec as BoxSpec
+    from autodrive.scenario import Scenario as Scenario
     from autodrive.scenario import ScenarioSpec as ScenarioSpec
+    from autodrive.scenario import VehiclePlacement as VehiclePlacement
     from autodrive.scenario import load_scenario as load_scenario
     from autodrive.simulation import Simulation as Simulation
     from autodrive.simulation import Sink as Sink
     from autodrive.vehicles.spec import VehicleSpec as VehicleSpec
     from autodrive.vehicles.spec import load_vehicle as load_vehicle
     from autodrive.world import World as World
-    from autodrive.world import make as make
 
 _HOME = {
     "client": ("Client", "NoSimulatorError"),
-    "errors": ("AutodriveError", "CommandError", "EngineError", "SpecError"),
+    "errors": (
+        "AutodriveError",
+        "CommandError",
+        "EngineError",
+        "NoImageError",
+        "SnapshotError",
+        "SpecError",
+        "WorldInUseError",
+    ),
     "protocol.messages": (
         "BackOnRoad",
         "CameraImage",
@@ -68,20 +83,39 @@ _HOME = {
         "ObjectFrame",
         "OffRoad",
         "Pose",
+        "RangeReading",
         "TailLights",
         "VehicleFrame",
         "WheelsReading",
     ),
     "maps.map": ("Map", "MapSpec", "load_map"),
     "render.gl": ("GlUnavailable",),
-    "scenario": ("ScenarioSpec", "load_scenario"),
+    "scenario": ("BoxSpec", "Scenario", "ScenarioSpec", "VehiclePlacement", "load_scenario"),
     "simulation": ("Simulation", "Sink"),
     "vehicles.spec": ("VehicleSpec", "load_vehicle"),
-    "world": ("World", "make"),
+    "factory": ("make",),
+    "world": ("World",),
 }
-"""Module of this package -> the public names that live there."""
+"""Module of this package -> the public names that it defines."""
 
 _home_of = {name: module for module, names in _HOME.items() for name in names}
+
+_SIMULATOR_DEPENDENCIES = {
+    "manifold3d",
+    "moderngl",
+    "mujoco",
+    "numba",
+    "pydantic",
+    "resvg_py",
+    "rich",
+    "shapely",
+    "trimesh",
+    "typer",
+    "uvicorn",
+    "uvloop",
+    "yaml",
+}
+"""Import names of the packages that autodrive-simulator depends on and autodrive-client does not."""
 
 __version__ = "0.1.0"
 __all__ = [*_home_of]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
@@ -90,9 +124,28 @@ __all__ = [*_home_of]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunde
 def __getattr__(name: str) -> Any:
     if name not in _home_of:
         raise AttributeError(f"module 'autodrive' has no attribute '{name}'")
-    value = getattr(importlib.import_module(f"autodrive.{_home_of[name]}"), name)
+    home = f"autodrive.{_home_of[name]}"
+    try:
+        module = importlib.import_module(home)
+    except ModuleNotFoundError as error:
+        if _is_client_only(home, error.name or ""):
+            raise ImportError(
+                f"autodrive.{name} needs the simulator, and only autodrive-client is installed. Install the "
+                "distribution autodrive-simulator; in a checkout of its repository, run:  pip install ."
+            ) from None
+        raise
+    value = getattr(module, name)
     globals()[name] = value
     return value
+
+
+def _is_client_only(home: str, missing: str) -> bool:
+    """Whether a module is missing because autodrive-client is installed without the simulator.
+
+    The client leaves out whole modules: `missing` is then `home` or a package that contains it. An editable
+    installation of the client has all modules, but not the dependencies of the simulator.
+    """
+    return f"{home}.".startswith(f"{missing}.") or missing.partition(".")[0] in _SIMULATOR_DEPENDENCIES
 
 
 def __dir__() -> list[str]:

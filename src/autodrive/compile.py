@@ -1,64 +1,93 @@
-"""A ScenarioSpec becomes a Model, a State, an Engine and sensors: once a scenario, before its first tick."""
+"""Compiles a ScenarioSpec into a Model, a State, an Engine and sensors, once before the first tick."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
+import shapely
 
-from autodrive.errors import SpecError
-from autodrive.maps.map import BoxPlacement, Map, load_map
+from autodrive.errors import EngineError, SpecError
+from autodrive.maps.map import RESERVED, BoxPlacement, Map, read_map
 from autodrive.maps.mjcf import world_mjcf
-from autodrive.model import VEHICLE, WHEEL, Model, Shapes, Table
+from autodrive.maps.placing import overlaps
+from autodrive.model import Model, Shapes
+from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Views
-from autodrive.physics.tick import GROUND_COLUMNS, Scratch, Touches
-from autodrive.scenario import ScenarioSpec
+from autodrive.scenario import MAX_BOXES, ScenarioSpec
 from autodrive.sensors.camera import CameraSpec
-from autodrive.sensors.catalog import SensorSuite
-from autodrive.state import Floats, State
+from autodrive.sensors.catalog import ALWAYS_READ, SensorSuite, SensorSuiteSpec
+from autodrive.sensors.settings import ConfiguredSensor, configured_sensors
+from autodrive.specs import Source, suggest
+from autodrive.state import State, empty_state
 from autodrive.vehicles.mjcf import vehicle_mjcf
+from autodrive.vehicles.parameters import vehicle_table, wheel_table
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """What a World runs on."""
+    """All parts of a World."""
 
     spec: ScenarioSpec
     map: Map
     vehicles: dict[str, VehicleSpec]
-    """In the order of the Model's rows."""
+    """By name, in the order of the rows of the Model."""
+    configured: dict[str, dict[str, ConfiguredSensor]]
+    """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
     sensors: dict[str, SensorSuite]
-    """By vehicle."""
+    """By vehicle name."""
     cameras: dict[str, dict[str, CameraSpec]]
-    """By vehicle, by name."""
+    """Cameras that are on, by vehicle name and camera name."""
     model: Model
     state: State
     engine: Engine
     views: Views
-    touches: Touches
+    contacts: VehicleContacts
     scratch: Scratch
     objects: dict[str, int]
-    """Movable things: name -> where their pose begins in the engine's qpos."""
+    """Movable objects: name -> index of the pose in the engine's qpos."""
     boxes: list[BoxPlacement]
-    """The same things, in the same order, as they were placed."""
+    """The same objects in the same order, as they were placed."""
     owners: list[str]
-    """Name of the thing that each of the engine's geoms is part of."""
+    """Name of the vehicle, box or fixed object of each of the engine's geoms."""
 
 
-def compile_scenario(spec: ScenarioSpec) -> Compiled:
-    """Loads all that the scenario names. Raises `SpecError` with all faults."""
-    map_, vehicles = _load(spec)
-    boxes = _boxes(spec, map_)
-    _check_names(spec, map_, boxes)
+def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compiled:
+    """Compiles a scenario, including its map and vehicles. Raises `SpecError` with all errors.
+
+    `source`: the text of the scenario, for the path and the lines in errors.
+    """
+    source = source or Source()
+    map_, vehicles, errors = _load(spec, source)
+    if map_ is None:
+        raise SpecError(errors, source.path)
+    configured, wrong_sensors = _configured(spec, vehicles)
+    boxes, unknown_boxes = _boxes(spec, map_, source)
+    twice = _names_used_twice(spec, map_, boxes, source)
+    errors += [*wrong_sensors, *unknown_boxes, *twice]
+    if len(boxes) > MAX_BOXES:
+        errors.append(
+            f"{source.at('boxes')}: {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
+        )
+    if twice or len(boxes) > MAX_BOXES or not vehicles:  # without an engine, overlaps are not known
+        raise SpecError(errors, source.path)
     bodies = [
         vehicle_mjcf(name, vehicle, spec.vehicles[name].x, spec.vehicles[name].y, spec.vehicles[name].yaw)
         for name, vehicle in vehicles.items()
     ]
-    engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity))
-    _check_places(vehicles, engine)
+    try:
+        engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity))
+    except EngineError as error:
+        place = source.at("boxes" if spec.boxes else "vehicles")
+        raise SpecError([*errors, f"{place}: {error}. Many bodies at the same place?"], source.path) from None
+    errors += _overlapping_vehicles(vehicles, engine, source)
+    if errors:
+        raise SpecError(errors, source.path)
     geoms = engine.geoms()
     body_vehicle = {engine.body(name)[0]: i for i, name in enumerate(vehicles)}
     shapes = Shapes(
@@ -72,107 +101,121 @@ def compile_scenario(spec: ScenarioSpec) -> Compiled:
     model = Model(
         dt=spec.substep,
         gravity=spec.gravity,
-        vehicles=_vehicle_table(vehicles, engine, spec.substep),
-        wheels=_wheel_table(vehicles, map_.ground.grip, spec.substep),
+        vehicles=vehicle_table(vehicles, engine, spec.substep),
+        wheels=wheel_table(vehicles, map_.ground.grip, spec.substep),
         shapes=shapes,
     )
-    n, n_geom = len(vehicles), len(engine.geom_bodies)
     geom_vehicle = np.array([body_vehicle.get(body, -1) for body in engine.geom_bodies], dtype=np.int64)
     return Compiled(
         spec=spec,
         map=map_,
         vehicles=vehicles,
-        sensors=_sensors(spec, vehicles),
-        cameras=_cameras(spec, vehicles),
+        configured=configured,
+        sensors=_sensors(spec, configured),
+        cameras=_cameras(configured),
         model=model,
         state=empty_state(model),
         engine=engine,
         views=engine.views(np.array([geom.number for geom in geoms], dtype=np.int64)),
-        touches=Touches(
-            geom_vehicle=geom_vehicle,
-            impulse=np.zeros((n, n_geom)),
-            position=np.zeros((n, n_geom, 3)),
-            pairs=np.zeros((64, 2), dtype=np.int64),
-            pair_count=np.zeros(1, dtype=np.int64),
-        ),
-        scratch=Scratch(
-            nearby=np.zeros((n, len(geoms)), dtype=np.int64),
-            nearby_count=np.zeros(n, dtype=np.int64),
-            velocity=np.zeros((n, 3)),
-            ground=np.zeros((4, GROUND_COLUMNS)),
-            contact_force=np.zeros(6),
-            contact_position=np.zeros(3),
-            contact_geoms=np.zeros(2, dtype=np.int32),
-        ),
+        contacts=vehicle_contacts(len(vehicles), geom_vehicle),
+        scratch=scratch(model),
         objects={box.name: engine.body(box.name)[1] for box in boxes},
         boxes=boxes,
         owners=_owners(engine),
     )
 
 
-def empty_state(model: Model) -> State:
-    """All zero, of the right shapes."""
-    n, n_shape = len(model.vehicles), len(model.shapes.kind)
-    queue = 1 + int(max(model.vehicles["drive_delay"].max(initial=0), model.vehicles["steering_delay"].max(initial=0)))
-    widths: dict[str, tuple[int, ...]] = {
-        **{f"vehicle_{name}": (n, 3) for name in ("position", "velocity", "angular_velocity", "acceleration")},
-        "vehicle_angular_acceleration": (n, 3),
-        "vehicle_orientation": (n, 4),
-        **dict.fromkeys(("throttle", "drive_level", "steering_target", "steering_angle"), (n,)),
-        "throttle_queue": (n, queue),
-        "steering_queue": (n, queue),
-        "wheel_force": (4 * n, 2),
-        "wheel_hold": (4 * n, 2),
-        "shape_position": (n_shape, 3),
-        "shape_rotation": (n_shape, 9),
-    }
-    return State(**{name: np.zeros(widths.get(name, (4 * n,))) for name in State._fields})
+def placement_errors(spec: ScenarioSpec, source: Source) -> list[str]:
+    """What a run accepts and is hardly meant: vehicles outside the walls, and boxes that overlap other objects."""
+    try:
+        map_, _, _ = read_map(spec.map)
+    except SpecError:
+        return []
+    if map_ is None:
+        return []
+    return [*_vehicles_outside(spec, map_, source), *_overlapping_boxes(spec, map_, source)]
 
 
-def _load(spec: ScenarioSpec) -> tuple[Map, dict[str, VehicleSpec]]:
-    """The map and the vehicles that the scenario names; the faults of all of them are told at once."""
-    faults: list[str] = []
+def _load(spec: ScenarioSpec, source: Source) -> tuple[Map | None, dict[str, VehicleSpec], list[str]]:
+    """The map without its faulty placements, the vehicles that can be loaded, and the errors of all files."""
+    errors: list[str] = []
 
-    def told(place: str, error: SpecError) -> None:
-        faults.extend(f"{place}: {fault}" + (f"  ({error.path})" if error.path else "") for fault in error.faults)
+    def add(place: str, messages: list[str], path: str | Path) -> None:
+        errors.extend(f"{place}: {one}" + (f"  ({path})" if path else "") for one in messages)
 
     map_: Map | None = None
     vehicles: dict[str, VehicleSpec] = {}
     try:
-        map_ = load_map(spec.map)
+        map_, messages, path = read_map(spec.map)
+        add(source.at("map"), messages, path)
     except SpecError as error:
-        told("map", error)
+        add(source.at("map"), error.errors, error.path)
+    loaded: dict[str, VehicleSpec | SpecError] = {}
     for name, placement in spec.vehicles.items():
-        try:
-            vehicles[name] = load_vehicle(placement.type)
-        except SpecError as error:
-            told(f"vehicles.{name}.type", error)
-    if map_ is None or faults:
-        raise SpecError(faults)
-    return map_, vehicles
+        if placement.type not in loaded:
+            try:
+                loaded[placement.type] = load_vehicle(placement.type)
+            except SpecError as error:
+                loaded[placement.type] = error
+        vehicle = loaded[placement.type]
+        if isinstance(vehicle, SpecError):
+            add(source.at("vehicles", name, "type"), vehicle.errors, vehicle.path)
+        else:
+            vehicles[name] = vehicle
+    return map_, vehicles, errors
 
 
 def _owners(engine: Engine) -> list[str]:
-    """Name of the thing that each geom is part of."""
+    """Name of the object of each geom."""
     return [name.split("/")[0] for name in engine.geom_names]
 
 
-def _check_places(vehicles: dict[str, VehicleSpec], engine: Engine) -> None:
-    """No vehicle may begin inside another thing."""
+def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine, source: Source) -> list[str]:
+    """An error for each vehicle that overlaps another object."""
     owners = _owners(engine)
     pairs = {tuple(sorted((owners[a], owners[b]))) for a, b in engine.overlapping()}
-    faults = [
-        f"'{a}' and '{b}' stand in each other at the start; move one of them"
-        for a, b in sorted(pairs)
-        if {a, b} & set(vehicles)
+    return [
+        f"{source.at('vehicles', [name for name in pair if name in vehicles][-1])}: '{pair[0]}' and '{pair[1]}' "
+        "overlap at the start; move one of them"
+        for pair in sorted(pairs)
+        if set(pair) & set(vehicles)
     ]
-    if faults:
-        raise SpecError(faults)
 
 
-def _boxes(spec: ScenarioSpec, map_: Map) -> list[BoxPlacement]:
-    own = [
-        BoxPlacement(
+def _vehicles_outside(spec: ScenarioSpec, map_: Map, source: Source) -> list[str]:
+    """An error for each vehicle outside the walls that enclose the roads of the map."""
+    if map_.enclosure is None:
+        return []
+    x0, y0, x1, y1 = map_.enclosure.bounds
+    return [
+        f"{source.at('vehicles', name)}: ({vehicle.x:g}, {vehicle.y:g}) is outside the walls of map '{map_.name}', "
+        f"which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m"
+        for name, vehicle in spec.vehicles.items()
+        if not map_.enclosure.covers(shapely.Point(vehicle.x, vehicle.y))
+    ]
+
+
+def _overlapping_boxes(spec: ScenarioSpec, map_: Map, source: Source) -> list[str]:
+    """An error for each box of the scenario that overlaps a box or a fixed object."""
+    boxes, _ = _boxes(spec, map_, source)
+    own = [box for box in boxes if box.name in spec.boxes]
+    lines = {box.name: source.line("boxes", box.name) for box in own}
+    labels = {name: f"box '{name}'{f' (line {line})' if line else ''}" for name, line in lines.items()}
+    solids = [(labels[box.name], box.plan, *box.span) for box in own]
+    solids += [(f"'{one.name}'", one.plan, *one.span) for one in (*boxes, *map_.statics) if one.name not in spec.boxes]
+    return overlaps(solids, len(own))
+
+
+def _boxes(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[list[BoxPlacement], list[str]]:
+    """The boxes of the map, then those of the scenario, which may take the place of one of the map; and errors."""
+    of_map = {box.name: box for box in map_.boxes}
+    errors = [
+        f"{source.at('removed_boxes')}: the map has no box '{name}'. {suggest(name, list(of_map))}"
+        for name in spec.removed_boxes
+        if name not in of_map
+    ]
+    placed = {
+        name: BoxPlacement(
             name=name,
             size=box.size,
             mass=box.mass,
@@ -180,119 +223,58 @@ def _boxes(spec: ScenarioSpec, map_: Map) -> list[BoxPlacement]:
             yaw=math.radians(box.yaw_deg),
         )
         for name, box in spec.boxes.items()
+    }
+    removed = set(spec.removed_boxes)
+    kept = [
+        placed[name] if name in removed else box
+        for name, box in of_map.items()
+        if name in placed or name not in removed
     ]
-    return [*map_.boxes, *own]
+    return [*kept, *(box for name, box in placed.items() if name not in removed)], errors
 
 
-def _check_names(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement]) -> None:
-    names = [*spec.vehicles, *(box.name for box in boxes), *(shape.name for shape in map_.statics), "ground"]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise SpecError(
-            [f"the name '{name}' is given twice; vehicles, boxes and fixed things share names" for name in twice]
-        )
-
-
-def _sensors(spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]) -> dict[str, SensorSuite]:
-    substep = Fraction(str(spec.substep))
-    suites = {
-        name: vehicle.sensors.realistic() if spec.vehicles[name].has_realistic_sensors else vehicle.sensors
-        for name, vehicle in vehicles.items()
-    }
-    return {
-        name: SensorSuite(suite, vehicle=i, name=name, substep=substep, gravity=spec.gravity)
-        for i, (name, suite) in enumerate(suites.items())
-    }
-
-
-def _cameras(spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]) -> dict[str, dict[str, CameraSpec]]:
-    return {
-        name: {
-            camera: its.realistic() if spec.vehicles[name].has_realistic_sensors else its
-            for camera, its in vehicle.cameras.items()
-        }
-        for name, vehicle in vehicles.items()
-    }
-
-
-def _vehicle_table(vehicles: dict[str, VehicleSpec], engine: Engine, dt: float) -> Table:
-    table = np.zeros(len(vehicles), dtype=VEHICLE)
-    for row, (name, spec) in zip(table, vehicles.items(), strict=True):
-        _, row["qpos"], row["dof"] = engine.body(name)
-        for field in ("mass", "inertia", "center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
-            row[field] = getattr(spec.body, field)
-        row["wheelbase"] = spec.wheelbase
-        row["steering_limit"] = spec.steering.limit
-        row["steering_rate_limit"] = spec.steering.rate_limit
-        row["steering_response"] = _response(spec.steering.time_constant, dt)
-        row["steering_delay"] = round(spec.steering.dead_time / dt)
-        row["drive_is_speed_controlled"] = spec.drivetrain.control == "speed"
-        row["drive_speed_limit"] = spec.drivetrain.speed_limit
-        row["drive_torque_limit"] = spec.drivetrain.torque_limit
-        row["drive_servo_gain"] = spec.drivetrain.servo_gain
-        row["drive_response"] = _response(spec.drivetrain.time_constant, dt)
-        row["drive_delay"] = round(spec.drivetrain.dead_time / dt)
-        row["brake_torque"] = spec.drivetrain.brake_torque
-    return table
-
-
-def _wheel_table(vehicles: dict[str, VehicleSpec], grip: float, dt: float) -> Table:
-    table = np.zeros(4 * len(vehicles), dtype=WHEEL)
-    for i, spec in enumerate(vehicles.values()):
-        wheel, regular = spec.wheels, spec.wheels.regularisation
-        rows = table[4 * i : 4 * i + 4]
-        rows["hub"] = spec.hubs
-        rows["is_steered"] = True, True, False, False
-        rows["is_driven"] = False, False, True, True
-        rows["sprung_mass"] = sprung_masses(spec)
-        rows["effective_mass"] = effective_masses(spec)
-        rows["inertia"] = 0.5 * wheel.mass * wheel.radius**2
-        rows["radius"], rows["damping_rate"], rows["force_height"] = (
-            wheel.radius,
-            wheel.damping_rate,
-            wheel.force_height,
-        )
-        suspension = wheel.suspension
-        for field in ("stiffness", "damping", "compression_max", "droop_max", "bump_stiffness"):
-            rows[field] = getattr(suspension, field)
-        rows["look_ahead"] = suspension.look_ahead(dt)
-        factor = (1.0, grip, 1.0, grip, 1.0)
-        rows["forward"] = np.multiply(wheel.forward_friction.numbers, factor)
-        rows["sideways"] = np.multiply(wheel.sideways_friction.numbers, factor)
-        for field in ("active_slip_offset", "passive_slip_minimum", "slip_angle_offset", "hold_speed"):
-            rows[field] = getattr(regular, field)
-        # a quarter of the car on each spring; no stiffer than the substep can follow, damped at 0.7 of critical
-        frequency = 2.0 * math.pi * min(regular.hold_frequency, 0.04 / dt)
-        rows["hold_stiffness"] = spec.body.mass / 4 * frequency**2
-        rows["hold_damping"] = 2.0 * 0.7 * spec.body.mass / 4 * frequency
-    return table
-
-
-def _response(time_constant: float, dt: float) -> float:
-    """Share of the way to its target that a first-order lag goes in one step."""
-    return 1.0 - math.exp(-dt / time_constant) if time_constant > 0.0 else 1.0
-
-
-def sprung_masses(spec: VehicleSpec) -> Floats:
-    """Mass on each wheel's spring [kg], shape (4,).
-
-    They sum to the car's, balance about its centre of mass, and differ as little as can be (PhysX,
-    PxVehicleComputeSprungMasses).
-    """
-    hubs = np.array(spec.hubs)
-    x, y, _ = spec.body.center_of_mass
-    balance = np.stack([np.ones(4), hubs[:, 0], hubs[:, 1]])
-    return np.asarray(np.linalg.lstsq(balance, spec.body.mass * np.array([1.0, x, y]), rcond=None)[0], np.float64)
-
-
-def effective_masses(spec: VehicleSpec) -> Floats:
-    """Least mass that a horizontal force at each contact point meets [kg], shape (4,), shared by four wheels.
-
-    1 / (1/m + (r x d) . I^-1 (r x d)) for a unit force d at r from the centre of mass (Featherstone (2.74)).
-    """
-    r = np.array(spec.hubs) - [0.0, 0.0, spec.wheels.radius] - np.array(spec.body.center_of_mass)
-    inverse = [
-        1.0 / spec.body.mass + np.sum(np.cross(r, d) ** 2 / np.array(spec.body.inertia), axis=1)
-        for d in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+def _names_used_twice(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement], source: Source) -> list[str]:
+    names = Counter([*spec.vehicles, *(box.name for box in boxes), *(shape.name for shape in map_.statics), *RESERVED])
+    return [
+        f"{source.at('boxes' if name in spec.boxes else 'vehicles', name)}: the name '{name}' is used twice; vehicles, "
+        f"boxes and fixed objects need different names, and none of them may be {' or '.join(RESERVED)}"
+        for name in sorted({*spec.vehicles, *spec.boxes})
+        if names[name] > 1
     ]
-    return 0.25 / np.max(inverse, axis=0)
+
+
+def _configured(
+    spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]
+) -> tuple[dict[str, dict[str, ConfiguredSensor]], list[str]]:
+    """The sensors and cameras of all vehicles, and errors."""
+    errors: list[str] = []
+    configured: dict[str, dict[str, ConfiguredSensor]] = {}
+    for name, vehicle in vehicles.items():
+        own = spec.vehicles[name]
+        try:
+            configured[name] = configured_sensors(
+                vehicle.sensors, vehicle.cameras, own.sensors, is_realistic=own.has_realistic_sensors
+            )
+        except SpecError as error:
+            errors += [f"vehicles.{name}.sensors.{one}" for one in error.errors]
+    return configured, errors
+
+
+def _sensors(spec: ScenarioSpec, configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, SensorSuite]:
+    """The sensors that are on. Encoders, IPS and IMU have a reading in every Frame, so they are frozen instead."""
+    suites: dict[str, SensorSuite] = {}
+    for i, (name, sensors) in enumerate(configured.items()):
+        own = {sensor: its for sensor, its in sensors.items() if not isinstance(its.spec, CameraSpec)}
+        frozen = {sensor for sensor, its in own.items() if not its.is_on and sensor in ALWAYS_READ}
+        on = {sensor: its.spec for sensor, its in own.items() if its.is_on or sensor in frozen}
+        suite = SensorSuiteSpec().model_copy(update=on)
+        substep = Fraction(str(spec.substep))
+        suites[name] = SensorSuite(suite, vehicle=i, name=name, substep=substep, gravity=spec.gravity, frozen=frozen)
+    return suites
+
+
+def _cameras(configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, dict[str, CameraSpec]]:
+    return {
+        name: {camera: its.spec for camera, its in sensors.items() if isinstance(its.spec, CameraSpec) and its.is_on}
+        for name, sensors in configured.items()
+    }

@@ -1,26 +1,43 @@
-"""What can go wrong that a user can mend: every such error of this package is an `AutodriveError`."""
+"""Errors that a user can fix: all exceptions that this package raises on purpose are an `AutodriveError`."""
 
 
 class AutodriveError(Exception):
-    """Base of all errors that a user can mend; the text says what is wrong, where, and what would be right."""
+    """Base of all errors that a user can fix; the message states what is wrong, where, and what would be right."""
 
 
-class SpecError(AutodriveError):
-    """A description (vehicle, module, map, scenario) is wrong. Holds every fault of the file at once.
+class SpecError(AutodriveError, ValueError):
+    """A file (vehicle, module, map or scenario) or a Spec is wrong. Holds all errors.
 
-    `faults` is the list of texts; the error's own text shows them all, the file's path last.
+    `errors` is the list of messages; the text of the exception contains all of them (at most 200), then the path of the
+    file.
     """
 
-    def __init__(self, faults: list[str], path: str = "") -> None:
-        self.faults = faults
+    def __init__(self, errors: list[str], path: str = "") -> None:
+        self.errors = errors
         self.path = path
-        lines = faults if len(faults) == 1 else [f"{len(faults)} faults:", *(f"  - {fault}" for fault in faults)]
+        lines = errors if len(errors) == 1 else [f"{len(errors)} errors:", *(f"  - {error}" for error in errors[:200])]
+        if len(errors) > 200:
+            lines.append(f"  - and {len(errors) - 200} more")
         super().__init__("\n".join(lines) + (f"  ({path})" if path else ""))
 
 
 class CommandError(AutodriveError):
-    """A `Command` cannot be obeyed: unknown vehicle, or a value that is not a finite number."""
+    """A command is invalid: it is not a `Command`, its vehicle is unknown, or a value is not a finite number."""
+
+
+class NoImageError(AutodriveError, KeyError):
+    """A camera has no image: the cameras are off, there is no such camera, or its first image is not ready."""
+
+    __str__ = Exception.__str__  # that of KeyError puts the message in quotes
 
 
 class EngineError(AutodriveError):
-    """The physics engine cannot go on, for example because the state became non-finite."""
+    """The physics engine cannot continue, for example because the state is no longer finite."""
+
+
+class SnapshotError(AutodriveError):
+    """A snapshot does not fit the world that it is given to, or has been changed since `World.save`."""
+
+
+class WorldInUseError(AutodriveError):
+    """Another thread is inside the `World`; only one thread at a time may use it."""

@@ -1,58 +1,74 @@
-"""The one way this package compiles Python: Numba, without the interpreter lock, cached on disk, no fast math.
+"""Compilation with Numba: without the interpreter lock, cached on disk, no fast math.
 
-With `NUMBA_DISABLE_JIT=1` in the environment the same source runs as plain Python and can be stepped through.
+With `NUMBA_DISABLE_JIT=1` in the environment the same source runs as plain Python, for example in a debugger.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
+import inspect
+import logging
 import os
+import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
+import llvmlite
 import numba
-from numba.core import config, event
+from numba.core import event
+from numba.core.caching import FunctionCache
+from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
+from numba.core.serialize import dumps
 
-from autodrive.cache import cache_folder
+from autodrive.cache import cache_folder, read_cached, write_cached
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
+log = logging.getLogger(__name__)
 
-# Numba itself looks only at the file of the outermost function, so that a change in a function which that one calls
-# would go unnoticed: a folder for each state of our whole source
-if "NUMBA_CACHE_DIR" not in os.environ:
-    config.CACHE_DIR = str(cache_folder("numba"))  # pyright: ignore[reportAttributeAccessIssue]
 
-_njit: Any = numba.njit
+def _folder() -> Path:
+    """A folder for each version of the whole source, because a function also contains those that it calls."""
+    own = cache_folder("numba", also=f"{numba.__version__} {llvmlite.__version__}")
+    return Path(os.environ["NUMBA_CACHE_DIR"], own.name) if os.environ.get("NUMBA_CACHE_DIR") else own
+
+
+CACHE = _folder()
+"""Folder of compiled functions: `NUMBA_CACHE_DIR`, or the user's cache folder."""
 
 
 def jit(function: Function) -> Function:
-    """Compile at the first call (or read from the cache). Same bits on every run: no fast math, no threads."""
-    return _njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False)
+    """Compile at the first call or load from the cache. Same bits in every run: no fast math, no threads."""
+    return _cached(numba.njit(function, nogil=True, error_model="numpy", fastmath=False))
 
 
 def inlined(function: Function) -> Function:
-    """For the innermost loops: as `jit`, but LLVM copies the code into its callers, and arrays are not counted.
+    """As `jit`, for inner loops: LLVM copies the code into the callers, and references to arrays are not counted.
 
-    A call with a whole Model and State would cost more than what it does, and so would counting the references to
-    their arrays. Such a function, and a `jit_uncounted` one that calls it, cannot make arrays.
+    Passing a whole Model and State, and counting references to their arrays, would cost more than the function
+    itself. Such a function, and a `jit_uncounted` function that calls it, cannot create arrays.
     """
-    return _njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=True, _nrt=False)
+    options: Any = {"forceinline": True, "_nrt": False}
+    return _cached(numba.njit(function, nogil=True, error_model="numpy", fastmath=False, **options))
 
 
 def jit_uncounted(function: Function) -> Function:
-    """As `jit`, for the outermost of the functions above."""
-    return _njit(function, cache=True, nogil=True, error_model="numpy", fastmath=False, _nrt=False)
+    """As `jit`, without reference counting, for the outermost function that calls `inlined` functions."""
+    options: Any = {"_nrt": False}
+    return _cached(numba.njit(function, nogil=True, error_model="numpy", fastmath=False, **options))
 
 
 def resolved(function: Function, *arguments: Any) -> Function:
-    """The compiled code for arguments of these types, called without a look at the types.
+    """The compiled code for arguments of these types, which is called without checking the types.
 
-    For what is called in every tick: Numba takes 10 us to look at a Model and a State, and 1.5 us to pass them.
+    For functions that are called in every tick: Numba needs 10 us to check a Model and a State, 1.5 us to pass them.
     """
     dispatcher: Any = function
-    if not isinstance(dispatcher, Dispatcher):  # compilation is switched off
+    if not isinstance(dispatcher, Dispatcher):  # compilation is disabled
         return function
     signature = tuple(numba.typeof(argument) for argument in arguments)
     dispatcher.compile(signature)
@@ -62,9 +78,9 @@ def resolved(function: Function, *arguments: Any) -> Function:
 
 @contextmanager
 def compiling(progress: Callable[[str], None]) -> Iterator[None]:
-    """Tells `progress` the name of every function that is compiled meanwhile, when it is done.
+    """Calls `progress` with the name of each function that is compiled inside the `with` block.
 
-    Silent where all comes from the cache. The first run on a machine compiles for about a quarter of a minute.
+    Nothing is called if all functions are in the cache. The first run on a machine compiles for about 15 seconds.
     """
     with event.install_listener("numba:compile", _Compilations(progress)):
         yield
@@ -79,3 +95,83 @@ class _Compilations(event.Listener):
 
     def on_end(self, event: Any) -> None:
         self._progress(event.data["dispatcher"].py_func.__name__.lstrip("_"))
+
+
+# -- the cache ------------------------------------------------------------------------------------------------------
+
+
+def _cached(dispatcher: Any) -> Any:
+    if isinstance(dispatcher, Dispatcher):  # otherwise compilation is disabled
+        dispatcher._cache = _FileCache(dispatcher.py_func)  # pyright: ignore[reportAttributeAccessIssue]
+    return dispatcher
+
+
+class _FileCache(FunctionCache):
+    """A checked file for each function and its argument types; without a usable file, the function is compiled.
+
+    Numba's own cache raises for a damaged file or a full disk, and its index can be wrong after two processes have
+    written it at once.
+    """
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self._py_func = function  # for `_index_key`
+        self._name = f"{function.__module__}.{function.__qualname__}"
+        self._cache_path = str(CACHE)
+        self.enable()
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        target_context.refresh()
+        path = self._path(sig, target_context.codegen())
+        if path is None:
+            return None
+        try:
+            return CompileResult._rebuild(target_context, *pickle.loads(read_cached(path)))
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except OSError as error:
+            _warn(f"the cache of compiled code cannot be read: {error.strerror}; it is compiled again  ({path})")
+        except Exception:  # unpickling may raise anything
+            _warn(f"the cache of compiled code is damaged; what is damaged is compiled again  ({path})")
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        path = self._path(sig, data.codegen)
+        if path is None or data.lifted or data.library.has_dynamic_globals:
+            return
+        try:
+            write_cached(path, dumps(data._reduce()))
+        except OSError as error:
+            _warn(
+                f"the cache of compiled code cannot be written: {error.strerror}; every start compiles again, unless "
+                f"NUMBA_CACHE_DIR names another folder  ({CACHE})"
+            )
+
+    def flush(self) -> None:
+        """Nothing: files of other sources are in other folders."""
+
+    def _path(self, sig: Any, codegen: Any) -> Path | None:
+        """None: no name is certain, because the source cannot be read or a type is named by an address."""
+        source = _source_digest(inspect.getfile(self._py_func))
+        name = f"{self._name} {source} {self._index_key(sig, codegen)}"
+        if not source or " at 0x" in name:
+            return None
+        return CACHE / f"{self._py_func.__name__}-{hashlib.sha256(name.encode()).hexdigest()[:32]}.code"
+
+
+@functools.cache
+def _source_digest(file: str) -> str:
+    """Of a file with compiled functions; empty if it cannot be read, as for a function of a notebook."""
+    try:
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
+_warnings: list[str] = []
+"""What was logged: one line at most."""
+
+
+def _warn(text: str) -> None:
+    if not _warnings:
+        _warnings.append(text)
+        log.warning("%s", text)

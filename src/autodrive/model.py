@@ -1,6 +1,6 @@
-"""Model: what stays while the world runs, as tables of numbers that Numba takes as they are.
+"""Model: the constant parameters of a world, as tables of numbers that compiled code reads directly.
 
-A table is a structured array: one row a vehicle or a wheel, one named column a parameter.
+A table is a structured array: one row for each vehicle or wheel, one named column for each parameter.
 """
 
 from __future__ import annotations
@@ -10,58 +10,60 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.state import Floats, Integers
+from autodrive.arrays import Floats, Integers
 
 SPHERE, CYLINDER, BOX = 2, 5, 6
-"""Kinds of shape, numbered as in MuJoCo (mjtGeom)."""
+"""Kinds of shapes, numbered as in MuJoCo (mjtGeom)."""
 
 Table = NDArray[Any]
 
 
-def _table(**columns: Any) -> np.dtype[Any]:
-    return np.dtype(list(columns.items()), align=True)
+def columns(**types: Any) -> np.dtype[Any]:
+    """The dtype of a table with these columns."""
+    return np.dtype(list(types.items()), align=True)
 
 
-VEHICLE = _table(
-    qpos=np.int64,  # where its position and quaternion begin in the engine's qpos
-    dof=np.int64,  # where its velocity begins in the engine's qvel
+VEHICLE = columns(
+    qpos=np.int64,  # index of its position and quaternion in the engine's qpos
+    dof=np.int64,  # index of its velocity in the engine's qvel
     mass=np.float64,  # [kg]
-    inertia=(np.float64, 3),  # about the centre of mass, along the vehicle's axes [kg m^2]
+    inertia=(np.float64, 3),  # about the centre of mass, vehicle axes [kg m^2]
     center_of_mass=(np.float64, 3),  # in the vehicle frame [m]
     drag=np.float64,  # [1/s]
     angular_drag=np.float64,  # [1/s]
     angular_velocity_max=np.float64,  # [rad/s]
     wheelbase=np.float64,  # [m]
     steering_limit=np.float64,  # [rad]
-    steering_rate_limit=np.float64,  # [rad/s]
+    steering_rate_limit=np.float64,  # [rad/s], or infinity
     steering_response=np.float64,  # 1 - exp(-dt / time constant)
     steering_delay=np.int64,  # [substeps]
     drive_is_speed_controlled=np.bool_,
     drive_speed_limit=np.float64,  # [rad/s]
-    drive_torque_limit=np.float64,  # [N m]
+    drive_torque_limit=np.float64,  # of each driven wheel [N m]
     drive_servo_gain=np.float64,  # [N m s/rad]
     drive_response=np.float64,  # 1 - exp(-dt / time constant)
     drive_delay=np.int64,  # [substeps]
-    brake_torque=np.float64,  # [N m], each wheel
+    brake_torque=np.float64,  # of each braked wheel [N m]
 )
 """Columns of `Model.vehicles`."""
 
-WHEEL = _table(
+WHEEL = columns(
     hub=(np.float64, 3),  # wheel centre at the suspension's target position, in the vehicle frame [m]
     is_steered=np.bool_,
     is_driven=np.bool_,
+    is_braked=np.bool_,  # at zero throttle
     radius=np.float64,  # [m]
     inertia=np.float64,  # about the axle [kg m^2]
     damping_rate=np.float64,  # [N m s/rad]
     sprung_mass=np.float64,  # [kg]
-    force_height=np.float64,  # of the point where the ground's force acts, above the wheel's base [m]
+    force_height=np.float64,  # of the point where the ground's force acts, above the base of the wheel [m]
     stiffness=np.float64,  # of the suspension [N/m]
     damping=np.float64,  # of the suspension [N s/m]
     compression_max=np.float64,  # [m]
     droop_max=np.float64,  # [m]
     bump_stiffness=np.float64,  # [N/m]
     look_ahead=np.float64,  # of the suspension [s]
-    forward=(np.float64, 5),  # extremum slip and value, asymptote slip and value, initial slope
+    forward=(np.float64, 5),  # friction curve: extremum slip and value, asymptote slip and value, initial slope
     sideways=(np.float64, 5),  # likewise
     active_slip_offset=np.float64,  # [m/s]
     passive_slip_minimum=np.float64,  # [m/s]
@@ -69,15 +71,15 @@ WHEEL = _table(
     hold_speed=np.float64,  # [m/s]
     hold_stiffness=np.float64,  # [N/m]
     hold_damping=np.float64,  # [N s/m]
-    effective_mass=np.float64,  # that a force at the contact point meets, per wheel [kg]
+    effective_mass=np.float64,  # for a horizontal force at the contact point, per wheel [kg]
 )
-"""Columns of `Model.wheels`, four rows a vehicle: front left, front right, rear left, rear right."""
+"""Columns of `Model.wheels`, four rows per vehicle in the order of `protocol.messages.WHEEL_NAMES`."""
 
 
 class Shapes(NamedTuple):
-    """The fixed half of the collision shapes; where they are now is `State.shape_position` and `.shape_rotation`.
+    """Constant parameters of the collision shapes; their poses are `State.shape_position` and `.shape_rotation`.
 
-    The floor (z = 0) is not among them.
+    The floor (z = 0) is not one of them.
     """
 
     kind: Integers
@@ -89,13 +91,13 @@ class Shapes(NamedTuple):
     vehicle: Integers
     """Index of the vehicle that the shape is part of, or -1, shape (n_shape,)."""
     dof: Integers
-    """Where the velocity of the shape's body begins in the engine's qvel, or -1 if it never moves, shape (n_shape,)."""
+    """Index of the velocity of the shape's body in the engine's qvel, or -1 if it is fixed, shape (n_shape,)."""
     qpos: Integers
-    """Where the position of the shape's body begins in the engine's qpos, or -1, shape (n_shape,)."""
+    """Index of the position of the shape's body in the engine's qpos, or -1 if it is fixed, shape (n_shape,)."""
 
 
 class Model(NamedTuple):
-    """Everything that stays."""
+    """All constant parameters."""
 
     dt: float
     """Length of a substep [s]."""

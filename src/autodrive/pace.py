@@ -1,13 +1,16 @@
-"""Pace: when the next tick is due, and how well that was kept. Wall time comes in as a number [s] from any clock."""
+"""Computes when the next tick is due and how well the pace is kept. Wall time is a number [s] from any clock."""
 
 from __future__ import annotations
 
-MAX_LAG = 0.1
-"""A debt of up to this much wall time [s] is caught up, so that a hiccup costs nothing; a greater one is forgotten, so
-that a machine that is too slow slows simulated time down and does not fall ever further behind."""
+MIN_SPEED, MAX_SPEED = 1e-6, 1e6
+"""Simulated seconds per wall second. At the least speed a tick of 10 ms comes every three hours."""
 
-COMPLAINT_INTERVAL = 10.0
-"""At least so much wall time [s] between two complaints."""
+MAX_LAG = 0.1
+"""A lag of up to this much wall time [s] is caught up. A greater lag is dropped: on a machine that is too slow,
+simulated time slows down instead of falling further behind."""
+
+WARNING_INTERVAL = 10.0
+"""Least wall time [s] between two warnings."""
 
 MEASURING_TIME = 1.0
 """The real-time factor is the mean over about this much wall time [s]."""
@@ -36,14 +39,14 @@ class Pace:
         return time + (self.ticks - ticks) * self._tick_duration
 
     def set_tick_duration(self, tick_duration: float, now: float) -> None:
-        """Go on with ticks of another length [s], as after a rest."""
+        """Continue with ticks of another length [s], as after a rest."""
         self._simulated_before = (self.simulated_time, self.ticks)
         self._tick_duration = tick_duration
         if self._started is not None:
             self.restart(now)
 
     def restart(self, now: float) -> None:
-        """Begin, or begin anew after a rest: the next tick is due now."""
+        """Start, or continue after a rest: the next tick is due now."""
         self.rest(now)
         self._started = self._due = now
         self._measured_from = (now, self.ticks)
@@ -54,14 +57,14 @@ class Pace:
         self._started = None
 
     def set_speed(self, speed: float | None, now: float) -> None:
-        """Change the speed, running or resting; a debt of the old speed is forgotten."""
+        """Change the speed, running or resting; a lag of the old speed is dropped."""
         self.speed = speed
         if self._started is not None:
             self.restart(now)
 
     def running_time(self, now: float) -> float:
         """Wall time spent running, without rests [s]."""
-        started = self._started  # read once: others ask while the simulation's thread writes
+        started = self._started  # read once: other threads read while the thread of the simulation writes
         return self._time_before + (now - started if started is not None else 0.0)
 
     def delay(self, now: float) -> float:
@@ -69,7 +72,7 @@ class Pace:
         return 0.0 if self.speed is None else self._due - now
 
     def count(self, now: float) -> bool:
-        """A tick was done. True if it is time to complain that the speed cannot be kept."""
+        """Count a tick. Returns True if a warning is due that the speed cannot be kept."""
         self.ticks += 1
         if self._started is None:
             return False
@@ -84,7 +87,7 @@ class Pace:
         if lag <= max(MAX_LAG, 2 * period):
             return False
         self._due = now
-        return self._is_time_to_complain(now)
+        return self._is_warning_due(now)
 
     def _measure(self, now: float) -> None:
         began, ticks = self._measured_from
@@ -92,8 +95,8 @@ class Pace:
             self.real_time_factor = (self.ticks - ticks) * self._tick_duration / (now - began)
             self._measured_from = (now, self.ticks)
 
-    def _is_time_to_complain(self, now: float) -> bool:
+    def _is_warning_due(self, now: float) -> bool:
         if now < self._quiet_until:
             return False
-        self._quiet_until = now + COMPLAINT_INTERVAL
+        self._quiet_until = now + WARNING_INTERVAL
         return True

@@ -1,4 +1,4 @@
-"""The referee: watches contacts and the drivable area, and says what happened as Events."""
+"""Reports collisions and departures from the road as Events."""
 
 from __future__ import annotations
 
@@ -7,68 +7,69 @@ from typing import Any
 
 import numpy as np
 
+from autodrive.arrays import Floats
 from autodrive.jit import jit
 from autodrive.model import Model, Table
-from autodrive.physics.tick import Touches
+from autodrive.physics.buffers import VehicleContacts
 from autodrive.protocol.messages import BackOnRoad, Collision, Event, OffRoad
-from autodrive.state import Floats, State
+from autodrive.state import State
 from autodrive.transforms import rotate
 
 SEPARATION = 0.2
-"""Who lets go of a thing for less than this [s] still touches it: a pushed box rattles."""
+"""A contact that is interrupted for less than this [s] is the same collision: a pushed box rattles."""
 
 
 class Referee:
-    """Turns contacts and places into Events; keeps only what it needs to tell a beginning from a continuation."""
+    """Makes Events from contacts and positions; remembers which contacts and departures have been reported."""
 
     def __init__(
-        self, names: Sequence[str], owners: Sequence[str], drivable_edges: Floats, ticks_a_second: float
+        self, names: Sequence[str], owners: Sequence[str], drivable_edges: Floats, ticks_per_second: float
     ) -> None:
         self._names = list(names)
         self._owners = list(owners)
         self._edges = drivable_edges
-        self._patience = SEPARATION * ticks_a_second
+        self._separation_ticks = SEPARATION * ticks_per_second
         self.reset()
 
     def reset(self) -> None:
-        """As before the first tick."""
+        """Forget everything, as before the first tick."""
         self.collision_counts = [0] * len(self._names)
-        self._last_touch: dict[tuple[int, str], int] = {}
+        self._last_contact: dict[tuple[int, str], int] = {}
         self._is_off_road = [False] * len(self._names)
 
     def save(self) -> Any:
         """Everything that the future depends on, for `restore`."""
-        return list(self.collision_counts), dict(self._last_touch), list(self._is_off_road)
+        return list(self.collision_counts), dict(self._last_contact), list(self._is_off_road)
 
     def restore(self, saved: Any) -> None:
-        """Go on as from the moment of `save`."""
+        """Go back to the state of `save`."""
         counts, touches, off_road = saved
-        self.collision_counts, self._last_touch, self._is_off_road = list(counts), dict(touches), list(off_road)
+        self.collision_counts, self._last_contact, self._is_off_road = list(counts), dict(touches), list(off_road)
 
-    def judge(self, tick: int, time: float, model: Model, state: State, touches: Touches) -> tuple[Event, ...]:
-        """What happened in the tick that ended at `time` [s]. Clears the touches."""
+    def judge(self, tick: int, time: float, model: Model, state: State, contacts: VehicleContacts) -> tuple[Event, ...]:
+        """What happened in the tick that ended at `time` [s]. Clears the contacts."""
         events: list[Event] = []
-        if touches.pair_count[0]:
-            events += self._collisions(tick, time, touches)
+        if contacts.pair_count[0]:
+            events += self._collisions(tick, time, contacts)
         if len(self._edges):
             events += self._road(time, model, state)
         return tuple(events)
 
-    def _collisions(self, tick: int, time: float, touches: Touches) -> list[Event]:
+    def _collisions(self, tick: int, time: float, contacts: VehicleContacts) -> list[Event]:
         impulses: dict[tuple[int, str], float] = {}
         places: dict[tuple[int, str], Floats] = {}
-        pairs: Any = touches.pairs[: touches.pair_count[0]].tolist()
+        pairs: Any = contacts.pairs[: contacts.pair_count[0]].tolist()
         for vehicle, geom in pairs:
             key = (vehicle, self._owners[geom])
-            impulses[key] = impulses.get(key, 0.0) + float(touches.impulse[vehicle, geom])
-            places.setdefault(key, touches.position[vehicle, geom].copy())
-            touches.impulse[vehicle, geom] = 0.0
-        touches.pair_count[0] = 0
+            impulses[key] = impulses.get(key, 0.0) + float(contacts.impulse[vehicle, geom])
+            places.setdefault(key, contacts.position[vehicle, geom].copy())
+            contacts.impulse[vehicle, geom] = 0.0
+        contacts.pair_count[0] = 0
         events: list[Event] = []
         for (vehicle, other), impulse in impulses.items():
-            last = self._last_touch.get((vehicle, other))
-            self._last_touch[vehicle, other] = tick
-            if last is None or tick - last > self._patience:
+            last = self._last_contact.get((vehicle, other))
+            self._last_contact[vehicle, other] = tick
+            if last is None or tick - last > self._separation_ticks:
                 self.collision_counts[vehicle] += 1
                 place = places[vehicle, other]
                 place.flags.writeable = False
@@ -91,7 +92,7 @@ class Referee:
 
 @jit
 def any_wheel_outside(edges: Floats, wheels: Table, vehicle: int, position: Floats, orientation: Floats) -> bool:
-    """Whether one of the vehicle's wheels stands outside the polygons whose edges are x0, y0, x1, y1, shape (n, 4)."""
+    """Whether a wheel of the vehicle is outside the polygons whose edges are x0, y0, x1, y1, shape (n, 4)."""
     x, y = np.empty(4), np.empty(4)
     inside = np.zeros(4, np.bool_)
     for w in range(4):
@@ -101,7 +102,7 @@ def any_wheel_outside(edges: Floats, wheels: Table, vehicle: int, position: Floa
     for e in range(edges.shape[0]):
         x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
         if max(y0, y1) < low or min(y0, y1) > high:
-            continue  # most edges are at no wheel's height
+            continue  # most edges are outside the range of y of the wheels
         for w in range(4):
             if (y0 > y[w]) != (y1 > y[w]) and x[w] < x0 + (y[w] - y0) / (y1 - y0) * (x1 - x0):
                 inside[w] = not inside[w]

@@ -1,32 +1,43 @@
-"""ScenarioSpec: what to run: a map, vehicles at their places, boxes, light, tick and seed."""
+"""Scenarios: a map, vehicles with their start poses and sensor settings, boxes, light, tick and seed."""
 
 from __future__ import annotations
 
 import math
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import yaml
 from pydantic import Field, field_validator, model_validator
 
-from autodrive.descriptions import Spec, read
+from autodrive.sensors.settings import SensorSettings
+from autodrive.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, read
+
+DEFAULT = "mini_map"
+"""Name of the scenario that runs if none is named."""
+MAX_VEHICLES = 100
+"""Of a scenario."""
+MAX_BOXES = 1000
+"""Of a scenario, with those of its map."""
 
 
 class VehiclePlacement(Spec):
-    """A vehicle, standing on the ground at the start."""
+    """A vehicle and its pose at the start, on the ground."""
 
     type: str = "nigel"
     """Name or file of the VehicleSpec."""
-    x: float = 0.0
-    """Of the rear axle's centre [m]."""
-    y: float = 0.0
+    x: Coordinate = 0.0
+    """Position of the rear axle centre [m]."""
+    y: Coordinate = 0.0
     """[m]."""
-    yaw_deg: float = 0.0
+    yaw_deg: Degrees = 0.0
     """Heading, left positive [degree]."""
     has_realistic_sensors: bool = False
-    """True: the sensors err as their data sheets say, whatever noise the vehicle's file gives them."""
+    """True: the sensors have the noise of their data sheets instead of that of the vehicle's file."""
     is_autonomous: bool = True
-    """Whether a script drives it at the start; else a person."""
+    """Driving mode at the start: a script (True) or a person (False) drives."""
+    sensors: dict[str, SensorSettings] = Field(default_factory=dict)
+    """Settings by name of a sensor ('encoders', 'ips', 'imu', 'lidar', 'range') or camera, instead of the file's."""
 
     @property
     def yaw(self) -> float:
@@ -37,25 +48,18 @@ class VehiclePlacement(Spec):
 class BoxSpec(Spec):
     """A movable box besides those of the map."""
 
-    x: float
+    x: Coordinate
     """Centre [m]."""
-    y: float
+    y: Coordinate
     """Centre [m]."""
-    z: float | None = None
+    z: Coordinate | None = None
     """Centre [m]; left out: it stands on the ground."""
-    yaw_deg: float = 0.0
+    yaw_deg: Degrees = 0.0
     """[degree]."""
-    size: tuple[float, float, float] = (0.1, 0.1, 0.1)
+    size: tuple[Length, Length, Length] = (0.1, 0.1, 0.1)
     """Length, width, height [m]."""
-    mass: float = Field(default=0.1, gt=0)
+    mass: Mass = 0.1
     """[kg]."""
-
-    @field_validator("size")
-    @classmethod
-    def _positive(cls, size: tuple[float, float, float]) -> tuple[float, float, float]:
-        if min(size) <= 0.0:
-            raise ValueError("length, width and height must all be greater than 0 m")
-        return size
 
     @model_validator(mode="after")
     def _above_ground(self) -> BoxSpec:
@@ -65,49 +69,87 @@ class BoxSpec(Spec):
 
 
 class ScenarioSpec(Spec):
-    """Everything that decides how a run begins; the rest is commands."""
+    """The start of a run; `autodrive.Scenario` is the same class.
+
+    In Python: `Scenario(map="mini_map", vehicles={"V1": {"x": 0.5}, "V2": {}}, seed=3)`, for `autodrive.make`.
+    """
 
     title: str = ""
-    """For people."""
+    """Title shown in lists and on the page."""
     map: str = "plane"
     """Name or file of the MapSpec."""
-    vehicles: dict[str, VehiclePlacement] = Field(default_factory=lambda: {"V1": VehiclePlacement()})
-    """By name; the devkit knows them as V1, V2, ..."""
-    boxes: dict[str, BoxSpec] = Field(default_factory=dict)
+    vehicles: Annotated[dict[str, VehiclePlacement], Field(max_length=MAX_VEHICLES)] = Field(
+        default_factory=lambda: {"V1": VehiclePlacement()}
+    )
+    """By name. The devkit numbers them in this order: V1, V2, ..."""
+    boxes: Annotated[dict[str, BoxSpec], Field(max_length=MAX_BOXES)] = Field(default_factory=dict)
     """By name."""
+    removed_boxes: Annotated[tuple[str, ...], Field(max_length=MAX_BOXES)] = ()
+    """Boxes of the map that are left out. One of that name in `boxes` takes its place."""
     scene_light: bool = True
     """True: day; False: night."""
-    tick: float = Field(default=0.01, gt=0, le=0.1)
+    tick: float = Field(default=0.01, ge=1e-5, le=0.1)
     """Simulated time between Frames [s]."""
-    substep: float = Field(default=0.001, gt=0, le=0.005)
-    """Step of the physics [s]; a whole number of them is a tick."""
-    gravity: float = Field(default=9.81, ge=0)
+    substep: float = Field(default=0.001, ge=1e-5, le=0.005)
+    """Step of the physics [s]; a tick is a whole number of substeps."""
+    gravity: float = Field(default=9.81, ge=0, le=1e3)
     """[m/s^2]."""
-    command_timeout: float = Field(default=0.5, gt=0)
-    """A command older than this [s of simulated time] counts as none: brakes on, steering straight."""
-    seed: int = Field(default=0, ge=0)
-    """Of all noise."""
+    command_timeout: float = Field(default=0.5, ge=1e-5, le=1e9)
+    """Time-out of a command [s of simulated time]; then the vehicle brakes and steers straight."""
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    """Seed of all noise."""
 
     @model_validator(mode="after")
     def _whole_substeps(self) -> ScenarioSpec:
         if (Fraction(str(self.tick)) / Fraction(str(self.substep))).denominator != 1:
-            raise ValueError(f"tick {self.tick} s must be a whole number of substeps of {self.substep} s")
+            place = "tick" if "tick" in self.model_fields_set else "substep"
+            text = f"tick {self.tick} s must be a whole number of substeps of {self.substep} s"
+            raise RuleError([((place,), text)])
         return self
+
+    @field_validator("vehicles")
+    @classmethod
+    def _not_empty(cls, vehicles: dict[str, Any]) -> dict[str, Any]:
+        if not vehicles:
+            raise ValueError("there must be at least one vehicle, such as 'V1: {type: nigel}'")
+        return vehicles
 
     @field_validator("vehicles", "boxes")
     @classmethod
     def _plain_names(cls, named: dict[str, Any]) -> dict[str, Any]:
         for name in named:
-            if not name.isidentifier():
-                raise ValueError(f"a name is letters, digits and '_', such as V1 or box_1, not '{name}'")
+            if not name.isidentifier() or len(name) > 100:
+                raise ValueError(f"a name is letters, digits and '_', such as V1 or box_1, not '{name[:100]}'")
         return named
 
     @property
     def substeps(self) -> int:
-        """In a tick."""
+        """Number of substeps in a tick."""
         return int(Fraction(str(self.tick)) / Fraction(str(self.substep)))
 
 
+Scenario = ScenarioSpec
+"""The short name of `ScenarioSpec` for users: `autodrive.Scenario`."""
+
+
 def load_scenario(name: str | Path) -> ScenarioSpec:
-    """The scenario of that name, or of that file. Raises `SpecError` with all faults."""
+    """Load a scenario by name or file. Raises `SpecError` with all errors."""
     return read("scenario", name, ScenarioSpec)
+
+
+def scenario_text(spec: ScenarioSpec) -> str:
+    """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
+    vehicles = {
+        name: {"type": "", "x": one.x, "y": one.y}
+        | one.model_dump(mode="json", exclude_defaults=True)
+        | {"type": _anywhere(one.type)}
+        for name, one in spec.vehicles.items()
+    }
+    first = {"title": spec.title, "map": "", "vehicles": {}}
+    tree = first | spec.model_dump(mode="json", exclude_defaults=True)
+    tree |= {"map": _anywhere(spec.map), "vehicles": vehicles}
+    return yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
+
+
+def _anywhere(name: str) -> str:
+    return str(Path(name).absolute()) if Path(name).suffix in {".yaml", ".yml"} else name

@@ -1,4 +1,4 @@
-"""Runs a World against the wall clock: mailbox in, pace, pause, sinks out. The only threads, the only wall clock."""
+"""Runs a World at a pace: commands and requests in, Frames to sinks out. The only place with threads and a clock."""
 
 from __future__ import annotations
 
@@ -12,54 +12,90 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Protocol
 
-from autodrive.descriptions import suggest
-from autodrive.errors import AutodriveError, CommandError
-from autodrive.pace import Pace
+from autodrive.editing.editor import Editor
+from autodrive.errors import AutodriveError, CommandError, EngineError
+from autodrive.pace import MAX_SPEED, MIN_SPEED, Pace
+from autodrive.protocol.commands import MAX_DISTANCE, check_command
 from autodrive.protocol.messages import (
+    AddBox,
     Command,
     Frame,
-    Headlights,
-    Indicators,
+    Hold,
     LoadScenario,
+    Operation,
     Pause,
-    Request,
+    Place,
+    Redo,
+    RemoveBox,
     Reset,
     Resume,
+    SaveScenario,
     SetDrivingMode,
     SetSceneLight,
+    SetSensor,
     SetSpeed,
+    SetTimeOfDay,
     Step,
     Teleport,
+    Undo,
 )
 from autodrive.protocol.native import Source
+from autodrive.specs import suggest
 
 if TYPE_CHECKING:
+    from autodrive.scenario import ScenarioSpec
     from autodrive.world import World
 
-NO_ORDERS: Mapping[str, Command] = {}
+NO_COMMANDS: Mapping[str, Command] = {}
 
 log = logging.getLogger(__name__)
 
 SHORT = 10
-"""A Step of no more ticks is over before others notice."""
+"""A Step of at most this many ticks may run in the thread of the caller."""
 
-LOOK = 0.01
-"""How often a World that stands still is asked for pictures that are still to come [s]."""
+IMAGE_POLL_PERIOD = 0.01
+"""A paused World is asked this often for images that are still being rendered [s]."""
 
 
 class Sink(Protocol):
-    """Whoever wants every Frame, for example a recorder or a bridge."""
+    """Receives every Frame, for example a recorder or a bridge."""
 
     def publish(self, frame: Frame) -> None:
-        """Take a Frame, in the thread of the simulation: be quick, keep a reference, do the work elsewhere."""
+        """Receive a Frame, in the thread of the simulation: return quickly, and process the Frame in another thread."""
+
+
+class Clock(Protocol):
+    """The time by which a Simulation paces its ticks."""
+
+    def now(self) -> float:
+        """Time from any origin [s]; it never goes back."""
+        ...
+
+    def wait(self, condition: threading.Condition, timeout: float | None) -> None:
+        """Wait until `condition`, which is held, is notified, or for `timeout` [s] (None: without limit)."""
+        ...
+
+
+class WallClock:
+    """The clock of this machine."""
+
+    def now(self) -> float:
+        """Time since the machine started [s]."""
+        return time.perf_counter()
+
+    def wait(self, condition: threading.Condition, timeout: float | None) -> None:
+        """Wait until notified or for `timeout` [s]."""
+        condition.wait(timeout)
 
 
 class Simulation:
     """One World at a time, ticking in real time, at another speed, or as fast as it can.
 
-    `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario's
-    name, for `LoadScenario`, and raises `AutodriveError` where it cannot. All methods may be called from any thread;
-    only one at a time touches the World: the simulation's own, but for Steps that are carried out `here`.
+    `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario: by
+    name for `LoadScenario`, by Spec for edits; it raises `AutodriveError` if it cannot. With `pause_on_error` an
+    `EngineError` pauses the simulation and is kept in `error`; otherwise it ends the run. `clock` replaces the wall
+    clock, for tests. All methods may be called from any thread; only one thread at a time uses the World: the
+    simulation's own, except for Steps that run `here`.
     """
 
     def __init__(
@@ -68,26 +104,33 @@ class Simulation:
         *,
         speed: float | None = 1.0,
         is_paused: bool = False,
-        load: Callable[[str], World] | None = None,
+        load: Callable[[str | ScenarioSpec], World] | None = None,
+        pause_on_error: bool = False,
+        clock: Clock | None = None,
     ) -> None:
         _check_speed(speed)
         self.world = world
+        self.error = ""
+        """Why the physics cannot go on; empty if it can. A Reset or another scenario clears it."""
         self._load = load
+        self._editor = Editor(load)
+        self._pause_on_error = pause_on_error
+        self._clock: Clock = clock or WallClock()
         self._is_paused = is_paused
         self._pace = Pace(world.tick_duration, speed)
         self._frame = world.frame
         self._sinks: tuple[Sink, ...] = ()
         self._commands: dict[tuple[str, Source], Command] = {}
-        self._requests: deque[tuple[Request, Future[Frame]]] = deque()
-        self._mail = threading.Condition()
-        self._turn = threading.Lock()
-        """Whoever has it may touch the World; taken before the mailbox's, never after. The simulation's thread lets go
-        of it while it sleeps in a pause."""
+        self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
+        self._mailbox = threading.Condition()
+        self._world_lock = threading.Lock()
+        """Held by the thread that uses the World; taken before the mailbox's lock, never after. The thread of the
+        simulation releases it while it sleeps in a pause."""
         self._thread: threading.Thread | None = None
         self._is_stopping = False
         self._error: BaseException | None = None
 
-    # -- what is known ------------------------------------------------------------------------------------------
+    # -- state ------------------------------------------------------------------------------------------
 
     @property
     def frame(self) -> Frame:
@@ -96,97 +139,107 @@ class Simulation:
 
     @property
     def speed(self) -> float | None:
-        """Simulated seconds per wall second that were asked for; None is as fast as possible."""
+        """Target of simulated seconds per wall second; None is as fast as possible."""
         return self._pace.speed
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated seconds per wall second that were reached during about the last second; 0 before any."""
+        """Simulated seconds per wall second, measured over about the last second; 0 before the first measurement."""
         return self._pace.real_time_factor
 
     @property
     def ticks(self) -> int:
-        """Ticks done since this Simulation was made; a Reset does not take them back."""
+        """Ticks run by this Simulation; a Reset does not change the count."""
         return self._pace.ticks
 
     @property
     def late_ticks(self) -> int:
-        """Ticks that were done more than a tick's time later than they should have been."""
+        """Ticks that ran more than the duration of a tick too late."""
         return self._pace.late_ticks
 
     @property
     def simulated_time(self) -> float:
-        """Simulated time that has passed here [s]; a Reset does not take it back."""
+        """Simulated time that this Simulation has run [s]; a Reset does not change it."""
         return self._pace.simulated_time
 
     @property
     def running_time(self) -> float:
         """Wall time spent running, without pauses [s]."""
-        return self._pace.running_time(time.perf_counter())
+        return self._pace.running_time(self._clock.now())
 
     @property
     def is_paused(self) -> bool:
-        """Whether simulated time stands still until a Resume."""
+        """Whether simulated time is stopped until a Resume."""
         return self._is_paused
 
     @property
+    def undo_name(self) -> str:
+        """The edit that an `Undo` takes back, for example 'place V1'; empty if there is none."""
+        return self._editor.undo_name
+
+    @property
+    def redo_name(self) -> str:
+        """The edit that a `Redo` makes again; empty if there is none."""
+        return self._editor.redo_name
+
+    @property
     def is_running(self) -> bool:
-        """Whether its thread, or a `run`, is at work (paused counts as at work)."""
+        """Whether its thread, or a `run`, is active (also while paused)."""
         return self._thread is not None
 
-    # -- the mailbox --------------------------------------------------------------------------------------------
+    # -- commands, requests and sinks ---------------------------------------------------------------------------
 
     def submit(self, vehicle: str, command: Command, source: Source = "script") -> None:
-        """Leave a command for the next tick; the latest of each source wins. Raises `CommandError`.
+        """Set the command for the next tick; the latest of each source wins. Raises `CommandError`.
 
-        It is obeyed only if the vehicle's driving mode names its source at that tick.
+        The vehicle obeys it only if its driving mode selects this source at that tick.
         """
         self._check_vehicle(vehicle)
-        _check_command(vehicle, command)
-        with self._mail:
+        check_command(vehicle, command)
+        with self._mailbox:
             self._commands[vehicle, source] = command
 
-    def request(self, request: Request, *, here: bool = False) -> Future[Frame]:
-        """Ask for something to be done before the next tick, in the order asked. Raises `CommandError`.
+    def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
+        """Execute a request before the next tick, in the order of the calls. Raises `CommandError`.
 
-        The result of the Future is the Frame after it was done; nobody needs to wait for it. `here`: a short Step of a
-        paused simulation may be carried out in the caller's thread, sinks and all, which spares waking up two threads.
+        The result of the Future is the Frame after the request. `here`: a short Step of a paused simulation may run in
+        the thread of the caller, including the sinks, which avoids two thread switches.
         """
         self._check_request(request)
         done: Future[Frame] = Future()
         if here and isinstance(request, Step) and request.ticks <= SHORT and self._step_here(request, done):
             return done
-        with self._mail:
+        with self._mailbox:
             self._requests.append((request, done))
-            self._mail.notify_all()
+            self._mailbox.notify_all()
         return done
 
     def _step_here(self, step: Step, done: Future[Frame]) -> bool:
-        """Whether it could be done: nobody else is at it, or was there before."""
-        if not self._turn.acquire(blocking=False):
+        """Returns False if another thread uses the World or other requests are waiting."""
+        if not self._world_lock.acquire(blocking=False):
             return False
         try:
             is_free = self.is_running and self.is_paused and not self._requests and not self._is_stopping
             if not is_free or self.world.belongs_to_thread:
                 return False
             try:
-                self._carry_out(step)
+                self._execute(step)
             except Exception as error:
                 done.set_exception(error)
             else:
                 done.set_result(self._frame)
             return True
         finally:
-            self._turn.release()
+            self._world_lock.release()
 
     def add_sink(self, sink: Sink) -> None:
-        """Give `sink` every Frame from now on. A sink that raises is told to the log and dropped."""
-        with self._mail:
+        """Pass every Frame to `sink` from now on. A sink that raises is logged and removed."""
+        with self._mailbox:
             self._sinks = (*self._sinks, sink)
 
     def remove_sink(self, sink: Sink) -> None:
-        """Give `sink` no more Frames; a sink that is not there is no fault."""
-        with self._mail:
+        """Pass no more Frames to `sink`; does nothing if it was not added."""
+        with self._mailbox:
             self._sinks = tuple(other for other in self._sinks if other is not sink)
 
     # -- running ------------------------------------------------------------------------------------------------
@@ -209,20 +262,20 @@ class Simulation:
         thread.start()
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until the run ends; False if `timeout` [s] came first. Raises what ended the thread early."""
-        with self._mail:
+        """Wait until the run ends; False if `timeout` [s] came first. Raises the error that ended the thread early."""
+        with self._mailbox:
             if self._thread is not threading.current_thread():
-                self._mail.wait_for(lambda: self._thread is None, timeout)
+                self._mailbox.wait_for(lambda: self._thread is None, timeout)
             error, self._error = self._error, None
         if error is not None:
             raise error
         return not self.is_running
 
     def stop(self) -> None:
-        """End the run after the current tick. Raises what ended the thread early."""
-        with self._mail:
+        """End the run after the current tick. Raises the error that ended the thread early."""
+        with self._mailbox:
             self._is_stopping = True
-            self._mail.notify_all()
+            self._mailbox.notify_all()
         self.wait()
 
     def __enter__(self) -> Simulation:
@@ -235,21 +288,21 @@ class Simulation:
     # -- the thread ---------------------------------------------------------------------------------------------
 
     def _claim(self, thread: threading.Thread) -> None:
-        with self._mail:
+        with self._mailbox:
             if self.is_running:
                 raise RuntimeError("this Simulation is running already")
             self._thread = thread
             self._is_stopping = False
 
     def _release(self) -> None:
-        with self._mail:
+        with self._mailbox:
             self._thread = None
-            self._mail.notify_all()
+            self._mailbox.notify_all()
 
     def _run_thread(self, ticks: float) -> None:
         try:
             self._loop(ticks)
-        except BaseException as error:  # handed to whoever waits
+        except BaseException as error:  # raised by wait()
             self._error = error
         finally:
             self._release()
@@ -257,52 +310,62 @@ class Simulation:
     def _loop(self, ticks: float) -> None:
         end = self._pace.ticks + ticks
         if not self.is_paused:
-            self._pace.restart(time.perf_counter())
-        self._turn.acquire()
+            self._pace.restart(self._clock.now())
+        self._world_lock.acquire()
         try:
             while not self._is_stopping and self._pace.ticks < end:
-                self._carry_out_requests()
+                self._execute_requests()
                 if self._is_due():
-                    self._tick()
+                    self._tick_or_pause()
         finally:
-            self._turn.release()
-            self._pace.rest(time.perf_counter())
+            self._world_lock.release()
+            self._pace.rest(self._clock.now())
 
     def _is_due(self) -> bool:
-        """Whether to tick now. If not, sleeps until then, until there is mail, or for a look at pictures to come."""
-        delay = None if self.is_paused else self._pace.delay(time.perf_counter())
+        """Whether to tick now. If not, sleeps until the tick is due, a request arrives or images are to be polled."""
+        delay = None if self.is_paused else self._pace.delay(self._clock.now())
         if delay is not None and delay <= 0:
             return True
         if self.is_paused and self.world.is_looking:
-            delay = LOOK
+            delay = IMAGE_POLL_PERIOD
             if self.world.look() is not self._frame:
                 self._publish(self.world.frame)
-        with self._turn_left() if self.is_paused else contextlib.nullcontext(), self._mail:
+        with self._world_released() if self.is_paused else contextlib.nullcontext(), self._mailbox:
             if not self._requests and not self._is_stopping:
-                self._mail.wait(delay)
+                self._clock.wait(self._mailbox, delay)
         return False
 
     @contextlib.contextmanager
-    def _turn_left(self) -> Iterator[None]:
-        """Others may touch the World meanwhile."""
-        self._turn.release()
+    def _world_released(self) -> Iterator[None]:
+        """Other threads may use the World meanwhile."""
+        self._world_lock.release()
         try:
             yield
         finally:
-            self._turn.acquire()
+            self._world_lock.acquire()
 
-    def _tick(self, orders: Mapping[str, Command] = NO_ORDERS) -> None:
-        """One tick with the mail of those who drive, and with `orders`, which count for more."""
-        with self._mail:
-            mail, self._commands = self._commands, {}
+    def _tick(self, step_commands: Mapping[str, Command] = NO_COMMANDS) -> None:
+        """Run one tick with the commands of the drivers, and with `step_commands`, which take precedence."""
+        with self._mailbox:
+            received, self._commands = self._commands, {}
         commands: dict[str, Command] = {}
         for name, vehicle in self._frame.vehicles.items():
-            command = mail.get((name, "script" if vehicle.is_autonomous else "person"))
+            command = received.get((name, "script" if vehicle.is_autonomous else "person"))
             if command is not None:
                 commands[name] = command
-        self._publish(self.world.step({**commands, **orders}))
-        if self._pace.count(time.perf_counter()):
+        self._publish(self.world.step({**commands, **step_commands}))
+        if self._pace.count(self._clock.now()):
             log.warning("cannot keep up with speed %g: simulated time slows down", self.speed)
+
+    def _tick_or_pause(self) -> None:
+        try:
+            self._tick()
+        except EngineError as error:
+            if not self._pause_on_error:
+                raise
+            log.error("%s; the simulation is paused", error)
+            self.error = str(error)
+            self._execute(Pause())
 
     def _publish(self, frame: Frame) -> None:
         self._frame = frame
@@ -313,14 +376,14 @@ class Simulation:
                 log.exception("%s raised and gets no more Frames", type(sink).__name__)
                 self.remove_sink(sink)
 
-    def _carry_out_requests(self) -> None:
+    def _execute_requests(self) -> None:
         while self._requests:
-            with self._mail:
+            with self._mailbox:
                 request, done = self._requests.popleft()
             if not done.set_running_or_notify_cancel():
                 continue
             try:
-                self._carry_out(request)
+                self._execute(request)
             except Exception as error:
                 done.set_exception(error)
                 if not isinstance(error, AutodriveError):
@@ -328,33 +391,48 @@ class Simulation:
             else:
                 done.set_result(self._frame)
 
-    def _carry_out(self, request: Request) -> None:
+    def _execute(self, request: Operation) -> None:
         match request:
             case Pause():
                 self._is_paused = True
-                self._pace.rest(time.perf_counter())
+                self._pace.rest(self._clock.now())
             case Resume():
                 self._is_paused = False
-                self._pace.restart(time.perf_counter())
+                self._pace.restart(self._clock.now())
             case Step(ticks=ticks, commands=commands):
                 self._step(ticks, commands)
             case LoadScenario(name=name):
                 self._load_world(name)
+                self.error = ""
             case SetSpeed(factor=factor):
-                self._pace.set_speed(factor, time.perf_counter())
+                self._pace.set_speed(factor, self._clock.now())
             case Reset(seed=seed):
                 self.world.reset(seed)
+                self._editor.on_reset()
+                self.error = ""
+            case Place() | AddBox() | RemoveBox() | SetSensor():
+                self._use(self._editor.edit(self.world, request))
+            case Undo():
+                self._use(self._editor.undo(self.world))
+            case Redo():
+                self._use(self._editor.redo(self.world))
+            case SaveScenario():
+                pass  # the world's scenario is written where it is wanted; the request waits for earlier ones
             case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
                 self.world.teleport(vehicle, x, y, yaw)
+            case Hold(vehicle=vehicle, position=position, orientation=orientation):
+                self.world.hold(vehicle, position, orientation)
             case SetSceneLight(enabled=enabled):
                 self.world.set_scene_light(enabled)
+            case SetTimeOfDay(time=time_of_day, scale=scale):
+                self.world.set_time_of_day(time_of_day, scale)
             case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
                 self.world.set_driving_mode(vehicle, is_autonomous)
         if self.world.frame is not self._frame:
             self._publish(self.world.frame)
 
     def _step(self, ticks: int, commands: dict[str, Command]) -> None:
-        """Ticks of a Step, at once. While running there is nothing to do: time passes anyway."""
+        """Run the ticks of a Step. Does nothing while the simulation is not paused."""
         for _ in range(ticks if self.is_paused else 0):
             if self._is_stopping:
                 break
@@ -362,15 +440,21 @@ class Simulation:
             commands = {}
 
     def _load_world(self, name: str) -> None:
-        """The World of another scenario in the place of this one, which stays if the other cannot be made."""
+        """Replace the World by that of another scenario; keeps the World if the other cannot be made."""
         assert self._load is not None
-        before, self.world = self.world, self._load(name)
-        before.close()
-        with self._mail:
+        self._use(self._load(name))
+        self._editor.forget()
+        with self._mailbox:
             self._commands = {}
-        self._pace.set_tick_duration(self.world.tick_duration, time.perf_counter())
 
-    # -- checks at the door -------------------------------------------------------------------------------------
+    def _use(self, world: World) -> None:
+        """Run that World from now on."""
+        before, self.world = self.world, world
+        if world is not before:
+            before.close()
+            self._pace.set_tick_duration(world.tick_duration, self._clock.now())
+
+    # -- checks -------------------------------------------------------------------------------------
 
     def _ticks_in(self, duration: float | None) -> float:
         if duration is None:
@@ -383,8 +467,12 @@ class Simulation:
         if vehicle not in self._frame.vehicles:
             raise CommandError(f"vehicle '{vehicle}' is not known. {suggest(vehicle, list(self._frame.vehicles))}")
 
-    def _check_request(self, request: Request) -> None:
+    def _check_request(self, request: Operation) -> None:
         match request:
+            case Resume() if self.error:
+                raise CommandError(f"{self.error}; request Reset first")
+            case Reset(seed=seed) if seed is not None and not 0 <= seed < 2**63:
+                raise CommandError(f"the seed of a Reset must be from 0 to 2^63 - 1, not {seed}")
             case SetSpeed(factor=factor):
                 _check_speed(factor)
             case Step(ticks=ticks, commands=commands):
@@ -392,30 +480,23 @@ class Simulation:
                     raise CommandError(f"a Step runs 1 tick or more, not {ticks}")
                 for vehicle, command in commands.items():
                     self._check_vehicle(vehicle)
-                    _check_command(vehicle, command)
+                    check_command(vehicle, command)
             case LoadScenario() if self._load is None:
                 raise CommandError("this Simulation was made for one World and loads no other scenario")
             case SetDrivingMode(vehicle=vehicle):
                 self._check_vehicle(vehicle)
             case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
-                self._check_vehicle(vehicle)
-                if not all(map(math.isfinite, (x, y, yaw))):
-                    raise CommandError(f"a Teleport needs finite x, y [m] and yaw [rad], not {x}, {y}, {yaw}")
-
-
-def _check_command(vehicle: str, command: Command) -> None:
-    for name, value in (("throttle", command.throttle), ("steering", command.steering)):
-        if not math.isfinite(value):
-            raise CommandError(f"{name} of vehicle '{vehicle}' must be a finite number in [-1, 1], not {value}")
-    for name, value, lamps in (
-        ("headlights", command.headlights, Headlights),
-        ("indicators", command.indicators, Indicators),
-    ):
-        if value is not None and value not in tuple(lamps):
-            known = ", ".join(f"{int(lamp)} {lamp.name.lower()}" for lamp in lamps)
-            raise CommandError(f"{name} of vehicle '{vehicle}' must be one of {known}, not {value}")
+                if vehicle not in self._frame.objects:
+                    self._check_vehicle(vehicle)
+                if not all(abs(value) <= MAX_DISTANCE for value in (x, y, yaw)):
+                    raise CommandError(
+                        f"a Teleport needs x, y [m] and yaw [rad] from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}, "
+                        f"not {x}, {y}, {yaw}"
+                    )
 
 
 def _check_speed(speed: float | None) -> None:
-    if speed is not None and not (math.isfinite(speed) and speed > 0):
-        raise CommandError(f"speed must be a positive number, or None for as fast as possible, not {speed}")
+    if speed is not None and not MIN_SPEED <= speed <= MAX_SPEED:
+        raise CommandError(
+            f"speed must be a number from {MIN_SPEED:g} to {MAX_SPEED:g}, or None for as fast as possible, not {speed}"
+        )

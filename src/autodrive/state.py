@@ -1,22 +1,22 @@
-"""State: what each tick changes, as a NamedTuple of flat float64 arrays that Numba takes as they are.
+"""State: all quantities that change in a tick, as a NamedTuple of flat float64 arrays for compiled code.
 
-Between ticks all of it is of the same instant. `n` counts vehicles, `n_wheel` wheels (four a vehicle, in the order
-front left, front right, rear left, rear right), `n_shape` collision shapes.
+Between ticks all values belong to the same instant. `n` is the number of vehicles, `n_wheel` of wheels (four per
+vehicle, in the order of `protocol.messages.WHEEL_NAMES`), `n_shape` of collision shapes.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from autodrive.arrays import Floats
+from autodrive.model import Model
+from autodrive.protocol.messages import WHEEL_NAMES
 
 
 class State(NamedTuple):
-    """Columns of numbers; each row is a vehicle, a wheel, or a shape."""
+    """Columns of numbers; each row is a vehicle, a wheel or a shape."""
 
     # vehicles: the vehicle frame is the centre of the rear axle at wheel-centre height
     vehicle_position: Floats
@@ -28,27 +28,27 @@ class State(NamedTuple):
     vehicle_angular_velocity: Floats
     """In vehicle axes [rad/s], shape (n, 3)."""
     vehicle_acceleration: Floats
-    """Of the origin, mean over the tick, gravity not included, vehicle axes [m/s^2], shape (n, 3)."""
+    """Of the origin, mean over the tick, without gravity, vehicle axes [m/s^2], shape (n, 3)."""
     vehicle_angular_acceleration: Floats
     """Mean over the tick, vehicle axes [rad/s^2], shape (n, 3)."""
     # actuators
     throttle: Floats
-    """Command that has reached the drive actuators [-1, 1], shape (n,)."""
+    """Throttle command after the dead time of the drive [-1, 1], shape (n,)."""
     drive_level: Floats
-    """The drive's lagged response to that command [-1, 1], shape (n,)."""
+    """First-order response of the drive to that command [-1, 1], shape (n,)."""
     steering_target: Floats
-    """Command that has reached the steering actuator, as an angle [rad], shape (n,)."""
+    """Steering command after the dead time of the servo, as an angle [rad], shape (n,)."""
     steering_angle: Floats
     """Angle of the steering actuator, left positive [rad], shape (n,)."""
     throttle_queue: Floats
-    """Commands on their way to the drive actuators, a ring over substeps, shape (n, longest delay + 1)."""
+    """Throttle commands of the last substeps (ring buffer), shape (n, longest delay + 1)."""
     steering_queue: Floats
-    """Likewise to the steering actuators, as angles [rad]."""
+    """Steering commands of the last substeps, as angles [rad], same shape."""
     # wheels
     wheel_angular_velocity: Floats
     """Spin, forward positive [rad/s], shape (n_wheel,)."""
     wheel_rotation: Floats
-    """Angle turned since reset, never wrapped [rad], shape (n_wheel,)."""
+    """Rotation angle since reset, not wrapped [rad], shape (n_wheel,)."""
     wheel_steering_angle: Floats
     """Left positive [rad], shape (n_wheel,)."""
     wheel_compression: Floats
@@ -62,9 +62,61 @@ class State(NamedTuple):
     wheel_force: Floats
     """Longitudinal and lateral force of the ground on the chassis [N], shape (n_wheel, 2)."""
     wheel_hold: Floats
-    """Longitudinal and lateral deflection of a standing, braked wheel [m], shape (n_wheel, 2)."""
-    # collision shapes: what a LIDAR ray, a wheel or another body can hit
+    """Longitudinal and lateral deflection of a braked wheel at rest [m], shape (n_wheel, 2)."""
+    # collision shapes, which a LIDAR ray, a wheel or another body can hit
     shape_position: Floats
     """Centre in the map [m], shape (n_shape, 3)."""
     shape_rotation: Floats
     """Rotation matrix, map from shape, row-major, shape (n_shape, 9)."""
+
+
+def empty_state(model: Model) -> State:
+    """A State of zeros with the shapes that fit the model."""
+    n, n_shape = len(model.vehicles), len(model.shapes.kind)
+    queue = 1 + int(max(model.vehicles["drive_delay"].max(initial=0), model.vehicles["steering_delay"].max(initial=0)))
+    widths: dict[str, tuple[int, ...]] = {
+        **{f"vehicle_{name}": (n, 3) for name in ("position", "velocity", "angular_velocity", "acceleration")},
+        "vehicle_angular_acceleration": (n, 3),
+        "vehicle_orientation": (n, 4),
+        **dict.fromkeys(("throttle", "drive_level", "steering_target", "steering_angle"), (n,)),
+        "throttle_queue": (n, queue),
+        "steering_queue": (n, queue),
+        "wheel_force": (4 * n, 2),
+        "wheel_hold": (4 * n, 2),
+        "shape_position": (n_shape, 3),
+        "shape_rotation": (n_shape, 9),
+    }
+    return State(**{name: np.zeros(widths.get(name, (4 * n,))) for name in State._fields})
+
+
+class VehicleView:
+    """Reads a vehicle's columns of the State by name: `view.steering_angle`, `view.wheel("front_left").slip_ratio`."""
+
+    def __init__(self, state: State, index: int) -> None:
+        self._state = state
+        self._index = index
+
+    def __getattr__(self, name: str) -> Any:
+        column = getattr(self._state, f"vehicle_{name}", None)
+        if column is None:
+            column = getattr(self._state, name)
+        return _plain(column[self._index])
+
+    def wheel(self, name: str) -> WheelView:
+        """The view of one wheel, a name of `WHEEL_NAMES`."""
+        return WheelView(self._state, 4 * self._index + WHEEL_NAMES.index(name))
+
+
+class WheelView:
+    """Reads a wheel's columns of the State by name, without their prefix `wheel_`."""
+
+    def __init__(self, state: State, index: int) -> None:
+        self._state = state
+        self._index = index
+
+    def __getattr__(self, name: str) -> Any:
+        return _plain(getattr(self._state, f"wheel_{name}")[self._index])
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if np.ndim(value) == 0 else value.copy()

@@ -1,6 +1,6 @@
-"""Rotations in plain scalar Python, which Numba compiles wherever a compiled function calls them.
+"""Rotations in plain scalar Python; compiled functions can call them, too.
 
-Quaternions are wxyz and of unit length. A vector or quaternion comes as a tuple or as an array and goes as a tuple.
+Quaternions are wxyz and of unit length. Arguments are tuples or arrays, results are tuples.
 """
 
 from __future__ import annotations
@@ -8,17 +8,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, TypeAlias
 
-from autodrive.state import Floats
+from autodrive.arrays import Floats
 
 if TYPE_CHECKING:
     from numba.extending import register_jitable
 else:
     try:
         from numba.extending import register_jitable
-    except ImportError:  # where only clients are installed, nothing is compiled
+    except ImportError:  # a client without the simulator has no Numba
 
         def register_jitable(function):
-            """The function as it is."""
+            """Return the function unchanged."""
             return function
 
 
@@ -30,7 +30,7 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 
 @register_jitable
 def quaternion_from_yaw(yaw: float) -> Quaternion:
-    """Turn to the left by `yaw` [rad] about z."""
+    """Rotation to the left by `yaw` [rad] about z."""
     return math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)
 
 
@@ -50,9 +50,9 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 @register_jitable
 def quaternion_from_rotation_vector(v: Vector | Floats) -> Quaternion:
-    """Turn by |v| [rad] about the axis v (the exponential map)."""
+    """Rotation by |v| [rad] about the axis v (exponential map)."""
     angle = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    # sin(x)/x by its series near 0, where the quotient is 0/0
+    # series of sin(x)/x near 0, where the quotient is 0/0
     k = 0.5 - angle * angle / 48.0 if angle < 1e-4 else math.sin(0.5 * angle) / angle
     return math.cos(0.5 * angle), k * v[0], k * v[1], k * v[2]
 
@@ -61,7 +61,7 @@ def quaternion_from_rotation_vector(v: Vector | Floats) -> Quaternion:
 def euler_from_quaternion(q: Quaternion | Floats) -> Vector:
     """Roll, pitch, yaw [rad] of R = Rz(yaw) Ry(pitch) Rx(roll): roll and yaw in (-pi, pi], pitch in [-pi/2, pi/2].
 
-    Looking straight up or down (gimbal lock), only roll -+ yaw is determined; roll is then 0.
+    At a pitch of +-90 degrees (gimbal lock) only roll -+ yaw is determined; roll is then 0.
     """
     m00, m01, _, m10, m11, _, m20, m21, m22 = rotation_from_quaternion(q)
     cos_pitch = math.hypot(m00, m10)
@@ -90,9 +90,9 @@ def rotation_from_quaternion(q: Quaternion | Floats) -> Rotation:
 
 @register_jitable
 def rotate(q: Quaternion | Floats, v: Vector | Floats) -> Vector:
-    """The vector v turned by q: the velocity in the map, given map from vehicle and the velocity in the vehicle."""
+    """The vector v rotated by q: with q = map from vehicle, v in vehicle axes becomes v in map axes."""
     w, x, y, z = q[0], q[1], q[2], q[3]
-    # v' = v + 2 w (u x v) + 2 u x (u x v), u the vector part
+    # v' = v + 2 w (u x v) + 2 u x (u x v), where u is the vector part of q
     tx = 2.0 * (y * v[2] - z * v[1])
     ty = 2.0 * (z * v[0] - x * v[2])
     tz = 2.0 * (x * v[1] - y * v[0])
@@ -105,13 +105,13 @@ def rotate(q: Quaternion | Floats, v: Vector | Floats) -> Vector:
 
 @register_jitable
 def inverse(q: Quaternion | Floats) -> Quaternion:
-    """The opposite turn."""
+    """The inverse rotation."""
     return q[0], -q[1], -q[2], -q[3]
 
 
 @register_jitable
 def compose(p: Quaternion | Floats, q: Quaternion | Floats) -> Quaternion:
-    """First q, then p: map from vehicle and vehicle from sensor make map from sensor."""
+    """The product p q (first q, then p): map from vehicle times vehicle from sensor is map from sensor."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
@@ -128,18 +128,18 @@ def cross(a: Vector | Floats, b: Vector | Floats) -> Vector:
 
 @register_jitable
 def slerp(p: Quaternion | Floats, q: Quaternion | Floats, fraction: float) -> Quaternion:
-    """The turn on the shortest way from p (fraction 0) to q (fraction 1), at constant angular velocity."""
+    """Rotation on the shortest path from p (fraction 0) to q (fraction 1), at constant angular velocity."""
     w, x, y, z = compose(inverse(p), q)
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     half_angle = math.atan2(sine, w)
-    # sin(f a) / sin(a) tends to f as the two turns meet
+    # sin(f a) / sin(a) tends to f as the angle tends to 0
     k = fraction if sine < 1e-12 else math.sin(fraction * half_angle) / sine
     return compose(p, (math.cos(fraction * half_angle), k * x, k * y, k * z))
 
 
 @register_jitable
 def _upper_half(angle: float) -> float:
-    """An angle of [-pi, pi] in (-pi, pi]: the two names of straight back become one."""
+    """An angle of [-pi, pi] in (-pi, pi]: -pi becomes pi."""
     return math.pi if angle == -math.pi else angle

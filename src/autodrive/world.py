@@ -2,285 +2,463 @@
 
 from __future__ import annotations
 
-import copy
+import dataclasses
+import hashlib
 import math
-from collections.abc import Callable, Mapping
+import reprlib
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 
-from autodrive.actuators.lights import lit_lamps
-from autodrive.compile import Compiled, compile_scenario
-from autodrive.descriptions import suggest
-from autodrive.errors import CommandError, EngineError
+from autodrive.arrays import Floats
+from autodrive.compile import Compiled
+from autodrive.controls import Controls, VehicleControls
+from autodrive.errors import CommandError, EngineError, SnapshotError
+from autodrive.frames import FrameBuilder
 from autodrive.jit import resolved
+from autodrive.physics.one_thread import OneThread, by_one_thread
 from autodrive.physics.tick import advance, observe
-from autodrive.protocol.messages import (
-    Command,
-    Event,
-    Frame,
-    Headlights,
-    Indicators,
-    ObjectFrame,
-    Pose,
-    VehicleFrame,
-    WheelsReading,
-)
+from autodrive.protocol.commands import MAX_DISTANCE, MAX_TIME_SCALE, check_flag, check_seed, is_number
+from autodrive.protocol.display import yaw
+from autodrive.protocol.messages import Command, Event, Frame
 from autodrive.referee import Referee
-from autodrive.scenario import ScenarioSpec, load_scenario
-from autodrive.sensors import feedback
-from autodrive.state import Floats, State
-from autodrive.transforms import quaternion_from_yaw
-from autodrive.units import RPM
-from autodrive.vehicles.mjcf import WHEEL_NAMES
+from autodrive.render.look import DAY_LENGTH, is_day_at
+from autodrive.state import State, VehicleView
+from autodrive.transforms import Quaternion, Vector, quaternion_from_yaw
 
 if TYPE_CHECKING:
-    from autodrive.cameras import Eyes
-
-NO_COMMAND = Command()
-
-REVERSE_SPEED = -0.05 * RPM
-"""Rear wheels slower than this are in reverse [rad/s]."""
+    from autodrive.cameras.backend import CameraBackend
 
 
-def make(
-    scenario: str | Path | ScenarioSpec = "plane",
-    seed: int | None = None,
-    *,
-    cameras: bool | str | Callable[[Compiled], Eyes] = False,
-) -> World:
-    """A World of that scenario (name, file or Spec), at its initial state. Raises `SpecError`.
+DRAWING_WIDTH = 400.0
+"""Width of the map in a notebook [pixels]."""
 
-    `cameras`: True draws each camera's picture in the tick that it is due in, of exactly that state, and so does the
-    name of a quality (`autodrive.render.quality.NAMES`); raises `GlUnavailable` where that cannot be. False leaves the
-    cameras out, which costs nothing. Or a function that makes other eyes, such as `camera_process.CameraProcess.of`.
+
+class World(OneThread):
+    """Vehicles, a map and movable objects in simulated time. Same scenario, seed and commands: same bits.
+
+    Several threads may use it in turn. While one is inside a method, a call of another thread raises
+    `WorldInUseError` at once and changes nothing.
     """
-    spec = scenario if isinstance(scenario, ScenarioSpec) else load_scenario(scenario)
-    if seed is not None:
-        spec = spec.model_copy(update={"seed": seed})
-    compiled = compile_scenario(spec)
-    return World(compiled, _eyes(compiled, cameras))
 
-
-class World:
-    """Vehicles, a map and movable things in simulated time. Same scenario, seed and commands: same bits."""
-
-    def __init__(self, compiled: Compiled, eyes: Eyes | None = None) -> None:
+    def __init__(self, compiled: Compiled, cameras: CameraBackend | None = None) -> None:
+        super().__init__()
         self._compiled = compiled
-        self._eyes = eyes
+        self._cameras = cameras
         self.spec = compiled.spec
+        """The scenario from which `reset` starts."""
         self.map = compiled.map
         self.vehicle_specs = compiled.vehicles
+        self.sensors = compiled.configured
+        """Sensors and cameras, also those that are off, by vehicle and name."""
         self.vehicle_names = list(compiled.vehicles)
         self.boxes = dict(zip(compiled.objects, compiled.boxes, strict=True))
         """The movable objects of a Frame, as they were placed."""
         self.tick_duration = compiled.spec.tick
         self._seed = compiled.spec.seed
+        self._start: Floats | None = None
+        """Poses of all movable bodies at the start, as qpos, if they are not those of the model."""
         self._substeps = compiled.spec.substeps
         self._tick_length = Fraction(str(compiled.spec.tick))
-        self._timeout = math.floor(Fraction(str(compiled.spec.command_timeout)) / self._tick_length)  # in ticks
+        self._controls = Controls(
+            {name: placement.is_autonomous for name, placement in compiled.spec.vehicles.items()},
+            timeout=math.floor(Fraction(str(compiled.spec.command_timeout)) / self._tick_length),
+        )
         self._referee = Referee(
             self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
         )
-        self._throttle = np.zeros(len(self.vehicle_names))
-        self._steering = np.zeros(len(self.vehicle_names))
-        c = compiled
+        self._frames = FrameBuilder(compiled)
+        self._identity = _identity(compiled)
+        c, controls = compiled, self._controls
         self._advance = resolved(
-            advance, c.model, c.state, c.views, c.touches, c.scratch, self._throttle, self._steering, 0, 0
+            advance, c.model, c.state, c.views, c.contacts, c.scratch, controls.throttle, controls.steering, 0, 0
         )
         self.reset()
 
+    def __repr__(self) -> str:
+        cameras = "no cameras" if self._cameras is None else "with cameras"
+        return (
+            f"<World of map '{self.spec.map}' at {self.time:g} s: vehicles {', '.join(self.vehicle_names)}; "
+            f"{len(self.boxes)} objects; {cameras}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """For a notebook: the map from above with vehicles and objects where they are now, and the Frame."""
+        from autodrive.maps.draw import to_svg  # noqa: PLC0415  its libraries are needed only here
+
+        poses = self.frame.objects
+        boxes = (
+            dataclasses.replace(box, position=tuple(poses[name].pose.position.tolist()), yaw=yaw(poses[name].pose))
+            for name, box in self.boxes.items()
+        )
+        x0, _, x1, _ = self.map.bounds
+        drawing = to_svg(
+            dataclasses.replace(self.map, boxes=tuple(boxes)),
+            pixels_per_metre=DRAWING_WIDTH / (x1 - x0),
+            starts=[(*one.pose.position.tolist()[:2], yaw(one.pose)) for one in self.frame.vehicles.values()],
+        )
+        return drawing + self.frame._repr_html_()
+
     # -- the tick ------------------------------------------------------------------------------------------------
 
+    @by_one_thread
     def step(self, commands: Mapping[str, Command] | None = None) -> Frame:
-        """One tick with these commands; a vehicle without one keeps its last until that is too old.
+        """Run one tick with these commands; a vehicle without a command keeps its last one until its time-out.
 
-        Raises `CommandError` for an unknown vehicle or a value that is not finite; nothing has moved then. Raises
-        `EngineError` where the physics cannot go on; `reset` or `restore` brings the world back.
+        Raises `CommandError` for anything but a dictionary of Commands, an unknown vehicle or a value that is not
+        finite; nothing has moved then. Raises `EngineError` if the physics cannot go on; `reset` or `restore` brings
+        the world back.
         """
-        if commands:
-            self._accept(commands)
-        self._expire_commands()
-        c = self._compiled
+        c, controls = self._compiled, self._controls
+        if commands is not None:
+            controls.accept(commands, self._tick)
+        controls.update(self._tick)
         is_sound = self._advance(
             c.model,
             c.state,
             c.views,
-            c.touches,
+            c.contacts,
             c.scratch,
-            self._throttle,
-            self._steering,
+            controls.throttle,
+            controls.steering,
             self._tick * self._substeps,
             self._substeps,
         )
         self._tick += 1
+        self._hold_vehicles()
         if not is_sound:
             raise EngineError(
                 f"the physics became unstable at {self.time:.3f} s; reset the world, and use a shorter substep or "
                 "a vehicle with softer springs"
             )
-        events = self._referee.judge(self._tick, self.time, c.model, c.state, c.touches)
+        events = self._referee.judge(self._tick, self.time, c.model, c.state, c.contacts)
         self._sample()
         return self._show(events)
 
+    @by_one_thread
     def reset(self, seed: int | None = None) -> Frame:
-        """The initial state; a new seed stays until the next one."""
+        """Return to the initial state; a new seed stays until the next one. Raises `CommandError` for a wrong seed."""
         if seed is not None:
-            self._seed = seed
+            check_seed(seed)
+            self._seed = int(seed)
         c = self._compiled
         c.engine.reset()
+        if self._start is not None:
+            c.views.qpos[:] = self._start
         c.engine.update()
         for column in c.state:
             column[:] = 0.0
-        c.touches.impulse[:] = 0.0
-        c.touches.pair_count[0] = 0
+        c.contacts.impulse[:] = 0.0
+        c.contacts.pair_count[0] = 0
         self._tick = 0
-        self._drivers = {name: _Driver(NO_COMMAND, -math.inf) for name in self.vehicle_names}
-        self._headlights = dict.fromkeys(self.vehicle_names, Headlights.OFF)
-        self._indicators = dict.fromkeys(self.vehicle_names, Indicators.OFF)
-        self._indicators_since = dict.fromkeys(self.vehicle_names, 0)
-        self._is_autonomous = {name: placement.is_autonomous for name, placement in self.spec.vehicles.items()}
-        self.scene_light = self.spec.scene_light
+        self._controls.reset()
+        self._light = Light(self.spec.scene_light)
+        self._held: dict[str, tuple[float, ...]] = {}
         self._referee.reset()
         observe(c.model, c.state, c.views)
         for sensors in c.sensors.values():
             sensors.reset(self._seed)
-        if self._eyes is not None:
-            self._eyes.reset(self._seed)
+        if self._cameras is not None:
+            self._cameras.reset(self._seed)
         self._sample()
         return self._show()
 
     @property
     def time(self) -> float:
-        """Simulated time since reset [s]."""
+        """Simulated time since the reset [s]."""
         return self._tick * self._tick_length.numerator / self._tick_length.denominator
 
-    # -- what else can be done to it -----------------------------------------------------------------------------
+    # -- changes between ticks -----------------------------------------------------------------------------------
 
-    def teleport(self, vehicle: str, x: float, y: float, yaw: float = 0.0) -> None:
-        """Puts a vehicle, at rest, on the ground at x, y [m] with heading yaw [rad]. Its encoders keep their count.
+    @by_one_thread
+    def teleport(self, name: str, x: float, y: float, yaw: float = 0.0) -> None:
+        """Place a vehicle or an object, at rest, on the ground at x, y [m] with heading yaw [rad].
 
-        Raises `CommandError`, and leaves it where it is, if it would stand in something there.
+        Encoders keep their counts. Raises `CommandError` if it would overlap something there; then nothing has moved.
         """
-        i = self._index(vehicle)
-        if not all(math.isfinite(value) for value in (x, y, yaw)):
-            raise CommandError(f"vehicle '{vehicle}' cannot be put at x={x}, y={y}, yaw={yaw}: these are not numbers")
+        self._check_name(name)
+        if not all(is_number(value, MAX_DISTANCE) for value in (x, y, yaw)):
+            raise CommandError(
+                f"{self._noun(name)} cannot be placed at x={x}, y={y}, yaw={yaw}: they must be numbers from "
+                f"{-MAX_DISTANCE:g} to {MAX_DISTANCE:g}"
+            )
+        x, y, yaw = float(x), float(y), float(yaw)
+        box = self.boxes.get(name)
+        height = 0.5 * box.size[2] if box else self.vehicle_specs[name].ride_height
+        self.set_poses({name: np.array([x, y, height, *quaternion_from_yaw(yaw)])})
+
+    @by_one_thread
+    def pose(self, name: str) -> Floats:
+        """Position [m] and orientation (wxyz) of a vehicle or an object, shape (7,). Raises `CommandError`."""
+        self._check_name(name)
+        qpos = self._compiled.engine.body(name)[1]
+        return self._compiled.views.qpos[qpos : qpos + 7].copy()
+
+    @by_one_thread
+    def set_poses(self, poses: Mapping[str, Floats]) -> None:
+        """Place vehicles and objects, at rest, at these poses (position [m] and quaternion wxyz, shape (7,)).
+
+        Raises `CommandError` for values that are not a pose, and if one of them would overlap something there; then
+        nothing has moved.
+        """
         c = self._compiled
-        row = c.model.vehicles[i]
-        qpos, dof = int(row["qpos"]), int(row["dof"])
-        before = c.views.qpos[qpos : qpos + 7].copy()
-        c.views.qpos[qpos : qpos + 7] = (x, y, self.vehicle_specs[vehicle].ride_height, *quaternion_from_yaw(yaw))
-        c.engine.update()
-        if others := _in_the_way(c, vehicle):
-            c.views.qpos[qpos : qpos + 7] = before
-            c.engine.update()
-            raise CommandError(f"vehicle '{vehicle}' cannot be put at x={x}, y={y}: it would stand in {others}")
-        c.views.qvel[dof : dof + 6] = 0.0
-        for column in (c.state.wheel_angular_velocity, c.state.wheel_force, c.state.wheel_hold):
-            column[4 * i : 4 * i + 4] = 0.0
+        if not isinstance(poses, Mapping):
+            raise CommandError(f"poses must be a dictionary with a pose for each name, not {reprlib.repr(poses)}")
+        for name in poses:
+            self._check_name(name)
+        poses = {name: self._checked_pose(name, pose) for name, pose in poses.items()}
+        before = {name: self.pose(name) for name in poses}
+        self._write_poses(poses)
+        for name, pose in poses.items():
+            if others := _overlaps(c, name):
+                self._write_poses(before)
+                x, y = (float(f"{value:.6g}") for value in pose[:2])
+                raise CommandError(f"{self._noun(name)} cannot be placed at x={x}, y={y}: it would overlap {others}")
+        for name in poses:
+            dof = c.engine.body(name)[2]
+            c.views.qvel[dof : dof + 6] = 0.0
+            if name not in self.boxes:
+                i = self._controls.index(name)
+                for column in (c.state.wheel_angular_velocity, c.state.wheel_force, c.state.wheel_hold):
+                    column[4 * i : 4 * i + 4] = 0.0
         c.engine.update()
         observe(c.model, c.state, c.views)
         self._show(is_moved=True)
 
-    @property
-    def is_looking(self) -> bool:
-        """Whether pictures of the Frame at hand are still to come, which `look` will bring; in real time only."""
-        return self._eyes is not None and self._eyes.is_awaited
+    @by_one_thread
+    def start_from(self, compiled: Compiled) -> None:
+        """Let `reset` start from that scenario, which may differ from the present one in its poses only."""
+        self._start = compiled.views.qpos.copy()
+        self.spec = compiled.spec
+        self.boxes = dict(zip(compiled.objects, compiled.boxes, strict=True))
 
-    @property
-    def belongs_to_thread(self) -> bool:
-        """Whether only the thread that has stepped it may step it again: what draws in the tick is bound to one."""
-        return self._eyes is not None and self._eyes.belongs_to_thread
+    @by_one_thread
+    def continue_from(self, before: World) -> None:
+        """Go on at the time and in the state of another world, which has the same vehicles.
 
-    def look(self) -> Frame:
-        """The Frame at hand with the pictures that have come meanwhile; a new one, without events, if some have."""
-        if self._eyes is not None:
-            seen = self._eyes.see(self.frame)
-            self.frame = seen if seen is self.frame else replace(seen, events=())
-        return self.frame
+        Objects that both worlds have keep their poses and velocities; other objects are at their start. Sensors with
+        other settings start now; all images are rendered anew.
+        """
+        c, b = self._compiled, before._compiled
+        for name in (*self.vehicle_names, *self.boxes):
+            if name in before.vehicle_names or name in before.boxes:
+                _, qpos, dof = c.engine.body(name)
+                _, old_qpos, old_dof = b.engine.body(name)
+                c.views.qpos[qpos : qpos + 7] = b.views.qpos[old_qpos : old_qpos + 7]
+                c.views.qvel[dof : dof + 6] = b.views.qvel[old_dof : old_dof + 6]
+        for name, column, old in zip(State._fields, c.state, b.state, strict=True):
+            if not name.startswith("shape_"):
+                column[:] = old
+        self._tick, self._seed = before._tick, before._seed
+        self._light, self._held = before._light, dict(before._held)
+        self._controls.restore(before._controls.save())
+        self._referee.restore(before._referee.save())
+        c.engine.update()
+        observe(c.model, c.state, c.views)
+        for name, sensors in c.sensors.items():
+            sensors.continue_from(b.sensors[name], self._seed, c.model.shapes, c.state, self._tick * self._substeps)
+        if self._cameras is not None:
+            self._cameras.reset(self._seed)
+        self._show(is_moved=True)
 
+    @by_one_thread
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
-        """Who drives from now on: a script or a person. The World obeys whoever calls `step`."""
-        self._index(vehicle)
-        self._is_autonomous[vehicle] = is_autonomous
+        """Let a script (True) or a person (False) drive; the World itself obeys all commands given to `step`."""
+        check_flag(is_autonomous, f"the driving mode of vehicle '{vehicle}'")
+        self._controls.vehicles[self._controls.index(vehicle)].is_autonomous = bool(is_autonomous)
         self._show()
 
-    def set_scene_light(self, enabled: bool) -> None:
-        """Day (True) or night (False)."""
-        is_switched = enabled != self.scene_light
-        self.scene_light = enabled
-        self._show(is_moved=is_switched)
+    @by_one_thread
+    def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)) -> None:
+        """Hold a vehicle at rest at a pose (position [m], quaternion wxyz of any length), from the next tick on.
 
+        None lets it go. Raises `CommandError` for values that are not a pose.
+        """
+        self._controls.index(vehicle)
+        if position is None:
+            self._held.pop(vehicle, None)
+            return
+        try:
+            pose = self._checked_pose(vehicle, [*position, *orientation])
+        except (CommandError, TypeError):
+            raise CommandError(f"vehicle '{vehicle}' cannot be held at {position}, {orientation}: not a pose") from None
+        self._held[vehicle] = tuple(pose.tolist())
+
+    @property
+    def scene_light(self) -> bool:
+        """True by day, False by night."""
+        time_of_day = self.time_of_day
+        return self._light.is_on if time_of_day is None else is_day_at(time_of_day)
+
+    @property
+    def time_of_day(self) -> float | None:
+        """Time since midnight [s]; None if the light is fixed."""
+        light = self._light
+        if light.time_of_day is None:
+            return None
+        return (light.time_of_day + light.scale * (self.time - light.since)) % DAY_LENGTH
+
+    @by_one_thread
+    def set_scene_light(self, enabled: bool) -> None:
+        """Day (True) or night (False), whatever the time of day."""
+        check_flag(enabled, "the scene light")
+        self._set_light(Light(bool(enabled)))
+
+    @by_one_thread
+    def set_time_of_day(self, time_of_day: float | None, scale: float = 0.0) -> None:
+        """Let the light follow a time of day [s since midnight] from now on; None keeps it, at first noon.
+
+        `scale`: seconds of the day per simulated second. Raises `CommandError` if a value is not finite.
+        """
+        now = self.time_of_day if time_of_day is None else time_of_day
+        now = 0.5 * DAY_LENGTH if now is None else now
+        if not (is_number(now) and is_number(scale, MAX_TIME_SCALE)):
+            raise CommandError(
+                f"a time of day and its scale must be finite numbers, the scale at most {MAX_TIME_SCALE:g}, "
+                f"not {now} and {scale}"
+            )
+        self._set_light(Light(self._light.is_on, float(now) % DAY_LENGTH, float(scale), self.time))
+
+    def _set_light(self, light: Light) -> None:
+        before = self.scene_light, self.time_of_day
+        self._light = light
+        self._show(is_moved=before != (self.scene_light, self.time_of_day))
+
+    @by_one_thread
     def save(self) -> Snapshot:
-        """All that the future depends on."""
+        """Everything that the future depends on. Can be pickled, also for another process."""
         c = self._compiled
-        return Snapshot(
+        saved = Snapshot(
+            world=self._identity,
+            contents="",
             tick=self._tick,
             seed=self._seed,
             engine=c.engine.save(),
             state=State(*(column.copy() for column in c.state)),
             referee=self._referee.save(),
             sensors={name: sensors.save() for name, sensors in c.sensors.items()},
-            eyes=self._eyes and self._eyes.save(),
-            driving=copy.deepcopy([getattr(self, name) for name in _DRIVING]),
+            cameras=self._cameras and self._cameras.save(),
+            controls=self._controls.save(),
+            light=self._light,
+            held=dict(self._held),
             frame=self.frame,
         )
+        return saved._replace(contents=saved.outline())
 
+    @by_one_thread
     def restore(self, saved: Snapshot) -> Frame:
-        """Back to the moment of `save`: the same future, bit for bit."""
+        """Go back to the state of `save`, of this world or another of the same scenario: the same future, bit for bit.
+
+        Raises `SnapshotError` if the snapshot is of another scenario or has been changed; then nothing has changed.
+        """
+        self._check(saved)
         c = self._compiled
-        self._tick, self._seed, self.frame = saved.tick, saved.seed, saved.frame
         c.engine.restore(saved.engine)
-        c.touches.impulse[:] = 0.0
-        c.touches.pair_count[0] = 0
+        self._tick, self._seed, self.frame = saved.tick, saved.seed, saved.frame
+        c.contacts.impulse[:] = 0.0
+        c.contacts.pair_count[0] = 0
         for column, kept in zip(c.state, saved.state, strict=True):
             column[:] = kept
         self._referee.restore(saved.referee)
         for name, sensors in c.sensors.items():
             sensors.restore(saved.sensors[name])
-        if self._eyes is not None:
-            self._eyes.restore(saved.eyes)
-        for name, value in zip(_DRIVING, copy.deepcopy(saved.driving), strict=True):
-            setattr(self, name, value)
+        if self._cameras is not None:
+            self._cameras.restore(saved.cameras)
+        self._controls.restore(saved.controls)
+        self._light, self._held = saved.light, dict(saved.held)
         return self.frame
 
-    def close(self) -> None:
-        """Give back what draws the cameras' pictures; a world without cameras holds nothing."""
-        if self._eyes is not None:
-            self._eyes.close()
+    def _check(self, saved: object) -> None:
+        """Raises `SnapshotError` unless it is an unchanged snapshot that fits this world."""
+        if not isinstance(saved, Snapshot):
+            raise SnapshotError(f"restore() needs a Snapshot, which save() returns, not {type(saved).__name__}")
+        if saved.world != self._identity:
+            raise SnapshotError(
+                "the snapshot is of another world: scenario, vehicles, map, sensors and version of the engine must be "
+                f"the same as in this world of map '{self.spec.map}'"
+            )
+        if saved.contents != saved.outline():
+            raise SnapshotError("the snapshot has been changed since save(); give restore() what save() returned")
+        if saved.cameras is None and self._cameras is not None and self._cameras.save() is not None:
+            raise SnapshotError("the snapshot is of a world without cameras; save it in a world with cameras")
+
+    # -- views and cameras ---------------------------------------------------------------------------------------
 
     def vehicle(self, name: str) -> VehicleView:
-        """A read-only look at one vehicle's state, for prompts and tests."""
-        return VehicleView(self._compiled.state, self._index(name))
+        """A read-only view of one vehicle's state, for prompts and tests."""
+        return VehicleView(self._compiled.state, self._controls.index(name))
 
-    # -- the parts of a tick -------------------------------------------------------------------------------------
+    @property
+    def is_looking(self) -> bool:
+        """Whether images of the current Frame are still being rendered; `look` adds them. Only in real time."""
+        return self._cameras is not None and self._cameras.has_pending_images
 
-    def _index(self, vehicle: str) -> int:
-        if vehicle not in self._compiled.vehicles:
-            raise CommandError(f"vehicle '{vehicle}' is not in this world. {suggest(vehicle, self.vehicle_names)}")
-        return self.vehicle_names.index(vehicle)
+    @property
+    def belongs_to_thread(self) -> bool:
+        """Whether only the thread that called `step` first may call it: an OpenGL context is bound to its thread."""
+        return self._cameras is not None and self._cameras.is_thread_bound
 
-    def _accept(self, commands: Mapping[str, Command]) -> None:
-        for name, command in commands.items():
-            self._index(name)
-            _check(name, command)
-        for name, command in commands.items():
-            self._drivers[name] = _Driver(command, self._tick)
-            if command.headlights is not None:
-                self._headlights[name] = Headlights(command.headlights)
-            if command.indicators is not None and command.indicators != self._indicators[name]:
-                if self._indicators[name] == Indicators.OFF:
-                    self._indicators_since[name] = self._tick
-                self._indicators[name] = Indicators(command.indicators)
+    @by_one_thread
+    def look(self) -> Frame:
+        """The current Frame with the images that have arrived since; a new Frame, without events, if there are any."""
+        if self._cameras is not None:
+            seen = self._cameras.update(self.frame)
+            self.frame = seen if seen is self.frame else replace(seen, events=())
+        return self.frame
 
-    def _expire_commands(self) -> None:
-        for i, driver in enumerate(self._drivers.values()):
-            command = driver.command if self._tick - driver.since <= self._timeout else NO_COMMAND
-            self._throttle[i] = min(1.0, max(-1.0, command.throttle))
-            self._steering[i] = min(1.0, max(-1.0, command.steering))
+    @by_one_thread
+    def close(self) -> None:
+        """Release the camera renderer; a world without cameras holds nothing."""
+        if self._cameras is not None:
+            self._cameras.close()
+
+    # -- parts of a tick -----------------------------------------------------------------------------------------
+
+    def _noun(self, name: str) -> str:
+        return f"object '{name}'" if name in self.boxes else f"vehicle '{name}'"
+
+    def _check_name(self, name: object) -> None:
+        """Raises `CommandError` if there is no vehicle or object of that name."""
+        if not (isinstance(name, str) and name in self.boxes):
+            self._controls.index(name)  # pyright: ignore[reportArgumentType]
+
+    def _checked_pose(self, name: str, pose: Any) -> Floats:
+        """As an array with a quaternion of length 1. Raises `CommandError`."""
+        values = list(pose) if isinstance(pose, Sequence | np.ndarray) and np.ndim(pose) == 1 else []
+        if len(values) == 7 and all(is_number(value, MAX_DISTANCE) for value in values):
+            checked = np.array(values, dtype=np.float64)
+            length = math.hypot(*checked[3:].tolist())
+            if abs(length - 1.0) > 1e-9:  # otherwise a pose of this world keeps its bits
+                checked[3:] /= max(length, 1e-300)
+            if length > 1e-6:
+                return checked
+        raise CommandError(
+            f"{self._noun(name)} cannot be placed at {reprlib.repr(pose)}: a pose is x, y, z [m] up to "
+            f"{MAX_DISTANCE:g} and a quaternion wxyz"
+        )
+
+    def _write_poses(self, poses: Mapping[str, Floats]) -> None:
+        c = self._compiled
+        for name, pose in poses.items():
+            qpos = c.engine.body(name)[1]
+            c.views.qpos[qpos : qpos + 7] = pose
+        c.engine.update()
+
+    def _hold_vehicles(self) -> None:
+        """Put the vehicles that are held back to their poses, at rest."""
+        if not self._held:
+            return
+        c = self._compiled
+        for vehicle, pose in self._held.items():
+            row = c.model.vehicles[self._controls.index(vehicle)]
+            qpos, dof = int(row["qpos"]), int(row["dof"])
+            c.views.qpos[qpos : qpos + 7] = pose
+            c.views.qvel[dof : dof + 6] = 0.0
+        c.engine.update()
+        observe(c.model, c.state, c.views)
 
     def _sample(self) -> None:
         c = self._compiled
@@ -288,161 +466,95 @@ class World:
             sensors.sample(c.model.shapes, c.state, self._tick * self._substeps)
 
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
-        """The state as a Frame, with what the cameras see; `is_moved`: by hand, so that they must look anew."""
-        frame = self._frame(events)
-        self.frame = frame if self._eyes is None else self._eyes.see(frame, anew=is_moved)
+        """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""
+        frame = self._frames.build(
+            self._tick,
+            self.time,
+            self._controls.vehicles,
+            self._referee.collision_counts,
+            events,
+            self.scene_light,
+            self.time_of_day,
+        )
+        self.frame = frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved)
         return self.frame
 
-    def _frame(self, events: tuple[Event, ...]) -> Frame:
-        c = self._compiled
-        return Frame(
-            time=self.time,
-            tick=self._tick,
-            vehicles={name: self._vehicle_frame(i, name) for i, name in enumerate(self.vehicle_names)},
-            objects={name: ObjectFrame(_pose(c.views.qpos, start)) for name, start in c.objects.items()},
-            events=events,
-            scene_light=self.scene_light,
-        )
 
-    def _vehicle_frame(self, i: int, name: str) -> VehicleFrame:
-        state = self._compiled.state
-        sensors = self._compiled.sensors[name]
-        wheels = slice(4 * i, 4 * i + 4)
-        rear = state.wheel_angular_velocity[4 * i + 2] + state.wheel_angular_velocity[4 * i + 3]
-        phase = (
-            (self._tick - self._indicators_since[name]) * self.spec.tick / self.vehicle_specs[name].lights.blink_period
-        )
-        return VehicleFrame(
-            pose=Pose(_frozen(state.vehicle_position[i]), _frozen(state.vehicle_orientation[i])),
-            velocity=_frozen(state.vehicle_velocity[i]),
-            angular_velocity=_frozen(state.vehicle_angular_velocity[i]),
-            throttle=feedback.throttle(state, i),
-            steering=feedback.steering(state, i),
-            encoders=sensors.encoders.reading,
-            ips=sensors.ips.reading,
-            imu=sensors.imu.reading,
-            lidar=sensors.lidar and sensors.lidar.latest,
-            lights=lit_lamps(
-                self._headlights[name],
-                self._indicators[name],
-                phase % 1.0,
-                is_braking=state.throttle[i] == 0.0,
-                is_reversing=bool(state.throttle[i] < 0.0 or 0.5 * rear < REVERSE_SPEED),
-            ),
-            wheels=WheelsReading(
-                steering_angle=_frozen(state.wheel_steering_angle[wheels]),
-                rotation_angle=_frozen(state.wheel_rotation[wheels]),
-                angular_velocity=_frozen(state.wheel_angular_velocity[wheels]),
-                compression=_frozen(state.wheel_compression[wheels]),
-                normal_load=_frozen(state.wheel_normal_load[wheels]),
-                slip_ratio=_frozen(state.wheel_slip_ratio[wheels]),
-                slip_angle=_frozen(state.wheel_slip_angle[wheels]),
-            ),
-            is_autonomous=self._is_autonomous[name],
-            collision_count=self._referee.collision_counts[i],
-        )
+class Light(NamedTuple):
+    """The light of a scene."""
 
-
-def _eyes(compiled: Compiled, cameras: bool | str | Callable[[Compiled], Eyes]) -> Eyes | None:
-    if cameras is False or not any(compiled.cameras.values()):
-        return None
-    if callable(cameras):
-        return cameras(compiled)
-    from autodrive.cameras import Cameras, sight_of
-
-    return Cameras(sight_of(compiled, "auto" if cameras is True else cameras))
-
-
-def _check(vehicle: str, command: Command) -> None:
-    """Raises `CommandError` where a vehicle cannot obey."""
-    if not (_is_number(command.throttle) and _is_number(command.steering)):
-        raise CommandError(
-            f"vehicle '{vehicle}': throttle {command.throttle} and steering {command.steering} must be numbers, "
-            "best in [-1, 1]"
-        )
-    for name, kind, value in (
-        ("headlights", Headlights, command.headlights),
-        ("indicators", Indicators, command.indicators),
-    ):
-        if value is not None and value not in list(kind):
-            known = ", ".join(f"{one.value} {one.name}" for one in kind)
-            raise CommandError(f"vehicle '{vehicle}': {name} {value} are not known. Known: {known}, or None")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, float | int | np.number) and math.isfinite(value)
-
-
-class _Driver(NamedTuple):
-    """A vehicle's latest command and the tick that it was given at."""
-
-    command: Command
-    since: float
-
-
-_DRIVING = ("_drivers", "_headlights", "_indicators", "_indicators_since", "_is_autonomous", "scene_light")
-"""What of a World is neither State nor sensor and yet decides the future."""
+    is_on: bool
+    """Day or night, without a time of day."""
+    time_of_day: float | None = None
+    """At the simulated time `since` [s since midnight]."""
+    scale: float = 0.0
+    """Seconds of the day per simulated second."""
+    since: float = 0.0
+    """[s]."""
 
 
 class Snapshot(NamedTuple):
-    """A moment of a World, to go back to."""
+    """The saved state of a World."""
 
+    world: str
+    """Identity of the world, the same for all worlds that the snapshot fits."""
+    contents: str
+    """The `outline` when it was saved."""
     tick: int
     seed: int
     engine: Any
     state: State
     referee: Any
     sensors: dict[str, Any]
-    eyes: Any
-    driving: list[Any]
+    cameras: Any
+    controls: Sequence[VehicleControls]
+    light: Light
+    held: dict[str, tuple[float, ...]]
     frame: Frame
 
-
-class VehicleView:
-    """Reads a vehicle's columns of the State by name: `view.steering_angle`, `view.wheel("front_left").slip_ratio`."""
-
-    def __init__(self, state: State, index: int) -> None:
-        self._state = state
-        self._index = index
-
-    def __getattr__(self, name: str) -> Any:
-        column = getattr(self._state, f"vehicle_{name}", None)
-        if column is None:
-            column = getattr(self._state, name)
-        return _plain(column[self._index])
-
-    def wheel(self, name: str) -> WheelView:
-        """One of front_left, front_right, rear_left, rear_right."""
-        return WheelView(self._state, 4 * self._index + WHEEL_NAMES.index(name))
+    def outline(self) -> str:
+        """Hash of all types, names, numbers and texts, and of the shapes of arrays, but not of their values."""
+        parts = [
+            text
+            for field, value in zip(self._fields, self, strict=True)
+            if field != "contents"
+            for text in _outline(value)
+        ]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
-class WheelView:
-    """Reads a wheel's columns of the State by name, without their prefix `wheel_`."""
-
-    def __init__(self, state: State, index: int) -> None:
-        self._state = state
-        self._index = index
-
-    def __getattr__(self, name: str) -> Any:
-        return _plain(getattr(self._state, f"wheel_{name}")[self._index])
+def _identity(c: Compiled) -> str:
+    """Hash of everything that a snapshot must have in common with a world."""
+    tables = c.model.vehicles.tolist(), c.model.wheels.tolist()
+    parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables
+    return hashlib.sha256(repr(parts).encode() + c.map.drivable_edges.tobytes()).hexdigest()
 
 
-def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value.copy()
+def _outline(value: Any) -> Iterator[str]:
+    """See `Snapshot.outline`; of a message, which cannot be changed, and of types of other packages the type counts."""
+    kind = type(value)
+    if kind in _PLAIN:
+        yield repr(value)
+        return
+    yield kind.__name__
+    if kind is np.ndarray:
+        yield f"{value.dtype.str} {value.shape}"
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            yield repr(key)
+            yield from _outline(item)
+    elif isinstance(value, tuple | list):
+        yield str(len(value))
+        for part in value:
+            yield from _outline(part)
+    elif dataclasses.is_dataclass(value):
+        yield from _outline(vars(value))
 
 
-def _in_the_way(c: Compiled, vehicle: str) -> str:
-    """Names of the things that the vehicle is in now."""
+_PLAIN = {type(None), bool, int, float, str}
+
+
+def _overlaps(c: Compiled, name: str) -> str:
+    """Names of the things that a vehicle or an object overlaps."""
     pairs = [{c.owners[a], c.owners[b]} for a, b in c.engine.overlapping()]
-    return ", ".join(sorted({f"'{name}'" for pair in pairs if vehicle in pair for name in pair - {vehicle}}))
-
-
-def _pose(qpos: Floats, start: int) -> Pose:
-    return Pose(_frozen(qpos[start : start + 3]), _frozen(qpos[start + 3 : start + 7]))
-
-
-def _frozen(values: Floats) -> Floats:
-    """A copy that nobody can change."""
-    kept = values.copy()
-    kept.setflags(write=False)
-    return kept
+    return ", ".join(sorted({f"'{other}'" for pair in pairs if name in pair for other in pair - {name}}))

@@ -1,4 +1,4 @@
-"""Which lamps are lit: the report's section 3.1.4 as a truth table."""
+"""State of the lamps: section 3.1.4 of the report as a truth table."""
 
 import itertools
 
@@ -21,7 +21,7 @@ ALL = list(itertools.product(Headlights, Indicators, (0.0, 0.25, 0.5, 0.75), (Fa
         (Headlights.HIGH, True, TailLights.BRIGHT),
     ],
 )
-def test_tail_lights_are_bright_when_braking_and_else_follow_the_headlights(
+def test_tail_lights_are_bright_when_braking_and_otherwise_follow_the_headlights(
     headlights: Headlights, is_braking: bool, expected: TailLights
 ) -> None:
     assert lit_lamps(headlights, Indicators.OFF, 0.0, is_braking, False).tail_lights == expected
@@ -36,7 +36,7 @@ def test_tail_lights_are_bright_when_braking_and_else_follow_the_headlights(
         (Indicators.HAZARD, True, True),
     ],
 )
-def test_indicators_are_dark_in_the_first_half_of_the_period_and_lit_in_the_second(
+def test_indicators_are_off_in_the_first_half_of_the_period_and_on_in_the_second(
     indicators: Indicators, left: bool, right: bool
 ) -> None:
     for phase in (0.0, 0.01, 0.499):
@@ -48,15 +48,13 @@ def test_indicators_are_dark_in_the_first_half_of_the_period_and_lit_in_the_seco
         assert (lamps.left_indicator, lamps.right_indicator) == (left, right)
 
 
-@pytest.mark.parametrize(("headlights", "indicators", "phase", "is_braking", "is_reversing"), ALL)
-def test_each_lamp_depends_on_its_own_causes_alone(
-    headlights: Headlights, indicators: Indicators, phase: float, is_braking: bool, is_reversing: bool
-) -> None:
-    lamps = lit_lamps(headlights, indicators, phase, is_braking, is_reversing)
-    assert lamps.headlights == headlights
-    assert lamps.indicators == indicators
-    assert lamps.reverse_lights == is_reversing
-    assert lamps.tail_lights == lit_lamps(headlights, Indicators.OFF, 0.0, is_braking, False).tail_lights
-    blinking = lit_lamps(Headlights.OFF, indicators, phase, False, False)
-    assert lamps.left_indicator == blinking.left_indicator
-    assert lamps.right_indicator == blinking.right_indicator
+def test_each_lamp_depends_only_on_its_own_inputs() -> None:
+    for headlights, indicators, phase, is_braking, is_reversing in ALL:
+        lamps = lit_lamps(headlights, indicators, phase, is_braking, is_reversing)
+        assert lamps.headlights == headlights
+        assert lamps.indicators == indicators
+        assert lamps.reverse_lights == is_reversing
+        assert lamps.tail_lights == lit_lamps(headlights, Indicators.OFF, 0.0, is_braking, False).tail_lights
+        blinking = lit_lamps(Headlights.OFF, indicators, phase, False, False)
+        assert lamps.left_indicator == blinking.left_indicator
+        assert lamps.right_indicator == blinking.right_indicator

@@ -1,4 +1,4 @@
-"""The steering servo: its formula against closed forms, and the SG90 of the report in the world."""
+"""The steering servo: its formula against closed forms, and the SG90 of the report in a world."""
 
 import math
 from pathlib import Path
@@ -11,8 +11,7 @@ import autodrive
 from autodrive.actuators.steering import steered
 from autodrive.protocol.messages import Command
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-
-from ..cars import OBEYS_AT_ONCE, car_file
+from tests.support.cars import OBEYS_AT_ONCE, car_file
 
 LIMIT = math.radians(30.0)
 angles = st.floats(-LIMIT, LIMIT)
@@ -27,10 +26,10 @@ def test_a_servo_without_rate_limit_approaches_its_target_exponentially() -> Non
     for k in range(1, 200):
         angle = steered(angle, 0.5, response(time_constant, dt), math.inf, dt)
         expected = 0.5 * (1.0 - math.exp(-k * dt / time_constant))
-        assert angle == pytest.approx(expected, rel=1e-12)  # exact for a constant target, but for rounding
+        assert angle == pytest.approx(expected, rel=1e-12)  # exact for a constant target, except for rounding
 
 
-def test_a_servo_without_lag_turns_at_its_rate_limit_and_stops_on_its_target() -> None:
+def test_a_servo_without_lag_moves_at_its_rate_limit_and_stops_at_its_target() -> None:
     angle, dt, rate = -0.3, 0.001, 2.0
     for k in range(1, 400):
         angle = steered(angle, 0.3, 1.0, rate, dt)
@@ -39,7 +38,7 @@ def test_a_servo_without_lag_turns_at_its_rate_limit_and_stops_on_its_target() -
 
 
 @given(angles, angles, st.floats(0.001, 1.0), st.floats(0.1, 50.0), st.sampled_from([0.0005, 0.001, 0.005]))
-def test_a_servo_never_overshoots_nor_outruns_its_rate_limit(
+def test_a_servo_never_overshoots_or_exceeds_its_rate_limit(
     angle: float, target: float, share: float, rate: float, dt: float
 ) -> None:
     after = steered(angle, target, share, rate, dt)
@@ -53,7 +52,7 @@ def test_left_mirrors_right(angle: float, target: float, share: float, rate: flo
 
 
 def steering_after_each_substep(vehicle: str, steering: list[float]) -> list[float]:
-    """Angles [rad] of a car in a world whose tick is a single substep of 1 ms."""
+    """Steering angle [rad] after each tick of one substep (1 ms)."""
     world = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=vehicle)}, tick=0.001))
     return [world.step({"V1": Command(steering=value)}).vehicles["V1"].steering for value in steering]
 
@@ -64,7 +63,7 @@ def test_sg90_takes_a_tenth_of_a_second_for_sixty_degrees(tmp_path: Path) -> Non
     assert angle[49] == pytest.approx(LIMIT, abs=1e-5)  # 30 degrees in 0.05 s; the file writes the rate with 5 digits
     assert angle[99] == LIMIT
     assert angle[149] == pytest.approx(0.0, abs=1e-5)
-    assert angle[198] > -LIMIT + 0.009  # a substep early it lacks 0.010 rad
+    assert angle[198] > -LIMIT + 0.009  # one substep earlier it is 0.010 rad away
     assert angle[199] == pytest.approx(-LIMIT, abs=1e-5)
     assert angle[204] == -LIMIT
 
@@ -87,7 +86,7 @@ def test_each_command_of_a_stream_arrives_after_the_dead_time(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("steering", [1.0, -1.0, 7.0, -1e300])
-def test_angle_ends_at_the_limit_of_thirty_degrees(steering: float) -> None:
+def test_angle_is_limited_to_thirty_degrees(steering: float) -> None:
     angle = steering_after_each_substep("nigel", [steering] * 400)
     assert angle[-1] == pytest.approx(math.copysign(LIMIT, steering), abs=1e-6)  # e^(-300 ms / 20 ms) is 3e-7
     assert max(abs(value) for value in angle) <= LIMIT

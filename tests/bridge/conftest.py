@@ -1,12 +1,10 @@
-"""A running Simulation, and servers to talk to: odd ones in a thread, users' scripts in environments of their own."""
+"""Fixtures: a running Simulation, WebSocket servers in a thread, devkit scripts in processes of their own."""
 
 from __future__ import annotations
 
 import contextlib
-import socket
 import subprocess
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -17,22 +15,9 @@ from websockets.sync.server import ServerConnection, serve
 import autodrive
 from autodrive import Simulation
 from autodrive.world import World
+from tests.support.waiting import is_listening, wait_until
 
 ROOT = Path(__file__).parents[2]
-PATIENCE = 20.0
-"""Wall time that a loaded machine is given [s]; a passing test needs far less."""
-
-
-def eventually(is_so: Callable[[], object]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not is_so():
-        assert time.monotonic() < deadline, "it never came to be"
-        time.sleep(0.005)
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return listener.getsockname()[1]
 
 
 @pytest.fixture(scope="session")
@@ -54,17 +39,17 @@ def simulation(one_world: World) -> Iterator[Simulation]:
 
 @contextlib.contextmanager
 def peer(talk: Callable[[ServerConnection], None], port: int = 0) -> Iterator[int]:
-    """A WebSocket server that talks so with each client; its port. What `talk` asserts counts."""
-    faults: list[Exception] = []
+    """A WebSocket server that calls `talk` with each client; its port. An error in `talk` fails the test."""
+    errors: list[Exception] = []
 
-    def politely(connection: ServerConnection) -> None:
+    def handle(connection: ServerConnection) -> None:
         try:
             talk(connection)
-        except Exception as fault:
-            if not isinstance(fault, ConnectionClosed):
-                faults.append(fault)
+        except Exception as error:
+            if not isinstance(error, ConnectionClosed):
+                errors.append(error)
 
-    with serve(politely, "127.0.0.1", port, max_size=None, close_timeout=0.2) as server:
+    with serve(handle, "127.0.0.1", port, max_size=None, close_timeout=0.2) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:
@@ -72,8 +57,8 @@ def peer(talk: Callable[[ServerConnection], None], port: int = 0) -> Iterator[in
         finally:
             server.shutdown()
             thread.join()
-    if faults:
-        raise faults[0]
+    if errors:
+        raise errors[0]
 
 
 def python_of(stack: str) -> Path:
@@ -90,15 +75,9 @@ def script(stack: str, path: Path, *arguments: object, port: int) -> Iterator[su
     command = [python_of(stack), path, "--port", port, *arguments]
     process = subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        eventually(lambda: is_listening(port) or process.poll() is not None)
+        wait_until(lambda: is_listening(port) or process.poll() is not None)
         assert process.poll() is None, f"{path.name} did not start"
         yield process
     finally:
         process.kill()
         process.wait()
-
-
-def is_listening(port: int) -> bool:
-    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
-        return True
-    return False

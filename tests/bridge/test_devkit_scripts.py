@@ -1,4 +1,4 @@
-"""Users' scripts, with the libraries that the devkits pin ('legacy') and the newest, against the real simulation."""
+"""Devkit scripts with the pinned ('legacy') and the newest server libraries against a real simulation."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +19,17 @@ import autodrive
 from autodrive import Frame, ScenarioSpec, Simulation
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.bridge.engineio import Dialect
-from autodrive.descriptions import find
-from autodrive.jpeg import JpegEncoder, images_of
+from autodrive.cameras.jpeg import JpegEncoder, images_of
 from autodrive.maps import LaneGraph, load_map
-from autodrive.protocol.devkit import PROFILES, introduction, telemetry
-from autodrive.protocol.messages import Step
+from autodrive.protocol.devkit import initial_telemetry, telemetry
+from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.scenario import VehiclePlacement
+from autodrive.specs import find
 from autodrive.world import World
-from tests.bridge.conftest import PATIENCE, ROOT, eventually, free_port, python_of, script
+from tests.bridge.conftest import ROOT, python_of, script
 from tests.protocol.devkit_frames import frame, scan, vehicle
+from tests.support.lockstep import answered_ticks
+from tests.support.waiting import LIMIT, free_port, wait_until
 
 FOLLOW_LOOP = ROOT / "examples" / "devkit" / "follow_loop.py"
 FOLLOW_LANE = ROOT / "examples" / "devkit" / "follow_lane.py"
@@ -42,12 +45,12 @@ def lanes() -> LaneGraph:
 
 @pytest.fixture(scope="module")
 def town(one_world: World) -> World:
-    """After the other world, with which everything was compiled."""
+    """Depends on the other world, which compiles everything."""
     return autodrive.make(ScenarioSpec(map="mini_map"))
 
 
 class Drive:
-    """Where the car was, at every tick."""
+    """Sink: position and throttle of the car at every tick."""
 
     def __init__(self) -> None:
         self.positions: list[tuple[float, float]] = []
@@ -64,46 +67,51 @@ class Drive:
 
 
 @pytest.mark.parametrize(
-    ("stack", "year", "duration"), [("legacy", "2023", 120.0), ("newest", "2025", 40.0), ("legacy", "2020", 30.0)]
+    ("stack", "year", "duration"), [("legacy", "2023", 40.0), ("newest", "2025", 20.0), ("legacy", "2020", 20.0)]
 )
-def test_a_script_follows_the_loop_of_the_mini_map(
-    town: World, lanes: LaneGraph, stack: str, year: str, duration: float
-) -> None:
-    """At three times real time, so that it takes less than a minute."""
-    town.reset(0)
+@pytest.mark.slow
+@pytest.mark.toolchain
+def test_a_script_follows_the_loop_of_the_mini_map(lanes: LaneGraph, stack: str, year: str, duration: float) -> None:
+    """With each real server library, in ticks of 50 ms."""
     port, drive = free_port(), Drive()
-    simulation = Simulation(town, speed=3.0)
+    simulation = Simulation(autodrive.make(ScenarioSpec(map="mini_map", tick=0.05)), is_paused=True)
     simulation.add_sink(drive)
-    with script(stack, FOLLOW_LOOP, "--era", year, port=port), DevkitBridge(simulation, port=port) as bridge:
-        eventually(lambda: bridge.counters.commands_received)
-        simulation.run(duration)
+    with (
+        simulation,
+        script(stack, FOLLOW_LOOP, "--generation", year, port=port),
+        DevkitBridge(simulation, port=port) as bridge,
+    ):
+        for _ in islice(answered_ticks(simulation, bridge), round(duration / 0.05)):
+            pass
         counters = bridge.counters
     assert (counters.dialect, counters.profile) == (STACKS[stack], year)
     assert counters.connections == 1
     assert counters.refused_values == counters.bad_packets == 0
-    # a command counts for 0.5 s of simulated time, then the brakes go on; 1 % is for what else the machine does
-    assert np.mean(np.array(drive.throttles[100:]) < 1.0) < 0.01
+    assert min(drive.throttles[10:]) == 1.0  # no tick without a command: it would brake
     loop = lanes.length(lanes.loop(lanes.nearest(0.0, 0.0, 0.0).lane))  # pyright: ignore
     assert drive.distance > duration / 120.0 * 3.0 * loop
-    # lanes are 0.3 m wide, the car 0.175 m: so far from the centre line its sides stay in the lane
-    assert max(abs(lanes.nearest(x, y).offset) for x, y in drive.positions[::50]) < 0.0625  # pyright: ignore
+    # lanes are 0.3 m wide, the car 0.175 m: within this offset its sides stay in the lane
+    assert max(abs(lanes.nearest(x, y).offset) for x, y in drive.positions[::10]) < 0.0625  # pyright: ignore
 
 
 def round_outer_lane(x: float, y: float) -> float:
-    """How far a place is outside the right-hand lane around the mini-map [m]: curves of 0.85 m about four corners."""
+    """Offset of a point from the right-hand lane around the mini-map [m]: curves of 0.85 m radius at four corners."""
     across, along = abs(x - 0.7) - 1.0, abs(y - 1.55) - 0.7
     return math.hypot(max(across, 0.0), max(along, 0.0)) + min(max(across, along), 0.0) - 0.85
 
 
-def test_a_script_keeps_the_lane_around_the_mini_map_by_its_front_camera(tmp_path: Path) -> None:
-    """Two laps, straight on over the crossroads; ten pictures a second, drawn in the tick.
+@pytest.mark.slow
+@pytest.mark.toolchain
+def test_a_script_keeps_the_lane_with_its_front_camera(tmp_path: Path) -> None:
+    """Half a lap, straight on over the crossroads; ten images per simulated second, rendered in the tick.
 
-    Each tick of 50 ms waits for the script's answer to the one before, so that a busy machine drives just the same.
+    The rear image, which the script does not use, is small: Eventlet unmasks messages byte by byte in Python.
     """
+    front, rear = find("vehicle", "nigel").read_text().replace("rate: 30.0", "rate: 10.0").split("  rear:\n    mount")
     file = tmp_path / "nigel.yaml"
-    file.write_text(find("vehicle", "nigel").read_text().replace("rate: 30.0", "rate: 10.0"))
+    file.write_text(f"{front}  rear:\n    mount{rear.replace('640', '64').replace('480', '48')}")
     places = {"V1": VehiclePlacement(type=str(file), is_autonomous=True)}
-    world = autodrive.make(ScenarioSpec(map="mini_map", vehicles=places, tick=0.05), cameras="software")
+    world = autodrive.make(ScenarioSpec(map="mini_map", vehicles=places, tick=0.1), cameras="software")
     lap = 4.0 + 2.8 + 2.0 * math.pi * 0.85
     port, drive = free_port(), Drive()
     simulation = Simulation(world, is_paused=True)
@@ -114,27 +122,24 @@ def test_a_script_keeps_the_lane_around_the_mini_map_by_its_front_camera(tmp_pat
         script("newest", FOLLOW_LANE, port=port),
         DevkitBridge(simulation, port=port, images=images) as bridge,
     ):
-        eventually(lambda: bridge.counters.commands_received)
-        for number in range(1, 3001):
-            answered = bridge.counters.commands_received
-            simulation.request(Step()).result()
-            eventually(lambda answered=answered: bridge.counters.commands_received > answered)
+        for number, _ in zip(range(1, 1001), answered_ticks(simulation, bridge), strict=False):
             assert abs(round_outer_lane(*drive.positions[-1])) < 0.0625
-            if number % 100 == 0 and drive.distance > 2.0 * lap:
+            if number % 10 == 0 and drive.distance > 0.5 * lap:
                 break
         counters = bridge.counters
-    assert drive.distance > 2.0 * lap
+    assert drive.distance > 0.5 * lap
     assert counters.connections == 1
     assert counters.refused_values == counters.bad_packets == 0
 
 
-def test_the_way_points_of_the_example_lie_on_the_lane(lanes: LaneGraph) -> None:
+def test_the_waypoints_of_the_example_lie_on_the_lane(lanes: LaneGraph) -> None:
     route = np.loadtxt(FOLLOW_LOOP.with_name("mini_map_loop.csv"), delimiter=",")
     assert max(abs(lanes.nearest(x, y).offset) for x, y in route) < 0.002  # chords of 5 cm, three decimals  # pyright: ignore
     assert np.hypot(*(route - np.roll(route, 1, axis=0)).T).max() < 0.06
 
 
 @pytest.mark.parametrize("stack", STACKS)
+@pytest.mark.toolchain
 def test_a_script_may_start_late_and_be_killed_and_start_again(simulation: Simulation, stack: str) -> None:
     port = free_port()
 
@@ -143,16 +148,16 @@ def test_a_script_may_start_late_and_be_killed_and_start_again(simulation: Simul
 
     with DevkitBridge(simulation, port=port) as bridge:
         with script(stack, FOLLOW_LOOP, port=port):
-            eventually(lambda: speed() > 0.1)
-        eventually(lambda: bridge.status == "connecting" and abs(speed()) < 0.01)
+            wait_until(lambda: speed() > 0.1)
+        wait_until(lambda: bridge.status == "connecting" and abs(speed()) < 0.01)
         with script(stack, FOLLOW_LOOP, port=port):
-            eventually(lambda: speed() > 0.1)
+            wait_until(lambda: speed() > 0.1)
         assert bridge.counters.reconnects == 1
 
 
 @contextlib.contextmanager
 def slow_script(stack: str, port: int, lines: Path) -> Iterator[None]:
-    """Thinks for 50 ms; what it does is written to a file."""
+    """A script that needs 50 ms for each message and writes its events to a file."""
     command = [python_of(stack), SLOW, "--port", str(port), "--think", "0.05"]
     with lines.open("wb") as output, subprocess.Popen(command, stdout=output, stderr=subprocess.DEVNULL) as process:
         try:
@@ -162,8 +167,11 @@ def slow_script(stack: str, port: int, lines: Path) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("stack", STACKS)
-def test_two_simulators_at_one_slow_script_pile_up_nothing(simulation: Simulation, stack: str, tmp_path: Path) -> None:
-    """Its replies go to both. If each answered each of them, twice as many would come as the script reads."""
+@pytest.mark.toolchain
+def test_two_simulators_at_one_slow_script_queue_no_messages(
+    simulation: Simulation, stack: str, tmp_path: Path
+) -> None:
+    """The script broadcasts its replies; if each simulator answered each of them, messages would queue."""
     port, lines = free_port(), tmp_path / "lines"
     other = Simulation(autodrive.make("plane"))
     with (
@@ -172,24 +180,25 @@ def test_two_simulators_at_one_slow_script_pile_up_nothing(simulation: Simulatio
         DevkitBridge(simulation, port=port) as first,
         DevkitBridge(other, port=port) as second,
     ):
-        eventually(lambda: first.counters.commands_received and second.counters.commands_received)
-        time.sleep(8.0 if stack == "legacy" else 4.5)  # Engine.IO 3 and 4 here wait 6 s and 3 s for a sign of life
+        wait_until(lambda: first.counters.commands_received and second.counters.commands_received)
+        time.sleep(8.0 if stack == "legacy" else 4.5)  # longer than the ping timeouts of Engine.IO 3 and 4: 6 s and 3 s
         sent = first.counters.telemetry_sent + second.counters.telemetry_sent
         read = lines.read_text().split().count("telemetry")
         assert first.counters.reconnects == second.counters.reconnects == 0
         assert "disconnect" not in lines.read_text()
-        for driven in (simulation, other):
-            assert driven.frame.vehicles["V1"].throttle == 1.0
+        for driven in (simulation, other):  # between two commands it brakes if the script is slower than the time-out
+            wait_until(lambda driven=driven: driven.frame.vehicles["V1"].throttle == 1.0)
     assert read > 10
-    assert sent - read <= 6  # two each, and those that pass between the two looks
+    assert sent - read <= 6  # two each, and those in transit between the two readings
 
 
+@pytest.mark.toolchain
 def test_each_vehicle_obeys_its_own_keys(tmp_path: Path) -> None:
     places = {name: VehiclePlacement(y=y) for name, y in (("red", 0.0), ("green", 1.0))}
     simulation = Simulation(autodrive.make(ScenarioSpec(vehicles=places)))
     port = free_port()
     with slow_script("newest", port, tmp_path / "lines"), simulation, DevkitBridge(simulation, port=port):
-        eventually(lambda: simulation.frame.vehicles["red"].speed > 0.1)  # the script speaks of V1 only
+        wait_until(lambda: simulation.frame.vehicles["red"].speed > 0.1)  # the script addresses V1 only
         assert simulation.frame.vehicles["green"].throttle == 0.0
 
 
@@ -197,20 +206,21 @@ def test_each_vehicle_obeys_its_own_keys(tmp_path: Path) -> None:
 
 
 def read_by(stack: str, cases: list[tuple[str, dict[str, str]]]) -> list[dict[str, object]]:
-    """What the scripts of those years read in those telemetries, with the libraries of that stack."""
+    """Values that scripts of each year parse from telemetry, with the libraries of that stack."""
     text = json.dumps([{"year": year, "data": data} for year, data in cases])
     command = [str(python_of(stack)), str(READ_TELEMETRY)]
-    done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=LIMIT, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
 @pytest.mark.parametrize("stack", STACKS)
+@pytest.mark.toolchain
 def test_scripts_of_all_years_read_their_telemetry(stack: str) -> None:
     ranges = [math.inf, 1.0, 2.5] * 120
-    told = frame(vehicle(lidar=scan(ranges, 0.0)))
+    sent = frame(vehicle(lidar=scan(ranges, 0.0)))
     for year, data in zip(
-        PROFILES, read_by(stack, [(y, telemetry(told, p)) for y, p in PROFILES.items()]), strict=True
+        PROFILES, read_by(stack, [(y, telemetry(sent, p)) for y, p in PROFILES.items()]), strict=True
     ):
         assert data["LIDAR Range Array"] == ranges
         assert data["Encoder Ticks"] == [1920, -7]
@@ -220,12 +230,17 @@ def test_scripts_of_all_years_read_their_telemetry(stack: str) -> None:
 
 
 @pytest.mark.parametrize("stack", STACKS)
-def test_scripts_of_all_years_read_the_first_message_though_nobody_knows_their_year(stack: str) -> None:
-    for data in read_by(stack, [(year, introduction(frame())) for year in PROFILES]):
+@pytest.mark.toolchain
+def test_scripts_of_all_years_read_the_initial_telemetry(stack: str) -> None:
+    cases = [(year, initial_telemetry(frame(), lidar=profile.lidar)) for year, profile in PROFILES.items()]
+    for data in read_by(stack, cases):
         assert data["Position"][2] == pytest.approx(0.0325, abs=0.02)  # type: ignore[index]  # 2020: the body's centre
 
 
 @pytest.mark.parametrize("stack", STACKS)
-def test_scripts_of_all_years_read_telemetry_before_the_first_scan(stack: str) -> None:
+@pytest.mark.toolchain
+def test_scripts_of_all_years_read_telemetry_without_a_lidar(stack: str) -> None:
     cases = [(year, telemetry(frame(vehicle(lidar=None)), profile)) for year, profile in PROFILES.items()]
-    assert [data["LIDAR Range Array"] for data in read_by(stack, cases)] == [[]] * 4
+    for data in read_by(stack, cases):
+        assert data["LIDAR Range Array"] == [math.inf] * 360
+        assert data["LIDAR Scan Rate"] == 7.0

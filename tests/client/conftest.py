@@ -7,22 +7,22 @@ from collections.abc import Iterator
 import pytest
 
 import autodrive
-from autodrive.bridge.server import Server
 from autodrive.protocol.native import Scene, VehicleScene
-from autodrive.scenery import Scenery
+from autodrive.server.scene_files import SceneFiles
+from autodrive.server.server import Server
 from autodrive.simulation import Simulation
 from autodrive.world import World
 
 SCENARIOS = {"mini_map": "Mini-map", "boxes": "Boxes"}
 
 
-def bare(world: World) -> Scenery:
+def bare(world: World) -> SceneFiles:
     """A Scene without its .glb files, which no script needs."""
     vehicles = {
         name: VehicleScene("nigel", "", 0.15, 0.5236, {}, ["front", "rear"], None, 0.14, 0.03, 0.44, {})
         for name in world.vehicle_specs
     }
-    return Scenery(Scene(world.spec.title, world.spec.title, "", world.tick_duration, "", vehicles, {}, {}, {}), {})
+    return SceneFiles(Scene(world.spec.title, world.spec.title, "", world.tick_duration, "", vehicles, {}, {}, {}), {})
 
 
 def started(world: World) -> World:
@@ -42,5 +42,5 @@ def simulation() -> Iterator[Simulation]:
 @pytest.fixture
 def server(simulation: Simulation) -> Iterator[Server]:
     """Serves it."""
-    with Server(simulation, scenery=bare, scenarios=SCENARIOS, port=0) as serving:
+    with Server(simulation, scene_files=bare, scenarios=SCENARIOS, port=0) as serving:
         yield serving

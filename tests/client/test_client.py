@@ -12,15 +12,16 @@ import pytest
 
 import autodrive
 from autodrive import Client, Command, CommandError, Frame, NoSimulatorError
-from autodrive.bridge.server import Server
 from autodrive.protocol.codec import encode
+from autodrive.server.server import Server
 from autodrive.simulation import Simulation
 from tests.client.conftest import bare
+from tests.support.waiting import LIMIT, wait_until
 
 
 @pytest.fixture
 def sim(server: Server) -> Iterator[Client]:
-    with Client(server.address, name="script") as client:
+    with Client(server.address, name="script", timeout=LIMIT) as client:
         yield client
 
 
@@ -29,7 +30,8 @@ def test_steps_over_the_wire_give_the_bits_of_world_step(sim: Client) -> None:
     rng = np.random.default_rng(4)
     events = 0
     with sim.lockstep():
-        assert encode(sim.reset(seed=11)) == encode(world.reset(11))
+        frame = sim.reset(seed=11)
+        assert encode(frame) == encode(world.reset(11))
         for _ in range(600):  # long enough to leave the road, and to have some scans
             throttle, steering = rng.uniform(0.6, 1.0), rng.uniform(0.0, 1.0)
             orders = {"V1": Command(throttle, steering, autodrive.Headlights.LOW)}
@@ -85,6 +87,12 @@ def test_frames_come_in_order_and_whole(sim: Client) -> None:
     assert frames[-1].time - scan.time < 0.2  # the LIDAR turns seven times a second
 
 
+def test_wait_news_returns_once_for_each_update(sim: Client) -> None:
+    first = sim.wait_news(LIMIT).update_count
+    second = sim.wait_news(LIMIT).update_count
+    assert second > first > 0
+
+
 def test_frames_can_be_asked_for_less_often(sim: Client) -> None:
     start = time.monotonic()
     for _ in islice(sim.frames(rate=20.0), 11):
@@ -99,10 +107,10 @@ def test_the_latest_frame_is_the_same_until_another_comes(sim: Client) -> None:
 
 
 def test_a_script_that_did_not_read_for_long_gets_a_fresh_frame(sim: Client, simulation: Simulation) -> None:
-    simulation.request(autodrive.protocol.messages.SetSpeed(None)).result(30)
+    simulation.request(autodrive.protocol.messages.SetSpeed(None)).result(LIMIT)
     start = simulation.frame.tick
     wait_until(lambda: simulation.frame.tick > start + 3000)  # some 5 MB: more than is kept on the way
-    simulation.request(autodrive.protocol.messages.SetSpeed(1.0)).result(30)
+    simulation.request(autodrive.protocol.messages.SetSpeed(1.0)).result(LIMIT)
     now = simulation.frame.tick
     assert sim.frame.tick >= now
 
@@ -118,15 +126,18 @@ def test_events_of_frames_that_nobody_read_are_kept(sim: Client, simulation: Sim
     simulation.add_sink(Witness())
     sim.reset()
     sim.resume()
-    end = time.monotonic() + 60.0
-    while len(seen) < 2 and time.monotonic() < end:
-        sim.drive("V1", throttle=1.0)
-        time.sleep(0.05)
+    simulation.request(autodrive.protocol.messages.SetSpeed(4.0)).result(LIMIT)
+    wait_until(lambda: drive_fast(sim) and len(seen) >= 2)
     sim.pause()
-    told = [*sim.frame.events]
+    received = [*sim.frame.events]
     with sim.lockstep():
-        told += sim.step().events
-    assert encode(told[-len(seen) :]) == encode(seen)
+        received += sim.step().events
+    assert encode(received[-len(seen) :]) == encode(seen)
+
+
+def drive_fast(sim: Client) -> bool:
+    sim.drive("V1", throttle=1.0)
+    return True
 
 
 def test_driving_moves_the_car_and_lights_its_lamps(sim: Client) -> None:
@@ -154,10 +165,22 @@ def test_what_a_drive_was_refused_is_raised_by_the_next_call(sim: Client) -> Non
         wait_until(lambda: not sim.wait())
 
 
+def test_a_command_that_is_no_command_is_an_error_that_shows_one(sim: Client) -> None:
+    with pytest.raises(CommandError, match=r"a dictionary with a Command for each vehicle, .* not \(0\.5, 0\)"):
+        sim.step((0.5, 0))  # type: ignore[arg-type]
+    with pytest.raises(CommandError, match=r"the command of vehicle 'V1' must be a Command, .* not \(0\.5, 0\)"):
+        sim.drive("V1", (0.5, 0))  # type: ignore[arg-type]
+
+
+def test_the_images_of_a_frame_say_how_to_get_pictures(sim: Client) -> None:
+    with pytest.raises(KeyError, match=r"Client\(picture_rate=10\) and client\.image"):
+        _ = sim.wait().vehicles["V1"].cameras["front"]
+
+
 def test_only_one_of_two_drives(sim: Client, server: Server) -> None:
     sim.drive("V1", throttle=0.1)
     wait_until(lambda: sim.status.drivers == {"V1": "script"})
-    with Client(server.url, name="script") as other:
+    with Client(server.url, name="script", timeout=LIMIT) as other:
         assert other.name == "script 2"
         other.drive("V1", throttle=0.2)
         with pytest.raises(CommandError, match="'script' drives vehicle 'V1'"):
@@ -199,11 +222,11 @@ def test_another_scenario_brings_its_own_frames(sim: Client) -> None:
     [
         (lambda sim: sim.load_scenario("minimap"), "scenario 'minimap' is not known.*mini_map"),
         (lambda sim: sim.teleport("V2", 0.0, 0.0), "vehicle 'V2' is not known"),
-        (lambda sim: sim.set_speed(-1.0), "speed must be a positive number"),
+        (lambda sim: sim.set_speed(-1.0), "speed must be a number from 1e-06 to"),
         (lambda sim: sim.step({"V1": Command(float("nan"))}), "must be a finite number"),
         (lambda sim: sim.step(ticks=0), "1 tick or more"),
         (lambda sim: sim.connect_bridge(), "without a bridge"),
-        (lambda sim: sim.drive("V1", throttle="fast"), "is no Command"),
+        (lambda sim: sim.drive("V1", throttle="fast"), "is not a valid Command"),
         (lambda sim: sim.drive("V1", headlights=7), "7 is not a valid Headlights"),
     ],
 )
@@ -220,22 +243,22 @@ def test_a_wait_in_a_pause_ends_and_says_why(sim: Client) -> None:
 
 
 def test_a_picture_that_was_not_asked_for_is_not_waited_for(sim: Client) -> None:
-    with pytest.raises(autodrive.AutodriveError, match="make the Client with a picture_rate"):
+    with pytest.raises(autodrive.AutodriveError, match="create the Client with a picture_rate"):
         sim.image("V1", "front")
 
 
 def test_a_token_is_needed_where_there_is_one(simulation: Simulation) -> None:
-    with Server(simulation, scenery=bare, port=0, token="sesame") as server:
+    with Server(simulation, scene_files=bare, port=0, token="open-sesame-0123") as server:
         for token in (None, "wrong"):
             with pytest.raises(autodrive.AutodriveError, match="needs its token"):
-                Client(server.address, token=token)
-        for address, token in ((server.url, None), (server.address, "sesame")):
-            with Client(address, token=token) as sim:
+                Client(server.address, token=token, timeout=LIMIT)
+        for address, token in ((server.url, None), (server.address, "open-sesame-0123")):
+            with Client(address, token=token, timeout=LIMIT) as sim:
                 assert sim.frame.vehicles
 
 
 def test_a_client_that_left_no_longer_drives(sim: Client, server: Server) -> None:
-    with Client(server.address) as other:
+    with Client(server.address, timeout=LIMIT) as other:
         other.drive("V1", throttle=0.1)
     sim.drive("V1", throttle=0.1)
     wait_until(lambda: sim.status.drivers == {"V1": "script"})
@@ -244,13 +267,13 @@ def test_a_client_that_left_no_longer_drives(sim: Client, server: Server) -> Non
 
 
 def test_a_served_simulation_that_starts_anew_is_found_again(simulation: Simulation) -> None:
-    server = Server(simulation, scenery=bare, port=0)
+    server = Server(simulation, scene_files=bare, port=0)
     server.start()
-    with Client(server.address, name="script") as sim:
+    with Client(server.address, name="script", timeout=LIMIT) as sim:
         wait_until(lambda: sim.frame.vehicles["V1"].lidar is not None)
         port = server.port
         server.close()
-        timer = threading.Timer(0.5, (server := Server(simulation, scenery=bare, port=port)).start)
+        timer = threading.Timer(0.5, (server := Server(simulation, scene_files=bare, port=port)).start)
         timer.start()
         assert sim.wait().vehicles["V1"].lidar is not None  # with the scans that were asked for
         timer.join()
@@ -258,10 +281,3 @@ def test_a_served_simulation_that_starts_anew_is_found_again(simulation: Simulat
         server.close()
         with pytest.raises(NoSimulatorError, match=r"was lost"):
             sim.step()
-
-
-def wait_until(is_so: object, seconds: float = 60.0) -> None:
-    end = time.monotonic() + seconds
-    while not is_so():  # type: ignore[operator]
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.005)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import autodrive
-from autodrive.bridge.server import Server
+from autodrive.server.server import Server
 
 ROOT = Path(__file__).parents[2]
 CODE = re.findall(
@@ -19,14 +19,17 @@ CODE = re.findall(
 
 
 @pytest.mark.parametrize("code", CODE, ids=lambda code: code.splitlines()[-1].strip())
-def test_what_the_document_shows_runs(code: str, server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_document_shows_runs(
+    code: str, server: Server, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     usual = autodrive.Client
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(autodrive, "Client", lambda **keywords: usual(server.url, **keywords))
     exec(code, {"autodrive": autodrive})
 
 
 def test_document_has_examples() -> None:
-    assert len(CODE) == 4
+    assert len(CODE) == 5
 
 
 def test_the_lockstep_example_gives_the_same_twice_and_reaches_its_line(server: Server) -> None:

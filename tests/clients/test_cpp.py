@@ -1,4 +1,4 @@
-"""The C++ package is built as its README says, and its examples drive the simulator."""
+"""The C++ interfaces: devkit server, telemetry and native client, tested with their examples."""
 
 from __future__ import annotations
 
@@ -18,34 +18,36 @@ from websockets.sync.client import ClientConnection, connect
 import autodrive
 from autodrive import Command, Simulation
 from autodrive.bridge.devkit import DevkitBridge
-from autodrive.bridge.server import Server
 from autodrive.devkit import Nigel
-from autodrive.protocol.devkit import PROFILES, telemetry
-from tests.bridge.conftest import PATIENCE
-from tests.bridge.viewers import scenery
-from tests.clients.conftest import program, run
+from autodrive.protocol.devkit import telemetry
+from autodrive.protocol.devkit_profile import PROFILES
+from autodrive.server.server import Server
+from tests.clients.conftest import program
 from tests.protocol.devkit_frames import frame, scan, vehicle
+from tests.support.builds import run
+from tests.support.native_clients import scene_files
+from tests.support.waiting import LIMIT
 
 URL = "ws://127.0.0.1:{}/socket.io/?EIO={}&transport=websocket"
 
 
-def test_its_own_tests_pass(build: Path) -> None:
+def test_text_functions_agree_with_other_implementations(build: Path) -> None:
     run("ctest", "--test-dir", build, "--output-on-failure")
 
 
-# -- the devkits' protocol ---------------------------------------------------------------------------------------
+# -- devkit protocol ---------------------------------------------------------------------------------------
 
 
 def bridge_event(data: object) -> str:
     return "42" + json.dumps(["Bridge", data])
 
 
-TOLD = telemetry(frame(), PROFILES["2023"])
+TELEMETRY = telemetry(frame(), PROFILES["2023"])
 
 
 def commands(connection: ClientConnection) -> dict[str, str]:
-    """Of the next answer."""
-    while not (packet := str(connection.recv(PATIENCE))).startswith("42"):
+    """The next answer."""
+    while not (packet := str(connection.recv(LIMIT))).startswith("42"):
         pass
     event, data = json.loads(packet[2:])
     assert event == "Bridge"
@@ -53,37 +55,37 @@ def commands(connection: ClientConnection) -> dict[str, str]:
 
 
 def test_a_client_of_engine_io_3_is_answered(build: Path) -> None:
-    """As python-socketio 4: the server opens the namespace by itself, the client asks whether it lives."""
+    """Like python-socketio 4: the server opens the namespace, the client sends pings."""
     with program(build / "stop_before_box", 0) as (_, port), connect(URL.format(port, 3)) as client:
-        assert json.loads(str(client.recv(PATIENCE))[1:])["pingInterval"] == 25000
-        assert client.recv(PATIENCE) == "40"
+        assert json.loads(str(client.recv(LIMIT))[1:])["pingInterval"] == 25000
+        assert client.recv(LIMIT) == "40"
         client.send("2probe")
-        assert client.recv(PATIENCE) == "3probe"
-        client.send(bridge_event(TOLD))
-        assert set(commands(client)) == {"V1 Throttle", "V1 Steering", "V1 Headlights"}
+        assert client.recv(LIMIT) == "3probe"
+        client.send(bridge_event(TELEMETRY))
+        assert set(commands(client)) == {"V1 Throttle", "V1 Steering", "V1 Steering Sign", "V1 Headlights"}
 
 
 def test_a_client_of_engine_io_4_is_answered(build: Path) -> None:
-    """As python-socketio 5: the client opens the namespace, and gets an acknowledgement where it wants one."""
+    """Like python-socketio 5: the client opens the namespace and can ask for an acknowledgement."""
     with program(build / "stop_before_box", 0) as (_, port), connect(URL.format(port, 4)) as client:
-        assert json.loads(str(client.recv(PATIENCE))[1:])["maxPayload"] >= 1_000_000
+        assert json.loads(str(client.recv(LIMIT))[1:])["maxPayload"] >= 1_000_000
         client.send("40")
-        assert str(client.recv(PATIENCE)).startswith('40{"sid":')
-        client.send("427" + bridge_event(TOLD)[2:])
+        assert str(client.recv(LIMIT)).startswith('40{"sid":')
+        client.send("427" + bridge_event(TELEMETRY)[2:])
         assert float(commands(client)["V1 Throttle"]) > 0.0
-        assert client.recv(PATIENCE) == "437[]"
+        assert client.recv(LIMIT) == "437[]"
 
 
-def test_a_client_that_greets_nobody_is_answered(build: Path) -> None:
-    """As the original simulator: it claims 4, reads no greeting and speaks at once."""
+def test_a_client_that_sends_no_handshake_is_answered(build: Path) -> None:
+    """Like the original simulator: it announces version 4 and sends telemetry at once."""
     with program(build / "stop_before_box", 0) as (_, port), connect(URL.format(port, 4)) as client:
-        client.send(bridge_event(TOLD))
+        client.send(bridge_event(TELEMETRY))
         client.send("2")
         assert float(commands(client)["V1 Throttle"]) > 0.0
-        assert client.recv(PATIENCE) == "3"
+        assert client.recv(LIMIT) == "3"
 
 
-BAD = [
+MALFORMED_MESSAGES = [
     "",
     "4",
     "42",
@@ -102,7 +104,7 @@ BAD = [
     "40/other,",
     "41",
 ]
-ODD = [
+MALFORMED_VALUES = [
     {"V1 Throttle": "fast"},
     {"V1 Throttle": "0.5 0.5"},
     {"V1 Throttle": "1e999"},
@@ -126,56 +128,57 @@ ODD = [
 ]
 
 
-def test_bad_messages_are_not_answered_and_odd_values_do_no_harm(build: Path) -> None:
-    """The simulator may be of any year and anyone's; the sanitizers look on."""
+def test_malformed_messages_are_not_answered_and_malformed_values_are_ignored(build: Path) -> None:
+    """The sanitizers report memory errors."""
     with program(build / "stop_before_box", 0) as (process, port):
         with connect(URL.format(port, 4), max_size=None) as client:
-            for packet in BAD:
+            for packet in MALFORMED_MESSAGES:
                 client.send(packet)
             client.send(b"\x00\xff")
-            client.send("2")  # what was said before is done with once this is answered
+            client.send("2")  # all earlier messages were processed when this is answered
             answers: list[str] = []
-            while (packet := str(client.recv(PATIENCE))) != "3":
+            while (packet := str(client.recv(LIMIT))) != "3":
                 answers.append(packet)
             assert not [answer for answer in answers if answer.startswith("42")]
-            for odd in ODD:
-                client.send(bridge_event(TOLD | odd))
-                assert float(commands(client)["V1 Throttle"]) > 0.0, odd
+            for value in MALFORMED_VALUES:
+                client.send(bridge_event(TELEMETRY | value))
+                assert float(commands(client)["V1 Throttle"]) > 0.0, value
         with connect(URL.format(port, 4), max_size=None) as client, contextlib.suppress(ConnectionClosed, OSError):
             client.send("42" + 17_000_000 * " ")
-            while client.recv(PATIENCE):  # more than 16 MB: it hangs up
+            while client.recv(LIMIT):  # a message above 16 MB closes the connection
                 pass
-            pytest.fail("it goes on listening")
+            pytest.fail("the connection stays open")
         with connect(URL.format(port, 4)) as client:
-            client.send(bridge_event(TOLD))
+            client.send(bridge_event(TELEMETRY))
             assert commands(client)
         assert process.poll() is None
 
 
-def test_who_speaks_http_is_told_what_this_is(build: Path) -> None:
+def test_an_http_request_is_answered_with_an_explanation(build: Path) -> None:
     with program(build / "stop_before_box", 0) as (_, port):
-        connection = HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
+        connection = HTTPConnection("127.0.0.1", port, timeout=LIMIT)
         connection.request("GET", "/socket.io/?EIO=4&transport=polling")
         answer = connection.getresponse()
         assert (answer.status, answer.read()[:25]) == (400, b"This is a driving script;")
 
 
-def test_a_server_that_waits_costs_nothing(build: Path) -> None:
+@pytest.mark.wall_clock  # CPU time of the waiting thread is measured over one second
+def test_a_waiting_server_uses_no_cpu(build: Path) -> None:
     with program(build / "stop_before_box", 0) as (process, port), connect(URL.format(port, 4)) as client:
-        client.send(bridge_event(TOLD))
+        client.send(bridge_event(TELEMETRY))
         commands(client)
-        file = Path("/proc", str(process.pid), "schedstat")  # of its one thread [ns]
+        file = Path("/proc", str(process.pid), "schedstat")  # CPU time of its only thread [ns]
         before = int(file.read_text().split()[0])
         time.sleep(1.0)
         assert int(file.read_text().split()[0]) - before < 20e6
 
 
-def test_a_vehicle_is_read_as_python_reads_it(build: Path) -> None:
-    """Of each year that names its vehicles, escaped and not, and with numbers instead of texts."""
+def test_cpp_and_python_read_the_same_state(build: Path) -> None:
+    """Messages of each prefixed profile: plain, with spaces, with escapes, and with numbers instead of texts."""
     picture = bytes(range(256)) * 3
     for year in ("2022", "2023", "2025"):
-        told = frame(vehicle(lidar=scan([float("inf"), 1.0, 2.5] * 120, 0.0)))
-        data = telemetry(told, PROFILES[year], images={("red", "front"): picture, ("red", "rear"): picture[1:]})
+        sent = frame(vehicle(lidar=scan([float("inf"), 1.0, 2.5] * 120, 0.0)))
+        data = telemetry(sent, PROFILES[year], images={("red", "front"): picture, ("red", "rear"): picture[1:]})
         nigel = Nigel("V1")
         nigel.parse_data(data)
         wanted = {
@@ -196,8 +199,8 @@ def test_a_vehicle_is_read_as_python_reads_it(build: Path) -> None:
         escaped = json.dumps(["Bridge", data | {"else": "\\\\"}])
         number = json.dumps(["Bridge", data | {"V1 Throttle": nigel.throttle}])
         for message in (plain, spaced, escaped, number):
-            said = run(build / "read_telemetry", given=message).splitlines()
-            read = {name: [float(word) for word in words] for name, *words in map(str.split, said)}
+            lines = run(build / "tests", "telemetry", stdin=message).splitlines()
+            read = {name: [float(word) for word in words] for name, *words in map(str.split, lines)}
             assert set(read) == set(wanted)
             for name, values in wanted.items():
                 np.testing.assert_array_equal(read[name], values, err_msg=name)
@@ -222,16 +225,16 @@ def test_the_devkit_example_stops_before_the_box(build: Path) -> None:
     assert car.collision_count == 0
 
 
-def test_lock_step_in_cpp_gives_the_bits_of_world_step(build: Path) -> None:
+def test_lock_step_in_cpp_equals_world_step(build: Path) -> None:
     simulation = Simulation(autodrive.make("mini_map"))
-    with simulation, Server(simulation, scenery=scenery, port=0) as server:
-        said = run(build / "lockstep", server.port).split()
+    with simulation, Server(simulation, scene_files=scene_files, port=0) as server:
+        printed = run(build / "lockstep", server.port).split()
     world = autodrive.make("mini_map")
-    told = world.frame
+    frame_ = world.frame
     while world.time < 2.0:
-        told = world.step({"V1": Command(0.5, 0.2)})
-    car = told.vehicles["V1"]
+        frame_ = world.step({"V1": Command(0.5, 0.2)})
+    car = frame_.vehicles["V1"]
     assert car.lidar is not None
-    assert int(said[0]) == told.tick
-    np.testing.assert_array_equal([float(word) for word in said[1:4]], car.pose.position)
-    assert (float(said[4]), float(said[5])) == (car.speed, car.lidar.ranges[0])
+    assert int(printed[0]) == frame_.tick
+    np.testing.assert_array_equal([float(word) for word in printed[1:4]], car.pose.position)
+    assert (float(printed[4]), float(printed[5])) == (car.speed, car.lidar.ranges[0])

@@ -1,4 +1,4 @@
-"""A running Simulation for the tests of this folder, as those of the bridge have it."""
+"""The running Simulation of the bridge tests, as a fixture."""
 
 from tests.bridge.conftest import one_world, simulation
 

@@ -1,4 +1,4 @@
-"""The devkit's server against the simulator's own bridge, and against what the original simulator sends."""
+"""The server of the devkit against the devkit bridge, and against the messages of the original simulator."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from autodrive import Simulation
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.bridge.engineio import Dialect
 from autodrive.devkit import Nigel, Server, drive
-from tests.bridge.conftest import PATIENCE, eventually, free_port
+from tests.support.waiting import LIMIT, free_port, wait_until
 
 ADDRESS = "ws://127.0.0.1:{}/socket.io/?EIO=4&transport=websocket"
 
 
 @pytest.fixture
 def echo() -> Iterator[Server]:
-    """Answers with what it was told."""
+    """Replies with the message that it received."""
     with Server(lambda data: {key: str(value) for key, value in data.items()}, port=0) as server:
         yield server
 
@@ -40,14 +40,14 @@ def test_our_simulator_is_driven(simulation: Simulation) -> None:
         return nigel.generate_commands()
 
     with Server(respond, port=0) as server, DevkitBridge(simulation, port=server.port) as bridge:
-        eventually(lambda: simulation.frame.vehicles["V1"].speed > 0.2)
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.2)
         assert bridge.counters.dialect is Dialect.ENGINE_IO_3
         assert bridge.counters.resends == 0
-        eventually(lambda: nigel.position is not None and nigel.position[0] > 0.1)
+        wait_until(lambda: nigel.position is not None and nigel.position[0] > 0.1)
 
 
 def test_the_original_simulator_is_understood(echo: Server) -> None:
-    """It speaks at once, waits for no greeting, never says 40, and pings (spec of its behaviour, section 1.2)."""
+    """It sends at once without waiting for the handshake, never sends 40, and pings (section 1.2 of its spec)."""
     with connect(ADDRESS.format(echo.port)) as original:
         original.send(bridge_message(a="1"))
         original.send("2")
@@ -64,7 +64,7 @@ def test_a_numbered_event_is_acknowledged_after_its_answer(echo: Server) -> None
 
 
 def text(connection: ClientConnection) -> str:
-    packet = connection.recv(timeout=PATIENCE)
+    packet = connection.recv(timeout=LIMIT)
     assert isinstance(packet, str)
     return packet
 
@@ -72,7 +72,8 @@ def text(connection: ClientConnection) -> str:
 def test_two_simulators_get_their_own_answers(echo: Server) -> None:
     with connect(ADDRESS.format(echo.port)) as one, connect(ADDRESS.format(echo.port)) as other:
         for _ in range(2):
-            text(one), text(other)
+            text(one)
+            text(other)
         one.send(bridge_message(a="1"))
         other.send(bridge_message(b="2"))
         assert text(one) == '42["Bridge",{"a":"1"}]'
@@ -80,16 +81,16 @@ def test_two_simulators_get_their_own_answers(echo: Server) -> None:
 
 
 @pytest.mark.parametrize(
-    "rubbish", ["42", "42[", '42["Bridge"]', '42["Other",{"a":1}]', '42["Bridge",[]]', "x", "", "1"]
+    "invalid", ["42", "42[", '42["Bridge"]', '42["Other",{"a":1}]', '42["Bridge",[]]', "x", "", "1"]
 )
-def test_rubbish_is_passed_over_and_the_next_message_answered(echo: Server, rubbish: str) -> None:
+def test_an_invalid_packet_is_ignored_and_the_next_message_is_answered(echo: Server, invalid: str) -> None:
     with connect(ADDRESS.format(echo.port)) as simulator:
-        simulator.send(rubbish)
+        simulator.send(invalid)
         simulator.send(bridge_message(a="1"))
         assert [text(simulator) for _ in range(3)][-1] == '42["Bridge",{"a":"1"}]'
 
 
-def test_what_the_script_raises_ends_the_loop_and_is_raised() -> None:
+def test_an_exception_of_the_script_ends_the_loop_and_is_raised() -> None:
     port = free_port()
     raised: list[BaseException] = []
 
@@ -109,13 +110,13 @@ def test_what_the_script_raises_ends_the_loop_and_is_raised() -> None:
             assert thread.is_alive()
     with simulator:
         simulator.send(bridge_message(a="1"))
-        thread.join(PATIENCE)
+        thread.join(LIMIT)
     assert raised
 
 
-def test_a_browser_is_told_what_this_is(echo: Server) -> None:
+def test_a_browser_gets_an_explanation(echo: Server) -> None:
     with pytest.raises(urllib.error.HTTPError, match="404") as refused:
-        urllib.request.urlopen(f"http://127.0.0.1:{echo.port}/", timeout=PATIENCE)
+        urllib.request.urlopen(f"http://127.0.0.1:{echo.port}/", timeout=LIMIT)
     assert b"driving script" in refused.value.read()
 
 

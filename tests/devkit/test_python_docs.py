@@ -1,4 +1,4 @@
-"""The page on Python says what the devkit has, and its first program drives."""
+"""docs/python.md: its tables match the devkit, and its programs run."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import autodrive
 from autodrive import Simulation
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.devkit import Nigel
-from autodrive.protocol.devkit import PROFILES, telemetry
-from tests.bridge.conftest import eventually, free_port, is_listening
+from autodrive.protocol.devkit import telemetry
+from autodrive.protocol.devkit_profile import PROFILES
 from tests.protocol.devkit_frames import frame
+from tests.support.waiting import free_port, is_listening, wait_until
 
 PAGE = (Path(__file__).parents[2] / "docs" / "python.md").read_text()
 
@@ -54,18 +56,26 @@ def test_each_command_takes_the_values_that_the_table_says() -> None:
         setattr(nigel, name, {"float": 0.5, "int": 1, "bool": True}[kind])
     assert nigel.generate_commands() == {
         "V1 Throttle": "0.5", "V1 Steering": "0.5", "V1 Headlights": "1", "V1 Indicators": "1", "V1 Reset": "True",
+        "V1 Steering Sign": "right",
     }  # fmt: skip
 
 
+@pytest.mark.process
 def test_the_first_program_drives(tmp_path: Path) -> None:
     (source,) = re.findall(r"`my_script.py`:\n\n```python\n(.*?)```", PAGE, re.DOTALL)
     port = free_port()
     (tmp_path / "my_script.py").write_text(source.replace("drive(step, nigel)", f"drive(step, nigel, port={port})"))
     simulation = Simulation(autodrive.make("mini_map"))
     with subprocess.Popen([sys.executable, tmp_path / "my_script.py"]) as script:
-        eventually(lambda: is_listening(port) or script.poll() is not None)
+        wait_until(lambda: is_listening(port) or script.poll() is not None)
         with DevkitBridge(simulation, port=port) as bridge:
             simulation.run(2.0)
             assert bridge.counters.profile == "2025"
         script.kill()
     assert simulation.frame.vehicles["V1"].pose.position[0] > 0.2
+
+
+def test_the_program_that_runs_a_scenario_prints_its_summary(capsys: pytest.CaptureFixture[str]) -> None:
+    (source,) = re.findall(r"```python\n(from autodrive.run .*?)```", PAGE, re.DOTALL)
+    exec(compile(source, "docs/python.md", "exec"), {})
+    assert re.match(r"200 ticks, \d+ times real time\n\(", capsys.readouterr().out)

@@ -1,4 +1,4 @@
-"""Paths of lanes, and searching their graph."""
+"""Paths of lanes, and queries of the lane graph."""
 
 import math
 
@@ -36,8 +36,8 @@ def test_path_is_a_line_and_the_one_arc_that_keeps_both_headings(radius, turn, s
 
 
 @pytest.mark.parametrize("end", [(-1.0, 0.0, 0.0), (1.0, 0.3, 0.0), (1.0, 0.0, math.pi), (-1.0, 1.0, math.pi / 2)])
-def test_no_path_is_made_up_where_neither_line_nor_arc_leads(end):
-    with pytest.raises(ValueError, match="neither a line nor one arc"):
+def test_poses_without_a_path_are_an_error(end):
+    with pytest.raises(ValueError, match="neither a line nor a single arc"):
         lane_path((0.0, 0.0, 0.0), end)
 
 
@@ -45,7 +45,9 @@ def square():
     """Four lanes round a square of 1 m, left about, and a detour of 3 m that replaces the first."""
     corners = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     quarter = math.pi / 2.0
-    pieces = [Piece(f"side_{i}", corners[[i, (i + 1) % 4]], (i * quarter,) * 2, i, (i + 1) % 4) for i in range(4)]
+    pieces = [
+        Piece(f"side_{i}", corners[[i, (i + 1) % 4]], (i * quarter, i * quarter), i, (i + 1) % 4) for i in range(4)
+    ]
     detour = np.array([(0.0, 0.0), (0.0, -1.0), (1.0, -1.0), (1.0, 0.0)])
     pieces.append(Piece("detour", detour, (-quarter, quarter), 0, 1))
     return lane_graph(pieces)
@@ -66,7 +68,7 @@ def test_route_is_the_shortest_and_loop_comes_back():
     assert [graph.length(loop) for loop in graph.loops()] == [4.0, 6.0]
 
 
-def test_lane_that_leads_nowhere_has_no_loop_and_no_route():
+def test_a_lane_with_an_open_end_has_no_loop_and_no_route():
     one, other = np.array([(0.0, 0.0), (1.0, 0.0)]), np.array([(5.0, 0.0), (6.0, 0.0)])
     graph = lane_graph([Piece("a", one, (0.0, 0.0), 0, 1), Piece("b", other, (0.0, 0.0), 2, 3)])
     assert graph.loop(0) is None
@@ -74,7 +76,7 @@ def test_lane_that_leads_nowhere_has_no_loop_and_no_route():
     assert graph.loops() == ()
 
 
-def test_nearest_point_tells_lane_distance_heading_and_side():
+def test_nearest_point_has_lane_distance_heading_and_side():
     point = square().nearest(0.3, 0.1)
     assert point is not None
     assert point.lane == 0

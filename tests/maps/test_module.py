@@ -1,4 +1,4 @@
-"""The modules of the kit against closed forms, and against what a module must be."""
+"""The shipped modules against closed forms and the rules for modules."""
 
 import itertools
 import math
@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import shapely
 
-from autodrive import descriptions
-from autodrive.descriptions import parse
+from autodrive import specs
 from autodrive.errors import SpecError
 from autodrive.maps.module import DRIVING_SIDE, ModuleSpec, load_module
 from autodrive.maps.shapes import CHORD_ERROR
+from autodrive.specs import parse
 
 QUARTER = math.pi / 4.0
 AREAS = {
@@ -43,7 +43,7 @@ MINIMUM_TURNING_RADIUS = 0.24515
 
 
 def test_kit_holds_the_nine_modules_of_the_report_and_the_filler():
-    kit = {load_module(name).spec.title: load_module(name).spec.type for name in descriptions.names("module")}
+    kit = {load_module(name).spec.title: load_module(name).spec.type for name in specs.names("module")}
     assert kit == {**TABLE_11, "Road Patch": "road"}
 
 
@@ -150,7 +150,7 @@ def test_bays_hold_a_car_and_stand_clear_of_the_lanes_and_of_each_other(name):
         assert all(strip.intersection(bay).area < 1e-9 for bay in bays)
 
 
-def test_all_faults_of_a_module_are_told_at_once():
+def test_all_errors_of_a_module_are_reported_at_once():
     text = """
 title: Broken
 type: road
@@ -165,12 +165,12 @@ lanes: [[west, eats], [west, west]]
         parse(text, ModuleSpec)
     message = str(caught.value)
     assert "port 'eats' is not known. Known: east, west. Did you mean 'east'?" in message
-    assert "port 'east' must stand on an edge of the footprint" in message
-    assert "lane from 'west' to 'west': neither a line nor one arc leads there" in message
+    assert "port 'east' must be on an edge of the footprint" in message
+    assert "lane from 'west' to 'west': neither a line nor a single arc connects the two poses" in message
 
 
 def test_road_has_no_mass_and_a_box_has_one():
-    with pytest.raises(SpecError, match="an obstruction has height and mass, and nothing else has"):
+    with pytest.raises(SpecError, match="an obstruction needs height and mass; other types must not have them"):
         parse("title: Stone\ntype: obstruction\nlength: 1\nwidth: 1\n", ModuleSpec)
-    with pytest.raises(SpecError, match="an obstruction has height and mass, and nothing else has"):
+    with pytest.raises(SpecError, match="an obstruction needs height and mass; other types must not have them"):
         parse("title: Road\ntype: road\nlength: 1\nwidth: 1\nmass: 3\n", ModuleSpec)

@@ -1,4 +1,4 @@
-"""Modules in a map: that they join wherever they are put, and that every fault is told."""
+"""Placement of modules: they connect in any pose, and all errors are reported."""
 
 import math
 
@@ -60,13 +60,13 @@ def test_chain_of_modules_joins_wherever_it_lies_and_however_it_is_turned(names,
 
 @settings(max_examples=30, deadline=None)
 @given(yaw_deg=angles, dx=st.floats(0.01, 0.1), dy=st.floats(-0.1, 0.1))
-def test_module_a_centimetre_off_is_told_how_to_move(yaw_deg, dx, dy):
+def test_error_of_a_displaced_module_says_how_to_move_it(yaw_deg, dx, dy):
     first, second = with_open_ends(chain(["straight_road", "straight_road"], 0.0, 0.0, yaw_deg))
     moved = second.model_copy(update={"x": second.x + dx, "y": second.y + dy})
     with pytest.raises(SpecError, match="do not meet") as caught:
         compile_map(MapSpec(title="Gap", placements=(first, moved)))
-    told = next(fault for fault in caught.value.faults if "do not meet" in fault).split("by (")[1].split(")")[0]
-    assert [float(number) for number in told.split(",")] == pytest.approx([-dx, -dy], abs=1e-3)  # told to four digits
+    shift = next(error for error in caught.value.errors if "do not meet" in error).split("by (")[1].split(")")[0]
+    assert [float(number) for number in shift.split(",")] == pytest.approx([-dx, -dy], abs=1e-3)  # four digits
 
 
 def broken(tmp_path, text):
@@ -77,7 +77,7 @@ def broken(tmp_path, text):
     return caught.value
 
 
-def test_all_faults_of_a_map_are_told_at_once_each_with_its_place(tmp_path):
+def test_all_errors_of_a_map_are_reported_at_once_with_their_places(tmp_path):
     error = broken(
         tmp_path,
         """
@@ -100,37 +100,37 @@ colour: green
     )
     text = str(error)
     expected = [
-        "placement 4 'curve_9': module 'curve_9' is not known. Known: ",
+        "placement 4 'curve_9' (line 7): module 'curve_9' is not known. Known: ",
         "Did you mean 'curved_road'?",
-        "placement 1 'straight_road': port 'east' and port 'west' of placement 2 'shifted' do not meet",
+        "placement 1 'straight_road' (line 4): port 'east' and port 'west' of placement 2 'shifted' (line 5) do not",
         "Move the second module by (-0.01, 0) m",
-        "placement 3 'straight_road' overlaps placement 5 'curved_road'",
-        "placement 6 'turned': mass cannot be set for road_patch, which is a road",
-        "placement 6 'turned': open: road_patch has no port 'north'. It has: east, west",
-        "placement 7.mass (line 10): Input should be greater than 0, not -1.0",
-        "placement 9 'box': the name 'box' is taken",
-        "placement 8 'box' overlaps placement 9 'box' by 50 cm^2",
-        "placement 10.x (line 13): Input should be a valid number",
+        "placement 3 'straight_road' (line 6) overlaps placement 5 'curved_road'",
+        "placement 6 'turned' (line 9): mass cannot be set for road_patch, which is a road",
+        "placement 6 'turned' (line 9): open: road_patch has no port 'north'. It has: east, west",
+        "placement 7.mass (line 10): must be at least 0.001, not -1.0",
+        "placement 9 'box' (line 12): the name 'box' is already used",
+        "placement 8 'box' (line 11) overlaps placement 9 'box' (line 12) by 50 cm^2",
+        "placement 10.x (line 13): must be a number, not 'nowhere'",
         "wall 1.points (line 15)",
-        "'colour' is not known here",
+        "'colour' is not a known key",
     ]
     assert [part for part in expected if part not in text] == []
-    assert all(f"map 'oval': {fault}" in text for fault in expected if fault.startswith("placement "))
+    assert all(f"map 'oval': {error}" in text for error in expected if error.startswith("placement "))
     assert text.endswith(f"({error.path})")
-    assert "meets nothing" not in text  # what could not be read may be what is missing there
+    assert "is not connected" not in text  # an invalid placement may be the missing neighbour
 
 
-def test_open_end_is_a_fault_unless_it_is_meant(tmp_path):
+def test_open_end_is_an_error_unless_it_is_declared(tmp_path):
     road = "title: Road\nplacements:\n  - {module: straight_road, x: 1.0, y: 0.0, yaw_deg: 90"
     error = broken(tmp_path, f"{road}, open: [east]}}\n")
-    assert len(error.faults) == 1
-    assert "port 'west' meets nothing. Put a port of another module at (1, -0.3) that faces 90 degrees" in str(error)
+    assert len(error.errors) == 1
+    assert "port 'west' is not connected. Place a module with a port at (1, -0.3) that faces 90 degrees" in str(error)
     path = tmp_path / "road.yaml"
     path.write_text(f"{road}, open: true}}\n")
     assert load_map(path).joins == {}
 
 
-def test_roads_that_do_not_face_each_other_or_differ_in_width_are_told(tmp_path):
+def test_ports_of_different_heading_or_width_are_an_error(tmp_path):
     (tmp_path / "lane.yaml").write_text(
         "title: Lane\ntype: road\nlength: 1\nwidth: 0.3\n"
         "ports: {west: {x: -0.5, y: 0, yaw_deg: 180, width: 0.3}}\n"
@@ -156,14 +156,16 @@ def test_boxes_may_be_piled_but_not_put_into_each_other_or_into_a_wall(tmp_path)
     assert low.position[2] == pytest.approx(0.125)
     assert (high.position[2], high.mass, high.size) == (pytest.approx(0.3), 0.4, (0.08, 0.1, 0.1))
     error = broken(tmp_path, f"title: Pile\nplacements:\n{boxes.replace('z: 0.25', 'z: 0.2')}")
-    assert "placement 1 'low' overlaps placement 2 'high'" in str(error)
+    assert "placement 1 'low' (line 3) overlaps placement 2 'high' (line 4)" in str(error)
     wall = "walls:\n  - {points: [[-1, 0], [1, 0]], height: 0.1}\n"
-    assert "placement 1 'low' overlaps 'wall_1'" in str(broken(tmp_path, f"title: P\nplacements:\n{boxes}{wall}"))
+    assert "placement 1 'low' (line 3) overlaps 'wall_1'" in str(
+        broken(tmp_path, f"title: P\nplacements:\n{boxes}{wall}")
+    )
 
 
-def test_solid_things_must_have_names_of_their_own(tmp_path):
+def test_names_of_solid_objects_must_be_unique(tmp_path):
     block = "  - {name: house, x: 0, y: 0, length: 1, width: 1, height: 1}\n"
-    assert "the name 'house' is given to 2 solid things" in str(broken(tmp_path, f"title: T\nblocks:\n{block}{block}"))
+    assert "the name 'house' is used by 2 solid objects" in str(broken(tmp_path, f"title: T\nblocks:\n{block}{block}"))
 
 
 def test_module_files_may_lie_beside_the_map(tmp_path):

@@ -5,10 +5,10 @@ import pytest
 import shapely
 import yaml
 
+from autodrive.assets.asset import Label
 from autodrive.maps import load_map
 from autodrive.maps.raster import FREE, OCCUPIED, labels, write_labels, write_occupancy
-from autodrive.render.asset import Label
-from autodrive.render.png import decode_png
+from autodrive.protocol.png import decode_png
 
 
 @pytest.mark.parametrize("name", ["mini_map", "tiny_town"])

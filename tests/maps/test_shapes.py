@@ -5,10 +5,10 @@ import math
 import pytest
 import shapely
 
-from autodrive.descriptions import parse
 from autodrive.errors import SpecError
 from autodrive.maps.module import ModuleSpec
 from autodrive.maps.shapes import CHORD_ERROR, Arc, Line, Polygon, Rectangle, Sector, arc
+from autodrive.specs import parse
 
 
 def test_rectangle_has_its_area_and_turns_about_its_centre():
@@ -51,7 +51,7 @@ def test_dashes_follow_an_arc_in_a_whole_number_of_periods():
 
 
 @pytest.mark.parametrize(
-    ("shape", "fault"),
+    ("shape", "message"),
     [
         (
             "{shape: sector, inner_radius: 1.0, outer_radius: 0.4, start_deg: 0, end_deg: 90}",
@@ -59,13 +59,13 @@ def test_dashes_follow_an_arc_in_a_whole_number_of_periods():
         ),
         ("{shape: sector, outer_radius: 0.4, start_deg: 90, end_deg: 0}", "end_deg must be greater"),
         ("{shape: polygon, points: [[0, 0], [1, 1], [1, 0], [0, 1]]}", "must not cross"),
-        ("{shape: line, points: [[0, 0], [1, 0]], width: 0.1, dash: 0.1}", "dash and gap come together"),
-        ("{shape: rectangle, length: -1, width: 1}", "greater than 0"),
+        ("{shape: line, points: [[0, 0], [1, 0]], width: 0.1, dash: 0.1}", "dash and gap must be given together"),
+        ("{shape: rectangle, length: -1, width: 1}", "at least 0.001"),
         ("{shape: circle, radius: 1}", "rectangle"),
     ],
 )
-def test_impossible_shape_is_refused_with_what_would_be_right(shape, fault):
-    with pytest.raises(SpecError, match=fault):
+def test_impossible_shape_is_refused_with_what_would_be_right(shape, message):
+    with pytest.raises(SpecError, match=message):
         parse(f"title: T\ntype: road\nlength: 1\nwidth: 1\ndrivable:\n  - {shape}\n", ModuleSpec)
 
 

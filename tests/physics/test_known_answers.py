@@ -1,4 +1,4 @@
-"""The whole car against closed forms: Nigel of the report on a plane."""
+"""The complete car (nigel) on a plane against closed forms."""
 
 import itertools
 import math
@@ -10,8 +10,8 @@ from autodrive import Command, EngineError, Frame
 from autodrive.scenario import BoxSpec
 from autodrive.transforms import rotate
 from autodrive.world import World
-
-from .conftest import NO_DELAYS, ROLLS_FREELY, WorldWith
+from tests.support.cars import OBEYS_AT_ONCE
+from tests.support.physics import ROLLS_FREELY, WorldWith
 
 G = 9.81
 MASS = 1.75
@@ -30,28 +30,28 @@ def x_of(frame: Frame) -> float:
     return float(frame.vehicles["V1"].pose.position[0])
 
 
-def test_car_at_rest_stands_at_wheel_radius_with_a_quarter_of_its_weight_on_each_wheel(world_with: WorldWith) -> None:
+def test_car_at_rest_has_a_quarter_of_its_weight_on_each_wheel(world_with: WorldWith) -> None:
     car = drive(world_with(), 1.0).vehicles["V1"]
     assert car.pose.position[2] == pytest.approx(0.0325, abs=1e-9)
     assert car.wheels.normal_load == pytest.approx(MASS * G / 4, abs=1e-6)  # 4.2919 N
     assert car.wheels.compression == pytest.approx(0.0, abs=1e-9)
 
 
-def test_car_at_rest_does_not_drift_in_a_minute(world_with: WorldWith) -> None:
+def test_car_at_rest_does_not_drift(world_with: WorldWith) -> None:
     world = world_with()
     start = drive(world, 1.0).vehicles["V1"]
     end = drive(world, 60.0).vehicles["V1"]
-    assert np.abs(end.pose.position - start.pose.position).max() < 1e-9  # rounding alone
-    assert np.abs(end.pose.orientation - start.pose.orientation).max() < 1e-9
+    assert np.abs(end.pose.position - start.pose.position).max() < 1e-14  # rounding alone: 2e-15 m
+    assert np.abs(end.pose.orientation - start.pose.orientation).max() < 1e-14
 
 
 def test_braked_car_holds_on_a_slope_without_creeping(world_with: WorldWith) -> None:
     world = world_with()
-    slope = 0.2  # 11 degrees, as gravity sees it
+    slope = 0.2  # 11 degrees; gravity is tilted instead of the ground
     world._compiled.engine.model.opt.gravity[:] = (-G * math.sin(slope), 0.0, -G * math.cos(slope))
     settled = x_of(drive(world, 2.0))
-    assert -4e-4 < settled < 0.0  # the holding spring of 25 Hz yields 0.08 mm, the pitch as much again
-    assert x_of(drive(world, 30.0)) == pytest.approx(settled, abs=1e-8)
+    assert -4e-4 < settled < 0.0  # the holding spring of 25 Hz yields 0.08 mm, the pitch the same
+    assert x_of(drive(world, 10.0)) == pytest.approx(settled, abs=1e-8)
 
 
 def test_bounce_frequency_is_that_of_spring_and_damper(world_with: WorldWith) -> None:
@@ -74,7 +74,7 @@ def test_bounce_frequency_is_that_of_spring_and_damper(world_with: WorldWith) ->
 
 
 @pytest.mark.parametrize("throttle", [1.0, 0.5, -1.0])
-def test_driven_wheels_turn_at_the_speed_of_the_throttle(world_with: WorldWith, throttle: float) -> None:
+def test_driven_wheels_reach_the_speed_set_by_the_throttle(world_with: WorldWith, throttle: float) -> None:
     car = drive(world_with(), 3.0, throttle=throttle).vehicles["V1"]
     tread = car.wheels.angular_velocity[2:] * 0.0325
     assert pytest.approx(0.44244, abs=1e-5) == FULL_SPEED
@@ -86,10 +86,28 @@ def test_car_without_losses_reaches_tread_speed(world_with: WorldWith) -> None:
     assert car.speed == pytest.approx(FULL_SPEED, rel=1e-3)
 
 
+def test_full_throttle_is_the_speed_of_130_rpm(world_with: WorldWith) -> None:
+    """Table 1 of the report: motors of 130 rpm; radius of the wheels: table 9."""
+    car = drive(world_with(), 6.0, throttle=1.0).vehicles["V1"]
+    assert car.speed == pytest.approx(FULL_SPEED, rel=0.006)  # air drag and the remaining damping: 0.5 %
+    front = car.wheels.angular_velocity[:2] * 0.0325
+    assert front == pytest.approx(car.speed, rel=0.01)  # the free wheels roll
+
+
+def test_damping_of_table_9_in_newton_metres_drags_the_front_wheels(world_with: WorldWith) -> None:
+    """nigel_2020: the balance of a front wheel, r F = c w, and of the car give its speed."""
+    world = world_with(vehicle="nigel_2020")
+    car = drive(world, 6.0, throttle=1.0).vehicles["V1"]
+    force = world._compiled.state.wheel_force[:, 0]
+    assert -0.0325 * force[:2] == pytest.approx(0.025 * car.wheels.angular_velocity[:2], rel=1e-6)
+    assert force.sum() == pytest.approx(0.1 * MASS * car.speed, rel=1e-3)  # the drag of the air
+    assert car.speed == pytest.approx(0.3947, abs=1e-4)  # the figure of docs/vehicle.md
+
+
 def test_reverse_mirrors_forward(world_with: WorldWith) -> None:
     forward = drive(world_with(), 3.0, throttle=0.8).vehicles["V1"]
     backward = drive(world_with(), 3.0, throttle=-0.8).vehicles["V1"]
-    # drive forces load the rear axle forward and unload it backward, by 2 m a h / L: not exactly a mirror
+    # not exactly a mirror: drive forces load the rear axle forward and unload it backward, by 2 m a h / L
     assert backward.speed == pytest.approx(-forward.speed, rel=0.02)
 
 
@@ -97,15 +115,16 @@ def test_left_mirrors_right(world_with: WorldWith) -> None:
     left, right = world_with(), world_with()
     for k in range(300):
         steering = math.sin(0.05 * k)
-        a = left.step({"V1": Command(throttle=0.8, steering=steering)}).vehicles["V1"]
-        b = right.step({"V1": Command(throttle=0.8, steering=-steering)}).vehicles["V1"]
-    assert a.pose.position == pytest.approx(b.pose.position * (1, -1, 1), abs=1e-9)  # rounding, grown over 3 s
+        left.step({"V1": Command(throttle=0.8, steering=steering)})
+        right.step({"V1": Command(throttle=0.8, steering=-steering)})
+    a, b = left.frame.vehicles["V1"], right.frame.vehicles["V1"]
+    assert a.pose.position == pytest.approx(b.pose.position * (1, -1, 1), abs=1e-9)  # rounding errors grow over 3 s
     assert a.pose.orientation == pytest.approx(b.pose.orientation * (1, -1, 1, -1), abs=1e-9)
 
 
 @pytest.mark.parametrize("substep", [0.0005, 0.001, 0.002])
 def test_braking_distance_lies_between_the_friction_limits(world_with: WorldWith, substep: float) -> None:
-    world = world_with(changes=NO_DELAYS, substep=substep)
+    world = world_with(changes=OBEYS_AT_ONCE, substep=substep)
     before = drive(world, 3.0, throttle=1.0)
     v = before.vehicles["V1"].speed
     distance = x_of(drive(world, 1.0)) - x_of(before)
@@ -120,23 +139,24 @@ def test_slow_circle_has_the_radius_of_the_kinematic_bicycle(world_with: WorldWi
 
 
 def test_turning_radii_are_those_of_table_10(world_with: WorldWith) -> None:
-    car = drive(world_with(changes=ROLLS_FREELY), 8.0, throttle=0.1, steering=1.0).vehicles["V1"]
-    rear = car.speed / car.angular_velocity[2]
-    assert rear == pytest.approx(0.24515, rel=0.015)
-    assert math.hypot(rear, WHEELBASE) == pytest.approx(0.28308, rel=0.015)
+    for throttle, slip in ((0.1, 0.006), (1.0, 0.025)):  # slip grows with speed
+        car = drive(world_with(), 8.0, throttle=throttle, steering=1.0).vehicles["V1"]
+        rear = car.speed / car.angular_velocity[2]
+        assert rear == pytest.approx(0.24515, rel=slip)
+        assert math.hypot(rear, WHEELBASE) == pytest.approx(0.28308, rel=slip)
 
 
 def test_circle_approaches_the_kinematic_one_as_speed_falls(world_with: WorldWith) -> None:
     excess = []
     for throttle in (0.8, 0.4, 0.2):
-        car = drive(world_with(changes=ROLLS_FREELY), 8.0, throttle=throttle, steering=0.5).vehicles["V1"]
+        car = drive(world_with(changes=ROLLS_FREELY), 5.0, throttle=throttle, steering=0.5).vehicles["V1"]
         radius = car.speed / car.angular_velocity[2]
         excess.append(radius / (WHEELBASE / math.tan(math.radians(15))) - 1.0)
     assert excess[0] > excess[1] > excess[2] > -1e-3
 
 
 def test_coasting_car_never_gains_energy(world_with: WorldWith) -> None:
-    world = world_with(changes={**ROLLS_FREELY, **NO_DELAYS, "drivetrain.brake_torque": 0.0})
+    world = world_with(changes={**ROLLS_FREELY, **OBEYS_AT_ONCE, "drivetrain.brake_torque": 0.0})
     drive(world, 2.0, throttle=0.8, steering=0.4)
     inertia = 0.5 * 0.034 * 0.0325**2
     energies = []
@@ -150,54 +170,55 @@ def test_coasting_car_never_gains_energy(world_with: WorldWith) -> None:
         )
     start = energies[0]
     gains = np.diff(energies)
-    # springs give back what they hold, which is far less than this share of the kinetic energy
+    # the energy stored in the springs is far less than this share of the kinetic energy
     assert gains.max() < 1e-4 * start
     assert energies[-1] < start
 
 
 def test_pose_converges_with_first_order_in_the_substep(world_with: WorldWith) -> None:
     def end(substep: float) -> np.ndarray:
-        world = world_with(changes=NO_DELAYS, substep=substep)
+        world = world_with(substep=substep)  # with the lag of the drive the tyres grip from the start
         for k in range(300):
-            frame = world.step({"V1": Command(throttle=0.8, steering=0.6 * math.sin(0.02 * k))})
-        return frame.vehicles["V1"].pose.position[:2]
+            world.step({"V1": Command(throttle=0.8, steering=0.6 * math.sin(0.02 * k))})
+        return world.frame.vehicles["V1"].pose.position[:2]
 
     fine = end(0.000125)
     errors = [float(np.linalg.norm(end(substep) - fine)) for substep in (0.0005, 0.001, 0.002)]
-    assert errors[0] < 0.001  # of a metre driven
-    for smaller, larger in itertools.pairwise(errors):
-        assert 1.3 < larger / smaller < 4.0  # 2 for first order; a little of the second is left at 2 ms
+    assert errors[0] < 0.001  # after a drive of one metre
+    for (h, smaller), (_, larger) in itertools.pairwise(zip((0.0005, 0.001, 0.002), errors, strict=True)):
+        first_order = (2 * h - 0.000125) / (h - 0.000125)
+        assert larger / smaller == pytest.approx(first_order, rel=0.1)  # the second order contributes
 
 
 def test_pushed_box_slides_its_friction_distance_after_the_car_brakes(world_with: WorldWith) -> None:
-    world = world_with(changes=NO_DELAYS, boxes={"box": BoxSpec(x=0.5, y=0.0, mass=0.1)})
+    world = world_with(changes=OBEYS_AT_ONCE, boxes={"box": BoxSpec(x=0.5, y=0.0, mass=0.1)})
     frame = drive(world, 3.0, throttle=1.0)
     before = float(frame.objects["box"].pose.position[0])
     assert before > 0.6  # it was pushed
     v = frame.vehicles["V1"].speed
     slid = float(drive(world, 1.0).objects["box"].pose.position[0]) - before
-    assert slid == pytest.approx(v**2 / (2 * 0.6 * G), rel=0.2)  # the box rattles about the car's speed by 10 %
+    assert slid == pytest.approx(v**2 / (2 * 0.6 * G), rel=0.21)  # the box is up to 10 % faster than the car
 
 
-def test_wheels_drive_on_a_body_and_push_it_back(world_with: WorldWith) -> None:
+def test_wheels_on_a_body_apply_the_reaction_to_it(world_with: WorldWith) -> None:
     plate = BoxSpec(x=0.07, y=0.0, z=2.0, size=(1.0, 1.0, 0.1), mass=3.0)
-    world = world_with(changes={**ROLLS_FREELY, **NO_DELAYS}, boxes={"plate": plate})
+    world = world_with(changes={**ROLLS_FREELY, **OBEYS_AT_ONCE}, boxes={"plate": plate})
     views, qpos = world._compiled.views, int(world._compiled.model.vehicles[0]["qpos"])
     views.qpos[qpos + 2] = 2.05 + 0.0325
     world._compiled.engine.update()
-    car = drive(world, 0.05, throttle=0.5).vehicles["V1"]  # both fall freely; nothing else touches them
+    car = drive(world, 0.05, throttle=0.5).vehicles["V1"]  # both fall freely, without other contacts
     com = car.velocity + np.cross(car.angular_velocity, (0.07077, 0.0, 0.0418))
     car_momentum = MASS * np.array(rotate(car.pose.orientation, com))
     plate_dof = world._compiled.engine.body("plate")[2]
     plate_momentum = 3.0 * views.qvel[plate_dof : plate_dof + 3]
-    assert car_momentum[0] > 0.01  # it does drive [N s]
+    assert car_momentum[0] > 0.01  # it accelerates [N s]
     across = car_momentum[:2] + plate_momentum[:2]
-    assert across == pytest.approx(0.0, abs=5e-6)  # Newton's third law; the engine's step is of first order
+    assert across == pytest.approx(0.0, abs=5e-6)  # Newton's third law; the engine integrates with first order
     fallen = -(MASS + 3.0) * G * 0.05
     assert car_momentum[2] + plate_momentum[2] == pytest.approx(fallen, rel=1e-5)
 
 
-def test_car_stands_on_a_body_as_on_the_ground(world_with: WorldWith) -> None:
+def test_car_on_a_body_has_the_wheel_loads_of_the_ground(world_with: WorldWith) -> None:
     plate = BoxSpec(x=3.0, y=0.0, size=(1.0, 1.0, 0.1), mass=3.0)
     world = world_with(boxes={"plate": plate})
     qpos = int(world._compiled.model.vehicles[0]["qpos"])
@@ -205,19 +226,19 @@ def test_car_stands_on_a_body_as_on_the_ground(world_with: WorldWith) -> None:
     world._compiled.views.qpos[world._compiled.objects["plate"]] = 0.07
     world._compiled.engine.update()
     car = drive(world, 2.0).vehicles["V1"]
-    assert car.pose.position[2] == pytest.approx(0.1325, abs=2e-4)  # the engine's contact of plate and floor is soft
+    assert car.pose.position[2] == pytest.approx(0.1325, abs=2e-4)  # the contact of plate and floor is soft
     assert car.wheels.normal_load == pytest.approx(MASS * G / 4, rel=1e-3)
 
 
 def test_wheels_roll_up_and_down_a_low_plate(world_with: WorldWith) -> None:
     world = world_with(boxes={"plate": BoxSpec(x=0.6, y=0.0, size=(0.4, 0.4, 0.004), mass=2.0)})
     heights = [drive(world, world.tick_duration, throttle=1.0).vehicles["V1"].pose.position[2] for _ in range(400)]
-    assert 0.0365 < max(heights) < 0.0405  # 4 mm higher, and the step throws it by less than as much again
+    assert 0.0365 < max(heights) < 0.0380  # 4 mm higher; the step lifts it by less than 1.5 mm more
     assert heights[-1] == pytest.approx(0.0325, abs=2e-4)
     assert x_of(world.frame) > 1.0
 
 
-def test_a_state_that_bursts_is_an_error_and_a_reset_mends_it(world_with: WorldWith) -> None:
+def test_a_diverged_state_is_an_error_and_a_reset_recovers(world_with: WorldWith) -> None:
     world = world_with()
     world._compiled.views.qvel[0] = math.nan
     with pytest.raises(EngineError, match="unstable"):
@@ -236,15 +257,16 @@ def test_car_climbs_a_plank_that_leans_on_a_box(world_with: WorldWith) -> None:
     world._compiled.engine.update()
     drive(world, 1.0)
     while x_of(world.frame) < 0.95:
-        car = drive(world, 0.01, throttle=0.8).vehicles["V1"]
+        drive(world, 0.01, throttle=0.8)
         assert world.time < 10.0
+    car = world.frame.vehicles["V1"]
     tilt = world.frame.objects["plank"].pose.orientation
     up_of_plank = np.array(rotate(tilt, (0.0, 0.0, 1.0)))
     up_of_car = np.array(rotate(car.pose.orientation, (0.0, 0.0, 1.0)))
-    assert up_of_plank[0] < -0.03  # it still leans
-    assert up_of_car == pytest.approx(up_of_plank, abs=0.02)  # a spring travel of 1 mm over the wheelbase is 0.007
+    assert up_of_plank[0] < -0.03  # it is still tilted
+    assert up_of_car == pytest.approx(up_of_plank, abs=0.02)  # 1 mm of spring travel over the wheelbase is 0.007 rad
     assert car.pose.position[2] > 0.0325 + 0.02
     drive(world, 1.0)
     stopped = x_of(world.frame)
-    drive(world, 10.0)
-    assert x_of(world.frame) == pytest.approx(stopped, abs=2e-3)  # the engine's own contacts creep, 0.2 mm/s at most
+    drive(world, 5.0)
+    assert x_of(world.frame) == pytest.approx(stopped, abs=1e-3)  # contacts of the engine creep, at most 0.2 mm/s

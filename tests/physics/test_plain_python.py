@@ -1,4 +1,4 @@
-"""With compilation switched off the same source runs as plain Python, for students to step through."""
+"""With compilation disabled the same source runs as plain Python, for example in a debugger."""
 
 import json
 import os
@@ -7,26 +7,32 @@ import sys
 
 import pytest
 
+import autodrive
+
 DRIVE = """
-import json, autodrive
-world = autodrive.make("boxes")
-for _ in range(40):
-    frame = world.step({"V1": autodrive.Command(throttle=0.8, steering=0.2)})
-car = frame.vehicles["V1"]
-print(json.dumps([*car.pose.position, *car.wheels.normal_load, *car.imu.euler, *car.lidar.ranges[:40]]))
+import json
+from tests.physics.test_plain_python import drive
+print(json.dumps(drive()))
 """
 
 
-def driven(**environment: str) -> list[float]:
-    run = subprocess.run(
+def drive() -> list[float]:
+    """Figures of a drive on the scenario `boxes`."""
+    world = autodrive.make("boxes")
+    for _ in range(30):
+        world.step({"V1": autodrive.Command(throttle=0.8, steering=0.2)})
+    car = world.frame.vehicles["V1"]
+    assert car.lidar is not None
+    return [*car.pose.position, *car.wheels.normal_load, *car.imu.euler, *car.lidar.ranges[:40]]
+
+
+@pytest.mark.process
+def test_plain_python_gives_the_results_of_compiled_code() -> None:
+    plain = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", DRIVE],
-        env={**os.environ, **environment},
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         text=True,
         check=True,
     )
-    return json.loads(run.stdout)
-
-
-def test_plain_python_drives_as_the_compiled_code_does() -> None:
-    assert driven(NUMBA_DISABLE_JIT="1") == pytest.approx(driven(), abs=1e-9)  # libraries of sin and atan may differ
+    assert json.loads(plain.stdout) == pytest.approx(drive(), abs=1e-9)  # sin and atan may be of different libraries

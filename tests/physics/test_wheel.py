@@ -1,4 +1,4 @@
-"""The wheel's formulas against the points and laws that define them."""
+"""The formulas of the wheel against their definitions."""
 
 import math
 
@@ -6,15 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autodrive.physics import compile as built
-from autodrive.physics import wheel
+from autodrive.physics import formulas, wheel
 
 CURVE = (0.4, 1.0, 0.8, 0.5, 1.2)
 EXACT = 1e-12  # a few roundings of numbers near 1
 
 
 @pytest.mark.parametrize(("slip", "value"), [(0.0, 0.0), (0.4, 1.0), (0.6, 0.75), (0.8, 0.5), (9.0, 0.5)])
-def test_friction_curve_passes_through_the_points_of_its_definition(slip: float, value: float) -> None:
+def test_friction_curve_passes_through_its_defining_points(slip: float, value: float) -> None:
     assert wheel.friction_coefficient(slip, *CURVE) == pytest.approx(value, abs=EXACT)
 
 
@@ -34,7 +33,7 @@ def test_tyre_force_never_exceeds_the_friction_limit_and_opposes_the_slip(
     ratio: float, angle: float, load: float
 ) -> None:
     fx, fy = wheel.tyre_force(ratio, angle, load, *CURVE, 0.2, 1.0, 0.5, 0.75, 1.2)
-    assert math.hypot(fx, fy) <= load * (1.0 + EXACT) + 1e-300  # denormal numbers have few digits
+    assert math.hypot(fx, fy) <= load * (1.0 + EXACT) + 1e-300  # subnormal numbers have few digits
     assert fx * ratio >= 0.0 >= fy * angle
 
 
@@ -45,7 +44,7 @@ def test_tyre_force_is_mirror_symmetric(ratio: float, angle: float) -> None:
     assert wheel.tyre_force(-ratio, angle, 4.0, *CURVE, 0.2, 1.0, 0.5, 0.75, 1.2) == (-fx, fy)
 
 
-def test_suspension_carries_the_static_load_at_compression_zero_and_pulls_never() -> None:
+def test_suspension_carries_the_static_load_at_compression_zero_and_never_pulls() -> None:
     law = {"compression_max": 0.005, "bump_stiffness": 2e4, "look_ahead": 0.0}
     assert wheel.suspension_force(0.0, 0.0, 4.29, 5040.0, 20.0, **law) == 4.29
     assert wheel.suspension_force(0.001, 0.0, 4.29, 5040.0, 20.0, **law) == pytest.approx(4.29 + 5.04, abs=EXACT)
@@ -57,25 +56,23 @@ def test_suspension_carries_the_static_load_at_compression_zero_and_pulls_never(
 
 
 @given(st.floats(-50, 50), st.floats(0, 5), st.floats(1e-6, 1e3))
-def test_brake_stops_a_wheel_but_never_turns_it_back(spin: float, torque: float, gain: float) -> None:
+def test_brake_stops_a_wheel_but_never_reverses_it(spin: float, torque: float, gain: float) -> None:
     after = wheel.braked_spin(spin, torque, gain)
     assert after * spin >= 0.0
     assert abs(after) <= abs(spin)
 
 
 @given(st.floats(-20, 20), st.floats(-20, 20), st.floats(-15, 15))
-def test_motors_reach_their_mean_target_in_one_step_and_keep_the_difference_of_the_wheels(
-    left: float, right: float, target: float
-) -> None:
+def test_motors_reach_the_target_of_the_mean_speed_in_one_step(left: float, right: float, target: float) -> None:
     gain = 30.0
-    torque = wheel.motor_torque(left, right, gain, gain, target, 1e6, 1e9)
+    torque = wheel.motor_torque(0.5 * (left + right), gain, target, 1e6, 1e9)
     assert 0.5 * (left + right) + gain * torque == pytest.approx(target, abs=1e-4)  # servo gain is finite
-    limited = wheel.motor_torque(left, right, gain, gain, target, 1e6, 0.1)
+    limited = wheel.motor_torque(0.5 * (left + right), gain, target, 1e6, 0.1)
     assert abs(limited) <= 0.1
 
 
 @pytest.mark.parametrize("angle_deg", [1.0, 10.0, 30.0])
-def test_ackermann_wheels_point_at_one_centre(angle_deg: float) -> None:
+def test_axes_of_ackermann_wheels_meet_in_one_centre(angle_deg: float) -> None:
     wheelbase, half_track, delta = 0.14154, 0.0765, math.radians(angle_deg)
     radius = wheelbase / math.tan(delta)
     for y in (half_track, -half_track):
@@ -85,10 +82,10 @@ def test_ackermann_wheels_point_at_one_centre(angle_deg: float) -> None:
 def test_ackermann_angles_at_the_limit_are_those_of_the_original() -> None:
     inner = math.degrees(wheel.ackermann_angle(math.radians(30), 0.14154, 0.0765))
     outer = math.degrees(wheel.ackermann_angle(math.radians(30), 0.14154, -0.0765))
-    assert (inner, outer) == (pytest.approx(40.0, abs=0.05), pytest.approx(23.75, abs=0.05))  # given to 0.01 degree
+    assert (inner, outer) == (pytest.approx(40.0, abs=0.05), pytest.approx(23.75, abs=0.05))  # known to 0.01 degree
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0, 20))
 def test_compiled_and_plain_source_agree_to_the_last_bit(ratio: float, angle: float, load: float) -> None:
     arguments = (ratio, angle, load, *CURVE, 0.2, 1.0, 0.5, 0.75, 1.2)
-    assert built.tyre_force(*arguments) == wheel.tyre_force(*arguments)
+    assert formulas.tyre_force(*arguments) == wheel.tyre_force(*arguments)

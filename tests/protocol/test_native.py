@@ -21,7 +21,7 @@ from autodrive.protocol import native
 from autodrive.protocol.codec import decode_client, decode_server, encode, streamed
 from autodrive.protocol.messages import Collision, Command, Frame, LidarScan, Pose, Step
 from autodrive.protocol.typescript import declarations
-from tests.frames import bytes_of
+from tests.support.frames import bytes_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -68,11 +68,12 @@ def test_another_implementation_reads_the_same_numbers(frame: Frame) -> None:
     assert plain["events"][0]["other"] == "box_1"
 
 
-def test_what_another_implementation_writes_is_understood() -> None:
+def test_messages_of_another_implementation_are_decoded() -> None:
     text = msgpack.packb(
-        {"type": "Please", "id": 3, "request": {"type": "Step", "ticks": 2, "commands": {"V1": {"throttle": 0.5}}}}
+        {"type": "Request", "id": 3, "operation": {"type": "Step", "ticks": 2, "commands": {"V1": {"throttle": 0.5}}}}
     )
-    assert decode_client(text) == native.Please(3, Step(2, {"V1": Command(0.5)}))
+    assert text is not None
+    assert decode_client(text) == native.Request(3, Step(2, {"V1": Command(0.5)}))
 
 
 def _values(code: int, data: bytes) -> tuple[Any, ...]:
@@ -82,7 +83,7 @@ def _values(code: int, data: bytes) -> tuple[Any, ...]:
 
 
 @pytest.mark.parametrize(
-    ("message", "says"),
+    ("message", "text"),
     [
         ({"type": "Drive", "vehicle": 1, "command": {}}, r"Expected `str`, got `int` - at `\$.vehicle`"),
         ({"type": "Drive", "command": {}}, "missing required field `vehicle`"),
@@ -91,9 +92,11 @@ def _values(code: int, data: bytes) -> tuple[Any, ...]:
         ({}, "missing required field `type`"),
     ],
 )
-def test_a_message_that_is_not_understood_says_what_is_wrong_and_where(message: dict[str, Any], says: str) -> None:
-    with pytest.raises(msgspec.ValidationError, match=says):
-        decode_client(msgpack.packb(message))
+def test_the_error_of_an_invalid_message_names_cause_and_place(message: dict[str, Any], text: str) -> None:
+    data = msgpack.packb(message)
+    assert data is not None
+    with pytest.raises(msgspec.ValidationError, match=text):
+        decode_client(data)
 
 
 @given(st.binary(max_size=200))
@@ -122,7 +125,7 @@ def _structs(of: Any) -> Iterator[type]:
 def test_the_document_names_every_message() -> None:
     document = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
     every = {one.__name__ for one in (*_structs(native.ClientMessage), *_structs(native.ServerMessage))}
-    asked = {one.__name__ for one in _structs(native.Ask)}
+    asked = {one.__name__ for one in _structs(native.ServerOperation)}
     assert not {name for name in every | asked if f"`{name}`" not in document}
 
 

@@ -1,7 +1,7 @@
-"""Pictures of whole worlds, held against ones that people have looked at: `goldens/*.png`.
+"""Images of whole worlds, compared with golden images that were checked by eye: `goldens/*.png`.
 
-AUTODRIVE_GOLDENS=write draws them anew: look at every picture that `git diff` names before it is committed. A picture
-that differs is written, with the golden and their difference, to the folder that the test's message names.
+AUTODRIVE_GOLDENS=write draws new golden images: look at every image that `git diff` names before committing it. If an
+image differs, the test writes it, the golden image and their difference to the folder named in its message.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import numpy as np
 import pytest
 
 from autodrive.actuators.lights import lamp_levels, lit_lamps
-from autodrive.assets import scene_of
+from autodrive.cameras.viewpoints import GodsEye, Viewpoint, birds_eye, drivers_eye, orbit
 from autodrive.compile import Compiled, compile_scenario
+from autodrive.meshes.store import scene_of
 from autodrive.protocol.messages import Headlights, Indicators
-from autodrive.render.moment import Moment
-from autodrive.render.png import decode_png, write_png
+from autodrive.protocol.png import decode_png, encode_png
+from autodrive.render.render_state import RenderState
 from autodrive.render.renderer import Renderer
-from autodrive.render.view import View
-from autodrive.render.viewpoints import GodsEye, Viewpoint, birds_eye, drivers_eye, orbit
 from autodrive.scenario import load_scenario
 from autodrive.sensors.camera import world_from_camera
+from autodrive.sensors.camera_view import View
 from autodrive.transforms import quaternion_from_yaw
 from autodrive.vehicles.spec import load_vehicle
-from tests.render.scenes import needs_gl, pinhole
+from tests.support.scenes import needs_gl, pinhole
 
 pytestmark = needs_gl
 
@@ -34,9 +34,9 @@ GOLDENS = Path(__file__).parent / "goldens"
 WIDTH, HEIGHT = 160, 120
 
 MEAN, COARSE = 2.5, 12.0
-"""How far apart, of 255, pictures may be: on average; and in 99 % of the blocks of 4 x 4 pixels. Ours: another Mesa may
-draw edges and rounding otherwise. Another light shows (last test), and a camera that is a degree off in nearly all of
-them; a single small lamp that is out does not (test_renderer.py looks at lamps)."""
+"""Allowed difference of two images, of 255: on average; and in 99 % of the blocks of 4 x 4 pixels. Another Mesa
+may draw edges and round differently. The tests detect another light (last test), and in nearly all poses a camera that
+is turned by one degree, but not a single small lamp (test_renderer.py tests lamps)."""
 
 LIGHTS = {
     "day": (True, Headlights.OFF, Indicators.OFF, True),
@@ -44,47 +44,47 @@ LIGHTS = {
     "low": (False, Headlights.LOW, Indicators.LEFT, False),
     "high": (False, Headlights.HIGH, Indicators.RIGHT, True),
 }
-"""Whether the scene light is on; of all vehicles: headlights, indicators (lit), whether they brake."""
+"""Whether the scene light is on; for all vehicles: headlights, indicators (lit), whether they brake."""
 
 
-def placed(compiled: Compiled, light: str) -> Moment:
-    """All things where the scenario puts them, the front wheels turned to the left."""
-    moment = Moment.empty(len(compiled.vehicles), len(compiled.boxes))
+def placed(compiled: Compiled, light: str) -> RenderState:
+    """Everything where the scenario places it, the front wheels turned to the left."""
+    state = RenderState.empty(len(compiled.vehicles), len(compiled.boxes))
     is_day, headlights, indicators, is_braking = LIGHTS[light]
     lamps = lit_lamps(headlights, indicators, 0.75, is_braking, is_reversing=light == "high")
-    moment.header["is_day"] = is_day
-    for row, name, spec in zip(moment.vehicles, compiled.vehicles, compiled.vehicles.values(), strict=True):
+    state.header["is_day"] = is_day
+    for row, name, spec in zip(state.vehicles, compiled.vehicles, compiled.vehicles.values(), strict=True):
         place = compiled.spec.vehicles[name]
         row["position"] = place.x, place.y, spec.ride_height
         row["orientation"] = quaternion_from_yaw(place.yaw)
         row["steering"] = 0.42, 0.35, 0.0, 0.0
         row["spin"] = 0.3, 0.2, 0.1, 0.0
         row["lamps"] = lamp_levels(lamps)
-    for row, box in zip(moment.objects, compiled.boxes, strict=True):
+    for row, box in zip(state.objects, compiled.boxes, strict=True):
         row["position"], row["orientation"] = box.position, quaternion_from_yaw(box.yaw)
-    return moment
+    return state
 
 
-def camera(name: str, vehicle: int = 0) -> Callable[[Moment], View]:
+def camera(name: str, vehicle: int = 0) -> Callable[[RenderState], View]:
     """What that camera of a vehicle sees."""
     spec = load_vehicle("nigel").cameras[name]
     tall = spec.intrinsics.fy / spec.intrinsics.height
     own = pinhole(WIDTH, HEIGHT, 2.0 * np.degrees(np.arctan(0.5 / tall)))
 
-    def view(moment: Moment) -> View:
-        row = moment.vehicles[vehicle]
+    def view(state: RenderState) -> View:
+        row = state.vehicles[vehicle]
         place = tuple(row["position"].tolist()), tuple(row["orientation"].tolist())
         return View(*world_from_camera(*place, spec.mount), own, spec.near, spec.far)
 
     return view
 
 
-def seen_from(point: Callable[[np.void], Viewpoint]) -> Callable[[Moment], View]:
-    """What is seen from a point that follows from the first vehicle's row."""
-    return lambda moment: point(moment.vehicles[0]).view(WIDTH, HEIGHT)
+def seen_from(point: Callable[[np.void], Viewpoint]) -> Callable[[RenderState], View]:
+    """The view from a viewpoint that depends on the row of the first vehicle."""
+    return lambda state: point(state.vehicles[0]).view(WIDTH, HEIGHT)
 
 
-POSES: dict[str, tuple[str, Callable[[Moment], View]]] = {
+POSES: dict[str, tuple[str, Callable[[RenderState], View]]] = {
     "front_camera": ("two_cars", camera("front")),
     "rear_camera": ("two_cars", camera("rear", 1)),
     "drivers_eye": ("two_cars", seen_from(lambda car: drivers_eye(tuple(car["position"]), tuple(car["orientation"])))),
@@ -108,8 +108,8 @@ def draw() -> Iterator[Callable[[str, str, str], np.ndarray]]:
             compiled[scenario] = compile_scenario(load_scenario(scenario))
         if (scenario, quality) not in renderers:
             renderers[scenario, quality] = Renderer(scene_of(compiled[scenario]), quality)
-        moment = placed(compiled[scenario], light)
-        return renderers[scenario, quality].draw(moment, [view(moment)])[0].rgba[..., :3]
+        state = placed(compiled[scenario], light)
+        return renderers[scenario, quality].draw(state, [view(state)])[0].rgba[..., :3]
 
     yield drawn
     for renderer in renderers.values():
@@ -117,58 +117,58 @@ def draw() -> Iterator[Callable[[str, str, str], np.ndarray]]:
 
 
 def apart(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
-    """How far apart two pictures are, of 255: on average, and in 99 % of the blocks of 4 x 4 pixels."""
+    """Difference of two images, of 255: on average, and in 99 % of the blocks of 4 x 4 pixels."""
     difference = a.astype(float) - b.astype(float)
     blocks = difference.reshape(HEIGHT // 4, 4, WIDTH // 4, 4, 3).mean(axis=(1, 3))
     return float(np.abs(difference).mean()), float(np.percentile(np.abs(blocks), 99.0))
 
 
 def agree(a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether they pass for the same picture."""
+    """Whether they count as the same image."""
     mean, coarse = apart(a, b)
     return mean < MEAN and coarse < COARSE
 
 
 def golden(name: str) -> np.ndarray:
-    """That picture."""
+    """That golden image."""
     return decode_png((GOLDENS / f"{name}.png").read_bytes())
 
 
 def compare(actual: np.ndarray, name: str, folder: Path) -> None:
-    """Fail where a picture is not its golden one; or make it the golden one, if that is wanted."""
+    """Fail if the image differs from its golden image; with AUTODRIVE_GOLDENS=write, replace the golden image."""
     if os.environ.get("AUTODRIVE_GOLDENS") == "write":
-        write_png(GOLDENS / f"{name}.png", actual)
+        (GOLDENS / f"{name}.png").write_bytes(encode_png(actual))
         return
     expected = golden(name)
     if agree(actual, expected):
         return
     difference = np.clip(128 + (actual.astype(int) - expected) * 2, 0, 255).astype(np.uint8)
-    for kind, picture in (("actual", actual), ("golden", expected), ("difference", difference)):
-        write_png(folder / f"{name}.{kind}.png", picture)
+    for kind, image in (("actual", actual), ("golden", expected), ("difference", difference)):
+        (folder / f"{name}.{kind}.png").write_bytes(encode_png(image))
     mean, coarse = apart(actual, expected)
     pytest.fail(
-        f"{name} differs from its golden picture: {mean:.1f} of 255 on average (at most {MEAN}), {coarse:.1f} in "
+        f"{name} differs from its golden image: {mean:.1f} of 255 on average (at most {MEAN}), {coarse:.1f} in "
         f"blocks (at most {COARSE}); see {folder}/{name}.actual.png, .golden.png and .difference.png; "
-        "AUTODRIVE_GOLDENS=write draws the golden ones anew"
+        "AUTODRIVE_GOLDENS=write draws new golden images"
     )
 
 
 @pytest.mark.parametrize("light", LIGHTS)
 @pytest.mark.parametrize("pose", POSES)
-def test_a_world_looks_as_it_did(pose: str, light: str, draw: Callable[..., np.ndarray], tmp_path: Path) -> None:
+def test_a_world_looks_like_its_golden(pose: str, light: str, draw: Callable[..., np.ndarray], tmp_path: Path) -> None:
     compare(draw(pose, light), f"{pose}.{light}", tmp_path)
 
 
 @pytest.mark.parametrize(("pose", "light"), [("wheels", "day"), ("drivers_eye", "low")])
-def test_a_world_looks_as_it_did_in_best_quality(
+def test_a_world_looks_like_its_golden_in_gpu_quality(
     pose: str, light: str, draw: Callable[..., np.ndarray], tmp_path: Path
 ) -> None:
     compare(draw(pose, light, "gpu"), f"{pose}.{light}.gpu", tmp_path)
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_no_light_passes_for_another(pose: str) -> None:
-    pictures = [golden(f"{pose}.{light}") for light in LIGHTS]
-    for i, one in enumerate(pictures):
+def test_golden_images_in_different_light_differ(pose: str) -> None:
+    images = [golden(f"{pose}.{light}") for light in LIGHTS]
+    for i, one in enumerate(images):
         assert agree(one, one)
-        assert not any(agree(one, other) for other in pictures[i + 1 :])
+        assert not any(agree(one, other) for other in images[i + 1 :])

@@ -1,4 +1,4 @@
-"""Fields of messages against what they mean: points, pixels and moments."""
+"""Fields of ROS messages compared with their meaning: points, pixels and times."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from autodrive.protocol.messages import CameraIntrinsics, ImuReading, LidarScan
+from autodrive.protocol.messages import CameraIntrinsics, ImuReading, LidarScan, RangeReading
 from autodrive.ros import Time, readings
-from tests.ros.frames import matrix
+from tests.support.ros.transform_tree import matrix
 
 
 def scan(count: int, angle_min: float, increment: float, **more: float) -> LidarScan:
@@ -28,7 +28,7 @@ def scan(count: int, angle_min: float, increment: float, **more: float) -> Lidar
 
 
 def points(ranges: Any, angle_min: float, increment: float) -> np.ndarray:
-    """In the scan's frame, in order of their bearing."""
+    """Points in the frame of the scan, sorted by bearing."""
     angles = angle_min + increment * np.arange(len(ranges))
     found = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=1)
     return found[np.argsort(np.round(np.arctan2(found[:, 1], found[:, 0]), 6) % (2 * math.pi))]
@@ -42,9 +42,9 @@ DEGREE = math.pi / 180
     [(360, 0.0, DEGREE), (360, -math.pi, DEGREE), (360, 0.0, -DEGREE), (1080, -0.75 * math.pi, DEGREE / 4)],
 )
 @pytest.mark.parametrize("is_turned", [False, True])
-def test_a_scan_shows_the_same_points(count: int, angle_min: float, increment: float, is_turned: bool) -> None:
+def test_a_scan_message_has_the_same_points(count: int, angle_min: float, increment: float, is_turned: bool) -> None:
     one = scan(count, angle_min, increment)
-    is_turned = is_turned and readings.goes_around(one)
+    is_turned = is_turned and readings.is_full_circle(one)
     fields = readings.laser_scan(one, "lidar", is_turned=is_turned).fields
     seen = points(fields["ranges"], fields["angle_min"] + is_turned * math.pi, fields["angle_increment"])
     assert seen == pytest.approx(points(one.ranges, angle_min, increment), abs=1e-5)
@@ -53,7 +53,7 @@ def test_a_scan_shows_the_same_points(count: int, angle_min: float, increment: f
 
 
 @pytest.mark.parametrize(("is_turned", "begin"), [(False, 0.0), (True, -math.pi)])
-def test_a_scan_all_around_begins_straight_ahead(is_turned: bool, begin: float) -> None:
+def test_a_full_scan_begins_straight_ahead(is_turned: bool, begin: float) -> None:
     one = scan(360, -math.pi, DEGREE)
     fields = readings.laser_scan(one, "lidar", is_turned=is_turned).fields
     assert fields["angle_min"] == pytest.approx(begin)
@@ -61,7 +61,7 @@ def test_a_scan_all_around_begins_straight_ahead(is_turned: bool, begin: float) 
     assert fields["intensities"][0] == 180.0
 
 
-def test_too_near_and_nothing_there_stay_what_they_are() -> None:
+def test_infinite_ranges_are_kept() -> None:
     one = scan(360, 0.0, DEGREE)
     one.ranges[:2] = -math.inf, math.inf
     assert readings.laser_scan(one, "lidar").fields["ranges"][:2].tolist() == [-math.inf, math.inf]
@@ -77,11 +77,11 @@ def test_the_stamp_of_a_scan_is_the_time_of_its_first_ray() -> None:
 @pytest.mark.parametrize(
     ("seconds", "time"), [(0.0, (0, 0)), (1.25, (1, 250_000_000)), (0.9999999999, (1, 0)), (7.1, (7, 100_000_000))]
 )
-def test_a_time_is_whole_seconds_and_nanoseconds(seconds: float, time: tuple[int, int]) -> None:
+def test_a_time_has_seconds_and_nanoseconds(seconds: float, time: tuple[int, int]) -> None:
     assert Time.of(seconds) == time
 
 
-def test_a_camera_info_projects_as_the_pinhole_does_half_a_pixel_aside() -> None:
+def test_a_camera_info_projects_like_the_pinhole_shifted_by_half_a_pixel() -> None:
     pinhole = CameraIntrinsics(640, 480, 630.0, 631.0, 320.0, 240.0, (0.1, 0.0, 0.0, 0.0, 0.0))
     fields = readings.camera_info(Time(0, 0), "front", pinhole).fields
     u, v, w = fields["k"].reshape(3, 3) @ (0.1, -0.2, 2.0)
@@ -98,17 +98,31 @@ def test_covariances_of_the_imu_are_the_squares_of_its_noise() -> None:
     fields = readings.imu(IMU, "imu", NOISE).fields
     assert fields["angular_velocity_covariance"].reshape(3, 3) == pytest.approx(0.01 * np.eye(3))
     assert fields["linear_acceleration_covariance"].reshape(3, 3) == pytest.approx(0.04 * np.eye(3))
-    assert (fields["orientation_covariance"].reshape(3, 3).diagonal() > 0).all(), "all zeros would mean: not known"
+    assert (fields["orientation_covariance"].reshape(3, 3).diagonal() > 0).all(), "zero would mean unknown"
     assert fields["orientation"] == {"x": 0.5, "y": -0.5, "z": 0.5, "w": 0.5}
 
 
-def test_a_raw_imu_says_that_it_knows_no_orientation() -> None:
+def test_a_raw_imu_has_no_orientation() -> None:
     fields = readings.imu(IMU, "imu", NOISE, is_raw=True).fields
     assert fields["orientation_covariance"][0] == -1.0
     assert "orientation" not in fields
 
 
-def test_the_tests_own_tree_turns_as_is_known() -> None:
+def test_the_matrix_of_the_test_tree_rotates() -> None:
     quarter = math.sqrt(0.5)
     pose = matrix((1.0, 2.0, 3.0), (0.0, 0.0, quarter, quarter))
     assert pose @ (1.0, 0.0, 0.0, 1.0) == pytest.approx((1.0, 3.0, 3.0, 1.0))
+
+
+def test_a_range_keeps_the_infinities_of_rep_117() -> None:
+    reading = RangeReading(1.5, math.inf, 0.26, 0.02, 4.0, "infrared")
+    message = readings.CONVERTERS["sensor_msgs/Range"](reading, "range")
+    assert message.type == "sensor_msgs/Range"
+    assert message.fields == {
+        "header": {"stamp": (1, 500_000_000), "frame_id": "range"},
+        "radiation_type": 1,
+        "field_of_view": 0.26,
+        "min_range": 0.02,
+        "max_range": 4.0,
+        "range": math.inf,
+    }

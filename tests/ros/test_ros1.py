@@ -1,13 +1,14 @@
-"""The ROS 1 packages as people use them: a real master, roslaunch, and the simulator's own Frame to know better."""
+"""Live smoke tests of the ROS 1 packages: a real master, roslaunch, and the Frames of a native client as reference.
+
+Contents of messages, names and signs of all profiles are tested without ROS in test_bridge.py and test_readings.py.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import pty
 import re
-import signal
 import subprocess
 from base64 import b64decode
 from collections.abc import Callable, Iterator
@@ -19,321 +20,270 @@ import pytest
 import simplejpeg
 
 from autodrive import Client
-from autodrive.protocol.messages import Headlights, Indicators, VehicleFrame
+from autodrive.protocol.messages import Headlights, VehicleFrame
 from autodrive.ros import Config
 from autodrive.ros.topics import WORLD_TOPICS, VehicleTopics
 from autodrive.vehicles.spec import load_vehicle
-from tests.ros.ros1 import Stage, launched, master, witness
-from tests.ros.running import ROOT, Running, Witness, await_that, client, simulator
+from tests.support.ros.processes import ROOT, Probe, Program, client
+from tests.support.ros.ros1 import Ros1
+from tests.support.ros.transform_tree import matrix
+from tests.support.waiting import free_port, wait_until
 
-NIGEL = "/autodrive/nigel_1"
+VEHICLE = "/autodrive/nigel_1"
 TOPICS = VehicleTopics(Config(), is_direct=True)
 TYPES = {f"/{topic.name}".replace("//", "/"): topic.type for topic in [*TOPICS.all, *WORLD_TOPICS]}
+RARE = {f"{VEHICLE}/collision", f"{VEHICLE}/range"}
+"""Not published here: there is no contact, and Nigel has no range sensor."""
+STATES = {name: kind for name, kind in TYPES.items() if "camera" not in name and name not in RARE}
 
 
 @pytest.fixture(scope="module")
-def bridge(stage: Stage) -> Iterator[Running]:
-    """In direct mode."""
-    with launched(stage, "simulator_bringup_headless.launch", f"port:={stage.port}") as running:
-        yield running
+def bridge(ros1_session: Ros1) -> Iterator[Program]:
+    """The bridge node in direct mode."""
+    with ros1_session.launch("simulator_bringup_headless.launch", f"port:={ros1_session.port}") as program:
+        yield program
 
 
 @pytest.fixture(scope="module")
-def hearing(stage: Stage, bridge: Running) -> Iterator[Witness]:
-    """Of all but the pictures, each of which has been heard once."""
-    with witness(stage.environment, stage.folder) as one:
-        for name, kind in TYPES.items():
-            if "camera" not in name:
-                one.listen(name, kind)
-        rare = topic_of("collision")
-        await_that(lambda: {*TYPES} <= {*one.counts(), rare, *(name for name in TYPES if "camera" in name)})
+def probe(ros1_session: Ros1, bridge: Program) -> Iterator[Probe]:
+    """Subscribes to the topics of `STATES`; has received a message of each one."""
+    with ros1_session.probe() as one:
+        for name, kind in STATES.items():
+            one.subscribe(name, kind)
+        wait_until(lambda: {*STATES} <= {*one.counts()})
         yield one
 
 
 @pytest.fixture
-def sim(stage: Stage) -> Iterator[Client]:
-    """Reset, and running again afterwards."""
-    with client(stage.port) as one:
+def sim(ros1_session: Ros1, bridge: Program) -> Iterator[Client]:
+    """A native client; the simulation is reset before the test and running after it."""
+    with client(ros1_session.port) as one:
         one.reset()
         yield one
         one.resume()
 
 
-def topic_of(name: str) -> str:
-    return f"{NIGEL}/{name}"
+def received(probe: Probe, name: str) -> dict[str, Any]:
+    """The latest message of a topic of the vehicle, or of a global topic."""
+    return probe.latest(name if name.startswith("/") else f"{VEHICLE}/{name}")["message"]
 
 
-def heard(hearing: Witness, name: str) -> dict[str, Any]:
-    """The latest message of a topic of the vehicle, or of all where it begins with a slash."""
-    return hearing.latest(name if name.startswith("/") else topic_of(name))["message"]
+def expect(value: Callable[[], Any], expected: Any, tolerance: float = 1e-6) -> None:
+    """Wait until the value is as expected: the last messages may still be on their way."""
+    wait_until(lambda: np.allclose(value(), expected, rtol=1e-6, atol=tolerance, equal_nan=True))
 
 
-def agree(told: Callable[[], Any], right: Any, tolerance: float = 1e-6) -> None:
-    """At last: what is on its way when time stops comes a little later."""
-    try:
-        await_that(lambda: np.allclose(told(), right, rtol=1e-6, atol=tolerance, equal_nan=True), 5.0)
-    except AssertionError:
-        np.testing.assert_allclose(told(), right, rtol=1e-6, atol=tolerance)
-
-
-def numbers(message: Any) -> list[float]:
-    """All numbers of a message, in the order of its fields."""
-    if isinstance(message, dict):
-        return [number for value in message.values() for number in numbers(value)]
-    return [number for value in message for number in numbers(value)] if isinstance(message, list) else [message]
-
-
-def drive_a_little(hearing: Witness, sim: Client, side: float = 1.0) -> VehicleFrame:
-    """Until no reading is zero, then stop time."""
-    say(hearing, throttle=0.6, steering=0.5 * side, headlights=1, indicators=1)
-    await_that(lambda: sim.wait().vehicles["V1"].ips.position[1] * side > 0.05)
-    vehicle = sim.pause().vehicles["V1"]
-    say(hearing, throttle=None, steering=None, headlights=None, indicators=None)
-    return vehicle
-
-
-def say(hearing: Witness, **commands: float | None) -> None:
+def publish(probe: Probe, **commands: float | None) -> None:
+    """Publish commands repeatedly; None stops."""
     for name, value in commands.items():
         kind = "std_msgs/Float32" if name in {"throttle", "steering"} else "std_msgs/Int32"
-        hearing.say(topic_of(f"{name}_command"), kind, value)
+        probe.publish(f"{VEHICLE}/{name}_command", kind, value)
 
 
-# -- what is published -------------------------------------------------------------------------------------------
-
-
-def test_the_topics_are_those_of_the_table_with_their_types(bridge: Running, hearing: Witness) -> None:
-    commands = {topic_of(f"{name}_command") for name in ("throttle", "steering", "headlights", "indicators")}
-    there = await_that(lambda: (found := hearing.topics()) and commands <= set(found) and found)
-    assert {name: there.get(name) for name in TYPES} == TYPES
-
-
-def test_the_state_is_that_of_the_frame(bridge: Running, hearing: Witness, sim: Client) -> None:
-    v = drive_a_little(hearing, sim)
+def test_all_sensors_and_transforms_are_published_and_equal_the_frame(probe: Probe, sim: Client) -> None:
+    publish(probe, throttle=0.6, steering=0.5, headlights=2, indicators=3)
+    wait_until(lambda: (v := sim.wait().vehicles["V1"]).ips.position[1] > 0.05 and v.lights.indicators == 3)
+    probe.clear_frames()  # transforms from before the reset have later stamps
     time = sim.frame.time
-    w, x, y, z = v.imu.orientation
-    assert abs(z) > 0.01  # it has turned
-    agree(lambda: heard(hearing, "throttle")["data"], v.throttle)
-    agree(lambda: heard(hearing, "steering")["data"], v.steering)
-    agree(lambda: heard(hearing, "speed")["data"], abs(v.speed))
-    agree(lambda: [*heard(hearing, "ips").values()], v.ips.position)
+    wait_until(lambda: sim.wait().time > time + 0.2)
+    v = sim.pause().vehicles["V1"]
+    publish(probe, throttle=None, steering=None, headlights=None, indicators=None)
+
+    wait_until(lambda: probe.topics().items() >= TYPES.items())
+    expect(lambda: received(probe, "joint_states")["header"]["stamp"], sim.frame.time)
+    check_state(probe, v, sim.frame.time)
+    check_scan(probe, v)
+    check_transforms(probe, v)
+
+
+def check_state(probe: Probe, v: VehicleFrame, time: float) -> None:
+    assert v.steering > 0.0  # left, as in the profile 2025
+    expect(lambda: received(probe, "throttle")["data"], v.throttle)
+    expect(lambda: received(probe, "steering")["data"], v.steering)
+    expect(lambda: received(probe, "speed")["data"], abs(v.speed))
+    expect(lambda: [*received(probe, "ips").values()], v.ips.position)
     for i, side in enumerate(("left", "right")):
-        agree(lambda i=i, side=side: heard(hearing, f"{side}_encoder")["position"], v.encoders.angles[i : i + 1])
-        assert heard(hearing, f"{side}_encoder")["name"] == [f"{side}_encoder"]
+        expect(lambda i=i, side=side: received(probe, f"{side}_encoder")["position"], v.encoders.angles[i : i + 1])
+    expect(lambda: received(probe, "imu")["header"]["stamp"], v.imu.time)
     for name in ("imu", "imu/data"):
-        agree(lambda name=name: [*heard(hearing, name)["orientation"].values()], [x, y, z, w])
+        expect(lambda name=name: [*received(probe, name)["orientation"].values()], np.roll(v.imu.orientation, -1))
     for name in ("imu", "imu/data", "imu/data_raw"):
-        agree(lambda name=name: [*heard(hearing, name)["angular_velocity"].values()], v.imu.angular_velocity)
-        agree(lambda name=name: [*heard(hearing, name)["linear_acceleration"].values()], v.imu.linear_acceleration)
-        agree(lambda name=name: heard(hearing, name)["header"]["stamp"], v.imu.time)
-        assert heard(hearing, name)["header"]["frame_id"] == "imu"
-    truth = lambda: heard(hearing, "ground_truth/odom")  # noqa: E731
-    agree(lambda: truth()["header"]["stamp"], time)
-    agree(lambda: [*truth()["pose"]["pose"]["position"].values()], v.pose.position)
-    agree(lambda: [*truth()["pose"]["pose"]["orientation"].values()], np.roll(v.pose.orientation, -1))
-    agree(lambda: [*truth()["twist"]["twist"]["linear"].values()], v.velocity)
-    agree(lambda: [*truth()["twist"]["twist"]["angular"].values()], v.angular_velocity)
-    assert (truth()["header"]["frame_id"], truth()["child_frame_id"]) == ("map", "base_link")
-    odom = heard(hearing, "odom")
-    assert (odom["header"]["frame_id"], odom["child_frame_id"]) == ("odom", "base_link")
-    assert odom["pose"]["pose"]["position"]["x"] == pytest.approx(v.ips.position[0], rel=0.2)  # its tyres slip
-    agree(lambda: heard(hearing, "/clock")["clock"], time)
+        expect(lambda name=name: [*received(probe, name)["angular_velocity"].values()], v.imu.angular_velocity)
+        expect(lambda name=name: [*received(probe, name)["linear_acceleration"].values()], v.imu.linear_acceleration)
+    expect(lambda: received(probe, "ground_truth/odom")["header"]["stamp"], time)
+    truth = received(probe, "ground_truth/odom")
+    expect(lambda: [*truth["pose"]["pose"]["position"].values()], v.pose.position)
+    expect(lambda: [*truth["pose"]["pose"]["orientation"].values()], np.roll(v.pose.orientation, -1))
+    expect(lambda: [*truth["twist"]["twist"]["linear"].values()], v.velocity)
+    assert received(probe, "odom")["child_frame_id"] == "base_link"
+    expect(lambda: received(probe, "lights")["indicators"], int(v.lights.indicators))
+    assert received(probe, "lights")["headlights"] == Headlights.HIGH
+    for name in v.wheels.__struct_fields__:
+        expect(lambda name=name: received(probe, "wheels")[name], getattr(v.wheels, name))
+    joints = received(probe, "joint_states")
+    angles = dict(zip(joints["name"], joints["position"], strict=True))
+    assert angles["front_left_steering_joint"] == pytest.approx(v.wheels.steering_angle[0])
+    assert angles["rear_right_wheel_joint"] == pytest.approx(v.wheels.rotation_angle[3])
+    expect(lambda: received(probe, "/clock")["clock"], time)
 
 
-def test_lamps_wheels_and_joints_are_those_of_the_frame(bridge: Running, hearing: Witness, sim: Client) -> None:
-    v = drive_a_little(hearing, sim)
-    lights = ("headlights", "indicators", "tail_lights", "left_indicator", "right_indicator", "reverse_lights")
-    agree(lambda: [int(heard(hearing, "lights")[name]) for name in lights], [int(getattr(v.lights, n)) for n in lights])
-    assert (v.lights.headlights, v.lights.indicators) == (Headlights.LOW, Indicators.LEFT)
-    quantities = ("steering_angle", "rotation_angle", "angular_velocity", "compression", "normal_load")
-    for name in (*quantities, "slip_ratio", "slip_angle"):
-        agree(lambda name=name: heard(hearing, "wheels")[name], getattr(v.wheels, name))
-    joints = heard(hearing, "joint_states")
-    agree(lambda: heard(hearing, "joint_states")["header"]["stamp"], sim.frame.time)
-    angle = dict(zip(joints["name"], heard(hearing, "joint_states")["position"], strict=True))
-    assert angle["front_left_steering_joint"] == pytest.approx(v.wheels.steering_angle[0])
-    assert angle["rear_right_wheel_joint"] == pytest.approx(v.wheels.rotation_angle[3])
-
-
-def test_the_scan_is_that_of_the_frame(bridge: Running, hearing: Witness, sim: Client) -> None:
-    scan = drive_a_little(hearing, sim).lidar
-    assert scan is not None
+def check_scan(probe: Probe, v: VehicleFrame) -> None:
+    assert v.lidar is not None
     for name in ("lidar", "scan"):
-        agree(lambda name=name: heard(hearing, name)["header"]["stamp"], scan.time)
-        message = heard(hearing, name)
-        np.testing.assert_array_equal(np.float32(message["ranges"]), scan.ranges.astype(np.float32))
-        np.testing.assert_array_equal(np.float32(message["intensities"]), scan.intensities.astype(np.float32))
-        told = [message[f] for f in ("angle_min", "angle_increment", "range_min", "range_max", "scan_time")]
-        right = [scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, 1.0 / scan.scan_rate]
-        np.testing.assert_allclose(told, right, rtol=1e-6)
+        expect(lambda name=name: received(probe, name)["header"]["stamp"], v.lidar.time)
+        message = received(probe, name)
+        np.testing.assert_array_equal(np.float32(message["ranges"]), v.lidar.ranges.astype(np.float32))
         assert message["header"]["frame_id"] == "lidar"
 
 
-@pytest.mark.parametrize("camera", ["front", "rear"])
-def test_pictures_are_those_of_the_simulator(
-    bridge: Running, hearing: Witness, stage: Stage, sim: Client, camera: str, gl: str
-) -> None:
-    name = f"{camera}_camera"
-    topics = [name, f"{name}/image_raw", f"{name}/image_raw/compressed", f"{name}/camera_info"]
-    seen: dict[float, bytes] = {}  # by a viewer of the native protocol
-
-    def the_same_one() -> list[Any] | None:
-        viewer.wait()
-        if picture := viewer.pictures.get(("V1", camera)):
-            seen[round(picture.time, 6)] = bytes(picture.jpeg)
-        told = [heard(hearing, each) for each in topics]
-        stamps = {round(one["header"]["stamp"], 6) for one in told}
-        return told if len(stamps) == 1 and stamps <= set(seen) else None
-
-    with Client(f"127.0.0.1:{stage.port}", picture_rate=30.0, picture_quality=90) as viewer:
-        for each in topics:
-            hearing.listen(topic_of(each), TYPES[topic_of(each)])
-        legacy, raw, compressed, pinhole = await_that(the_same_one)
-    for each in topics:
-        hearing.deafen(topic_of(each))
-    jpeg = seen[round(raw["header"]["stamp"], 6)]
-    assert b64decode(compressed["data"]) == jpeg
-    assert b64decode(raw["data"]) == simplejpeg.decode_jpeg(jpeg, colorspace="RGB").tobytes()
-    assert legacy["data"] == raw["data"]
-    spec = load_vehicle("nigel").cameras[camera].intrinsics
-    assert (raw["width"], raw["height"], raw["encoding"]) == (spec.width, spec.height, "rgb8")
-    assert raw["header"]["frame_id"] == f"{camera}_camera_optical_frame"
-    np.testing.assert_allclose(pinhole["K"], [spec.fx, 0, spec.cx - 0.5, 0, spec.fy, spec.cy - 0.5, 0, 0, 1], rtol=1e-9)
-
-
-# -- frames and time ---------------------------------------------------------------------------------------------
-
-
-def test_tf2_finds_the_vehicle_where_it_is_and_all_frames_in_one_tree(
-    bridge: Running, hearing: Witness, sim: Client
-) -> None:
-    hearing.forget_frames()
-    v = drive_a_little(hearing, sim)
-    w, x, y, z = v.pose.orientation
-    agree(lambda: hearing.transform("map", "base_link")[0], v.pose.position)
-    agree(lambda: hearing.transform("map", "base_link")[1], [x, y, z, w])
-    assert hearing.transform("odom", "base_link")[0][0] == pytest.approx(v.pose.position[0], rel=0.2)
-    sensors = load_vehicle("nigel").sensors
-    assert sensors.lidar is not None
-    np.testing.assert_allclose(hearing.transform("base_link", "lidar")[0], sensors.lidar.mount.position, atol=1e-9)
-    # a camera looks along the z of its optical frame: forward, and a little down
-    right, down, forward = columns(hearing.transform("base_link", "front_camera_optical_frame")[1])
+def check_transforms(probe: Probe, v: VehicleFrame) -> None:
+    expect(lambda: probe.transform("map", "base_link")[0], v.pose.position)
+    expect(lambda: probe.transform("map", "base_link")[1], np.roll(v.pose.orientation, -1))
+    mount = load_vehicle("nigel").sensors.lidar
+    assert mount is not None
+    np.testing.assert_allclose(probe.transform("base_link", "lidar")[0], mount.mount.position, atol=1e-9)
+    # optical frame: x right, y down, z forward
+    right, down, forward = matrix((0, 0, 0), probe.transform("base_link", "front_camera_optical_frame")[1])[:3, :3].T
     np.testing.assert_allclose(right, [0.0, -1.0, 0.0], atol=1e-9)
     assert forward[0] > 0.99
     assert down[2] < -0.99
-    steered = hearing.transform("base_link", "front_left_steering")[1]
-    assert 2.0 * math.atan2(steered[2], steered[3]) == pytest.approx(v.wheels.steering_angle[0], abs=1e-6)
-    parents = dict(re.findall(r"^(\S+):\s*\n\s+parent: '?([^'\n]+)'?", hearing.frames(), re.MULTILINE))
-    assert set(parents.values()) - set(parents) == {"world"}  # one root
+    parents = dict(re.findall(r"^(\S+):\s*\n\s+parent: '?([^'\n]+)'?", probe.frames(), re.MULTILINE))
+    assert set(parents.values()) - set(parents) == {"world"}, "the frames form one tree"
     assert {"nigel_1", "imu", "ips", "rear_camera", "left_encoder", "rear_right_wheel"} <= set(parents)
 
 
-def columns(quaternion: list[float]) -> np.ndarray:
-    """Where the axes of a frame point."""
-    x, y, z, w = quaternion
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return (np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross).T
+def test_images_of_both_cameras_equal_those_of_a_native_client(
+    probe: Probe, ros1_session: Ros1, sim: Client, gl: str
+) -> None:
+    forms = ("", "/image_raw", "/image_raw/compressed", "/camera_info")
+    topics = {camera: [f"{VEHICLE}/{camera}_camera{form}" for form in forms] for camera in ("front", "rear")}
+    seen: dict[tuple[str, float], bytes] = {}
+
+    def synchronised(camera: str) -> list[Any] | None:
+        """Messages of one image in all forms, once the native client has the image too."""
+        viewer.wait()
+        for name in topics:
+            if picture := viewer.pictures.get(("V1", name)):
+                seen[name, round(picture.time, 6)] = bytes(picture.jpeg)
+        messages = [received(probe, topic) for topic in topics[camera]]
+        stamps = {round(one["header"]["stamp"], 6) for one in messages}
+        return messages if len(stamps) == 1 and (camera, *stamps) in seen else None
+
+    with Client(f"127.0.0.1:{ros1_session.port}", picture_rate=30.0, picture_quality=90) as viewer:
+        for topic in (topic for of_camera in topics.values() for topic in of_camera):
+            probe.subscribe(topic, TYPES[topic])
+        for camera in topics:
+            found = wait_until(lambda camera=camera: synchronised(camera))
+            assert found
+            legacy, raw, compressed, info = found
+            jpeg = seen[camera, round(raw["header"]["stamp"], 6)]
+            assert b64decode(compressed["data"]) == jpeg
+            assert b64decode(raw["data"]) == simplejpeg.decode_jpeg(jpeg, colorspace="RGB").tobytes()
+            assert legacy["data"] == raw["data"]
+            spec = load_vehicle("nigel").cameras[camera].intrinsics
+            assert (raw["width"], raw["height"], raw["encoding"]) == (spec.width, spec.height, "rgb8")
+            assert raw["header"]["frame_id"] == f"{camera}_camera_optical_frame"
+            np.testing.assert_allclose([info["K"][0], info["K"][2]], [spec.fx, spec.cx - 0.5], rtol=1e-9)
+        for topic in (topic for of_camera in topics.values() for topic in of_camera):
+            probe.unsubscribe(topic)
 
 
-# -- driving -----------------------------------------------------------------------------------------------------
+def test_each_command_topic_drives_and_the_vehicle_stops_without_commands(probe: Probe, sim: Client) -> None:
+    twist = {"linear": {"x": 0.2}, "angular": {"z": 0.4}}
+    for topic, kind, value in (
+        ("throttle_command", "std_msgs/Float32", 0.5),
+        ("cmd_vel", "geometry_msgs/Twist", twist),
+        ("cmd_vel_stamped", "geometry_msgs/TwistStamped", {"twist": twist}),
+    ):
+        probe.publish(f"{VEHICLE}/{topic}", kind, value)
+        wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.15)
+        if topic != "throttle_command":
+            wait_until(lambda: sim.wait().vehicles["V1"].steering > 0.1)
+        probe.publish(f"{VEHICLE}/{topic}", kind, None)
+        wait_until(lambda: abs(sim.wait().vehicles["V1"].speed) < 1e-3)
+    assert sim.frame.vehicles["V1"].throttle == 0.0
 
 
-def test_commands_drive_the_car_and_without_them_it_stops(bridge: Running, hearing: Witness, sim: Client) -> None:
-    say(hearing, throttle=0.5, steering=0.4, headlights=2, indicators=3)
-    await_that(lambda: sim.wait().vehicles["V1"].speed > 0.1)
-    v = await_that(lambda: (v := sim.wait().vehicles["V1"]) and v.lights.indicators == 3 and v)
-    assert v.throttle == 0.5
-    assert v.steering > 0.0  # left, as since 2025
-    assert v.lights.headlights == Headlights.HIGH
-    await_that(lambda: sim.wait().vehicles["V1"].pose.position[1] > 0.02)
-    say(hearing, throttle=None, steering=None, headlights=None, indicators=None)
-    await_that(lambda: sim.wait().vehicles["V1"].throttle == 0.0)
-    await_that(lambda: abs(sim.wait().vehicles["V1"].speed) < 1e-3)
-
-
-@contextlib.contextmanager
-def example(stage: Stage, name: str, *arguments: str) -> Iterator[None]:
-    with launched(stage, f"{name}.launch", *arguments):
-        yield
-
-
-def test_the_example_in_cpp_turns_away_from_a_corner(bridge: Running, stage: Stage, sim: Client) -> None:
-    sim.teleport("V1", 3.45, -1.73, -0.96)  # facing two walls that meet
-    with example(stage, "follow_the_gap"):
-        await_that(lambda: sim.wait().vehicles["V1"].speed < -0.02)  # no way: back
-        await_that(lambda: sim.wait().vehicles["V1"].pose.position[1] > -1.4)  # and away
-    assert sim.frame.vehicles["V1"].collision_count == 0
-
-
-def test_the_example_in_python_goes_round_the_bend(bridge: Running, stage: Stage, sim: Client) -> None:
+def test_the_examples_and_the_program_of_the_document_drive(ros1_session: Ros1, sim: Client) -> None:
+    sim.teleport("V1", 3.45, -1.73, -0.96)  # facing a corner
+    with ros1_session.launch("follow_the_gap.launch"):
+        wait_until(lambda: sim.wait().vehicles["V1"].speed < -0.02)  # it reverses
+        wait_until(lambda: sim.wait().vehicles["V1"].pose.position[1] > -1.6)  # and drives away from the corner
+    sim.reset()
     sim.teleport("V1", 1.7, 0.0, 0.0)
-    with example(stage, "follow_waypoints"):
-        await_that(lambda: sim.wait().vehicles["V1"].pose.position[1] > 0.5)
-    events = [type(event).__name__ for event in sim.frame.events]
+    with ros1_session.launch("follow_waypoints.launch"):
+        wait_until(lambda: sim.wait().vehicles["V1"].pose.position[1] > 0.1)  # into the bend
     assert sim.frame.vehicles["V1"].collision_count == 0
-    assert "OffRoad" not in events
-
-
-def test_the_program_of_the_document_drives(bridge: Running, stage: Stage, sim: Client) -> None:
+    sim.reset()
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "ros1.md").read_text(), flags=re.DOTALL)
-    program = stage.folder / "careful.py"
+    program = ros1_session.folder / "careful.py"
     program.write_text(code)
-    with Running(stage.environment, stage.folder, "python3", program):
-        await_that(lambda: sim.wait().vehicles["V1"].speed > 0.1)
-        sim.teleport("V1", 3.4, 0.0, 0.0)  # before a wall
-        await_that(lambda: sim.wait().vehicles["V1"].throttle == 0.0)
-    assert sim.frame.vehicles["V1"].collision_count == 0
+    with Program(ros1_session.environment, ros1_session.folder, "python3", program):
+        wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.1)
+        sim.teleport("V1", 3.4, 0.0, 0.0)  # in front of a wall
+        wait_until(lambda: sim.wait().vehicles["V1"].throttle == 0.0)
 
 
-def test_keys_drive(bridge: Running, stage: Stage, sim: Client) -> None:
+def test_keys_drive(ros1_session: Ros1, sim: Client) -> None:
     keyboard, terminal = pty.openpty()
     try:
-        with launched(stage, "teleop.launch", stdin=terminal) as running:
-            await_that(lambda: "further left" in running.words.read_text())
+        with ros1_session.launch("teleop.launch", stdin=terminal) as program:
+            program.wait_for("further left")
             os.write(keyboard, b"wwali")
-            v = await_that(lambda: (v := sim.wait().vehicles["V1"]) and v.lights.indicators == 1 and v)
-            assert v.lights.headlights == Headlights.LOW
-            await_that(lambda: sim.wait().vehicles["V1"].throttle == pytest.approx(0.4))
-            await_that(lambda: sim.wait().vehicles["V1"].steering == pytest.approx(0.2 * math.radians(30.0), rel=1e-3))
-            os.write(keyboard, b"s")
-            await_that(lambda: sim.wait().vehicles["V1"].throttle == pytest.approx(0.2))
+            wait_until(lambda: sim.wait().vehicles["V1"].throttle == pytest.approx(0.4))
+            wait_until(lambda: sim.wait().vehicles["V1"].steering == pytest.approx(0.2 * math.radians(30.0), rel=1e-3))
+            wait_until(lambda: (v := sim.wait().vehicles["V1"].lights).indicators == 1 and v.headlights == 1)
             os.write(keyboard, b"x")
-            await_that(lambda: (v := sim.wait().vehicles["V1"]).throttle == 0.0 and abs(v.steering) < 1e-6)
+            wait_until(lambda: (v := sim.wait().vehicles["V1"]).throttle == 0.0 and abs(v.steering) < 1e-6)
     finally:
         os.close(keyboard)
         os.close(terminal)
 
 
-# -- what comes and goes -----------------------------------------------------------------------------------------
+def test_the_devkit_mode_has_the_names_and_signs_of_its_profile(ros1_session: Ros1, sim: Client, probe: Probe) -> None:
+    """With the profile 2020, through the arguments of the launch file."""
+    port, root = free_port(), "/autodrive/ego_vehicle"
+    kinds = {"steering_angle": "std_msgs/Float32", "lidar": "sensor_msgs/LaserScan", "ips": "geometry_msgs/Point"}
+    variables = {"ROS_NAMESPACE": "/devkit"}  # the bridge of the other tests runs too
+    arguments = ("mode:=devkit", f"port:={port}", "profile:=2020", "publish_tf:=false", "use_sim_time:=true")
+    with ros1_session.launch("autodrive.launch", *arguments, variables=variables):
+        for name, kind in kinds.items():
+            probe.subscribe(f"/devkit{root}/{name}", kind)
+        for name, value in (("throttle", 0.6), ("steering", -0.5)):  # positive is right
+            probe.publish(f"/devkit{root}/{name}_command", "std_msgs/Float32", value)
+        sim.connect_bridge("127.0.0.1", port)
+        wait_until(lambda: (v := sim.wait().vehicles["V1"]).pose.position[1] > 0.05 and v.throttle > 0.5)
+        v = sim.pause().vehicles["V1"]
+        expect(lambda: received(probe, f"/devkit{root}/steering_angle")["data"], -v.steering, 5.1e-4)  # three decimals
+        assert received(probe, f"/devkit{root}/lidar")["angle_min"] == pytest.approx(-np.pi)
+        for name in ("throttle", "steering"):
+            probe.publish(f"/devkit{root}/{name}_command", "std_msgs/Float32", None)
+        sim.disconnect_bridge()
 
 
-def test_the_node_goes_on_with_a_simulator_that_was_started_anew(
-    bridge: Running, hearing: Witness, stage: Stage
-) -> None:
-    stage.simulator[0].end(signal.SIGTERM)
-    stage.simulator[0] = simulator(stage.folder, "mini_map", port=stage.port)
-    before = hearing.counts()[topic_of("lidar")]
-    hearing.latest(topic_of("lidar"), before + 1, 60.0)
-    with client(stage.port) as sim:
-        say(hearing, throttle=0.5)
-        await_that(lambda: sim.wait().vehicles["V1"].speed > 0.05)
-        say(hearing, throttle=None)
+def test_the_bridge_continues_after_a_restart_of_the_simulator(probe: Probe, ros1_session: Ros1) -> None:
+    ros1_session.restart_simulator()
+    count = probe.counts()[f"{VEHICLE}/lidar"]
+    probe.latest(f"{VEHICLE}/lidar", count + 1)
+    with client(ros1_session.port) as sim:
+        publish(probe, throttle=0.5)
+        wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.05)
+        publish(probe, throttle=None)
 
 
-def test_the_node_goes_on_with_a_master_that_was_started_anew(
-    bridge: Running, hearing: Witness, stage: Stage, sim: Client
-) -> None:
-    asked = ("rosparam", "get", "/autodrive_ros_bridge/port")
-    stage.master[0].end(signal.SIGINT)
-    before = hearing.counts()[topic_of("ips")]
-    hearing.latest(topic_of("ips"), before + 10)  # who was connected hears on
-    stage.master[0] = master(stage.environment, stage.folder)
-    with witness(stage.environment, stage.folder) as other:  # who knows the new one only
-        await_that(lambda: TYPES.items() <= other.topics().items())
-        other.listen(topic_of("lidar"), "sensor_msgs/LaserScan")
-        other.latest(topic_of("lidar"), 2)
-        say(other, throttle=0.5)
-        await_that(lambda: sim.wait().vehicles["V1"].speed > 0.05)
-    told = subprocess.run(asked, env=stage.environment, capture_output=True, text=True, check=True).stdout
-    assert told.strip() == str(stage.port)
-    with ServerProxy(stage.environment["ROS_MASTER_URI"]) as proxy:
+def test_the_bridge_continues_after_a_restart_of_the_master(probe: Probe, ros1_session: Ros1, sim: Client) -> None:
+    ros1_session.master.stop()
+    count = probe.counts()[f"{VEHICLE}/ips"]
+    probe.latest(f"{VEHICLE}/ips", count + 10)  # existing connections are kept
+    ros1_session.restart_master()
+    with ros1_session.probe() as other:  # a node that knows only the new master
+        wait_until(lambda: TYPES.items() <= other.topics().items())
+        other.subscribe(f"{VEHICLE}/lidar", "sensor_msgs/LaserScan")
+        other.latest(f"{VEHICLE}/lidar", 2)
+        publish(other, throttle=0.5)
+        wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.05)
+    command = ("rosparam", "get", "/autodrive_ros_bridge/port")
+    printed = subprocess.run(command, env=ros1_session.environment, capture_output=True, text=True, check=True).stdout
+    assert printed.strip() == str(ros1_session.port)
+    with ServerProxy(ros1_session.environment["ROS_MASTER_URI"]) as proxy:
         assert "<robot" in str(proxy.getParam("/test", "/robot_description"))

@@ -1,4 +1,4 @@
-"""What can be said of the ROS 1 files without ROS: they agree with the code."""
+"""Files of the ROS 1 packages agree with the code; tested without ROS."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import yaml
 
 from autodrive.ros import Config
 from autodrive.ros.topics import VehicleTopics
-from tests.ros.ros1_tables import DOCUMENT, rewritten
+from tests.support.ros.ros1_tables import DOCUMENT, rewritten
 
 PACKAGE = Path(__file__).parents[2] / "ros" / "ros1" / "autodrive_ros"
 
 
 def test_the_tables_of_the_document_are_those_of_the_code() -> None:
     text = DOCUMENT.read_text()
-    assert text == rewritten(text), "write them anew:  python -m tests.ros.ros1_tables"
+    assert text == rewritten(text), "run  python -m tests.support.ros.ros1_tables"
 
 
 def test_every_parameter_is_an_argument_with_the_same_default() -> None:
@@ -29,17 +29,17 @@ def test_every_parameter_is_an_argument_with_the_same_default() -> None:
     del arguments["use_sim_time"], arguments["urdf"]
     for field in dataclasses.fields(Config):
         if field.name != "robot_description":
-            told = arguments.pop(field.name)
-            assert (str(field.default).lower() == told) or float(told) == field.default, field.name
+            default = arguments.pop(field.name)
+            assert (str(field.default).lower() == default) or float(default) == field.default, field.name
     assert not arguments
 
 
-def test_what_rviz_shows_is_published() -> None:
+def test_rviz_shows_published_topics() -> None:
     displays = yaml.safe_load((PACKAGE / "rviz" / "autodrive.rviz").read_text())["Visualization Manager"]["Displays"]
     shown = {one[key] for one in displays for key in ("Topic", "Image Topic") if key in one}
     topics = VehicleTopics(Config(), is_direct=True)
     published = {topic.name.removeprefix(f"{topics.root}/") for topic in topics.all}
-    assert shown - published == {"route"}  # of the example
+    assert shown - published == {"route"}  # published by the example
     assert {"lidar", "odom", "front_camera", "rear_camera"} <= shown
 
 

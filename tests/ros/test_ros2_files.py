@@ -1,7 +1,7 @@
-"""Launch files and the RViz file of ROS 2, as far as they can be tried where neither launch nor RViz 2 is installed.
+"""Launch files and RViz file of ROS 2, tested without `launch` and RViz 2, which are not on PyPI.
 
-The launch files run with stand-ins of `launch` and `launch_ros` that keep what they are given: arguments, nodes, and
-what those are started with. That `ros2 launch` starts them is not tried here, nor is what RViz 2 draws.
+The launch files run with stubs of `launch` and `launch_ros` that record their arguments. Not tested: `ros2 launch`
+itself, and the display of RViz 2.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from autodrive.ros import Bridge, Config
-from tests.ros.recorder import Recorder
+from tests.support.ros.recorder import Recorder
 
 PACKAGE = Path(__file__).parents[2] / "ros" / "ros2" / "autodrive_ros2"
 RVIZ = PACKAGE / "rviz" / "autodrive.rviz"
@@ -27,31 +27,33 @@ TYPES = {
     "rviz_default_plugins/Odometry": "nav_msgs/Odometry",
     "rviz_default_plugins/Image": "sensor_msgs/Image",
 }
-"""What a display reads."""
+"""Display -> type of its topic."""
 
 
-class Kept(SimpleNamespace):
-    """What something was made of: by name, or all others as `args`."""
+class Recorded(SimpleNamespace):
+    """Records constructor arguments: named ones as attributes, the others as `args`."""
 
     def __init__(self, *args: Any, **named: Any) -> None:
         super().__init__(args=args, **named)
 
 
-class LaunchConfiguration(Kept):
+class LaunchConfiguration(Recorded):
     def perform(self, context: dict[str, str]) -> str:
         return context[self.args[0]]
 
 
 @pytest.fixture
 def launch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """The packages that a launch file imports."""
+    """Stubs of the packages that a launch file imports."""
     made: dict[str, dict[str, Any]] = {
-        "launch": {"LaunchDescription": Kept},
-        "launch.actions": dict.fromkeys(("DeclareLaunchArgument", "OpaqueFunction", "IncludeLaunchDescription"), Kept),
+        "launch": {"LaunchDescription": Recorded},
+        "launch.actions": dict.fromkeys(
+            ("DeclareLaunchArgument", "OpaqueFunction", "IncludeLaunchDescription"), Recorded
+        ),
         "launch.substitutions": {"LaunchConfiguration": LaunchConfiguration},
-        "launch.launch_description_sources": {"PythonLaunchDescriptionSource": Kept},
+        "launch.launch_description_sources": {"PythonLaunchDescriptionSource": Recorded},
         "launch_ros": {},
-        "launch_ros.actions": {"Node": Kept},
+        "launch_ros.actions": {"Node": Recorded},
         "ament_index_python": {},
         "ament_index_python.packages": {"get_package_share_directory": lambda _: str(PACKAGE)},
     }
@@ -62,25 +64,25 @@ def launch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
 
-def described(file: str) -> list[Kept]:
+def described(file: str) -> list[Recorded]:
     return runpy.run_path(str(PACKAGE / "launch" / file))["generate_launch_description"]().args[0]
 
 
-def started(**chosen: str) -> list[Kept]:
-    """The nodes of bringup_headless with these arguments."""
+def started(**chosen: str) -> list[Recorded]:
+    """Nodes of bringup_headless with these arguments."""
     *arguments, nodes = described("bringup_headless.launch.py")
     context = {one.args[0]: one.default_value for one in arguments}
     assert set(chosen) <= set(context)
     return nodes.function(context | chosen)
 
 
-def test_headless_starts_the_bridge_as_it_is_told(launch: None) -> None:
+def test_headless_starts_the_bridge_with_its_arguments(launch: None) -> None:
     (bridge,) = started(namespace="lab", host="10.0.0.7", port="9000", mode="devkit")
     assert (bridge.package, bridge.executable, bridge.namespace) == ("autodrive_ros2", "autodrive_bridge", "lab")
     file, chosen = bridge.parameters
     assert chosen == {"mode": "devkit", "host": "10.0.0.7", "port": 9000}
     given = yaml.safe_load(Path(file).read_text())["/**"]["ros__parameters"]
-    Config(**(given | chosen))  # they are its names, and fit
+    Config(**(given | chosen))  # names and values are valid
 
 
 def test_its_program_is_installed(launch: None) -> None:
@@ -97,18 +99,18 @@ def test_graphics_is_headless_with_rviz(launch: None) -> None:
     assert rviz.parameters == [{"use_sim_time": True}]
 
 
-def test_in_a_namespace_rviz_reads_the_topics_there(launch: None) -> None:
+def test_in_a_namespace_rviz_subscribes_there(launch: None) -> None:
     _, rviz = started(rviz="true", namespace="/lab")
-    told = Path(rviz.arguments[1]).read_text()
-    assert "/lab/autodrive/nigel_1/scan" in told
-    assert told.count("/autodrive/") == told.count("/lab/autodrive/") == RVIZ.read_text().count("/autodrive/")
+    text = Path(rviz.arguments[1]).read_text()
+    assert "/lab/autodrive/nigel_1/scan" in text
+    assert text.count("/autodrive/") == text.count("/lab/autodrive/") == RVIZ.read_text().count("/autodrive/")
 
 
 def topics(display: dict[str, Any]) -> list[str]:
     return [display[name]["Value"] for name in ("Topic", "Description Topic") if name in display]
 
 
-def test_rviz_shows_what_the_bridge_publishes() -> None:
+def test_rviz_shows_published_topics() -> None:
     node = Recorder()
     Bridge(Config(), node)
     known = {f"/{name}": topic for name, topic in node.topics.items()}
@@ -118,13 +120,13 @@ def test_rviz_shows_what_the_bridge_publishes() -> None:
     for display, topic in shown:
         assert known[topic].type == TYPES[display["Class"]], topic
         qos = display.get("Topic") or display["Description Topic"]
-        if known[topic].quality == "latched":
+        if known[topic].qos == "latched":
             assert qos["Durability Policy"] == "Transient Local"
         else:
-            assert qos["Reliability Policy"] == "Best Effort", "which reads reliable topics too"
+            assert qos["Reliability Policy"] == "Best Effort", "compatible with reliable topics too"
 
 
-def test_rviz_has_a_dock_for_each_picture_and_a_known_plugin_for_each_thing() -> None:
+def test_rviz_has_a_dock_for_each_image_and_only_known_plugins() -> None:
     tree = yaml.safe_load(RVIZ.read_text())
     manager = tree["Visualization Manager"]
     plain = bytes.fromhex(tree["Window Geometry"]["QMainWindow State"]).replace(b"\0", b"").decode("latin-1")

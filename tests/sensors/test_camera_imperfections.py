@@ -1,4 +1,4 @@
-"""What lens, shutter and sensor do to pictures, against closed forms and statistics of the model."""
+"""Imperfections of lens, shutter and sensor, compared with closed forms and statistics of the model."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
+from autodrive.errors import SpecError
 from autodrive.protocol.messages import CameraImage
-from autodrive.render.moment import VEHICLE
-from autodrive.render.view import Picture, View
+from autodrive.render.render_state import VEHICLE
 from autodrive.sensors.camera import Camera, CameraSpec, project, rays
 from autodrive.sensors.camera_imperfections import PRESETS
+from autodrive.sensors.camera_view import RenderedImage, View
 from autodrive.sensors.sensor import Mount
 from autodrive.transforms import inverse, rotate
 
@@ -42,40 +42,40 @@ def row(**fields: Any) -> np.void:
     return vehicle
 
 
-def flat(value: int, view: View | None = None) -> Picture:
-    """One grey everywhere."""
+def flat(value: int, view: View | None = None) -> RenderedImage:
+    """A rendered image with one grey value."""
     k = view.intrinsics if view else None
     rgba = np.full((k.height if k else HEIGHT, k.width if k else WIDTH, 4), value, np.uint8)
     rgba[..., 3] = 255
-    return Picture(rgba)
+    return RenderedImage(rgba)
 
 
 def light(values: Any) -> Any:
-    """IEC 61966-2-1, undone."""
+    """Linear light of sRGB values (IEC 61966-2-1)."""
     v = np.asarray(values) / 255.0
     return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
 
 
-def take(one: Camera, pictures: list[Picture], vehicle: np.void | None = None) -> CameraImage:
-    return one.develop(pictures, row() if vehicle is None else vehicle, 0)
+def take(one: Camera, pictures: list[RenderedImage], vehicle: np.void | None = None) -> CameraImage:
+    return one.image_from(pictures, row() if vehicle is None else vehicle, 0)
 
 
 # -- sensor -----------------------------------------------------------------------------------------------------
 
 
-def test_every_grey_comes_through_a_sensor_that_adds_nothing():
-    one = camera(vignetting=1e-12)  # so that the way through light is taken
+def test_conversion_to_light_and_back_keeps_every_grey_value() -> None:
+    one = camera(vignetting=1e-12)  # not ideal, so that values are converted to light and back
     for value in range(256):
         assert (take(one, [flat(value)]).rgb == value).all()
 
 
-def test_exposure_is_in_stops():
+def test_exposure_is_in_stops_and_saturates() -> None:
     brighter = take(camera(exposure=1.0), [flat(100)]).rgb[0, 0, 0]
     assert light(brighter) == pytest.approx(2.0 * light(100), rel=0.01)
-    assert (take(camera(exposure=3.0), [flat(200)]).rgb == 255).all()  # burnt out
+    assert (take(camera(exposure=3.0), [flat(200)]).rgb == 255).all()  # saturated
 
 
-def test_corners_darken_by_the_natural_law():
+def test_vignetting_follows_the_cos4_law() -> None:
     one = camera(vignetting=1.0)
     seen = light(take(one, [flat(230)]).rgb[..., 0])
     axis = rays(one.intrinsics)[..., 2]  # cosine of the angle
@@ -85,7 +85,7 @@ def test_corners_darken_by_the_natural_law():
 
 
 @pytest.mark.parametrize("value", [60, 120, 200])
-def test_noise_follows_the_photon_transfer_curve(value: int):
+def test_noise_follows_the_photon_transfer_curve(value: int) -> None:
     """Variance in electrons = electrons + read noise^2."""
     white, read = 2000.0, 12.0
     one = camera(white_electrons=white, read_noise=read)
@@ -93,15 +93,15 @@ def test_noise_follows_the_photon_transfer_curve(value: int):
     electrons = white * light(np.stack(frames))
     expected = white * light(value)
     assert electrons.mean() == pytest.approx(expected, rel=0.01)
-    step = white * float(light(value + 1) - light(value))  # an sRGB value is so many electrons; rounding adds step^2/12
+    step = white * float(light(value + 1) - light(value))  # electrons per sRGB value; rounding adds step^2/12
     assert electrons.var() == pytest.approx(expected + read**2 + step**2 / 12.0, rel=0.04)
-    # pixels, colours and pictures are independent
+    # the noise of pixels, colours and images is independent
     deviations = electrons - electrons.mean()
     for shifted in (deviations[:, :, 1:] * deviations[:, :, :-1], deviations[1:] * deviations[:-1]):
         assert abs(shifted.mean()) < 0.03 * electrons.var()
 
 
-def test_noise_depends_on_seed_vehicle_and_camera_and_goes_on_where_it_was_saved():
+def test_noise_depends_on_seed_and_camera_and_can_be_restored() -> None:
     def picture(one: Camera) -> bytes:
         return take(one, [flat(128)]).rgba.tobytes()
 
@@ -123,7 +123,7 @@ def test_noise_depends_on_seed_vehicle_and_camera_and_goes_on_where_it_was_saved
 # -- shutter ----------------------------------------------------------------------------------------------------
 
 
-def test_a_shutter_that_takes_its_time_sees_the_camera_along_its_way():
+def test_views_of_a_slow_shutter_follow_the_motion_of_the_camera() -> None:
     one = camera(mount=Mount(position=(0.2, 0.0, 0.1)), exposure_time=0.02, exposures=5)
     vehicle = row(position=(1.0, 2.0, 0.0), velocity=(3.0, 0.0, 0.0))
     places = [view.position for view in one.views(vehicle, 0.0)]
@@ -135,16 +135,16 @@ def test_a_shutter_that_takes_its_time_sees_the_camera_along_its_way():
     np.testing.assert_allclose(image.pose.position, (1.2, 2.0, 0.1))
 
 
-def test_blur_is_the_mean_of_light():
+def test_motion_blur_is_the_mean_of_light() -> None:
     one = camera(exposure_time=0.01, exposures=3)
     seen = take(one, [flat(0), flat(255), flat(0)]).rgb
-    # the tent about the middle covers half of the exposure
+    # the hat function of the middle image covers half of the exposure
     assert light(seen).mean() == pytest.approx(0.5, abs=0.005)
 
 
-def test_rows_are_exposed_one_after_the_other():
+def test_rolling_shutter_exposes_rows_in_sequence() -> None:
     one = camera(readout_time=0.02, exposures=5)
-    # brightness grows with time: each row shows its own time
+    # brightness increases with time, so that each row shows its time
     times = np.linspace(-0.01, 0.01, 5)
     values = [1.0 + 60.0 * (t + 0.01) for t in times]  # linear light in units of 0.3
     pictures = [flat(int(np.argmin(abs(light(np.arange(256)) - 0.3 * v)))) for v in values]
@@ -155,7 +155,7 @@ def test_rows_are_exposed_one_after_the_other():
     assert seen[0] < seen[-1]
 
 
-def test_each_row_gathers_all_its_light_whatever_the_times():
+def test_weights_of_each_row_add_up_to_one() -> None:
     for exposure, readout in [(0.005, 0.0152), (0.0, 0.01), (0.01, 0.0), (1e-6, 0.02), (0.02, 1e-6)]:
         one = camera(exposure_time=exposure, readout_time=readout, exposures=7)
         assert (take(one, [flat(150)] * 7).rgb == 150).all()
@@ -164,20 +164,20 @@ def test_each_row_gathers_all_its_light_whatever_the_times():
 # -- lens -------------------------------------------------------------------------------------------------------
 
 
-def test_distorted_pictures_show_each_point_where_project_says():
+def test_distorted_images_agree_with_project() -> None:
     one = camera(distortion=(-0.3, 0.1, 0.004, -0.003, 0.0), depth=True)
     (view,) = one.views(row(), 0.0)
     ideal = view.intrinsics
     assert ideal.width > WIDTH
     for point in ([0.3, 0.2, 1.0], [-0.4, 0.05, 1.0], [0.0, -0.3, 1.0], [0.45, 0.33, 1.0]):
         u, v = project(ideal, np.array([point]))[0]
-        # a soft spot there in the ideal picture
+        # a Gaussian spot at that pixel of the ideal image
         x, y = np.meshgrid(np.arange(ideal.width) + 0.5, np.arange(ideal.height) + 0.5)
         spot = np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * 2.0**2))
         rgba = np.zeros((ideal.height, ideal.width, 4), np.uint8)
         rgba[..., :3] = np.round(255 * spot)[..., None]
         labels = (spot > 0.5).astype(np.uint8)
-        image = take(one, [Picture(rgba, np.where(labels, 1.0, np.inf).astype(np.float32), labels)])
+        image = take(one, [RenderedImage(rgba, np.where(labels, 1.0, np.inf).astype(np.float32), labels)])
         expected = project(one.intrinsics, np.array([point]))[0]
         for weight in (light(image.rgb[..., 0]), image.labels):
             assert weight is not None
@@ -189,7 +189,7 @@ def test_distorted_pictures_show_each_point_where_project_says():
         np.testing.assert_array_equal(np.isfinite(image.depth), image.labels == 1)
 
 
-def test_no_corner_is_dark():
+def test_distortion_leaves_no_dark_corner() -> None:
     for preset in PRESETS.values():
         for k1 in (preset.distortion, (-0.35, 0.1, 0.0, 0.0, 0.0)):
             one = camera(distortion=k1)
@@ -197,18 +197,18 @@ def test_no_corner_is_dark():
             assert (take(one, [flat(77, view)]).rgb == 77).all()
 
 
-# -- figures of real ones ---------------------------------------------------------------------------------------
+# -- presets ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", list(PRESETS))
-def test_a_realistic_camera_is_that_of_its_hardware(name: Any):
+def test_a_realistic_camera_has_the_imperfections_of_its_hardware(name: Any) -> None:
     spec = camera().spec.model_copy(update={"hardware": name})
     assert spec.realistic().imperfections == PRESETS[name]
     written = CameraSpec.model_validate({**spec.model_dump(), "imperfections": name})
     assert written.imperfections == PRESETS[name]
 
 
-def test_a_realistic_picture_is_still_one():
+def test_an_image_of_a_realistic_camera_has_the_size_and_brightness_of_the_ideal_one() -> None:
     one = Camera(camera().spec.realistic(), vehicle="V1", name="front", substep=Fraction(1, 1000))
     vehicle = row(velocity=(0.26, 0.0, 0.0), angular_velocity=(0.0, 0.0, 1.0))
     views = one.views(vehicle, 0.0)
@@ -227,9 +227,9 @@ def test_a_realistic_picture_is_still_one():
         ("raspberry_pi_v3", "Did you mean 'raspberry_pi_v"),
         ({"exposures": 4}, "must be odd"),
         ({"distortion": (-0.9, 0.0, 0.0, 0.0, 0.0)}, "nothing in the corners"),
-        ({"read_noise": -1.0}, "greater than or equal to 0"),
+        ({"read_noise": -1.0}, "must be at least 0"),
     ],
 )
-def test_what_no_camera_has_is_refused(imperfections: Any, text: str):
-    with pytest.raises(ValidationError, match=text):
+def test_invalid_imperfections_are_an_error(imperfections: Any, text: str) -> None:
+    with pytest.raises(SpecError, match=text):
         CameraSpec(mount=Mount(), width=96, height=72, field_of_view_deg=60.0, imperfections=imperfections)

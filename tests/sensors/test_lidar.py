@@ -1,70 +1,95 @@
-"""The LIDAR against closed forms, against MuJoCo's rays, and against itself turned round."""
+"""LIDAR compared with closed forms, with MuJoCo's rays, and with rotated and moved copies of a scene."""
+
+# mujoco has no type information
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
+from numpy.typing import NDArray
 
-from autodrive.descriptions import parse
+from autodrive.arrays import Floats
+from autodrive.errors import SpecError
+from autodrive.protocol.messages import LidarScan
 from autodrive.sensors.lidar import Lidar, LidarSpec, RollingLidar
 from autodrive.sensors.outline import approximate_bearing
 from autodrive.sensors.sensor import Mount
-from autodrive.transforms import compose, quaternion_from_euler, quaternion_from_yaw, rotate, rotation_from_quaternion
+from autodrive.specs import parse
+from autodrive.transforms import (
+    Quaternion,
+    Vector,
+    compose,
+    quaternion_from_euler,
+    quaternion_from_yaw,
+    rotate,
+    rotation_from_quaternion,
+)
+from tests.support.sensor_scenes import BOX, CYLINDER, SPHERE, Solid, scene
 
-from .world import BOX, CYLINDER, SPHERE, Thing, scene
-
-# What is asked of the LIDAR [m]; double precision over 12 m leaves three digits to spare.
+# tolerance of ranges [m]; double precision at 12 m is three digits better
 EXACT = 1e-9
 HEIGHT = 0.2
 
 
-def turned(roll=0.0, pitch=0.0, yaw=0.0):
-    return rotation_from_quaternion(quaternion_from_euler(roll, pitch, yaw))
+def turned(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> tuple[float, ...]:
+    return tuple(rotation_from_quaternion(quaternion_from_euler(roll, pitch, yaw)))
 
 
-def scan(things, spec=None, position=(0.0, 0.0, HEIGHT), orientation=(1.0, 0.0, 0.0, 0.0), vehicle=0):
-    shapes, state = scene(things, vehicle_position=[position] * 2, vehicle_orientation=[orientation] * 2)
-    return Lidar(spec or LidarSpec()).sample(shapes, state, vehicle, 1.0)
+def scan(
+    solids: list[Solid],
+    spec: LidarSpec | None = None,
+    position: Vector = (0.0, 0.0, HEIGHT),
+    orientation: Quaternion = (1.0, 0.0, 0.0, 0.0),
+    vehicle: int = 0,
+) -> LidarScan:
+    shapes, state = scene(solids, vehicle_position=[position] * 2, vehicle_orientation=[orientation] * 2)
+    result = Lidar(spec or LidarSpec()).sample(shapes, state, vehicle, 1.0)
+    assert result is not None
+    return result
 
 
-def ray_angles(result):
+def ray_angles(result: LidarScan) -> NDArray[np.floating[Any]]:
     return result.angle_min + result.angle_increment * np.arange(len(result.ranges))
 
 
 # -- closed forms -----------------------------------------------------------------------------------------------
 
 
-def test_wall_ahead_is_its_distance_over_the_cosine():
-    result = scan([Thing(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))])
+def test_range_to_a_wall_is_its_distance_over_the_cosine() -> None:
+    result = scan([Solid(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))])
     angles = ray_angles(result)
     with np.errstate(divide="ignore"):
         expected = np.where(np.cos(angles) > 3.0 / 12.0, 3.0 / np.cos(angles), math.inf)
     np.testing.assert_allclose(result.ranges, expected, atol=EXACT)
 
 
-def test_ray_at_a_corner_of_a_box_is_as_long_as_the_corner_is_far():
+def test_range_to_a_corner_of_a_box_is_its_distance() -> None:
     turned_by = math.radians(45.0)
-    result = scan([Thing(BOX, (0.5, 0.5, 1.0), (3.0, 0.0, 0.0), turned(yaw=turned_by))])
+    result = scan([Solid(BOX, (0.5, 0.5, 1.0), (3.0, 0.0, 0.0), turned(yaw=turned_by))])
     assert result.ranges[0] == pytest.approx(3.0 - math.sqrt(0.5), abs=EXACT)
 
 
-def test_two_edges_of_a_turned_box_meet_at_its_near_corner():
+def test_ranges_to_two_faces_of_a_rotated_box() -> None:
     near = 3.0 - math.sqrt(0.5)  # each edge leans back by 45 degrees: x = near + |y|
-    result = scan([Thing(BOX, (0.5, 0.5, 1.0), (3.0, 0.0, 0.0), turned(yaw=math.radians(45.0)))])
+    result = scan([Solid(BOX, (0.5, 0.5, 1.0), (3.0, 0.0, 0.0), turned(yaw=math.radians(45.0)))])
     for degrees in (-10, -5, 0, 5, 10):
         angle = math.radians(degrees)
         assert result.ranges[degrees] == pytest.approx(near / (math.cos(angle) - abs(math.sin(angle))), abs=EXACT)
 
 
 @pytest.mark.parametrize("kind", [CYLINDER, SPHERE])
-def test_round_things_are_met_where_their_circle_is(kind):
+def test_range_to_a_cylinder_and_a_sphere_is_that_of_their_circle(kind: int) -> None:
     distance, radius = 2.0, 0.5
     size = (radius, 1.0) if kind == CYLINDER else (radius,)
-    result = scan([Thing(kind, size, (0.0, distance, HEIGHT))])
+    result = scan([Solid(kind, size, (0.0, distance, HEIGHT))])
     angles = ray_angles(result) - math.pi / 2.0
     chord = radius**2 - (distance * np.sin(angles)) ** 2
     hit = (chord >= 0.0) & (np.cos(angles) > 0.0)
@@ -74,7 +99,7 @@ def test_round_things_are_met_where_their_circle_is(kind):
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.1), (0.05, 0.0), (0.1, -0.2)])
-def test_tilted_sensor_sees_the_floor(roll, pitch):
+def test_tilted_sensor_detects_the_floor(roll: float, pitch: float) -> None:
     q = quaternion_from_euler(roll, pitch, 0.7)
     result = scan([], LidarSpec(rays=720), orientation=q)
     fall = np.array([-rotate(q, (math.cos(a), math.sin(a), 0.0))[2] for a in ray_angles(result)])
@@ -83,47 +108,47 @@ def test_tilted_sensor_sees_the_floor(roll, pitch):
     np.testing.assert_allclose(result.ranges, expected, atol=EXACT)
 
 
-def test_tilted_sensor_looks_over_a_low_box_that_a_level_one_sees():
-    box = Thing(BOX, (0.1, 0.1, 0.15), (2.0, 0.0, 0.15))
+def test_tilted_sensor_misses_a_low_box() -> None:
+    box = Solid(BOX, (0.1, 0.1, 0.15), (2.0, 0.0, 0.15))
     assert scan([box]).ranges[0] == pytest.approx(1.9, abs=EXACT)
-    looking_up = quaternion_from_euler(0.0, -0.1, 0.0)
-    assert scan([box], orientation=looking_up).ranges[0] == math.inf
+    upward = quaternion_from_euler(0.0, -0.1, 0.0)
+    assert scan([box], orientation=upward).ranges[0] == math.inf
 
 
-def test_leaning_box_is_met_on_its_sloping_face():
-    lean = 0.3  # about y: the face turned to the sensor leans away, its distance along a level ray is d / cos(lean)
-    result = scan([Thing(BOX, (0.5, 2.0, 2.0), (3.0, 0.0, HEIGHT), turned(pitch=lean))])
+def test_range_to_the_face_of_a_tilted_box() -> None:
+    lean = 0.3  # about y: the distance to the near face along a level ray is d / cos(lean)
+    result = scan([Solid(BOX, (0.5, 2.0, 2.0), (3.0, 0.0, HEIGHT), turned(pitch=lean))])
     for degrees in (-20, 0, 15):
         expected = (3.0 - 0.5 / math.cos(lean)) / math.cos(math.radians(degrees))
         assert result.ranges[degrees] == pytest.approx(expected, abs=EXACT)
 
 
-def test_lying_cylinder_shows_its_side_and_its_caps():
-    lying = Thing(CYLINDER, (0.2, 1.0), (3.0, 0.0, HEIGHT), turned(roll=math.pi / 2.0))  # its axis along y
+def test_ranges_to_the_side_and_the_caps_of_a_horizontal_cylinder() -> None:
+    lying = Solid(CYLINDER, (0.2, 1.0), (3.0, 0.0, HEIGHT), turned(roll=math.pi / 2.0))  # its axis along y
     result = scan([lying])
     assert result.ranges[0] == pytest.approx(2.8, abs=EXACT)
-    pointing = Thing(CYLINDER, (0.2, 1.0), (3.0, 0.0, HEIGHT), turned(pitch=math.pi / 2.0))  # its cap ahead
+    pointing = Solid(CYLINDER, (0.2, 1.0), (3.0, 0.0, HEIGHT), turned(pitch=math.pi / 2.0))  # its cap ahead
     assert scan([pointing]).ranges[2] == pytest.approx(2.0 / math.cos(math.radians(2.0)), abs=EXACT)
 
 
-def test_nearest_of_many_wins_in_any_order():
-    things = [Thing(SPHERE, (0.3,), (x, 0.0, HEIGHT)) for x in (4.0, 2.0, 6.0)]
+def test_the_nearest_solid_counts_in_any_order() -> None:
+    solids = [Solid(SPHERE, (0.3,), (x, 0.0, HEIGHT)) for x in (4.0, 2.0, 6.0)]
     for order in ((0, 1, 2), (2, 1, 0), (1, 0, 2)):
-        assert scan([things[i] for i in order]).ranges[0] == pytest.approx(1.7, abs=EXACT)
+        assert scan([solids[i] for i in order]).ranges[0] == pytest.approx(1.7, abs=EXACT)
 
 
-def test_lidar_sees_other_vehicles_but_not_its_own():
+def test_lidar_detects_other_vehicles_but_not_its_own() -> None:
     own, other = (
-        Thing(BOX, (0.1,) * 3, (0.0, 0.0, HEIGHT), vehicle=0),
-        Thing(BOX, (0.1,) * 3, (0, 1, HEIGHT), vehicle=1),
+        Solid(BOX, (0.1,) * 3, (0.0, 0.0, HEIGHT), vehicle=0),
+        Solid(BOX, (0.1,) * 3, (0, 1, HEIGHT), vehicle=1),
     )
     assert scan([own, other]).ranges[90] == pytest.approx(0.9, abs=EXACT)
-    assert np.isneginf(scan([own, other], vehicle=1).ranges).all()  # inside the other's box
+    assert np.isneginf(scan([own, other], vehicle=1).ranges).all()  # inside the box of the other
 
 
-def test_scan_is_from_the_mount_in_its_axes():
+def test_scan_has_the_origin_and_axes_of_the_mount() -> None:
     spec = LidarSpec(mount=Mount(position=(0.5, 0.0, 0.1), rotation_deg=(0.0, 0.0, 90.0)))
-    wall = Thing(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))
+    wall = Solid(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))
     assert scan([wall], spec).ranges[270] == pytest.approx(
         2.5, abs=EXACT
     )  # ahead of the vehicle is right of the sensor
@@ -132,23 +157,23 @@ def test_scan_is_from_the_mount_in_its_axes():
 # -- limits -----------------------------------------------------------------------------------------------------
 
 
-def test_too_near_is_minus_infinity_and_too_far_plus_infinity():
-    things = [
-        Thing(BOX, (1.0, 0.1, 1.0), (1.149, 0.0, 0.0)),  # ahead, 1 mm too near
-        Thing(BOX, (0.1, 1.0, 1.0), (0.0, 1.151, 0.0)),  # left, 1 mm beyond the minimum
-        Thing(BOX, (1.0, 0.1, 1.0), (-12.999, 0.0, 0.0)),  # behind, 1 mm within the maximum
-        Thing(BOX, (0.1, 1.0, 1.0), (0.0, -13.001, 0.0)),  # right, 1 mm too far
+def test_ranges_out_of_limits_are_infinite() -> None:
+    solids = [
+        Solid(BOX, (1.0, 0.1, 1.0), (1.149, 0.0, 0.0)),  # front: 1 mm below the minimum
+        Solid(BOX, (0.1, 1.0, 1.0), (0.0, 1.151, 0.0)),  # left: 1 mm above the minimum
+        Solid(BOX, (1.0, 0.1, 1.0), (-12.999, 0.0, 0.0)),  # rear: 1 mm below the maximum
+        Solid(BOX, (0.1, 1.0, 1.0), (0.0, -13.001, 0.0)),  # right: 1 mm above the maximum
     ]
-    ranges = scan(things).ranges[[0, 90, 180, 270]]
+    ranges = scan(solids).ranges[[0, 90, 180, 270]]
     np.testing.assert_allclose(ranges, (-math.inf, 0.151, 11.999, math.inf), atol=EXACT)
 
 
 @pytest.mark.parametrize("kind", [BOX, CYLINDER, SPHERE])
-def test_inside_a_solid_everything_is_too_near(kind):
-    assert np.isneginf(scan([Thing(kind, (1.0, 1.0, 1.0), (0.2, 0.1, HEIGHT), turned(0.1, 0.2, 0.3))]).ranges).all()
+def test_ranges_inside_a_solid_are_minus_infinity(kind: int) -> None:
+    assert np.isneginf(scan([Solid(kind, (1.0, 1.0, 1.0), (0.2, 0.1, HEIGHT), turned(0.1, 0.2, 0.3))]).ranges).all()
 
 
-def test_in_the_open_nothing_is_seen():
+def test_ranges_in_an_empty_scene_are_infinite() -> None:
     result = scan([])
     assert np.isposinf(result.ranges).all()
     assert (result.intensities == 47.0).all()
@@ -157,15 +182,15 @@ def test_in_the_open_nothing_is_seen():
 # -- configuration ----------------------------------------------------------------------------------------------
 
 
-def test_default_is_that_of_the_report():
+def test_default_is_the_lidar_of_the_report() -> None:
     result = scan([])
     assert (len(result.ranges), result.angle_min, math.degrees(result.angle_increment)) == (360, 0.0, 1.0)
     assert (result.range_min, result.range_max, result.scan_rate, result.time_increment) == (0.15, 12.0, 7.0, 0.0)
 
 
-def test_1080_rays_at_40_hz_are_one_line():
+def test_1080_rays_at_40_hz_are_configured_in_one_line() -> None:
     line = "{rays: 1080, rate: 40, angle_min_deg: -135, angle_increment_deg: 0.25, range_min: 0.06, range_max: 10}"
-    result = scan([Thing(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))], parse(line, LidarSpec))
+    result = scan([Solid(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))], parse(line, LidarSpec))
     assert result.scan_rate == 40.0
     assert result.ranges[540] == pytest.approx(3.0, abs=EXACT)
     assert math.degrees(result.angle_min + 1079 * result.angle_increment) == pytest.approx(134.75)
@@ -182,42 +207,42 @@ def test_1080_rays_at_40_hz_are_one_line():
         LidarSpec(rays=7, angle_min_deg=350, angle_increment_deg=3.3),
     ],
 )
-def test_any_field_of_view_is_a_choice_of_the_same_rays(spec):
+def test_scans_of_any_field_of_view_agree_with_single_rays(spec: LidarSpec) -> None:
     rng = np.random.default_rng(5)
-    things = [random_thing(rng) for _ in range(20)]
-    result = scan(things, spec)
+    solids = [random_solid(rng) for _ in range(20)]
+    result = scan(solids, spec)
     single = [
-        scan(things, LidarSpec(rays=1, angle_min_deg=math.degrees(a) % 360)).ranges[0] for a in ray_angles(result)
+        scan(solids, LidarSpec(rays=1, angle_min_deg=math.degrees(a) % 360)).ranges[0] for a in ray_angles(result)
     ]
-    # an angle that goes through degrees and back errs by 1e-15 rad, which a grazing ray shows a hundredfold
+    # conversion to degrees and back has an error of 1e-15 rad; a grazing ray amplifies it by 100
     np.testing.assert_allclose(result.ranges, single, atol=EXACT)
 
 
 @pytest.mark.parametrize(
     ("fields", "text"),
     [
-        ({"rays": 362, "angle_increment_deg": 1}, "spread over 361 deg; a scan spans 360 at most"),
+        ({"rays": 362, "angle_increment_deg": 1}, "at most 360 deg, not 361 deg"),
         ({"range_min": 5, "range_max": 4}, "range_max 4 m must be above range_min 5 m"),
-        ({"angle_max_deg": 90, "angle_increment_deg": 1}, "not by both"),
-        ({"rays": 1, "angle_max_deg": 90}, "needs no angle_max_deg"),
-        ({"angle_increment_deg": 0}, "increment is 0"),
+        ({"angle_max_deg": 90, "angle_increment_deg": 1}, "not both"),
+        ({"rays": 1, "angle_max_deg": 90}, "angle_min_deg only, not angle_max_deg"),
+        ({"angle_increment_deg": 0}, "must not be 0"),
     ],
 )
-def test_faulty_spec_is_refused(fields, text):
-    with pytest.raises(ValidationError, match=text):
+def test_invalid_spec_is_an_error(fields: dict[str, Any], text: str) -> None:
+    with pytest.raises(SpecError, match=text):
         LidarSpec(**fields)
 
 
-# -- those who know better --------------------------------------------------------------------------------------
+# -- independent references -------------------------------------------------------------------------------------
 
 
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
-def test_approximate_bearing_errs_by_what_the_handbook_says(x, y):
+def test_approximate_bearing_has_the_error_bound_of_the_handbook(x: float, y: float) -> None:
     if max(abs(x), abs(y)) > 1e-200:
         assert abs(approximate_bearing(x, y) - math.atan2(y, x)) <= 1.2e-5  # 1e-5, its coefficients have 7 digits
 
 
-def random_thing(rng, is_upright=False):
+def random_solid(rng: np.random.Generator, is_upright: bool = False) -> Solid:
     kind = int(rng.choice([BOX, CYLINDER, SPHERE]))
     size = rng.uniform(0.05, 0.8, {BOX: 3, CYLINDER: 2, SPHERE: 1}[kind])
     if kind == BOX and rng.random() < 0.3:
@@ -226,14 +251,16 @@ def random_thing(rng, is_upright=False):
     position = (distance * math.cos(bearing), distance * math.sin(bearing), rng.uniform(-0.2, 0.6))
     tilt = 0.0 if is_upright else rng.choice([0.02, 3.0])
     roll, pitch, yaw = rng.uniform(-1, 1, 3) * (tilt, tilt, math.pi)
-    return Thing(kind, size, position, turned(roll, pitch, yaw))
+    return Solid(kind, size, position, turned(roll, pitch, yaw))
 
 
-def mujoco_ranges(things, position, orientation, angles):
-    """What mj_ray, an independent implementation, says of each ray; +inf is nothing."""
+def mujoco_ranges(
+    solids: list[Solid], position: Vector, orientation: Quaternion, angles: NDArray[np.floating[Any]]
+) -> Floats:
+    """Ranges by mj_ray, an independent implementation; +inf for no hit."""
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1))
-    for thing in things:
+    for thing in solids:
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, thing.rotation.ravel())
         spec.worldbody.add_geom(type=thing.kind, size=thing.size, pos=thing.position, quat=quaternion)
@@ -249,73 +276,80 @@ def mujoco_ranges(things, position, orientation, angles):
 
 
 @pytest.mark.parametrize("is_upright", [True, False])
-@pytest.mark.parametrize("seed", range(12))
-def test_random_scenes_agree_with_mujoco(seed, is_upright):
+@pytest.mark.parametrize("seed", range(6))
+def test_random_scenes_agree_with_mujoco(seed: int, is_upright: bool) -> None:
     rng = np.random.default_rng(seed)
-    things = [random_thing(rng, is_upright) for _ in range(30)]
-    things = [t for t in things if np.linalg.norm(t.position - (0, 0, HEIGHT)) > t.bounding_radius]  # else inside
+    solids = [random_solid(rng, is_upright) for _ in range(30)]
+    solids = [t for t in solids if np.linalg.norm(t.position - (0, 0, HEIGHT)) > t.bounding_radius]  # not inside
     tilt = float(rng.choice([0.0, 0.003, 0.05, 0.5]))
     q = quaternion_from_euler(*(rng.uniform(-1, 1, 3) * (tilt, tilt, math.pi)))
-    result = scan(things, LidarSpec(rays=540, range_min=0.0), orientation=q)
-    expected = mujoco_ranges(things, (0.0, 0.0, HEIGHT), q, ray_angles(result))
+    result = scan(solids, LidarSpec(rays=540, range_min=0.0), orientation=q)
+    expected = mujoco_ranges(solids, (0.0, 0.0, HEIGHT), q, ray_angles(result))
     np.testing.assert_allclose(result.ranges, expected, rtol=0.0, atol=EXACT)
     assert np.isfinite(result.ranges).mean() > 0.3
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(st.integers(0, 359), st.integers(0, 1000))
-def test_turning_the_car_by_a_degree_moves_the_scan_by_an_index(degrees, seed):
+def test_rotating_the_vehicle_by_one_degree_shifts_the_scan_by_one_ray(degrees: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    things = [random_thing(rng) for _ in range(10)]
-    still = scan(things).ranges
+    solids = [random_solid(rng) for _ in range(10)]
+    still = scan(solids).ranges
     q = quaternion_from_yaw(math.radians(degrees))
-    moved = np.roll(scan(things, orientation=q).ranges, degrees)
-    agree = np.isclose(still, moved, rtol=0.0, atol=1e-7)  # grazing rays show the rounding of the angle ...
-    assert (~agree).sum() <= 1  # ... and one at an outline may go either way
+    moved = np.roll(scan(solids, orientation=q).ranges, degrees)
+    agree = np.isclose(still, moved, rtol=0.0, atol=1e-7)  # grazing rays amplify the rounding error of the angle ...
+    assert (~agree).sum() <= 1  # ... and one ray at an outline may hit or miss
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-3.0, 3.0))
-@settings(max_examples=50)
-def test_moving_the_whole_world_changes_nothing(x, y, yaw):
+@settings(max_examples=25)
+def test_moving_scene_and_vehicle_together_does_not_change_the_scan(x: float, y: float, yaw: float) -> None:
     rng = np.random.default_rng(11)
-    things = [random_thing(rng) for _ in range(10)]
+    solids = [random_solid(rng) for _ in range(10)]
     turn = np.array(turned(yaw=yaw)).reshape(3, 3)
-    others = [Thing(t.kind, t.size, turn @ t.position + (x, y, 0), turn @ t.rotation) for t in things]
+    others = [Solid(t.kind, t.size, turn @ t.position + (x, y, 0), turn @ t.rotation) for t in solids]
     there = scan(others, position=(x, y, HEIGHT), orientation=quaternion_from_yaw(yaw)).ranges
-    agree = np.isclose(scan(things).ranges, there, rtol=0.0, atol=1e-7)
+    agree = np.isclose(scan(solids).ranges, there, rtol=0.0, atol=1e-7)
     assert (~agree).sum() <= 1
 
 
 # -- rolling ----------------------------------------------------------------------------------------------------
 
 
-def drive(spec, things, pose_at, ticks, dt=1.0 / 60.0, move=None):
-    """All complete scans of a rolling LIDAR on a vehicle with that position and orientation over time."""
+def drive(
+    spec: LidarSpec,
+    solids: list[Solid],
+    pose_at: Callable[[float], tuple[Vector, Quaternion]],
+    ticks: int,
+    dt: float = 1.0 / 60.0,
+    move: Callable[[float], Vector] | None = None,
+) -> list[LidarScan]:
+    """All scans after that of the start of a rolling LIDAR on a vehicle with the pose `pose_at(time)`."""
     lidar = RollingLidar(spec)
     lidar.reset(np.random.default_rng(0))
-    scans = []
+    scans: list[LidarScan] = []
     for k in range(ticks + 1):
         time = k * dt
         position, orientation = pose_at(time)
-        for thing in things:
+        for thing in solids:
             if move is not None:
                 thing.position = np.array(move(time))
-        shapes, state = scene(things, vehicle_position=[position], vehicle_orientation=[orientation])
+        shapes, state = scene(solids, vehicle_position=[position], vehicle_orientation=[orientation])
         newest = lidar.sample(shapes, state, 0, time)
-        if newest is not lidar.latest:
+        if lidar.latest is not None and newest is not lidar.latest:
             scans.append(newest)
         lidar.latest = newest
     return scans
 
 
-def ray_times(result):
+def ray_times(result: LidarScan) -> NDArray[np.floating[Any]]:
     return result.time - result.time_increment * np.arange(len(result.ranges) - 1, -1, -1)
 
 
-def test_rolling_scan_of_a_moving_car_measures_each_ray_from_where_it_was():
+def test_each_ray_of_a_rolling_scan_has_the_position_of_the_moving_vehicle_at_its_time() -> None:
     speed = 0.5
-    wall = Thing(BOX, (0.5, 50.0, 1.0), (6.5, 0.0, 0.0))
-    still = (1.0, 0.0, 0.0, 0.0)
+    wall = Solid(BOX, (0.5, 50.0, 1.0), (6.5, 0.0, 0.0))
+    still: Quaternion = (1.0, 0.0, 0.0, 0.0)
     scans = drive(LidarSpec(is_rolling=True), [wall], lambda t: ((speed * t, 0.0, HEIGHT), still), 60)
     assert [s.time for s in scans] == pytest.approx([n / 7.0 for n in range(1, 8)])
     for result in scans:
@@ -327,21 +361,21 @@ def test_rolling_scan_of_a_moving_car_measures_each_ray_from_where_it_was():
         )
 
 
-def test_rolling_scan_of_a_turning_car_is_skewed_by_its_turn():
+def test_rolling_scan_of_a_turning_vehicle_is_skewed() -> None:
     rate = 0.8
-    wall = Thing(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))
+    wall = Solid(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))
     spec = LidarSpec(is_rolling=True, rays=271, angle_min_deg=-135, angle_max_deg=135)
     scans = drive(spec, [wall], lambda t: ((0.0, 0.0, HEIGHT), quaternion_from_yaw(rate * t)), 60)
     for result in scans:
         cos = np.cos(ray_angles(result) + rate * ray_times(result))
         np.testing.assert_allclose(result.ranges, np.where(cos > 0.25, 3.0 / cos, math.inf), atol=EXACT)
-    assert scans[0].time_increment == pytest.approx(1.0 / (7.0 * 360.0))  # the head turns once a period
+    assert scans[0].time_increment == pytest.approx(1.0 / (7.0 * 360.0))  # one revolution per period
 
 
-def test_rolling_scan_sees_a_moving_box_where_it_was_at_each_ray():
+def test_each_ray_of_a_rolling_scan_has_the_position_of_a_moving_box_at_its_time() -> None:
     speed = 0.6
-    box = Thing(BOX, (0.5, 50.0, 1.0), (0.0, 0.0, 0.0))
-    still = ((0.0, 0.0, HEIGHT), (1.0, 0.0, 0.0, 0.0))
+    box = Solid(BOX, (0.5, 50.0, 1.0), (0.0, 0.0, 0.0))
+    still: tuple[Vector, Quaternion] = ((0.0, 0.0, HEIGHT), (1.0, 0.0, 0.0, 0.0))
     scans = drive(LidarSpec(is_rolling=True), [box], lambda t: still, 40, move=lambda t: (3.5 + speed * t, 0.0, 0.0))
     for result in scans:
         cos = np.cos(ray_angles(result))
@@ -352,18 +386,34 @@ def test_rolling_scan_sees_a_moving_box_where_it_was_at_each_ray():
         )
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_rolling_scan_at_rest_is_the_instantaneous_one(seed):
-    # two implementations of the same thing: outlines drawn into a fan, and rays cast one by one
+@pytest.mark.parametrize("seed", range(3))
+def test_rolling_scan_at_rest_equals_the_instantaneous_scan(seed: int) -> None:
+    # two implementations: outlines in a fan, and rays cast one by one
     rng = np.random.default_rng(seed)
-    things = [t for t in (random_thing(rng) for _ in range(30)) if np.linalg.norm(t.position) > t.bounding_radius + 0.3]
-    q = compose(quaternion_from_yaw(rng.uniform(-3, 3)), quaternion_from_euler(*rng.uniform(-0.05, 0.05, 2), 0.0))
-    rolling = drive(LidarSpec(is_rolling=True, rays=720), things, lambda t: ((0.0, 0.0, HEIGHT), q), 10)[0]
-    instant = scan(things, LidarSpec(rays=720), orientation=q)
+    solids = [t for t in (random_solid(rng) for _ in range(30)) if np.linalg.norm(t.position) > t.bounding_radius + 0.3]
+    q = compose(
+        quaternion_from_yaw(rng.uniform(-3, 3)),
+        quaternion_from_euler(rng.uniform(-0.05, 0.05), rng.uniform(-0.05, 0.05), 0.0),
+    )
+    rolling = drive(LidarSpec(is_rolling=True, rays=720), solids, lambda t: ((0.0, 0.0, HEIGHT), q), 10)[0]
+    instant = scan(solids, LidarSpec(rays=720), orientation=q)
     np.testing.assert_allclose(rolling.ranges, instant.ranges, rtol=0.0, atol=EXACT)
 
 
-def test_rolling_lidar_faster_than_the_ticks_reports_the_newest_scan():
-    still = ((0.0, 0.0, HEIGHT), (1.0, 0.0, 0.0, 0.0))
+def test_rolling_lidar_has_a_scan_at_the_start_and_after_a_reset() -> None:
+    solids = [Solid(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))]
+    shapes, state = scene(solids, vehicle_position=[(0.0, 0.0, HEIGHT)], vehicle_orientation=[(1.0, 0.0, 0.0, 0.0)])
+    lidar = RollingLidar(LidarSpec(is_rolling=True))
+    for _ in range(2):
+        lidar.reset(np.random.default_rng(0))
+        lidar.latest = lidar.sample(shapes, state, 0, 0.0)
+        assert lidar.latest.time == 0.0
+        np.testing.assert_array_equal(lidar.latest.ranges, scan(solids).ranges)  # it stood still before the start
+        assert lidar.sample(shapes, state, 0, 0.1) is lidar.latest
+        assert lidar.sample(shapes, state, 0, 0.15).time == pytest.approx(1.0 / 7.0)
+
+
+def test_rolling_lidar_with_several_scans_per_tick_reports_the_newest() -> None:
+    still: tuple[Vector, Quaternion] = ((0.0, 0.0, HEIGHT), (1.0, 0.0, 0.0, 0.0))
     scans = drive(LidarSpec(is_rolling=True, rate=100.0), [], lambda t: still, 6, dt=0.05)
     assert [s.time for s in scans] == pytest.approx([0.05, 0.10, 0.15, 0.20, 0.25, 0.30])

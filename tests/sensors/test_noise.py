@@ -1,26 +1,28 @@
-"""Statistics of the noise. Seeds are fixed; bounds are five standard errors (chance: 1 in 2 million)."""
+"""Statistics of the noise. Seeds are fixed; bounds are five standard errors (1 in 2 million fails)."""
+
+from __future__ import annotations
 
 import math
 
 import numpy as np
 import pytest
 
-from autodrive.descriptions import parse
+from autodrive.arrays import Floats
 from autodrive.sensors.encoder import Encoders, EncoderSpec
 from autodrive.sensors.imu import Imu, ImuNoise, ImuSpec
 from autodrive.sensors.ips import Ips, IpsSpec
 from autodrive.sensors.lidar import Lidar, LidarSpec
 from autodrive.sensors.lidar_noise import LidarNoise
 from autodrive.sensors.noise import Noise, NoiseSpec
+from autodrive.specs import parse
 from autodrive.transforms import rotation_from_quaternion
 from autodrive.units import DEGREE, STANDARD_GRAVITY
-
-from .world import BOX, Thing, scene, state_of
+from tests.support.sensor_scenes import BOX, Solid, scene, state_of
 
 SHAPES, _ = scene([])
 
 
-def series(spec, channels, samples, dt=0.01, seed=1):
+def series(spec: NoiseSpec, channels: int, samples: int, dt: float = 0.01, seed: int = 1) -> Floats:
     """Errors over time, shape (samples, channels)."""
     noise = Noise((spec, channels))
     noise.reset(np.random.default_rng(seed))
@@ -30,7 +32,7 @@ def series(spec, channels, samples, dt=0.01, seed=1):
     return out
 
 
-def test_white_noise_has_the_given_sigma_no_mean_and_no_memory():
+def test_white_noise_is_white_with_the_given_sigma_and_zero_mean() -> None:
     errors = series(NoiseSpec(sigma=0.3), 1, 40_000)[:, 0]
     n = len(errors)
     assert abs(errors.mean()) < 5 * 0.3 / math.sqrt(n)
@@ -38,7 +40,7 @@ def test_white_noise_has_the_given_sigma_no_mean_and_no_memory():
     assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 5 / math.sqrt(n)
 
 
-def test_offset_stays_until_reset_and_differs_between_resets():
+def test_offset_stays_until_reset_and_differs_between_resets() -> None:
     noise = Noise((NoiseSpec(offset=2.0), 1000))
     rng = np.random.default_rng(2)
     noise.reset(rng)
@@ -53,28 +55,28 @@ def test_offset_stays_until_reset_and_differs_between_resets():
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.04])
-def test_variance_of_the_bias_walk_grows_with_time_whatever_the_rate(dt):
+def test_variance_of_the_bias_walk_grows_with_time_at_any_rate(dt: float) -> None:
     walk, channels = 0.2, 4000
     errors = series(NoiseSpec(walk=walk), channels, 1 + round(4.0 / dt), dt)
     for t in (1.0, 2.0, 4.0):
         assert errors[round(t / dt)].var() == pytest.approx(walk**2 * t, rel=5 * math.sqrt(2 / channels))
 
 
-def test_converter_shows_whole_steps_only():
+def test_output_is_rounded_to_the_resolution() -> None:
     noise = Noise((NoiseSpec(step=0.25), 3))
     values = np.array([0.3, -0.4, 1.0])
     noise.add(values, 0.0)
     np.testing.assert_array_equal(values, (0.25, -0.5, 1.0))
 
 
-def test_sensors_are_exact_by_default():
+def test_sensors_are_exact_by_default() -> None:
     state = state_of(vehicle_position=[[0.1, 0.2, 0.3]], wheel_rotation=[0.0, 0.0, 1.0, 1.0])
     for sensor in (Encoders(EncoderSpec()), Ips(IpsSpec()), Imu(ImuSpec(), 9.81), Lidar(LidarSpec())):
         sensor.reset(np.random.default_rng(0))
         assert str(sensor.sample(SHAPES, state, 0, 0.0)) == str(sensor.sample(SHAPES, state, 0, 0.0))
 
 
-def test_noise_of_the_encoders_and_the_ips_is_in_their_readings():
+def test_encoders_and_ips_have_the_noise_of_their_specs() -> None:
     state = state_of()
     ips, encoders = Ips(IpsSpec(noise=NoiseSpec(sigma=0.1))), Encoders(EncoderSpec(noise=NoiseSpec(sigma=0.1)))
     for sensor in (ips, encoders):
@@ -86,11 +88,12 @@ def test_noise_of_the_encoders_and_the_ips_is_in_their_readings():
     assert angles.std() == pytest.approx(0.1, rel=5 / math.sqrt(2 * 2 * n) + 0.02)  # a tick is 3 % of sigma
 
 
-def test_imu_with_noisy_orientation_still_tells_one_orientation():
+def test_quaternion_and_euler_angles_of_a_noisy_imu_agree() -> None:
     noise = ImuNoise(orientation=NoiseSpec(sigma=0.02))
     imu = Imu(ImuSpec(noise=noise), 9.81)
     imu.reset(np.random.default_rng(5))
     tilts = []
+    reading = imu.sample(SHAPES, state_of(), 0, 0.0)
     for _ in range(2000):
         reading = imu.sample(SHAPES, state_of(), 0, 0.0)
         m = rotation_from_quaternion(reading.orientation)
@@ -102,34 +105,35 @@ def test_imu_with_noisy_orientation_still_tells_one_orientation():
     assert not np.any(reading.angular_velocity)
 
 
-def test_realistic_imu_is_the_mpu9250_of_the_data_sheet():
+def test_realistic_imu_has_the_noise_of_the_data_sheet() -> None:
     imu = Imu(parse("noise: realistic", ImuSpec), 9.81)
     imu.reset(np.random.default_rng(6))
     n = 5000
     readings = [imu.sample(SHAPES, state_of(), 0, 0.01 * k) for k in range(n)]
     gyro = np.std([r.angular_velocity for r in readings], axis=0)
     acceleration = np.std([r.linear_acceleration for r in readings], axis=0)
-    # The sheet's total RMS noise of the gyroscope, 0.1 deg/s, agrees with 0.01 deg/s/sqrt(Hz) through 92 Hz within 5 %.
+    # data sheet: total RMS noise of the gyroscope 0.1 deg/s; 0.01 deg/s/sqrt(Hz) at 92 Hz agrees within 5 %
     np.testing.assert_allclose(gyro, 0.1 * DEGREE, rtol=0.05 + 5 / math.sqrt(2 * n))
     np.testing.assert_allclose(acceleration, 300e-6 * math.sqrt(94) * STANDARD_GRAVITY, rtol=5 / math.sqrt(2 * n))
 
 
-def wall_ranges(noise, scans=20, distance=4.0):
-    """Ranges over many scans at a ring of walls whose faces stand square to their rays, shape (scans, 4)."""
-    things = [
-        Thing(BOX, (0.5, 5.0, 5.0), (distance + 0.5, 0.0, 0.0)),
-        Thing(BOX, (0.5, 5.0, 5.0), (-distance - 0.5, 0.0, 0.0)),
-        Thing(BOX, (5.0, 0.5, 5.0), (0.0, distance + 0.5, 0.0)),
-        Thing(BOX, (5.0, 0.5, 5.0), (0.0, -distance - 0.5, 0.0)),
+def wall_ranges(noise: LidarNoise, scans: int = 20, distance: float = 4.0) -> Floats:
+    """Ranges of four rays perpendicular to four walls, shape (scans, 4)."""
+    solids = [
+        Solid(BOX, (0.5, 5.0, 5.0), (distance + 0.5, 0.0, 0.0)),
+        Solid(BOX, (0.5, 5.0, 5.0), (-distance - 0.5, 0.0, 0.0)),
+        Solid(BOX, (5.0, 0.5, 5.0), (0.0, distance + 0.5, 0.0)),
+        Solid(BOX, (5.0, 0.5, 5.0), (0.0, -distance - 0.5, 0.0)),
     ]
-    shapes, state = scene(things, vehicle_position=[[0.0, 0.0, 0.2]])
+    shapes, state = scene(solids, vehicle_position=[[0.0, 0.0, 0.2]])
     lidar = Lidar(LidarSpec(rays=4, noise=noise))
     lidar.reset(np.random.default_rng(7))
-    return np.array([lidar.sample(shapes, state, 0, 0.0).ranges for _ in range(scans)])
+    samples = [lidar.sample(shapes, state, 0, 0.0) for _ in range(scans)]
+    return np.array([scan.ranges for scan in samples if scan is not None])
 
 
 @pytest.mark.parametrize("distance", [0.5, 4.0])
-def test_range_noise_has_a_near_and_a_far_part(distance):
+def test_range_noise_has_a_constant_and_a_relative_part(distance: float) -> None:
     n = 4 * 2000
     ranges = wall_ranges(LidarNoise(sigma=0.01, relative_sigma=0.02), n // 4, distance)
     expected = math.hypot(0.01, 0.02 * distance)
@@ -137,32 +141,34 @@ def test_range_noise_has_a_near_and_a_far_part(distance):
     assert ranges.std() == pytest.approx(expected, rel=5 / math.sqrt(2 * n))
 
 
-def test_share_of_lost_returns_is_the_given_one():
+def test_dropout_is_the_probability_of_no_return() -> None:
     n, share = 4 * 2500, 0.05
     lost = np.isposinf(wall_ranges(LidarNoise(dropout=share), n // 4))
     assert lost.mean() == pytest.approx(share, abs=5 * math.sqrt(share * (1 - share) / n))
 
 
-def test_scale_error_is_common_to_all_rays_and_scans():
+def test_scale_error_is_common_to_all_rays_and_scans() -> None:
     ranges = wall_ranges(LidarNoise(scale=0.01))
     assert np.ptp(ranges) < 1e-12
     assert ranges[0, 0] != 4.0
 
 
-def test_range_steps_are_whole():
+def test_ranges_are_rounded_to_the_resolution() -> None:
     ranges = wall_ranges(LidarNoise(sigma=0.01, step=0.005))
     np.testing.assert_allclose(ranges / 0.005, np.round(ranges / 0.005), atol=1e-9)
 
 
-def test_realistic_lidar_stays_within_one_percent_nearly_always():
+def test_realistic_lidar_is_within_one_percent_in_99_percent_of_the_rays() -> None:
     ranges = wall_ranges(LidarNoise.realistic(), 500)
     seen = ranges[np.isfinite(ranges)]
-    assert (abs(seen - 4.0) <= 0.04 + 0.25e-3).mean() > 0.99  # three sigma (99.7 %) and half a step
+    assert (abs(seen - 4.0) <= 0.04 + 0.25e-3).mean() > 0.99  # three sigma (99.7 %) plus half a step
     assert np.isposinf(ranges).mean() < 0.02
 
 
-def test_noise_does_not_make_something_of_nothing():
-    lidar = Lidar(LidarSpec(noise="realistic"))
+def test_noise_does_not_change_a_ray_without_return() -> None:
+    lidar = Lidar(LidarSpec(noise=LidarNoise.realistic()))
     lidar.reset(np.random.default_rng(8))
     shapes, state = scene([], vehicle_position=[[0.0, 0.0, 0.2]])
-    assert np.isposinf(lidar.sample(shapes, state, 0, 0.0).ranges).all()
+    scan = lidar.sample(shapes, state, 0, 0.0)
+    assert scan is not None
+    assert np.isposinf(scan.ranges).all()

@@ -1,63 +1,67 @@
-"""Encoders, IPS, IMU and actuator feedback against closed forms."""
+"""Encoders, IPS, IMU and actuator feedback compared with closed forms."""
+
+from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from autodrive.arrays import Floats
+from autodrive.protocol.messages import EncoderReading, ImuReading
 from autodrive.sensors import feedback
 from autodrive.sensors.encoder import Encoders, EncoderSpec
 from autodrive.sensors.imu import Imu, ImuSpec
 from autodrive.sensors.ips import Ips, IpsSpec
 from autodrive.sensors.sensor import Mount
 from autodrive.transforms import quaternion_from_euler, quaternion_from_yaw
-
-from .world import scene, state_of
+from tests.support.sensor_scenes import scene, state_of
 
 SHAPES, _ = scene([])
 TICK = 2.0 * math.pi / 1920.0
 GRAVITY = 9.81
-# a handful of products of numbers up to ten
+# rounding errors of some products of numbers up to ten
 CLOSE = 1e-12
 
 
-def count(left, right, spec=None):
+def count(left: float, right: float, spec: EncoderSpec | None = None) -> EncoderReading:
     state = state_of(wheel_rotation=[math.nan, math.nan, left, right])
     return Encoders(spec or EncoderSpec()).sample(SHAPES, state, 0, 0.5)
 
 
-def test_one_revolution_is_1920_ticks():
+def test_one_revolution_is_1920_ticks() -> None:
     assert count(2.0 * math.pi, -4.0 * math.pi).ticks.tolist() == [1920, -3840]
 
 
 @given(st.floats(-1e4, 1e4))
-def test_ticks_are_cut_toward_zero_and_angles_are_whole_ticks(rotation):
+def test_ticks_are_rounded_toward_zero_and_angles_are_whole_ticks(rotation: float) -> None:
     reading = count(rotation, -rotation)
-    assert reading.ticks[0] == -reading.ticks[1]  # reverse counts as forward does
+    assert reading.ticks[0] == -reading.ticks[1]  # same in reverse
     lag = abs(rotation) - abs(reading.angles[0])
-    assert -1e-9 <= lag < TICK + 1e-9  # 1e4 rad carry a rounding error of 2e-12 and less than a tick is lost
+    assert -1e-9 <= lag < TICK + 1e-9  # the rounding error of 1e4 rad is 2e-12
     assert reading.angles[0] == pytest.approx(reading.ticks[0] * TICK, rel=1e-14)
 
 
 @given(st.floats(0.0, 1e3), st.floats(0.0, 1.0))
-def test_ticks_never_fall_while_the_wheel_rolls_on(rotation, more):
+def test_ticks_do_not_decrease_while_the_wheel_rolls_forward(rotation: float, more: float) -> None:
     assert count(rotation + more, 0.0).ticks[0] >= count(rotation, 0.0).ticks[0]
 
 
-def test_encoder_resolution_is_the_specs():
+def test_encoder_has_the_resolution_of_its_spec() -> None:
     reading = count(math.pi, 0.0, EncoderSpec(pulses_per_revolution=7, gear_ratio=2.0))
     assert reading.ticks[0] == 7
     assert reading.time == 0.5
 
 
-def test_encoders_of_the_second_vehicle_are_its_own_rear_wheels():
+def test_encoders_of_the_second_vehicle_measure_its_rear_wheels() -> None:
     state = state_of(vehicles=2, wheel_rotation=[9.0] * 6 + [TICK * 5.5, -TICK * 2.5])
     assert Encoders(EncoderSpec()).sample(SHAPES, state, 1, 0.0).ticks.tolist() == [5, -2]
 
 
-def test_ips_is_the_rear_axle_unless_mounted_elsewhere():
+def test_ips_measures_the_rear_axle_or_its_mount() -> None:
     yaw = math.radians(90.0)
     state = state_of(vehicle_position=[[1.0, 2.0, 0.03]], vehicle_orientation=[quaternion_from_yaw(yaw)])
     np.testing.assert_array_equal(Ips(IpsSpec()).sample(SHAPES, state, 0, 0.0).position, (1.0, 2.0, 0.03))
@@ -66,18 +70,18 @@ def test_ips_is_the_rear_axle_unless_mounted_elsewhere():
     np.testing.assert_allclose(Ips(tag).sample(SHAPES, state, 0, 0.0).position, expected, atol=CLOSE)
 
 
-def test_ips_reading_does_not_follow_the_state():
+def test_ips_reading_is_a_copy() -> None:
     state = state_of()
     reading = Ips(IpsSpec()).sample(SHAPES, state, 0, 0.0)
     state.vehicle_position[:] = 7.0
     assert not reading.position.any()
 
 
-def measure(spec, **columns):
+def measure(spec: ImuSpec, **columns: Any) -> ImuReading:
     return Imu(spec, GRAVITY).sample(SHAPES, state_of(**columns), 0, 0.0)
 
 
-def test_imu_in_steady_circular_motion_feels_the_radius_of_its_own_mount():
+def test_imu_in_steady_circular_motion_measures_the_centripetal_acceleration_of_its_mount() -> None:
     speed, radius, x, y = 0.26, 0.5, 0.04, 0.01
     rate = speed / radius
     spec = ImuSpec(mount=Mount(position=(x, y, 0.08)))
@@ -90,18 +94,18 @@ def test_imu_in_steady_circular_motion_feels_the_radius_of_its_own_mount():
     np.testing.assert_allclose(reading.angular_velocity, (0.0, 0.0, rate), atol=CLOSE)
 
 
-def test_imu_off_centre_feels_angular_acceleration():
+def test_imu_off_centre_measures_the_angular_acceleration() -> None:
     spec = ImuSpec(mount=Mount(position=(0.1, 0.0, 0.0)))
     reading = measure(spec, vehicle_angular_acceleration=[[0.0, 0.0, 2.0]])
     np.testing.assert_allclose(reading.linear_acceleration, (0.0, 0.2, 0.0), atol=CLOSE)  # alpha x r
 
 
-def test_acceleration_at_the_mount_is_the_second_derivative_of_its_path():
-    # A point r of a body that turns about a tilted axis while its origin flies along a parabola.
+def test_acceleration_at_the_mount_is_the_second_derivative_of_its_path() -> None:
+    # a point of a body that rotates about a tilted axis while its origin moves along a parabola
     axis, spin, spin_rate = np.array([1.0, 2.0, 2.0]) / 3.0, 1.5, 0.7
     lever, start_speed, fall = np.array([0.3, -0.2, 0.1]), np.array([1.0, 0.5, 0.2]), np.array([0.1, -0.3, 0.4])
 
-    def path(t):
+    def path(t: float) -> Floats:
         angle = spin * t + 0.5 * spin_rate * t * t
         turned = lever * math.cos(angle) + np.cross(axis, lever) * math.sin(angle)
         turned += axis * (axis @ lever) * (1.0 - math.cos(angle))  # Rodrigues
@@ -110,16 +114,16 @@ def test_acceleration_at_the_mount_is_the_second_derivative_of_its_path():
     h = 1e-3
     expected = (path(h) - 2.0 * path(0.0) + path(-h)) / h**2
     reading = measure(
-        ImuSpec(mount=Mount(position=tuple(lever))),
+        ImuSpec(mount=Mount(position=tuple(lever.tolist()))),
         vehicle_angular_velocity=[spin * axis],
         vehicle_angular_acceleration=[spin_rate * axis],
         vehicle_acceleration=[fall],
     )
-    # the difference quotient errs by h^2/12 times the fourth derivative (some 5 m/s^4) and by rounding, 4e-16 / h^2
+    # error of the difference quotient: h^2/12 times the fourth derivative (about 5 m/s^4), and rounding 4e-16 / h^2
     np.testing.assert_allclose(reading.linear_acceleration, expected, atol=1e-6)
 
 
-def test_turned_imu_reports_in_its_own_axes():
+def test_rotated_imu_reports_in_its_own_axes() -> None:
     spec = ImuSpec(mount=Mount(rotation_deg=(0.0, 0.0, 90.0)))  # its x points to the vehicle's left
     reading = measure(spec, vehicle_angular_velocity=[[1.0, 2.0, 3.0]], vehicle_acceleration=[[4.0, 5.0, 6.0]])
     np.testing.assert_allclose(reading.angular_velocity, (2.0, -1.0, 3.0), atol=CLOSE)
@@ -128,14 +132,14 @@ def test_turned_imu_reports_in_its_own_axes():
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
-def test_imu_orientation_is_that_of_the_vehicle_twice_told(roll, pitch, yaw):
+def test_imu_reports_the_orientation_as_quaternion_and_euler_angles(roll: float, pitch: float, yaw: float) -> None:
     q = quaternion_from_euler(roll, pitch, yaw)
     reading = measure(ImuSpec(), vehicle_orientation=[q])
     np.testing.assert_allclose(reading.orientation, q, atol=CLOSE)
     np.testing.assert_allclose(reading.euler, (roll, pitch, yaw), atol=1e-11)  # 1/cos(1.5) = 14 amplifies rounding
 
 
-def test_resting_accelerometer_feels_gravity_upward_only_if_asked():
+def test_specific_force_includes_gravity_and_acceleration_does_not() -> None:
     pitch = 0.2
     tilted = {"vehicle_orientation": [quaternion_from_euler(0.0, pitch, 1.0)]}
     assert not measure(ImuSpec(), **tilted).linear_acceleration.any()
@@ -143,6 +147,6 @@ def test_resting_accelerometer_feels_gravity_upward_only_if_asked():
     np.testing.assert_allclose(felt, (-GRAVITY * math.sin(pitch), 0.0, GRAVITY * math.cos(pitch)), atol=CLOSE)
 
 
-def test_feedback_is_what_the_actuators_have():
+def test_feedback_is_the_state_of_the_actuators() -> None:
     state = state_of(vehicles=2, throttle=[0.1, -0.2], steering_angle=[0.3, -0.4])
     assert (feedback.throttle(state, 1), feedback.steering(state, 1)) == (-0.2, -0.4)

@@ -1,13 +1,13 @@
-"""Nigel's file against the report's tables, digit by digit."""
+"""nigel.yaml against the tables of the report."""
 
 import math
 
 import numpy as np
 import pytest
 
-from autodrive.compile import effective_masses, sprung_masses
-from autodrive.descriptions import parse
 from autodrive.errors import SpecError
+from autodrive.specs import parse
+from autodrive.vehicles.parameters import effective_masses, sprung_masses
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
 
 NIGEL = load_vehicle("nigel")
@@ -22,7 +22,7 @@ def test_table_1_design_summary() -> None:
     assert all(platform.size[2] == 0.003 for platform in NIGEL.platforms)
 
 
-def test_platforms_span_the_length_of_the_car() -> None:
+def test_platforms_have_the_length_of_the_car() -> None:
     front = max(box.position[0] + box.size[0] / 2 for box in NIGEL.platforms)
     back = min(box.position[0] - box.size[0] / 2 for box in NIGEL.platforms)
     assert front - back == pytest.approx(NIGEL.size[0])
@@ -42,12 +42,15 @@ def test_tables_4_to_8_sensors() -> None:
 
 def test_field_of_view_of_table_8_is_the_vertical_one() -> None:
     camera = NIGEL.cameras["front"]
+    assert camera.sensor_size is not None
+    assert camera.focal_length is not None
     vertical = 2 * math.degrees(math.atan(camera.sensor_size[1] / 2 / camera.focal_length))
     assert vertical == pytest.approx(camera.field_of_view_deg, abs=0.001)  # the table's last digit
 
 
 def test_table_9_system_parameters() -> None:
-    body, wheels = NIGEL.body, NIGEL.wheels
+    car = load_vehicle("nigel_2020")
+    body, wheels = car.body, car.wheels
     assert (body.mass, body.drag, body.angular_drag) == (1.75, 0.1, 0.05)
     assert (wheels.mass, wheels.radius, wheels.damping_rate, wheels.force_height) == (0.034, 0.0325, 0.025, 0.0)
     suspension = wheels.suspension
@@ -56,7 +59,13 @@ def test_table_9_system_parameters() -> None:
     assert wheels.collider_center == suspension.droop_max == 0.005
     assert wheels.forward_friction.numbers[:4] == (0.4, 1.0, 0.8, 0.5)
     assert wheels.sideways_friction.numbers[:4] == (0.2, 1.0, 0.5, 0.75)
-    assert NIGEL.steering.limit_deg == 30.0
+    assert car.steering.limit_deg == 30.0
+
+
+def test_only_the_damping_of_its_wheels_distinguishes_nigel_from_table_9() -> None:
+    table_9 = load_vehicle("nigel_2020")
+    wheels = table_9.wheels.model_copy(update={"damping_rate": 2.5e-5})
+    assert table_9.model_copy(update={"title": NIGEL.title, "wheels": wheels}) == NIGEL
 
 
 def test_inertia_is_that_of_a_box_of_the_cars_size() -> None:
@@ -65,8 +74,8 @@ def test_inertia_is_that_of_a_box_of_the_cars_size() -> None:
     assert NIGEL.body.inertia == pytest.approx(expected, rel=1e-4)  # written with four digits
 
 
-@pytest.mark.parametrize("name", ["nigel", "nigel_2023"])
-def test_sprung_masses_carry_the_car_and_balance_about_its_centre_of_mass(name: str) -> None:
+@pytest.mark.parametrize("name", ["nigel", "nigel_2020", "nigel_2023"])
+def test_sprung_masses_sum_to_the_mass_and_balance_about_the_centre_of_mass(name: str) -> None:
     spec = load_vehicle(name)
     masses = sprung_masses(spec)
     assert masses.sum() == pytest.approx(spec.body.mass)
@@ -74,22 +83,22 @@ def test_sprung_masses_carry_the_car_and_balance_about_its_centre_of_mass(name: 
     assert centre[:2] == pytest.approx(spec.body.center_of_mass[:2], abs=1e-12)
 
 
-def test_each_wheel_of_nigel_carries_a_quarter() -> None:
+def test_each_wheel_of_nigel_carries_a_quarter_of_the_mass() -> None:
     assert sprung_masses(NIGEL) == pytest.approx(1.75 / 4)
 
 
-def test_effective_mass_is_less_than_a_quarter_of_the_car() -> None:
+def test_effective_mass_is_less_than_a_quarter_of_the_mass() -> None:
     assert np.all(effective_masses(NIGEL) < 1.75 / 4)
 
 
-def test_faults_of_a_vehicle_file_are_all_told_with_their_places() -> None:
+def test_all_errors_of_a_vehicle_file_are_reported_with_their_locations() -> None:
     with pytest.raises(SpecError) as caught:
         parse("title: x\nbody: {mass: -1}\nweels: {}\n", VehicleSpec, where="car.yaml")
     text = str(caught.value)
     assert "body.mass" in text
     assert "Did you mean 'wheels'?" in text
     assert "car.yaml" in text
-    assert len(caught.value.faults) > 5  # and all that is missing
+    assert len(caught.value.errors) > 5  # and the required keys
 
 
 def test_asymptote_before_the_extremum_is_refused() -> None:

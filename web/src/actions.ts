@@ -1,72 +1,104 @@
-// What a person can ask for, by button or by key. What cannot be done is told in a line.
+// The actions of the user, called by buttons and keys. A failed request is shown as a notice.
 import type { Connection } from './connection'
-import type { Ask } from './messages'
+import type { ServerOperation } from './messages'
+import type { SceneView } from './scene/view'
 import type { Camera, Store } from './store'
 
 export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit']
 
 export class Actions {
+  /** The 3D view, as soon as it is loaded. */
+  view: SceneView | null = null
+
   constructor(
     private readonly store: Store,
     private readonly connection: Connection,
   ) {}
 
-  /** Asks the simulator; whether it was done. */
-  async ask(request: Ask): Promise<boolean> {
+  /** Sends a request to the simulator; returns whether it succeeded. */
+  async request(operation: ServerOperation): Promise<boolean> {
     try {
-      await this.connection.request(request)
+      await this.connection.request(operation)
       return true
-    } catch (fault) {
-      this.store.notice.value = sentence(fault)
+    } catch (error) {
+      this.store.warning.value = sentence(error)
       return false
     }
   }
 
+  /** Sends a request; returns the text of its Response, or null if it failed. */
+  async textOf(operation: ServerOperation): Promise<string | null> {
+    try {
+      return (await this.connection.request(operation)).text
+    } catch (error) {
+      this.store.warning.value = sentence(error)
+      return null
+    }
+  }
+
   async reset(): Promise<void> {
-    if (await this.ask({ type: 'Reset' })) {
+    if (await this.request({ type: 'Reset' })) {
       this.store.resets.value += 1
       this.store.notice.value = 'Reset to the initial state.'
     }
   }
 
   nextCamera(): void {
-    this.store.camera.value = following(CAMERAS, this.store.camera.value)
+    this.store.camera.value = next(CAMERAS, this.store.camera.value)
   }
 
   nextVehicle(): void {
     const vehicles = Object.keys(this.store.scene.value?.vehicles ?? {})
-    if (vehicles.length > 0) this.store.vehicle.value = following(vehicles, this.store.vehicle.value)
+    if (vehicles.length === 0) return
+    this.store.vehicle.value = next(vehicles, this.store.vehicle.value)
+    const viewed = this.store.vehicle.value
+    this.store.notice.value = vehicles.length > 1 ? `${viewed} is viewed now.` : `${viewed} is the only vehicle.`
+  }
+
+  /** Downloads the present image of the 3D view as a PNG file. */
+  async downloadView(): Promise<void> {
+    const picture = await this.view?.picture()
+    if (!picture) {
+      this.store.warning.value = 'There is no image yet.'
+      return
+    }
+    const link = document.createElement('a')
+    link.href = URL.createObjectURL(picture)
+    link.download = `${this.store.scene.value?.scenario}-${this.store.frame.value?.time.toFixed(2)}s.png`
+    link.click()
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000)
+    this.store.notice.value = `Saved ${link.download}.`
   }
 
   toggleSceneLight(): void {
     const frame = this.store.frame.value
-    if (frame) void this.ask({ type: 'SetSceneLight', enabled: !frame.scene_light })
+    if (frame) void this.request({ type: 'SetSceneLight', enabled: !frame.scene_light })
   }
 
   toggleMode(): void {
     const vehicle = this.store.vehicle.value
     const frame = this.store.frame.value?.vehicles[vehicle]
-    if (frame) void this.ask({ type: 'SetDrivingMode', vehicle, is_autonomous: !frame.is_autonomous })
+    if (frame) void this.request({ type: 'SetDrivingMode', vehicle, is_autonomous: !frame.is_autonomous })
   }
 
   togglePause(): void {
     const status = this.store.status.value
-    if (status) void this.ask({ type: status.is_paused ? 'Resume' : 'Pause' })
+    if (status) void this.request({ type: status.is_paused ? 'Resume' : 'Pause' })
   }
 
-  /** Runs that many ticks and stands still after them. */
+  /** Pauses the simulation if it runs, then runs that many ticks. */
   async step(ticks: number): Promise<void> {
-    const isPaused = this.store.status.value?.is_paused || (await this.ask({ type: 'Pause' }))
-    if (isPaused) await this.ask({ type: 'Step', ticks })
+    const isPaused = this.store.status.value?.is_paused || (await this.request({ type: 'Pause' }))
+    if (isPaused) await this.request({ type: 'Step', ticks })
   }
 }
 
-/** The words of a fault, as a sentence. */
-export function sentence(fault: unknown): string {
-  const text = fault instanceof Error ? fault.message : String(fault)
+/** The message of an error as a sentence. */
+export function sentence(error: unknown): string {
+  const text = error instanceof Error ? error.message : String(error)
   return text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?)]$/.test(text) ? '' : '.')
 }
 
-function following<T>(all: readonly T[], one: T): T {
-  return all[(all.indexOf(one) + 1) % all.length]!
+function next<T>(all: readonly T[], one: T): T {
+  return all[(all.indexOf(one) + 1) % all.length]
 }

@@ -1,108 +1,80 @@
-// The WebSocket to the simulator: messages in MessagePack, requests with answers, and a new try when it is lost.
-import { Decoder, Encoder, ExtensionCodec } from '@msgpack/msgpack'
-
-import { ARRAYS, PROTOCOL, SUBPROTOCOL } from './messages'
-import type { Ask, ClientMessage, Frame, ServerMessage, Subscribe } from './messages'
+// The connection of the page to the simulator, which its worker keeps: requests with responses, messages to the store.
+import type { Frame, Response, ServerOperation, Subscribe } from './messages'
 import type { Store } from './store'
+import type { PageMessage, Port, WorkerMessage } from './worker/port'
 
-/** Wait before a new try [ms]: doubled from the first to the second until one succeeds. */
-const RETRY = 200
-const RETRY_MAX = 2000
-
-const codec = new ExtensionCodec()
-for (const [code, Values] of Object.entries(ARRAYS)) {
-  codec.register({
-    type: Number(code),
-    encode: () => null,
-    decode: (data) => new Values(data.slice().buffer),
-  })
-}
-const encoder = new Encoder({ ignoreUndefined: true })
-const decoder = new Decoder({ extensionCodec: codec, useBigInt64: false })
-
-interface Waiting {
-  done: (frame: Frame) => void
-  failed: (fault: Error) => void
+interface Pending {
+  resolve: (response: Response) => void
+  reject: (error: Error) => void
 }
 
 export class Connection {
-  private socket: WebSocket | null = null
-  private readonly waiting = new Map<number, Waiting>()
+  private readonly pending = new Map<number, Pending>()
   private nextId = 1
-  private retry = RETRY
   private subscription: Subscribe = { type: 'Subscribe' }
-  /** Why the simulator does not want to talk to this page. */
-  private fault = ''
+  /** Why the simulator refused this page. */
+  private refusal = ''
 
-  constructor(private readonly store: Store) {}
+  constructor(
+    private readonly store: Store,
+    private readonly worker: Port<PageMessage>,
+  ) {
+    worker.addEventListener('message', (event: MessageEvent<WorkerMessage>) => this.receive(event.data))
+  }
 
-  /** Connects, and again whenever the connection is lost. */
+  /** Connects, and reconnects whenever the connection is lost. */
   open(): void {
     const url = new URL('ws', document.baseURI)
     url.protocol = url.protocol.replace('http', 'ws')
     url.search = location.search
-    if (this.store.link.value !== 'lost') this.store.link.value = 'connecting'
-    const socket = new WebSocket(url, SUBPROTOCOL)
-    socket.binaryType = 'arraybuffer'
-    socket.onopen = () => this.greet()
-    socket.onmessage = (event: MessageEvent<ArrayBuffer>) => this.take(decoder.decode(event.data) as ServerMessage)
-    socket.onclose = (event) => this.lose(event.reason)
-    this.socket = socket
+    this.post({ type: 'Open', url: url.href })
   }
 
-  /** Says something, if anybody hears it; whether somebody does. */
-  send(message: ClientMessage): boolean {
-    if (this.socket?.readyState !== WebSocket.OPEN) return false
-    this.socket.send(encoder.encode(message))
-    return true
+  /** Tells the worker something. */
+  post(message: PageMessage): void {
+    this.worker.postMessage(message)
   }
 
-  /** Changes what this page is sent; kept over a new connection. */
+  /** Changes the subscription; it is sent again after a reconnection. */
   subscribe(subscription: Omit<Subscribe, 'type'>): void {
     this.subscription = { ...this.subscription, ...subscription }
-    this.send(this.subscription)
+    this.post(this.subscription)
   }
 
-  /** The Frame after the request was carried out; rejects with the server's words if it was not. */
-  request(ask: Ask): Promise<Frame> {
+  /** Sends a request; resolves to the Response, or rejects with the error message of the server. */
+  request(operation: ServerOperation): Promise<Response> {
+    if (this.store.link.value !== 'open') return Promise.reject(new Error('not connected to the simulator'))
     const id = this.nextId++
-    return new Promise((done, failed) => {
-      this.waiting.set(id, { done, failed })
-      if (!this.send({ type: 'Please', id, request: ask })) this.answer(id)?.failed(new Error('no connection'))
+    return new Promise((resolve, reject) => {
+      this.pending.set(id, { resolve, reject })
+      this.post({ type: 'Request', id, operation })
     })
   }
 
-  private greet(): void {
-    this.send({ type: 'Hello', protocol: PROTOCOL, name: 'page' })
-    this.send(this.subscription)
-  }
-
-  private lose(reason: string): void {
-    this.store.lost.value = reason || this.fault || `The simulator at ${location.host} does not answer.`
+  private onLost(reason: string): void {
+    this.store.connectionError.value = reason || this.refusal || `The simulator at ${location.host} does not answer.`
     this.store.link.value = 'lost'
-    for (const id of [...this.waiting.keys()]) this.answer(id)?.failed(new Error('the connection was lost'))
-    setTimeout(() => this.open(), this.retry)
-    this.retry = Math.min(2 * this.retry, RETRY_MAX)
+    for (const id of [...this.pending.keys()])
+      this.takePending(id)?.reject(new Error('the connection to the simulator was lost'))
   }
 
-  private answer(id: number): Waiting | undefined {
-    const waiting = this.waiting.get(id)
-    this.waiting.delete(id)
-    return waiting
+  private takePending(id: number): Pending | undefined {
+    const pending = this.pending.get(id)
+    this.pending.delete(id)
+    return pending
   }
 
-  private take(message: ServerMessage): void {
+  private receive(message: WorkerMessage): void {
     const store = this.store
     switch (message.type) {
       case 'Welcome':
-        this.retry = RETRY
-        this.fault = ''
+        this.refusal = ''
         store.welcome.value = message
         store.link.value = 'open'
         break
       case 'Scene':
         store.scans.clear()
-        store.pictures.clear()
+        store.cameraImages.clear()
         if (!(store.vehicle.value in message.vehicles)) store.vehicle.value = Object.keys(message.vehicles)[0] ?? ''
         store.scene.value = message
         break
@@ -113,28 +85,37 @@ export class Connection {
         store.scans.set(message.vehicle, message.scan)
         break
       case 'Picture':
-        store.pictures.set(`${message.vehicle}/${message.camera}`, message)
+        store.cameraImages.set(`${message.vehicle}/${message.camera}`, message)
         break
       case 'Rendered':
         store.rendered.value = message
         break
       case 'Frame':
-        this.show(message)
+        this.setFrame(message)
         break
-      case 'Done':
-        this.show(message.frame)
-        this.answer(message.id)?.done(message.frame)
+      case 'Response':
+        this.setFrame(message.frame)
+        this.takePending(message.id)?.resolve(message)
         break
-      case 'Fault': {
-        const waiting = message.id === null ? undefined : this.answer(message.id)
-        if (waiting) waiting.failed(new Error(message.text))
-        else if (message.code === 'version') this.fault = message.text
-        else store.notice.value = message.text
+      case 'Error': {
+        const pending = message.id === null ? undefined : this.takePending(message.id)
+        if (pending) pending.reject(new Error(message.text))
+        else if (message.code === 'version') this.refusal = message.text
+        else store.warning.value = message.text
+        break
       }
+      case 'Lost':
+        this.onLost(message.reason)
+        break
+      case 'Blocked':
+        store.notice.value = `${message.vehicle} is in Autonomous mode. Press Driving Mode in the menu to drive.`
+        break
+      case 'End':
+        this.post({ type: 'Taken' })
     }
   }
 
-  private show(frame: Frame): void {
+  private setFrame(frame: Frame): void {
     if (frame.events.length > 0) this.store.events.value = frame.events
     this.store.frame.value = frame
   }

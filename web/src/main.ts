@@ -1,31 +1,55 @@
-// Where the page begins: the connection, the store, and everything that looks at them.
+// Entry point of the page: creates the connection, the store, the panels and the 3D view.
 import { Actions } from './actions'
 import { Connection } from './connection'
 import { Driver } from './driving/driver'
 import { listenToGamepad } from './driving/gamepad'
 import { listenToKeyboard } from './driving/keyboard'
-import type { Deed } from './driving/keys'
+import type { KeyAction } from './driving/keys'
+import { listenToEditKeys } from './editing/edit_keys'
+import { Editor } from './editing/editor'
+import { editPointer } from './editing/pointer'
+import { logOf } from './log'
 import { Headlights, Indicators } from './messages'
+import { connectDialog } from './panels/connect'
+import { edit } from './panels/edit'
+import { h } from './panels/element'
+import { firstSteps } from './panels/first_steps'
 import { help } from './panels/help'
+import { openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
+import { logPanel } from './panels/log'
+import { measure } from './panels/measure'
 import { menu } from './panels/menu'
+import { minimap } from './panels/minimap'
+import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
-import { chosenTheme, showTheme } from './panels/theme'
+import { streamNote } from './panels/stream_note'
+import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
+import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
+import { requestRemoteView } from './remote_view'
 import type { SceneView } from './scene/view'
 import { Store } from './store'
-import { stream } from './stream'
+import { Trails } from './trails'
+import { followViewInLink } from './view_link'
 
-showTheme(chosenTheme())
-const canvas = document.querySelector<HTMLCanvasElement>('#scene')!
+showTheme(savedTheme())
+const canvas = document.querySelector<HTMLCanvasElement>('#scene')
+if (!canvas) throw new Error('index.html has no canvas')
 const store = new Store()
-const connection = new Connection(store)
+openPanelsOnWideScreens(store)
+const worker = new Worker(new URL('./worker/worker.ts', import.meta.url), { type: 'module' })
+const connection = new Connection(store, worker)
 const actions = new Actions(store, connection)
 const driver = new Driver(store, connection)
 const keys = help()
+const trails = new Trails()
+followViewInLink(store)
+const programs = connectDialog(store)
+const editor = new Editor(store, actions)
 
-/** What a key does that is pressed, not held. */
-const DEEDS: Partial<Record<Deed, () => void>> = {
+/** Actions of keys that are not held. */
+const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   'low-beam': () => driver.toggleHeadlights(Headlights.LOW),
   'high-beam': () => driver.toggleHeadlights(Headlights.HIGH),
   'left-indicator': () => driver.toggleIndicators(Indicators.LEFT),
@@ -37,35 +61,56 @@ const DEEDS: Partial<Record<Deed, () => void>> = {
   mode: () => actions.toggleMode(),
   menu: () => (store.isMenuOpen.value = !store.isMenuOpen.value),
   hud: () => (store.isHudOpen.value = !store.isHudOpen.value),
+  edit: () => (store.isEditing.value = !store.isEditing.value),
   help: keys.toggle,
-  close: () => (store.isMenuOpen.value = store.isHudOpen.value = false),
+  log: () => (store.isLogOpen.value = !store.isLogOpen.value),
+  minimap: () => (store.isMapOpen.value = !store.isMapOpen.value),
+  trails: () => (store.areTrailsShown.value = !store.areTrailsShown.value),
+  measure: () => (store.isMeasuring.value = !store.isMeasuring.value),
+  'full-screen': toggleFullScreen,
+  screenshot: () => void actions.downloadView(),
+  close: () => {
+    for (const panel of [store.isMenuOpen, store.isHudOpen, store.isLogOpen, store.isMapOpen, store.isMeasuring])
+      panel.value = false
+  },
   pause: () => actions.togglePause(),
   step: () => void actions.step(1),
   reset: () => void actions.reset(),
 }
 
-document.body.prepend(toolbar(store, keys.toggle), menu(store, connection, actions))
-document.body.append(touch(driver, store), notices(store), keys.element)
-listenToKeyboard(driver, (deed) => DEEDS[deed]?.())
+document.body.prepend(toolbar(store, actions, keys.toggle), menu(store, connection, actions, programs.open))
+showOnePanelOnSmallScreens(store)
+const log = logOf(store)
+const dock = h('div', { class: 'dock' }, minimap(store, trails), logPanel(store, log))
+const measured = measure(store, canvas, () => actions.view)
+const hints = [modeHint(store, actions), streamNote(store), firstSteps(programs.open, keys.toggle)]
+document.body.append(h('div', { class: 'hints' }, ...hints), programs.element)
+document.body.append(dock, touch(driver, store), notices(store), keys.element)
+canvas.after(measured)
+const view = () => actions.view
+canvas.after(editPointer(store, editor, canvas, view))
+document.body.append(...edit(store, editor, view))
+listenToEditKeys(store, editor, () => driver.stop())
+listenToKeyboard(driver, (action) => KEY_ACTIONS[action]?.())
 listenToGamepad(driver)
-stream(store, connection, canvas)
-// A click into the scene ends typing, and keys drive again.
+requestRemoteView(store, connection, canvas)
+// A click on the scene removes the focus from fields, so that keys drive again.
 canvas.addEventListener('pointerdown', () => (document.activeElement as HTMLElement | null)?.blur())
 
-// A page that nobody looks at needs little.
+// A hidden page needs few Frames.
 document.addEventListener('visibilitychange', () => connection.subscribe({ frame_rate: document.hidden ? 5 : 60 }))
 
-/** A door for scripts in the browser's console: what the page knows, and its line to the simulator. */
-const door: { store: Store; connection: Connection; view: SceneView | null } = { store, connection, view: null }
+/** Access for the console of the browser and for tests. */
+const debug = { store, connection, log, view: null as SceneView | null }
 declare global {
   interface Window {
-    autodrive: typeof door
+    autodrive: typeof debug
   }
 }
-window.autodrive = door
+window.autodrive = debug
 
-// Driving works while these, which are large, are still loaded.
+// Large modules are loaded later; driving already works without them.
 void import('./panels/hud').then(({ hud }) => canvas.before(hud(store, connection)))
-void import('./scene/view').then(({ showScene }) => (door.view = showScene(canvas, store)))
+void import('./scene/view').then(({ showScene }) => (actions.view = debug.view = showScene(canvas, store, trails)))
 
 connection.open()

@@ -1,14 +1,14 @@
 // Generated from src/autodrive/protocol by scripts/generate-messages: change the messages there.
 
-export const PROTOCOL = 1
+export const PROTOCOL = 2
 
-export const SUBPROTOCOL = 'autodrive.v1'
+export const SUBPROTOCOL = 'autodrive.v2'
 
 /** MessagePack extension -> what its bytes are, little-endian. */
 export const ARRAYS = { 1: Float64Array, 2: BigInt64Array, 3: Float32Array, 4: Uint8Array } as const
 
 /**
- * Bring the world to its initial state; `seed` None keeps the seed.
+ * Restore the initial state of the world; `seed` None keeps the seed.
  */
 export interface Reset {
   type: 'Reset'
@@ -16,14 +16,14 @@ export interface Reset {
 }
 
 /**
- * Stop simulated time; readers stay connected.
+ * Stop simulated time; clients stay connected.
  */
 export interface Pause {
   type: 'Pause'
 }
 
 /**
- * Let simulated time run again.
+ * Continue simulated time.
  */
 export interface Resume {
   type: 'Resume'
@@ -40,10 +40,10 @@ export enum Headlights { OFF = 0, LOW = 1, HIGH = 2 }
 export enum Indicators { OFF = 0, LEFT = 1, RIGHT = 2, HAZARD = 3 }
 
 /**
- * What a driver wants of one vehicle.
+ * Command of a driver for one vehicle.
  *
  * `throttle` [-1, 1]: fraction of the drive limit, forward positive; 0 brakes. `steering` [-1, 1]: fraction of
- * the steering limit, left positive. Both are clamped. `headlights`, `indicators`: None leaves them as they are.
+ * the steering limit, left positive. Both are clamped. `headlights`, `indicators`: None keeps their state.
  */
 export interface Command {
   throttle?: number
@@ -55,7 +55,7 @@ export interface Command {
 /**
  * Run `ticks` ticks while paused, the first of them with these commands, by vehicle.
  *
- * A command of a Step is obeyed whatever the driving mode: who moves time drives.
+ * The commands of a Step apply in every driving mode.
  */
 export interface Step {
   type: 'Step'
@@ -72,7 +72,9 @@ export interface SetSpeed {
 }
 
 /**
- * Put a vehicle, at rest, at x, y [m] of the map with heading yaw [rad].
+ * Place a vehicle, at rest, at x, y [m] in the map frame with heading yaw [rad]; a Reset takes it back.
+ *
+ * `vehicle` may also be the name of a movable object.
  */
 export interface Teleport {
   type: 'Teleport'
@@ -83,7 +85,19 @@ export interface Teleport {
 }
 
 /**
- * Day (True) or night (False).
+ * Hold a vehicle at a pose in the map frame, against all forces, from the next tick on: another program moves it.
+ *
+ * `position` [m] of the rear axle centre; None lets the vehicle go. `orientation`: quaternion wxyz of any length.
+ */
+export interface Hold {
+  type: 'Hold'
+  vehicle: string
+  position: [number, number, number] | null
+  orientation?: [number, number, number, number]
+}
+
+/**
+ * Day (True) or night (False); ends a time of day.
  */
 export interface SetSceneLight {
   type: 'SetSceneLight'
@@ -91,7 +105,18 @@ export interface SetSceneLight {
 }
 
 /**
- * Who drives: a person (manual: commands of a bridge are ignored) or a script (autonomous).
+ * Let sun and sky follow a time of day.
+ *
+ * `time`: since midnight [s]; None keeps it (noon if none is set). `scale`: seconds of the day per simulated second.
+ */
+export interface SetTimeOfDay {
+  type: 'SetTimeOfDay'
+  time: number | null
+  scale?: number
+}
+
+/**
+ * Set the source of commands of a vehicle: a person (manual; scripts are ignored) or a script (autonomous).
  */
 export interface SetDrivingMode {
   type: 'SetDrivingMode'
@@ -100,7 +125,7 @@ export interface SetDrivingMode {
 }
 
 /**
- * Go over to the scenario of that name; readers stay connected.
+ * Load the scenario of that name; clients stay connected.
  */
 export interface LoadScenario {
   type: 'LoadScenario'
@@ -108,7 +133,78 @@ export interface LoadScenario {
 }
 
 /**
- * Connect the simulator to the devkit script that listens there.
+ * Place a vehicle or a movable object, at rest, at x, y [m] on the ground with heading yaw [rad].
+ *
+ * As `Teleport`, but an edit: the scenario starts with it there, also after a `Reset`.
+ */
+export interface Place {
+  type: 'Place'
+  name: string
+  x: number
+  y: number
+  yaw?: number
+}
+
+/**
+ * Add a movable box on the ground at x, y [m] with heading yaw [rad]; length, width, height [m]; mass [kg].
+ */
+export interface AddBox {
+  type: 'AddBox'
+  name: string
+  x: number
+  y: number
+  yaw?: number
+  size?: [number, number, number]
+  mass?: number
+}
+
+/**
+ * Remove a movable box, of the scenario or of its map.
+ */
+export interface RemoveBox {
+  type: 'RemoveBox'
+  name: string
+}
+
+/**
+ * Switch a sensor or camera of a vehicle on or off, and set its sample rate [Hz] and noise.
+ *
+ * `sensor`: 'encoders', 'ips', 'imu', 'lidar', 'range', or the name of a camera. Off: no scans, ranges or images;
+ * encoders, IPS and IMU keep their reading. `rate` None: as in the vehicle's file. `noise`: 'ideal' (none), 'file' (as
+ * in the vehicle's file), 'realistic' (of the data sheet, if it has noise) or 'strong'; None: as in the scenario.
+ */
+export interface SetSensor {
+  type: 'SetSensor'
+  vehicle: string
+  sensor: string
+  is_on?: boolean
+  rate?: number | null
+  noise?: 'ideal' | 'file' | 'realistic' | 'strong' | null
+}
+
+/**
+ * Take the latest edit back.
+ */
+export interface Undo {
+  type: 'Undo'
+}
+
+/**
+ * Make the edit again that was taken back last.
+ */
+export interface Redo {
+  type: 'Redo'
+}
+
+/**
+ * Answer with the scenario and all its edits, as YAML, in the `text` of the Response.
+ */
+export interface SaveScenario {
+  type: 'SaveScenario'
+}
+
+/**
+ * Connect the simulator to the devkit script that listens at that address.
  */
 export interface ConnectBridge {
   type: 'ConnectBridge'
@@ -117,17 +213,18 @@ export interface ConnectBridge {
 }
 
 /**
- * End that connection, or the search for one.
+ * Close that connection, or stop trying to connect.
  */
 export interface DisconnectBridge {
   type: 'DisconnectBridge'
 }
 
 /**
- * Have a scene camera drawn by the simulator for this client, who gets `Rendered` pictures; `camera` None: no more.
+ * Let the simulator render a scene camera for this client and send `Rendered` images; `camera` None: stop.
  *
- * `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle`: the one to follow, None: the first. `height` [m]
- * is that of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle.
+ * `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first. `height` [m] of the
+ * Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom` multiplies
+ * the focal length.
  */
 export interface SetCamera {
   type: 'SetCamera'
@@ -137,15 +234,16 @@ export interface SetCamera {
   azimuth?: number
   elevation?: number
   distance?: number
+  zoom?: number
   width?: number
   rate?: number
 }
 
 /**
- * A vehicle began to touch something.
+ * First contact of a vehicle with another object.
  *
- * `other` is the name of the vehicle, box or fixed thing; `impulse` [N s] is the magnitude of the contact impulse
- * of the tick; `position` [m] a contact point in the map frame, shape (3,).
+ * `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
+ * of the tick; `position` [m] is a contact point in the map frame, shape (3,).
  */
 export interface Collision {
   type: 'Collision'
@@ -157,7 +255,7 @@ export interface Collision {
 }
 
 /**
- * A vehicle's first wheel left the drivable area; `position` [m], shape (3,), of its rear axle centre.
+ * The first wheel of a vehicle left the drivable area; `position` [m], shape (3,), is its rear axle centre.
  */
 export interface OffRoad {
   type: 'OffRoad'
@@ -177,7 +275,7 @@ export interface BackOnRoad {
 }
 
 /**
- * The first message: the version that the client speaks, and what others shall call it.
+ * The first message: the version that the client speaks, and its display name.
  */
 export interface Hello {
   type: 'Hello'
@@ -186,11 +284,11 @@ export interface Hello {
 }
 
 /**
- * What this client wants to be sent from now on; before the first, Frames at 60 Hz without scans or pictures.
+ * Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
  *
- * `frame_rate`: Frames a second of wall time at most [Hz], None: each tick, 0: none. `scans`: whether scans come.
- * `picture_rate`: pictures of each camera a second of wall time at most [Hz], 0: none; `picture_width` [pixels], None:
- * the camera's own; `picture_quality` of the JPEG, 1 to 100. A client that is slow gets the latest, never a backlog.
+ * `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether scans are sent.
+ * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
+ * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest, never a backlog.
  */
 export interface Subscribe {
   type: 'Subscribe'
@@ -202,10 +300,10 @@ export interface Subscribe {
 }
 
 /**
- * A command for one vehicle. Whoever commands it holds its wheel until a `Release` or two silent seconds.
+ * A command for one vehicle. The client becomes its driver until a `Release` or 2 s without a command.
  *
- * A vehicle in manual mode obeys a person, in autonomous mode a script. A Command is good for the scenario's
- * command time-out (0.5 s of simulated time by default): send it again to keep going.
+ * A vehicle in manual mode obeys a person, in autonomous mode a script. A Command is valid for the scenario's
+ * command time-out (0.5 s of simulated time by default): send it again to keep driving.
  */
 export interface Drive {
   type: 'Drive'
@@ -215,7 +313,7 @@ export interface Drive {
 }
 
 /**
- * Let go of that vehicle's wheel.
+ * Stop being the driver of that vehicle.
  */
 export interface Release {
   type: 'Release'
@@ -223,16 +321,16 @@ export interface Release {
 }
 
 /**
- * A request; its `Done` or `Fault` carries the same `id`.
+ * Requests an operation; the `Response` or `Error` has the same `id`.
  */
-export interface Please {
-  type: 'Please'
+export interface Request {
+  type: 'Request'
   id: number
-  request: Reset | Pause | Resume | Step | SetSpeed | Teleport | SetSceneLight | SetDrivingMode | LoadScenario | ConnectBridge | DisconnectBridge | SetCamera
+  operation: Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
 }
 
 /**
- * The server's first message: versions, the name that others see, and the scenarios that can be loaded.
+ * The server's first message: versions, the display name of the client, and the scenarios that can be loaded.
  */
 export interface Welcome {
   type: 'Welcome'
@@ -243,7 +341,7 @@ export interface Welcome {
 }
 
 /**
- * A lamp of a vehicle: place in the vehicle frame [m], linear RGB, how far it lights [m].
+ * A lamp of a vehicle: position in the vehicle frame [m], linear RGB, range of its light [m].
  */
 export interface Lamp {
   position: [number, number, number]
@@ -260,7 +358,18 @@ export interface Pose {
 }
 
 /**
- * A vehicle as a viewer needs it. `model`: its .glb, relative to the page.
+ * Settings of a sensor or camera, as `SetSensor` changes them.
+ */
+export interface SensorScene {
+  is_on: boolean
+  rate: number | null
+  noise: string
+  noises: (string)[]
+  is_camera: boolean
+}
+
+/**
+ * What a client needs to draw a vehicle. `model`: address of its .glb, relative to the page.
  */
 export interface VehicleScene {
   type: string
@@ -274,10 +383,24 @@ export interface VehicleScene {
   wheel_radius: number
   speed_limit: number
   sensor_noise: Record<string, number>
+  size: [number, number, number]
+  sensors: Record<string, SensorScene>
 }
 
 /**
- * What there is to draw; sent after the Welcome and whenever another scenario is loaded, before its first Frame.
+ * A drawing of the map from above, with walls and lanes; x to the right, y up.
+ *
+ * `image`: address of the SVG file, relative to the page. `bounds` [m]: least x and y, greatest x and y.
+ */
+export interface Plan {
+  image: string
+  bounds: [number, number, number, number]
+}
+
+/**
+ * What a client needs to draw the world; sent after the Welcome, and before the Frames of another World.
+ *
+ * Another scenario has another World, and so has an edit that does not only move things.
  */
 export interface Scene {
   type: 'Scene'
@@ -290,22 +413,26 @@ export interface Scene {
   objects: Record<string, string>
   light_table: Record<string, any>
   scene_cameras: Record<string, Record<string, any>>
+  object_sizes: Record<string, [number, number, number]>
+  plan: Plan | null
 }
 
 /**
- * How the connection to a devkit script stands; `fault` says why there is none.
+ * State of the connection to a devkit script; `error` says why there is none.
  */
 export interface BridgeStatus {
   address: string
   state: 'closed' | 'connecting' | 'connected'
-  fault: string
+  error: string
   telemetry_rate: number
   command_rate: number
   round_trip: number | null
+  devkit: string
+  note: string
 }
 
 /**
- * What is not part of the world; sent four times a second, and at once when something in it was switched.
+ * State of the simulation; sent four times a second, and at once when a setting changes.
  */
 export interface Status {
   type: 'Status'
@@ -313,18 +440,21 @@ export interface Status {
   speed: number | null
   real_time_factor: number
   late_ticks: number
-  viewers: number
+  clients: number
   drivers: Record<string, string>
   bridge: BridgeStatus
-  cameras_fault: string
+  cameras_error: string
   note: string
+  undo: string
+  redo: string
+  error: string
 }
 
 /**
- * One scan. Ray i looks along angle_min + i * angle_increment [rad] in the sensor's axes, left positive.
+ * One scan. Ray i has the angle angle_min + i * angle_increment [rad] in the axes of the sensor, left positive.
  *
- * `ranges` [m], shape (n_ray,): by REP 117, -inf is "too near to measure" and +inf is "nothing within range_max".
- * `intensities`, shape (n_ray,). `time` is that of the last ray; a rolling scan began `scan_time` earlier.
+ * `ranges` [m], shape (n_ray,), as in REP 117: -inf is below range_min, +inf is no return within range_max.
+ * `intensities`, shape (n_ray,). `time` is the time of the last ray; a rolling scan started `scan_time` earlier.
  * `time_increment` [s] between rays is 0 for an instantaneous scan. `scan_rate` [Hz].
  */
 export interface LidarScan {
@@ -341,7 +471,7 @@ export interface LidarScan {
 }
 
 /**
- * A new LIDAR scan; comes before the first Frame that it belongs to.
+ * A new LIDAR scan; sent before the first Frame that it belongs to.
  */
 export interface Scan {
   type: 'Scan'
@@ -350,11 +480,11 @@ export interface Scan {
 }
 
 /**
- * The pinhole of a camera, in pixels.
+ * The pinhole model of a camera, in pixels.
  *
- * A point (x, y, z) of the optical frame is seen at u = cx + fx x / z, v = cy + fy y / z, from the picture's upper
- * left corner; pixel (0, 0) covers 0 to 1 of both. `distortion` k1, k2, p1, p2, k3 moves x / z and y / z before that
- * (Brown-Conrady, as OpenCV and ROS 'plumb_bob').
+ * A point (x, y, z) in the optical frame is at u = cx + fx x / z, v = cy + fy y / z, from the upper left corner of
+ * the image; pixel (0, 0) covers 0 to 1 in both. `distortion` k1, k2, p1, p2, k3 is applied to x / z and y / z first
+ * (Brown-Conrady, same as OpenCV and ROS 'plumb_bob').
  */
 export interface CameraIntrinsics {
   width: number
@@ -367,7 +497,7 @@ export interface CameraIntrinsics {
 }
 
 /**
- * A new picture of a sensor camera as JPEG; comes before the first Frame that it belongs to.
+ * A new image of a sensor camera as JPEG; sent before the first Frame that it belongs to.
  */
 export interface Picture {
   type: 'Picture'
@@ -380,7 +510,7 @@ export interface Picture {
 }
 
 /**
- * A picture of the scene camera asked for with `SetCamera`, of that simulated time [s].
+ * An image of the scene camera that was set with `SetCamera`, at that simulated time [s].
  */
 export interface Rendered {
   type: 'Rendered'
@@ -426,7 +556,7 @@ export interface ImuReading {
 export enum TailLights { OFF = 0, PARTIAL = 1, BRIGHT = 2 }
 
 /**
- * What the lamps do now. `left_indicator` and `right_indicator` say whether the lamp is lit at this moment.
+ * State of the lamps. `left_indicator` and `right_indicator`: whether the blinking lamp is lit now.
  */
 export interface Lights {
   headlights: Headlights
@@ -438,7 +568,7 @@ export interface Lights {
 }
 
 /**
- * Ground truth of the wheels, shape (4,) each: front left, front right, rear left, rear right.
+ * Ground truth of the wheels, shape (4,) each, in the order of `WHEEL_NAMES`.
  *
  * `steering_angle` [rad], `rotation_angle` [rad], `angular_velocity` [rad/s], `compression` [m] of the suspension
  * (0 at the target position), `normal_load` [N], `slip_ratio` and `slip_angle` [rad].
@@ -454,12 +584,12 @@ export interface WheelsReading {
 }
 
 /**
- * One picture, of the moment `time` [s].
+ * One image, taken at `time` [s].
  *
- * `pose` is that of the optical frame (x right, y down, z forward, REP 103) in the map: world from camera. `rgba`
- * uint8, shape (height, width, 4), first row on top, sRGB; the fourth is 255. Where asked for: `depth` [m] float32,
- * shape (height, width), along z of the optical frame, inf where nothing is; `labels` uint8, likewise, see
- * `autodrive.render.asset.Label`.
+ * `pose` is the pose of the optical frame (x right, y down, z forward, REP 103) in the map frame. `rgba`
+ * uint8, shape (height, width, 4), first row on top, sRGB; alpha is 255. If configured: `depth` [m] float32,
+ * shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
+ * `autodrive.assets.asset.Label`.
  */
 export interface CameraImage {
   time: number
@@ -471,13 +601,29 @@ export interface CameraImage {
 }
 
 /**
- * One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest of every sensor.
+ * Distance to the nearest object in the cone of a range sensor around the x axis of the sensor.
  *
- * `pose` is that of the vehicle frame: centre of the rear axle at wheel-centre height. `velocity` [m/s] of that
- * point and `angular_velocity` [rad/s], shape (3,), are in vehicle axes. `throttle` [-1, 1] is the latest command
- * given to the drive actuators and `steering` [rad], left positive, the angle of the steering actuator (report,
- * tables 2 and 3; sampled every tick). `lidar` is None before the first scan is complete. `cameras` holds the latest
- * picture of each camera by its name ('front', 'rear'); none where cameras are off, or before the first.
+ * `range` [m] as in REP 117: -inf is below range_min, +inf is no return within range_max. `field_of_view` [rad] is the
+ * full opening angle of the cone.
+ */
+export interface RangeReading {
+  time: number
+  range: number
+  field_of_view: number
+  range_min: number
+  range_max: number
+  radiation: 'ultrasound' | 'infrared'
+}
+
+/**
+ * One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest reading of every sensor.
+ *
+ * `pose` is the pose of the vehicle frame (origin: centre of the rear axle at wheel-centre height). `velocity` [m/s]
+ * of its origin and `angular_velocity` [rad/s], shape (3,), are in vehicle axes. `throttle` [-1, 1] is the current
+ * command of the drive actuators; `steering` [rad], left positive, is the angle of the steering actuator (report,
+ * tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
+ * None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
+ * empty if cameras are off and before the first image, see `Images`.
  */
 export interface VehicleFrame {
   pose: Pose
@@ -494,6 +640,7 @@ export interface VehicleFrame {
   is_autonomous: boolean
   collision_count: number
   cameras: Record<string, CameraImage>
+  range: RangeReading | null
 }
 
 /**
@@ -506,7 +653,8 @@ export interface ObjectFrame {
 /**
  * The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
  *
- * `events` are those of this tick, in order. `scene_light` is True by day.
+ * `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
+ * midnight [s], None if the light is fixed.
  */
 export interface Frame {
   type: 'Frame'
@@ -516,34 +664,38 @@ export interface Frame {
   objects: Record<string, ObjectFrame>
   events: (Collision | OffRoad | BackOnRoad)[]
   scene_light: boolean
+  time_of_day: number | null
 }
 
 /**
- * A request was carried out; this is the Frame after it, with all events since the last Frame sent.
+ * A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
+ *
+ * `text`: the scenario as YAML, for a `SaveScenario`.
  */
-export interface Done {
-  type: 'Done'
+export interface Response {
+  type: 'Response'
   id: number
   frame: Frame
+  text: string
 }
 
 /**
- * Something could not be done; `text` says what, and what would be right. `id`: of the request, if it was one.
+ * A message or request failed; `text` says why and how to correct it. `id`: the request, None for other messages.
  *
- * `code`: 'version' (of the Hello), 'message' (not understood), 'request' (refused), 'taken' (somebody else holds the
- * wheel), 'mode' (the driving mode lets others drive), 'rate' (too many messages).
+ * `code`: 'version' (of the Hello), 'message' (not understood), 'request' (refused), 'taken' (another client drives
+ * the vehicle), 'mode' (the vehicle obeys the other source), 'rate' (too many messages or clients).
  */
-export interface Fault {
-  type: 'Fault'
+export interface Error {
+  type: 'Error'
   code: 'version' | 'message' | 'request' | 'taken' | 'mode' | 'rate'
   text: string
   id: number | null
 }
 
-export type Ask = Reset | Pause | Resume | Step | SetSpeed | Teleport | SetSceneLight | SetDrivingMode | LoadScenario | ConnectBridge | DisconnectBridge | SetCamera
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
 
 export type Event = Collision | OffRoad | BackOnRoad
 
-export type ClientMessage = Hello | Subscribe | Drive | Release | Please
+export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
-export type ServerMessage = Welcome | Scene | Status | Scan | Picture | Rendered | Done | Fault | Frame
+export type ServerMessage = Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame

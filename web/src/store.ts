@@ -1,47 +1,88 @@
-// The latest of all that the server said and that the person chose. Scene and panels read it; they do not know each other.
+// The latest messages of the server and the choices of the user; the interface between connection, scene and panels.
 import type { Event, Frame, LidarScan, Picture, Scene, Status, Welcome } from './messages'
-import { Signal } from './signal'
+import { Observable } from './observable'
 
 export type Link = 'connecting' | 'open' | 'lost'
 export type Camera = "Driver's Eye" | "Bird's Eye" | "God's Eye" | 'Orbit'
 export type Quality = 'auto' | 'low' | 'high' | 'ultra' | 'stream'
 
-/** Pictures that are drawn by the simulator, an object URL, while the quality is 'stream'. */
+/** Place of the Orbit camera around the middle of the vehicle, along the axes of the map [rad, m]. */
+export interface Orbit {
+  azimuth: number
+  elevation: number
+  distance: number
+}
+
+/** An image rendered by the simulator, at a simulated time [s]. */
 export interface Rendered {
   time: number
   jpeg: Uint8Array
 }
 
-export class Store {
-  readonly link = new Signal<Link>('connecting')
-  readonly welcome = new Signal<Welcome | null>(null)
-  readonly scene = new Signal<Scene | null>(null)
-  readonly status = new Signal<Status | null>(null)
-  readonly frame = new Signal<Frame | null>(null)
-  /** The latest scan of each vehicle, filled before the Frame that it belongs to. */
-  readonly scans = new Map<string, LidarScan>()
-  /** The latest picture by `vehicle/camera`, likewise. */
-  readonly pictures = new Map<string, Picture>()
-  readonly rendered = new Signal<Rendered | null>(null)
-  /** What has just happened in the world. */
-  readonly events = new Signal<readonly Event[]>([])
-  /** How often this page had the simulation reset. */
-  readonly resets = new Signal(0)
-  /** Why there is no connection, while there is none. */
-  readonly lost = new Signal('')
-  /** What the person is told in a line, for example that somebody else drives. */
-  readonly notice = new Signal('')
+/** Where a vehicle or an object stands: position [m] and heading [rad]. */
+export interface Placement {
+  name: string
+  x: number
+  y: number
+  yaw: number
+}
 
-  /** Name of the vehicle that is watched and driven. */
-  readonly vehicle = new Signal('')
-  readonly camera = new Signal<Camera>("Driver's Eye")
-  /** Of the Bird's Eye [m]. */
-  readonly birdHeight = new Signal(3)
-  readonly quality = new Signal<Quality>('auto')
-  readonly isMenuOpen = new Signal(false)
-  readonly isHudOpen = new Signal(false)
-  /** Whether the LIDAR's scan is drawn in the scene. */
-  readonly isScanShown = new Signal(true)
-  /** Pictures of the page in a second, the mean of the last half [Hz]. */
-  readonly frameRate = new Signal(0)
+export class Store {
+  readonly link = new Observable<Link>('connecting')
+  readonly welcome = new Observable<Welcome | null>(null)
+  readonly scene = new Observable<Scene | null>(null)
+  readonly status = new Observable<Status | null>(null)
+  readonly frame = new Observable<Frame | null>(null)
+  /** The latest scan of each vehicle; set before the Frame that it belongs to. */
+  readonly scans = new Map<string, LidarScan>()
+  /** The latest camera image by `vehicle/camera`; set before the Frame that it belongs to. */
+  readonly cameraImages = new Map<string, Picture>()
+  readonly rendered = new Observable<Rendered | null>(null)
+  /** Whether the first image of the simulator's renderer is awaited. */
+  readonly isStreamStarting = new Observable(false)
+  /** The latest events of the world. */
+  readonly events = new Observable<readonly Event[]>([])
+  /** Number of resets by this page. */
+  readonly resets = new Observable(0)
+  /** Why there is no connection. */
+  readonly connectionError = new Observable('')
+  /** A message for the user, for example that another client drives. */
+  readonly notice = new Observable('')
+  /** A message about something that failed. */
+  readonly warning = new Observable('')
+
+  /** Name of the selected vehicle, which the camera follows and the user drives. */
+  readonly vehicle = new Observable('')
+  readonly camera = new Observable<Camera>("Driver's Eye")
+  /** Height of the Bird's Eye camera [m]. */
+  readonly birdHeight = new Observable(3)
+  /** Focal length of the cameras that do not move when they zoom, relative to the standard one. */
+  readonly lensZoom = new Observable({ "Driver's Eye": 1, "God's Eye": 1 })
+  /** Null: the standard place behind the vehicle, at the first image. */
+  readonly orbit = new Observable<Orbit | null>(null)
+  readonly quality = new Observable<Quality>('auto')
+  /** The quality that the page or the simulator chose because another one is not possible. */
+  fallbackQuality: Quality | null = null
+  readonly isMenuOpen = new Observable(false)
+  readonly isHudOpen = new Observable(false)
+  readonly isLogOpen = new Observable(false)
+  /** Whether the small map is shown. */
+  readonly isMapOpen = new Observable(false)
+  /** Whether the driven lines are drawn in the scene and on the small map. */
+  readonly areTrailsShown = new Observable(false)
+  /** Whether a click on the ground sets a point of a measured distance. */
+  readonly isMeasuring = new Observable(false)
+  readonly isEditing = new Observable(false)
+  /** Name of the vehicle or object that is selected in Edit mode; empty: none. */
+  readonly selection = new Observable('')
+  /** Where the selected thing is shown while it is moved. */
+  readonly preview = new Observable<Placement | null>(null)
+  /** Whether the LIDAR scan is drawn in the scene. */
+  readonly isScanShown = new Observable(true)
+  /** Direction of the LIDAR measurement of the HUD in the vehicle frame [rad], left positive. */
+  readonly bearing = new Observable(0)
+  /** Frame rate of the 3D view, averaged over half a second [Hz]. */
+  readonly frameRate = new Observable(0)
+  /** Changes with each image of the 3D view, after its cameras have moved. */
+  readonly imageCount = new Observable(0)
 }

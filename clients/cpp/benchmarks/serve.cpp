@@ -1,4 +1,4 @@
-// A driving script that reads all and wants the same always: what the server itself costs.
+// A driving script with a constant command, to measure the server itself.
 #include <autodrive/devkit.hpp>
 #include <iostream>
 

@@ -1,4 +1,4 @@
-// Steps a paused simulator: wall time of each step [ms], a line each, then the CPU time of all of them per step [ms].
+// Steps a paused simulation. Prints the wall time of each step [ms], then the mean CPU time of a step [ms].
 #include <autodrive/client.hpp>
 #include <chrono>
 #include <cstdlib>

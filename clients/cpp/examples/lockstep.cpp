@@ -1,5 +1,5 @@
-// Drives the car for two seconds in lock-step: nothing happens between two steps, and each run is the same.
-// Start the simulator: autodrive run mini_map --mode autonomous
+// Drives for two seconds in lock-step: the simulation runs only during a step, so all runs are equal.
+// Start the simulator first: autodrive run mini_map --mode autonomous
 #include <autodrive/client.hpp>
 #include <cstdlib>
 #include <iomanip>

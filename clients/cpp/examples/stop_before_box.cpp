@@ -1,5 +1,5 @@
-// Drives straight on and stops before the first obstacle that the LIDAR sees.
-// Start it, then the simulator: autodrive run boxes --devkit 127.0.0.1:4567
+// Drives straight ahead and stops in front of the first obstacle that the LIDAR sees.
+// Start this program, then the simulator: autodrive run boxes --devkit 127.0.0.1:4567
 #include <algorithm>
 #include <autodrive/devkit.hpp>
 #include <cstdlib>
@@ -8,11 +8,11 @@
 using autodrive::devkit::Command;
 using autodrive::devkit::State;
 
-constexpr double half_width = 0.12;        // of what the car needs [m]
-constexpr double stop = 0.25, slow = 0.6;  // from the LIDAR to the obstacle [m]
+constexpr double half_width = 0.12;        // half width of the path [m]
+constexpr double stop = 0.25, slow = 0.6;  // distances from the LIDAR to the obstacle [m]
 
-/// How far ahead the way is free [m]: ray i looks to the left by i of 360 degrees, ray 0 straight ahead.
-double free_way(const std::vector<double>& ranges) {
+/// Free distance ahead [m]. Ray 0 points straight ahead, the next ones to the left; they cover 360 degrees.
+double free_distance(const std::vector<double>& ranges) {
     double free = 12.0;
     for (std::size_t i = 0; i < ranges.size(); ++i) {
         const double angle = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(ranges.size());
@@ -25,11 +25,11 @@ double free_way(const std::vector<double>& ranges) {
 int main(int argc, char** argv) {
     autodrive::devkit::Server server;
     server.on_state([](const State& state) {
-        const double share = (free_way(state.lidar_ranges) - stop) / (slow - stop);
+        const double fraction = (free_distance(state.lidar_ranges) - stop) / (slow - stop);
         Command command;
-        command.throttle = share <= 0.0 ? 0.0 : std::clamp(share, 0.2, 0.8);
+        command.throttle = fraction <= 0.0 ? 0.0 : std::clamp(fraction, 0.2, 0.8);
         command.steering = 0.0;
-        command.headlights = share <= 0.0 ? 1 : 0;
+        command.headlights = fraction <= 0.0 ? 1 : 0;
         return command;
     });
     const auto port = static_cast<unsigned short>(argc > 1 ? std::atoi(argv[1]) : 4567);

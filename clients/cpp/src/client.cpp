@@ -1,2 +1,2 @@
-// What client.hpp leaves to a library.
+// Compiled part of client.hpp.
 #include <autodrive/impl/client.ipp>

@@ -21,7 +21,7 @@ setup(
     zip_safe=True,
     maintainer="AutoDRIVE Simulator developers",
     maintainer_email="autodrive@example.org",
-    description="The bridge between an AutoDRIVE simulator and ROS 2",
+    description="Bridge between an AutoDRIVE simulator and ROS 2",
     license="BSD-2-Clause",
     entry_points={
         "console_scripts": [

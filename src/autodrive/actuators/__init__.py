@@ -1,1 +1,1 @@
-"""Actuators: steering, drivetrain, lights. Each file holds a part's Spec and what the part does."""
+"""Actuators: steering, drivetrain, lights. Each module contains the Spec of a part and its behaviour."""

@@ -1,4 +1,4 @@
-"""The drivetrain: two rear motors behind an H-bridge, and the brakes that apply themselves at zero throttle."""
+"""The drivetrain: one motor for each driven wheel, and brakes that apply automatically at zero throttle."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ from typing import Literal
 
 from pydantic import Field
 
-from autodrive.descriptions import Spec
+from autodrive.specs import Spec
 from autodrive.units import RPM
 
 
 class DrivetrainSpec(Spec):
-    """How throttle becomes torque at the rear wheels. Zero throttle brakes all four wheels (report, section 3.1.3)."""
+    """Response of motors and brakes to the throttle; zero throttle brakes (report, section 3.1.3)."""
 
     control: Literal["speed", "torque"]
-    """speed: throttle sets a wheel speed, and the motors give up to torque_limit to reach it. torque: throttle sets
-    the torque, and the speed follows from the resistances."""
-    speed_limit_rpm: float = Field(gt=0)
-    """Wheel speed at full throttle [rpm] (report: 130); in torque control no motor drives a wheel beyond it."""
-    torque_limit: float = Field(gt=0)
-    """Largest torque of one motor at its wheel [N m]."""
-    servo_gain: float = Field(gt=0)
-    """Torque for each rad/s that the wheels' mean speed is off its target [N m s/rad]."""
-    brake_torque: float = Field(ge=0)
-    """Holding torque at each of the four wheels while the throttle is zero [N m]."""
+    """speed: the throttle sets the wheel speed; the motors apply up to torque_limit to reach it. torque: the throttle
+    sets the torque; the speed results from the resistances."""
+    speed_limit_rpm: float = Field(ge=0.01, le=1e6)
+    """Wheel speed at full throttle [rpm] (report: 130); in torque control, the highest speed that a motor drives."""
+    torque_limit: float = Field(ge=1e-6, le=1e6)
+    """Largest torque of each motor at its wheel [N m]."""
+    servo_gain: float = Field(ge=1e-6, le=1e6)
+    """Torque per difference of the mean wheel speed from its target [N m s/rad]."""
+    brake_torque: float = Field(ge=0, le=1e6)
+    """Holding torque at each braked wheel while the throttle is zero [N m]."""
     dead_time: float = Field(ge=0, le=1)
-    """Delay from a command to the first change at motors or brakes [s]."""
+    """Delay from a command to the first response of motors or brakes [s]."""
     time_constant: float = Field(ge=0, le=1)
-    """First-order lag of the drive behind the throttle [s]; 0: none."""
+    """Time constant of the first-order lag of the drive [s]; 0: none."""
 
     @property
     def speed_limit(self) -> float:
@@ -36,7 +36,7 @@ class DrivetrainSpec(Spec):
 
 
 def drive_level(level: float, throttle: float, response: float) -> float:
-    """The drive's level [-1, 1] after a step: it lags behind the throttle, and zero throttle cuts it at once.
+    """The drive level [-1, 1] after a step: a first-order lag of the throttle; zero throttle resets it to zero.
 
     `response` is 1 - exp(-dt / time_constant).
     """
@@ -46,12 +46,12 @@ def drive_level(level: float, throttle: float, response: float) -> float:
 
 
 def drive_target(level: float, is_speed_controlled: bool, speed_limit: float) -> float:
-    """Wheel speed that the motors are after [rad/s]."""
+    """Target wheel speed of the motors [rad/s]."""
     if is_speed_controlled:
         return level * speed_limit
     return speed_limit if level > 0.0 else -speed_limit
 
 
 def drive_torque_limit(level: float, is_speed_controlled: bool, torque_limit: float) -> float:
-    """Torque that each motor may give [N m]."""
+    """Largest torque of each motor at this level [N m]."""
     return torque_limit if is_speed_controlled else abs(level) * torque_limit

@@ -1,39 +1,41 @@
-"""Lamps: headlights and indicators as told, tail and reverse lights by themselves."""
+"""Lamps: headlights and indicators follow commands, tail and reverse lights are automatic."""
 
 from __future__ import annotations
 
+from typing import Annotated, TypeAlias
+
 from pydantic import Field
 
-from autodrive.descriptions import Spec
 from autodrive.protocol.messages import Headlights, Indicators, Lights, TailLights
+from autodrive.specs import Offset, Spec
 
-Point = tuple[float, float, float]
+Level: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class LampSpec(Spec):
-    """A pair of equal lamps, left and right of the middle."""
+    """A pair of equal lamps, left and right."""
 
-    position: Point
-    """The left one, in the vehicle frame [m]; the right one mirrors it."""
-    color: tuple[float, float, float]
+    position: tuple[Offset, Offset, Offset]
+    """Of the left lamp, in the vehicle frame [m]; the right lamp is its mirror image."""
+    color: tuple[Level, Level, Level]
     """Linear RGB, each in [0, 1]."""
-    range: float = Field(gt=0)
-    """How far it lights its surroundings [m]."""
+    range: float = Field(ge=1e-3, le=1e4)
+    """Distance that the lamp illuminates [m]."""
 
 
 class LightsSpec(Spec):
-    """The lamps of a vehicle and how they blink."""
+    """The lamps of a vehicle and the period of the indicators."""
 
     head: LampSpec
-    """Lit in low and high beam."""
+    """On in low and high beam."""
     high_beam: LampSpec
-    """Lit in high beam only."""
+    """On in high beam only."""
     front_indicator: LampSpec
     rear_indicator: LampSpec
     tail: LampSpec
     reverse: LampSpec
-    blink_period: float = Field(default=1.0, gt=0)
-    """Indicators: dark for the first half of it, lit for the second [s]."""
+    blink_period: float = Field(default=1.0, ge=0.01, le=1e3)
+    """Period of the indicators [s]; they are off in the first half and on in the second."""
 
 
 LAMPS = tuple(
@@ -41,11 +43,11 @@ LAMPS = tuple(
     for lamp in ("head", "high_beam", "front_indicator", "rear_indicator", "tail", "reverse")
     for side in ("left", "right")
 )
-"""Every lamp of a vehicle, by the names of `LightsSpec` and the side that it is on."""
+"""Names of all lamps of a vehicle: the field of `LightsSpec` and the side."""
 
 
 def lamp_levels(lights: Lights) -> tuple[float, ...]:
-    """How brightly each of `LAMPS` burns, 0 to 1. Tail lights burn at half when partial (scene)."""
+    """Brightness of each of `LAMPS`, 0 to 1. Partial tail lights have half the brightness (scene)."""
     low, high = lights.headlights != Headlights.OFF, lights.headlights == Headlights.HIGH
     left, right = lights.left_indicator, lights.right_indicator
     tail, reverse = lights.tail_lights / TailLights.BRIGHT, lights.reverse_lights
@@ -55,7 +57,7 @@ def lamp_levels(lights: Lights) -> tuple[float, ...]:
 def lit_lamps(
     headlights: Headlights, indicators: Indicators, blink_phase: float, is_braking: bool, is_reversing: bool
 ) -> Lights:
-    """What the lamps do. `blink_phase` in [0, 1) is the place in the blink period, counted from switching on."""
+    """State of the lamps. `blink_phase` in [0, 1) is the position in the blink period since the indicators went on."""
     is_bright = indicators != Indicators.OFF and blink_phase >= 0.5
     if is_braking:
         tail = TailLights.BRIGHT

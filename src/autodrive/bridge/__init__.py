@@ -1,1 +1,1 @@
-"""Bridges carry Frames out to users' programs and bring their Commands in."""
+"""Connects a running simulation to an AutoDRIVE devkit script."""

@@ -1,8 +1,7 @@
-"""Connects a running Simulation to a user's devkit script, which is a Socket.IO server: we are its client.
+"""Socket.IO client that connects a running Simulation to a devkit script, which is the server.
 
-A telemetry message asks for commands, a command message asks for telemetry. That alone would stop for ever at the first
-lost message; here the state is sent again when the script is silent, nothing that the script does raises, and a lost
-connection is taken up again while the simulation runs on.
+Telemetry and commands alternate. The original simulator stops for ever if one message is lost; this bridge resends
+telemetry after a timeout, ignores invalid messages, and reconnects while the simulation continues.
 """
 
 from __future__ import annotations
@@ -10,7 +9,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import ipaddress
 import logging
+import re
 import socket
 import threading
 from collections.abc import Callable
@@ -18,14 +19,17 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
+from websockets.frames import Frame as WebSocketFrame
 
-from autodrive.bridge.engineio import ConversationEnd
-from autodrive.bridge.ledger import Counters, Ledger
-from autodrive.bridge.session import Driven, Session
-from autodrive.descriptions import suggest
+from autodrive.bridge.detection import Detection
+from autodrive.bridge.engineio import ConnectionEnd
+from autodrive.bridge.metrics import Counters, Metrics
+from autodrive.bridge.session import Session, SimulationControl
 from autodrive.errors import AutodriveError
-from autodrive.protocol.devkit import PROFILES, Images, Profile
+from autodrive.protocol.devkit import Images, ImageSizes
+from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.protocol.ports import DEVKIT_PORT
+from autodrive.protocol.tcp_options import drop_dead_peer
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
@@ -33,14 +37,19 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 RETRY, RETRY_MAX = 0.1, 2.0
-"""Wait before a new attempt to connect [s]: doubled from the first to the second, until a script answers."""
+"""Delay before a new attempt to connect [s]: it doubles from the first to the second value until a script answers."""
 MESSAGE_LIMIT = 2**20
-"""A longer message of the server [bytes] ends the connection; commands have some hundred."""
+"""Longest message of the server [bytes]; a longer one closes the connection. Commands have a few hundred bytes."""
+
+MAX_UNSENT = 2**23
+"""Bytes that may wait for a script that does not read; more end the connection. A telemetry message has up to 1 MB."""
+
+_HOST_NAME = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?<!-))*\.?")
 
 Status: TypeAlias = Literal["closed", "connecting", "connected"]
 
 
-class Published(Driven, Protocol):
+class SimulationWithSinks(SimulationControl, Protocol):
     """What the bridge needs of a Simulation."""
 
     def add_sink(self, sink: DevkitBridge) -> None:
@@ -48,32 +57,35 @@ class Published(Driven, Protocol):
         ...
 
     def remove_sink(self, sink: DevkitBridge) -> None:
-        """Do so no more."""
+        """Stop calling the sink."""
         ...
 
 
 class DevkitBridge:
-    """Sends telemetry to a devkit script and its commands to a Simulation, from a thread of its own.
+    """Sends telemetry to a devkit script and its commands to a Simulation, in its own thread.
 
-    `profile` is the era of the script ('2020', '2022', '2023', '2025'); None recognises it by the keys of its commands.
-    `images` gives the JPEG pictures that belong to a Frame, at a share of their usual quality (1 unless a message would
-    be too long). At most one message a tick is sent, and one is under way at a time: a slow script gets the latest
-    state, not a backlog.
+    `settings` holds what the user has chosen about the devkit generation of the script; the rest is detected from the
+    keys of the commands. `images(frame, factor)` gives the JPEG images of a Frame; `factor` of their quality is 1
+    unless a message would be too long. `image_sizes()` gives the sizes of all cameras; a camera without an image is
+    black. At most one message is sent per tick, and one waits for a command at a time, so a slow script receives the
+    latest state instead of a backlog. Raises `AutodriveError` for an invalid address.
     """
 
     def __init__(
         self,
-        simulation: Published,
+        simulation: SimulationWithSinks,
         host: str = "127.0.0.1",
         port: int = DEVKIT_PORT,
-        profile: str | None = None,
+        settings: DevkitSettings | None = None,
         *,
         images: Callable[[Frame, float], Images] | None = None,
+        image_sizes: Callable[[], ImageSizes] | None = None,
     ) -> None:
         self._simulation = simulation
-        self._profile = _checked_profile(profile)
+        self._detection = Detection(settings or DevkitSettings())
         self._images = images
-        self._ledger = Ledger()
+        self._image_sizes = image_sizes
+        self._metrics = Metrics()
         self._traffic_lights: dict[int, int] = {}
         self._address = _checked_address(host, port)
         self._retry = RETRY
@@ -83,50 +95,52 @@ class DevkitBridge:
         self._attempt: asyncio.Task[None] | None = None
         self._session: Session | None = None
 
-    # -- for everyone, from any thread --------------------------------------------------------------------------
+    # -- thread-safe --------------------------------------------------------------------------------------------
 
     @property
     def address(self) -> str:
-        """Where the script is looked for, 'host:port'."""
+        """Address of the script, 'host:port'."""
         return self._address
 
     @property
     def status(self) -> Status:
-        """'closed' if not started, 'connected' if there is a server that takes our telemetry."""
+        """'closed' if not started, 'connected' if a server accepts telemetry, otherwise 'connecting'."""
         session = self._session
         if self._thread is None or not self._thread.is_alive():
             return "closed"
-        return "connected" if session and session.conversation.is_open else "connecting"
+        return "connected" if session and session.engineio.is_open else "connecting"
 
     @property
-    def fault(self) -> str:
-        """Why there is no connection, after an attempt that failed; empty if there is one, or nobody looks for one."""
-        return self._ledger.fault if self.status == "connecting" else ""
+    def error(self) -> str:
+        """Why the last attempt to connect failed; empty if connected or closed."""
+        return self._metrics.error if self.status == "connecting" else ""
 
     @property
     def counters(self) -> Counters:
-        """A copy of the counters as they are now."""
-        return self._ledger.snapshot()
+        """A copy of the current counters."""
+        return self._metrics.snapshot()
 
     def start(self) -> None:
-        """Look for the script, now and for as long as it takes."""
+        """Connect to the script, and reconnect until `close`."""
         if self._thread is not None:
-            raise RuntimeError("this DevkitBridge is started already")
+            raise RuntimeError("this DevkitBridge is already started")
         self._is_closing = False
         self._retry = RETRY
-        self._ledger.fault = ""
+        self._metrics.error = ""
         self._simulation.add_sink(self)
-        self._thread = threading.Thread(target=lambda: asyncio.run(self._stay()), name="autodrive-devkit", daemon=True)
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._connect_loop()), name="autodrive-devkit", daemon=True
+        )
         self._thread.start()
 
     def connect(self, host: str, port: int) -> None:
-        """Leave the server, if there is one, and turn to that one. Raises `AutodriveError`."""
+        """Disconnect and connect to another address. Raises `AutodriveError` if it is invalid."""
         self._address = _checked_address(host, port)
-        self._ledger.fault = ""
+        self._metrics.error = ""
         self._end_attempt()
 
     def close(self) -> None:
-        """Say goodbye to the server and end the thread."""
+        """Disconnect and end the thread."""
         if self._thread is None:
             return
         self._simulation.remove_sink(self)
@@ -136,11 +150,11 @@ class DevkitBridge:
         self._thread = None
 
     def publish(self, frame: Frame) -> None:
-        """A new Frame is there (called in the thread of the simulation)."""
+        """Process a new Frame; called in the thread of the simulation."""
         session, loop = self._session, self._loop
         if session is not None and loop is not None and session.awaits_frame:
             session.awaits_frame = False
-            with contextlib.suppress(RuntimeError):  # the loop has just ended
+            with contextlib.suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(session.wake.set)
 
     def __enter__(self) -> DevkitBridge:
@@ -150,27 +164,25 @@ class DevkitBridge:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    # -- in the bridge's thread ---------------------------------------------------------------------------------
+    # -- in the thread of the bridge ----------------------------------------------------------------------------
 
     def _end_attempt(self) -> None:
         if self._loop is not None:
-            with contextlib.suppress(RuntimeError):  # the loop has just ended
+            with contextlib.suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(lambda: self._attempt and self._attempt.cancel())
 
-    async def _stay(self) -> None:
-        """Try again and again; `connect` and `close` cut an attempt short."""
+    async def _connect_loop(self) -> None:
+        """Connect repeatedly; `connect` and `close` cancel the current attempt."""
         self._loop = asyncio.get_running_loop()
         while not self._is_closing:
             self._attempt = asyncio.create_task(self._try(self._address))
             await asyncio.wait({self._attempt})
             if self._attempt.cancelled():
                 self._retry = RETRY
-            elif fault := self._attempt.exception():
-                log.error("devkit bridge: an attempt failed by a fault of the simulator", exc_info=fault)
         self._loop = None
 
     async def _try(self, address: str) -> None:
-        """One attempt: a connection until it ends, then a pause."""
+        """One attempt: a connection until it ends, then the retry delay."""
         try:
             async with connect(
                 f"ws://{address}/socket.io/?EIO=4&transport=websocket",
@@ -178,42 +190,58 @@ class DevkitBridge:
                 proxy=None,
                 user_agent_header=None,
                 open_timeout=5.0,
-                ping_interval=None,  # a missing pong proves nothing: the C++ devkit may stand at a breakpoint
+                ping_interval=None,  # a missing pong is no error: the script may be stopped at a breakpoint
                 close_timeout=0.5,
                 max_size=MESSAGE_LIMIT,
+                create_connection=_BoundedConnection,
             ) as connection:
-                _give_up_dead_peers(connection)
-                await self._converse(connection)
-        except* (OSError, WebSocketException, ConversationEnd, TimeoutError) as group:
+                _set_tcp_timeout(connection)
+                await self._exchange(connection)
+        except* (OSError, WebSocketException, ConnectionEnd, TimeoutError) as group:
             reason = group.exceptions[0]
-            self._ledger.fault = f"no script at {address} ({_in_words(reason)}); trying again"
-            self._ledger.complain("connection", self._ledger.fault)
+            self._metrics.error = f"no script at {address} ({_text_of(reason)}); trying again"
+            self._metrics.warn("connection", self._metrics.error)
+        except* Exception as group:
+            self._metrics.error = f"internal error: {group.exceptions[0]}; trying again"
+            log.error("devkit bridge: internal error", exc_info=group)
         await asyncio.sleep(self._retry)
         self._retry = min(2.0 * self._retry, RETRY_MAX)
 
-    async def _converse(self, connection: ClientConnection) -> None:
+    async def _exchange(self, connection: ClientConnection) -> None:
+        _avoid_brackets_in_masks(connection)
         session = Session(
             connection,
             self._simulation,
-            self._ledger,
-            profile=self._profile,
+            self._metrics,
+            detection=self._detection,
             traffic_lights=self._traffic_lights,
             images=self._images,
+            image_sizes=self._image_sizes,
         )
         self._session = session
         try:
-            async with asyncio.TaskGroup() as both:
-                both.create_task(session.listen())
-                both.create_task(session.speak())
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(session.receive_loop())
+                tasks.create_task(session.send_loop())
         finally:
             self._session = None
-            if session.turns.has_answer:
+            if session.flow_control.has_command:
                 self._retry = RETRY
-            await session.say_goodbye()
+            await session.close()
 
 
-def _in_words(reason: Exception) -> str:
-    """What the system says, without its numbers and the address, which is told already."""
+class _BoundedConnection(ClientConnection):
+    """A WebSocket that ends if its peer does not read the pongs that it asks for."""
+
+    def data_received(self, data: bytes) -> None:
+        """Process bytes of the peer."""
+        super().data_received(data)
+        if self.transport.get_write_buffer_size() > MAX_UNSENT:
+            self.transport.abort()
+
+
+def _text_of(reason: Exception) -> str:
+    """The error text without error number and address."""
     if isinstance(reason, ConnectionRefusedError) or f"[Errno {errno.ECONNREFUSED}]" in str(reason):
         return "connection refused"
     if isinstance(reason, socket.gaierror):
@@ -221,29 +249,46 @@ def _in_words(reason: Exception) -> str:
     return str(reason) or "timed out"
 
 
-def _give_up_dead_peers(connection: ClientConnection) -> None:
-    """Who went out of radio range says no goodbye: end the connection when TCP is not acknowledged for 20 s."""
-    tcp = connection.transport.get_extra_info("socket")
-    tcp.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux
-        tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 20_000)
+def _set_tcp_timeout(connection: ClientConnection) -> None:
+    """Close the connection if TCP data is not acknowledged for 20 s, for example after a loss of radio contact."""
+    drop_dead_peer(connection.transport.get_extra_info("socket"), 20.0)
 
 
-def _checked_profile(name: str | None) -> Profile | None:
-    if name is None:
-        return None
-    if name not in PROFILES:
-        raise AutodriveError(f"devkit profile '{name}' is not known. {suggest(name, list(PROFILES))}")
-    return PROFILES[name]
+def _avoid_brackets_in_masks(connection: ClientConnection) -> None:
+    """Let no frame have a mask with the characters `}]`, which end a message.
+
+    The WebSocket library of the C++ devkit leaves the mask of a frame behind its text, and the devkit reads it as text.
+    """
+    protocol = connection.protocol
+
+    def send_frame(frame: WebSocketFrame) -> None:
+        header = 2 if len(frame.data) < 126 else 4 if len(frame.data) < 65536 else 10  # RFC 6455, section 5.2
+        data = frame.serialize(mask=True)
+        while b"}]" in data[header : header + 4]:
+            data = frame.serialize(mask=True)
+        protocol.writes.append(data)
+
+    protocol.send_frame = send_frame
 
 
 def _checked_address(host: str, port: int) -> str:
-    try:
-        is_host = bool(host) and bool(host.encode("idna")) and not any(c in host for c in " /?#@[]")
-    except UnicodeError:
-        is_host = False
-    if not is_host:
-        raise AutodriveError(f"devkit host {host!r} is not a name or an IP address, for example '127.0.0.1'")
+    if not _is_host(host):
+        raise AutodriveError(f"devkit host {host[:80]!r} is not a host name or IP address, for example '127.0.0.1'")
     if not 0 < port < 65536:
-        raise AutodriveError(f"devkit port {port} is not from 1 to 65535; the devkits listen on {DEVKIT_PORT}")
+        raise AutodriveError(f"devkit port {port} is not between 1 and 65535; the default is {DEVKIT_PORT}")
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _is_host(host: str) -> bool:
+    """Whether it is an IP address or a host name (RFC 1123, international names in Unicode)."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        pass
+    else:
+        return True
+    try:
+        name = host.encode("idna").decode()
+    except UnicodeError:
+        return False
+    return len(name) < 254 and _HOST_NAME.fullmatch(name) is not None

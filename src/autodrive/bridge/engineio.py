@@ -1,11 +1,11 @@
-"""Our end of a Socket.IO conversation over one WebSocket, without the socket: packets in, packets and events out.
+"""Socket.IO client protocol over one WebSocket, without I/O: packets in, packets and events out.
 
-Three kinds of server are met, told apart by what they send first, never by configuration:
+Three kinds of server are distinguished by the first packets that they send, without configuration:
 
-- Engine.IO 3 (python-socketio 4): sends `0{...}` and at once `40`; we ping, it answers.
-- Engine.IO 4 (python-socketio 5): sends `0{...}`, with a `maxPayload` if it is not very old, and waits for our `40`;
-  it pings, we answer, or it hangs up.
-- raw (the C++ devkit): sends nothing at all, answers no ping, understands nothing but events.
+- Engine.IO 3 (python-socketio 4): sends `0{...}` and then `40`; the client pings.
+- Engine.IO 4 (python-socketio 5): sends `0{...}`, with `maxPayload` except in very old versions, and waits for `40`
+  from the client; the server pings, and disconnects a client that does not answer.
+- raw (the C++ devkit): sends nothing on connect, answers no ping, and accepts events only.
 """
 
 from __future__ import annotations
@@ -17,16 +17,21 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from autodrive.protocol.devkit_profile import Handshake
+
 LISTENING_TIME = 0.3
-"""How long a server may take to begin to speak [s], before it is taken for one that speaks later or not at all."""
+"""Time to wait for the first packet of the server [s]; after that the server is treated as raw."""
 HANDSHAKE_TIME = 5.0
-"""How long an Engine.IO server may take to let us in [s]."""
+"""Timeout of the handshake with an Engine.IO server [s]."""
+MAX_PING, MAX_WAITING = 128, 1000
+"""Longest content of a ping [characters], which is sent back, and most answers that wait for a server that does not
+read; both are far more than any server needs."""
 MAX_PAYLOAD = 1_000_000
-"""Longest packet [characters] for a server that does not tell its own limit; python-socketio 5 has this one."""
+"""Longest packet [characters] for a server that announces no limit; the default of python-socketio 5."""
 
 
 class Dialect(enum.StrEnum):
-    """What kind of server is at the other end."""
+    """Protocol dialect of the server."""
 
     ENGINE_IO_3 = "Engine.IO 3"
     ENGINE_IO_4 = "Engine.IO 4"
@@ -35,7 +40,7 @@ class Dialect(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Event:
-    """A named message of the server."""
+    """A named event from the server."""
 
     name: str
     arguments: list[Any]
@@ -43,128 +48,145 @@ class Event:
 
 @dataclass(frozen=True)
 class Acknowledgement:
-    """The server has done its work on the event that we sent with that number."""
+    """The server has processed the event that was sent with that number."""
 
     number: int
 
 
 class PacketError(ValueError):
-    """A packet that makes no sense; the conversation goes on."""
+    """An invalid packet; the connection continues."""
 
 
-class ConversationEnd(Exception):  # noqa: N818  it is no fault to say goodbye
-    """The server refused us or said goodbye."""
+class ConnectionEnd(Exception):  # noqa: N818  a normal close is not an error
+    """The server refused or closed the connection."""
 
 
-class Conversation:
-    """What was said so far on one connection, and what follows from it.
+class Connection:
+    """Protocol state of one connection.
 
-    Times are those of any steady clock [s]. `outbox` collects the packets to send, in order.
+    `now` is the time of any monotonic clock [s]. `handshake` is that of the server; None: by its first packets.
+    `outbox` collects the packets to send, in order.
     """
 
-    def __init__(self, now: float) -> None:
+    def __init__(self, now: float, handshake: Handshake | None = None) -> None:
         self.outbox: list[str] = []
         self.dialect: Dialect | None = None
         self.max_payload = MAX_PAYLOAD
-        self._deadline = now + LISTENING_TIME
+        self._handshake = handshake
+        self._deadline = now + {None: LISTENING_TIME, "raw": 0.0}.get(handshake, HANDSHAKE_TIME)
         self._ping_interval = 25.0
-        self._has_greeting = False
-        self._is_admitted = False
+        self._has_handshake = False
+        self._is_accepted = False
 
     @property
     def is_open(self) -> bool:
         """Whether events can be sent."""
-        return self._is_admitted
+        return self._is_accepted
 
     @property
     def deadline(self) -> float:
-        """When `pass_time` has something to do again, if nothing is received before."""
+        """Time at which `check_timers` must be called, unless a packet is received before."""
         return self._deadline
 
     def receive(self, packet: str, now: float) -> Event | Acknowledgement | None:
-        """Take a packet. Raises `PacketError` for nonsense, `ConversationEnd` if the server has finished with us."""
+        """Process a packet. Raises `PacketError` if it is invalid, `ConnectionEnd` if the server disconnects."""
         match packet[:1], packet[1:2]:
             case "0", _:
-                self._greet(packet[1:], now)
+                self._read_handshake(packet[1:], now)
             case "1", _:
-                raise ConversationEnd("the server closed the connection")
+                raise ConnectionEnd("the server closed the connection")
             case "2", _:
-                self.outbox.append("3" + packet[1:])
+                if len(packet) > MAX_PING:
+                    raise PacketError(f"a ping of {len(packet)} characters")
+                self._answer("3" + packet[1:])
             case (("3" | "6"), _):
                 pass
             case "4", "0":
-                self._enter(Dialect.ENGINE_IO_4 if "{" in packet else Dialect.ENGINE_IO_3, now)
+                self._accept(Dialect.ENGINE_IO_4 if "{" in packet else Dialect.ENGINE_IO_3, now)
             case "4", "1":
-                raise ConversationEnd("the server ended the session")
+                raise ConnectionEnd("the server ended the session")
             case "4", "4":
-                raise ConversationEnd(f"the server refused us: {packet[2:200]}")
+                raise ConnectionEnd(f"the server refused the connection: {packet[2:200]}")
             case "4", ("2" | "3"):
                 return self._content(packet)
             case _:
-                raise PacketError(f"not a packet of Socket.IO: {packet[:40]!r}")
+                raise PacketError(f"not a Socket.IO packet: {packet[:40]!r}")
         return None
 
-    def pass_time(self, now: float) -> None:
-        """Do what is due: judge a silent server, ping one that wants to be pinged. Raises `ConversationEnd`."""
+    def check_timers(self, now: float) -> None:
+        """Classify a server that has sent nothing; ping if due. Raises `ConnectionEnd` on a handshake timeout."""
         if now < self._deadline:
             return
-        if self._is_admitted:
+        if self._is_accepted:
             self.outbox.append("2")
             self._deadline = now + self._ping_interval
-        elif not self._has_greeting:
-            self.dialect, self._is_admitted, self._deadline = Dialect.RAW, True, math.inf
-        elif self.dialect is None:
-            self._ask_to_enter(now)
+        elif not self._has_handshake and self._handshake in (None, "raw"):
+            self.dialect, self._is_accepted, self._deadline = Dialect.RAW, True, math.inf
+        elif self.dialect is None and self._handshake is None:
+            self._request_connection(now)
         else:
-            raise ConversationEnd(f"the server did not let us in for {HANDSHAKE_TIME:g} s")
+            raise ConnectionEnd(f"no handshake from the server within {HANDSHAKE_TIME:g} s")
 
-    def _greet(self, text: str, now: float) -> None:
-        greeting = _parsed(text)
-        if not isinstance(greeting, dict):
-            raise PacketError(f"not a greeting of Engine.IO: {text[:40]!r}")
-        self._has_greeting, self._is_admitted = True, False  # also if it comes after we took the server for a raw one
+    def _read_handshake(self, text: str, now: float) -> None:
+        handshake = _parsed(text)
+        if not isinstance(handshake, dict):
+            raise PacketError(f"not an Engine.IO handshake: {text[:40]!r}")
+        self._has_handshake, self._is_accepted = True, False  # also if the server was already classified as raw
         self.dialect = None
-        self._ping_interval = min(max(_milliseconds(greeting.get("pingInterval"), 25.0), 1.0), 25.0)
-        limit = greeting.get("maxPayload")
+        self._ping_interval = min(max(_milliseconds(handshake.get("pingInterval"), 25.0), 1.0), 25.0)
+        limit = handshake.get("maxPayload")
+        is_newest = self._handshake == "engineio-4"
         if isinstance(limit, int) and limit > 0:
             self.max_payload = limit
-            self._ask_to_enter(now)
+            is_newest = is_newest or self._handshake is None
+        if is_newest:
+            self._request_connection(now)
         else:
-            self._deadline = now + LISTENING_TIME
+            self._deadline = now + (LISTENING_TIME if self._handshake is None else HANDSHAKE_TIME)
 
-    def _ask_to_enter(self, now: float) -> None:
+    def _request_connection(self, now: float) -> None:
         self.dialect = Dialect.ENGINE_IO_4
         self.outbox.append("40")
         self._deadline = now + HANDSHAKE_TIME
 
-    def _enter(self, dialect: Dialect, now: float) -> None:
-        """The server says that we are in."""
+    def _accept(self, dialect: Dialect, now: float) -> None:
+        """The server accepted the connection."""
         self.dialect = dialect
-        self._is_admitted = True
+        self._is_accepted = True
         self._deadline = now if dialect is Dialect.ENGINE_IO_3 else math.inf
+
+    def _answer(self, packet: str) -> None:
+        if len(self.outbox) >= MAX_WAITING:
+            raise ConnectionEnd("the server sends, but does not read")
+        self.outbox.append(packet)
 
     def _content(self, packet: str) -> Event | Acknowledgement | None:
         parts = _CONTENT.fullmatch(packet)
         content = _parsed(parts[2]) if parts else None
         if not parts or not isinstance(content, list):
-            raise PacketError(f"not an event of Socket.IO: {packet[:40]!r}")
+            raise PacketError(f"not a Socket.IO event: {packet[:40]!r}")
         if packet[1] == "3":
             return Acknowledgement(int(parts[1] or -1))
         if not content or not isinstance(content[0], str):
             raise PacketError(f"an event without a name: {packet[:40]!r}")
         if parts[1]:
-            self.outbox.append(f"43{parts[1]}[]")
+            self._answer(f"43{parts[1]}[]")
         return Event(content[0], content[1:])
 
 
-FAREWELL = ("41", "1")
-"""Packets that end a conversation politely."""
+CLOSE_PACKETS = ("41", "1")
+"""Packets that close a connection."""
 
 
 def event_packet(name: str, argument: dict[str, str], acknowledge: int | None = None) -> str:
-    """The packet of an event. With a number the server is asked to say when it has done its work on it."""
+    """The packet of an event; with a number, the server acknowledges the event after processing it."""
     number = "" if acknowledge is None else str(acknowledge)
     return f"42{number}{json.dumps([name, argument], separators=(',', ':'))}"
+
+
+def padded(packet: str, size: int) -> str:
+    """The packet of an event with blanks before its closing brackets, so that it has `size` characters or more."""
+    return packet[:-2] + " " * (size - len(packet)) + packet[-2:]
 
 
 _CONTENT = re.compile(r"4[23](\d{0,9})(\[.*)", re.DOTALL)
@@ -178,6 +200,6 @@ def _parsed(text: str) -> Any:
 
 
 def _milliseconds(value: Any, default: float) -> float:
-    """[ms] of the wire in [s]."""
+    """Convert [ms] of the protocol to [s]."""
     is_sensible = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e7
     return value / 1000.0 if is_sensible else default

@@ -1,4 +1,4 @@
-"""The Python client of the simulator's native protocol; needs no simulator where it runs."""
+"""The Python client of the native protocol; does not need the simulator to be installed."""
 
 from autodrive.client.client import Client as Client
-from autodrive.client.wire import NoSimulatorError as NoSimulatorError
+from autodrive.client.client_socket import NoSimulatorError as NoSimulatorError

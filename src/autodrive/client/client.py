@@ -1,4 +1,4 @@
-"""Client: read a running simulator's Frames, drive its vehicles, step it, from any Python script."""
+"""Client: reads Frames of a running simulator, drives its vehicles and steps it from a Python script."""
 
 from __future__ import annotations
 
@@ -6,30 +6,39 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.client.conversation import Conversation
+from autodrive.client.client_socket import Address
+from autodrive.client.connection import Connection
 from autodrive.client.view import View
-from autodrive.client.wire import Address
 from autodrive.errors import AutodriveError, CommandError
+from autodrive.protocol.commands import check_commands
 from autodrive.protocol.messages import (
+    AddBox,
     Command,
     Frame,
     Headlights,
     Indicators,
     LoadScenario,
+    Operation,
     Pause,
-    Request,
+    Place,
+    Redo,
+    RemoveBox,
     Reset,
     Resume,
+    SaveScenario,
     SetDrivingMode,
     SetSceneLight,
+    SetSensor,
     SetSpeed,
     Step,
     Teleport,
+    Undo,
 )
 from autodrive.protocol.native import (
     ConnectBridge,
@@ -44,23 +53,22 @@ from autodrive.protocol.native import (
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 LOADING = 300.0
-"""A scenario is loaded within that time: its maps may be drawn for the first time [s]."""
+"""Time limit for loading a scenario, which may build its meshes first [s]."""
 
 
 class Client:
-    """A connection to a running simulator: `with autodrive.Client() as sim: ...`; for one thread.
+    """A connection to a running simulator: `with autodrive.Client() as sim: ...`. Use it in one thread only.
 
-    - `address`: 'host:port', or the link that the simulator prints. `token`: where one is needed and not in the link.
-    - `name`: what others see as the driver; None: the script's file name.
-    - `frame_rate`: Frames a second of wall time at most [Hz], None: each tick, 0: none. `scans`: whether they come.
-    - `picture_rate`: pictures of each camera a second of wall time at most [Hz], 0: none. `picture_width` [pixels],
-      None: the camera's own. `picture_quality` of the JPEG, 1 to 100.
-    - `timeout`: the longest that an answer or a Frame is waited for [s]; then `TimeoutError`.
-    - `patience`: how long a simulator that was lost is waited for [s], as when it is started anew; then
-      `NoSimulatorError`, which is a `ConnectionError`.
+    - `address`: 'host:port', or the link that the simulator prints. `token`: access token if it is not in the link.
+    - `name`: display name of the driver; None: the file name of the script.
+    - `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether to get scans.
+    - `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none. `picture_width` [pixels],
+      None: the width of the camera. `picture_quality` of the JPEG, 1 to 100.
+    - `timeout`: longest wait for an answer or a Frame [s]; then `TimeoutError`.
+    - `patience`: longest wait for a simulator that restarts [s]; then `NoSimulatorError`, a `ConnectionError`.
 
-    What the simulator refuses is a `CommandError` with its words: of a request at once, of a `drive`, which nobody
-    answers, at the next call.
+    A refusal raises a `CommandError` with the simulator's text: of a request at once, of a `drive`, which does not wait
+    for an answer, at the next call.
     """
 
     def __init__(
@@ -79,13 +87,13 @@ class Client:
     ) -> None:
         name = (Path(sys.argv[0]).name or "python") if name is None else name
         wanted = Subscribe(frame_rate, scans, picture_rate, picture_width, picture_quality)
-        self._talk = Conversation(Address.of(address, token), name, wanted, timeout, patience)
-        self._heard = 0
+        self._connection = Connection(Address.of(address, token), name, wanted, timeout, patience)
+        self._seen_updates = 0
         self._images: dict[tuple[str, str], tuple[Picture, NDArray[np.uint8]]] = {}
 
     def close(self) -> None:
-        """Say goodbye; the simulation goes on, or stays paused, as it is."""
-        self._talk.close()
+        """Disconnect; the simulation continues, or stays paused."""
+        self._connection.close()
 
     def __enter__(self) -> Client:
         return self
@@ -97,50 +105,50 @@ class Client:
 
     @property
     def frame(self) -> Frame:
-        """The latest Frame; its events are all since the Frame that was read before."""
-        self._talk.catch_up()
-        if self._talk.view.frame is None:
+        """The latest Frame, with all events since the previous Frame that was read."""
+        self._connection.catch_up()
+        if self._connection.view.frame is None:
             return self.wait()
-        return self._talk.view.taken()
+        return self._connection.view.read()
 
     def wait(self, timeout: float | None = None) -> Frame:
-        """The next Frame that was not read yet, which is the latest."""
-        self._talk.catch_up()
-        self._talk.until(lambda: self._talk.view.is_new, timeout, "Frame")
-        return self._talk.view.taken()
+        """Wait for a Frame that was not read yet; returns the latest."""
+        self._connection.catch_up()
+        self._connection.until(lambda: self._connection.view.is_new, timeout, "Frame")
+        return self._connection.view.read()
 
     def frames(self, rate: float | None = None) -> Iterator[Frame]:
-        """Each new Frame, for ever; `rate` a second of wall time at most [Hz], None: as the Client was made for.
+        """Yield each new Frame, without end; `rate`: largest rate in wall time [Hz], None: that of the Client.
 
-        Whoever takes longer over one than the next takes to come gets the latest, with the events of those between.
+        A slow consumer gets the latest Frame, with the events of the Frames that were skipped.
         """
-        usual = self._talk.subscription
+        usual = self._connection.subscription
         if rate is not None:
-            self._talk.subscribe(msgspec.structs.replace(usual, frame_rate=rate))
+            self._connection.subscribe(msgspec.structs.replace(usual, frame_rate=rate))
         try:
             while True:
                 yield self.wait()
         finally:
-            if rate is not None and not self._talk.is_closed:
-                self._talk.subscribe(usual)
+            if rate is not None and not self._connection.is_closed:
+                self._connection.subscribe(usual)
 
     @property
     def pictures(self) -> dict[tuple[str, str], Picture]:
-        """The latest picture of each camera by (vehicle, camera), as JPEG; needs a `picture_rate`."""
-        self._talk.catch_up()
-        return dict(self._talk.view.pictures)
+        """The latest picture of each camera by (vehicle, camera), as JPEG; requires a `picture_rate`."""
+        self._connection.catch_up()
+        return dict(self._connection.view.pictures)
 
     def image(self, vehicle: str, camera: str) -> NDArray[np.uint8]:
         """The latest picture of that camera, uint8, shape (height, width, 3), sRGB; waits for the first."""
-        if not self._talk.subscription.picture_rate:
-            raise AutodriveError("no pictures were asked for: make the Client with a picture_rate, for example 10")
-        self._talk.catch_up()
+        if not self._connection.subscription.picture_rate:
+            raise AutodriveError("no pictures are subscribed: create the Client with a picture_rate, for example 10")
+        self._connection.catch_up()
         key = vehicle, camera
         self._check_camera(vehicle, camera)
-        self._talk.until(
-            lambda: key in self._talk.view.pictures, None, f"picture of camera '{camera}' of vehicle '{vehicle}'"
+        self._connection.until(
+            lambda: key in self._connection.view.pictures, None, f"picture of camera '{camera}' of vehicle '{vehicle}'"
         )
-        picture = self._talk.view.pictures[key]
+        picture = self._connection.view.pictures[key]
         known = self._images.get(key)
         if known is None or known[0] is not picture:
             known = self._images[key] = picture, _decoded(picture.jpeg)
@@ -148,42 +156,48 @@ class Client:
 
     @property
     def status(self) -> Status:
-        """Pause, speed, real-time factor, who drives, the bridge: as the simulator told last."""
-        self._talk.catch_up()
-        self._talk.until(lambda: self._talk.view.status is not None, None, "Status")
-        assert self._talk.view.status is not None
-        return self._talk.view.status
+        """The latest Status: pause, speed, real-time factor, drivers, bridge."""
+        self._connection.catch_up()
+        self._connection.until(lambda: self._connection.view.status is not None, None, "Status")
+        assert self._connection.view.status is not None
+        return self._connection.view.status
 
     @property
     def scene(self) -> Scene:
-        """The scenario that runs: its name, map, tick [s] and vehicles."""
-        self._talk.catch_up()
-        self._talk.until(lambda: self._talk.view.scene is not None, None, "Scene")
-        assert self._talk.view.scene is not None
-        return self._talk.view.scene
+        """The current scenario: its name, map, tick [s] and vehicles."""
+        self._connection.catch_up()
+        self._connection.until(lambda: self._connection.view.scene is not None, None, "Scene")
+        assert self._connection.view.scene is not None
+        return self._connection.view.scene
 
     @property
     def scenarios(self) -> dict[str, str]:
-        """Name -> title of those that `load_scenario` knows."""
-        return dict(self._talk.view.welcome.scenarios) if self._talk.view.welcome else {}
+        """Name -> title of the scenarios that `load_scenario` can load."""
+        return dict(self._connection.view.welcome.scenarios) if self._connection.view.welcome else {}
 
     @property
     def name(self) -> str:
-        """What others see: the name asked for, with a number if somebody has it already."""
-        return self._talk.view.welcome.name if self._talk.view.welcome else self._talk.name
+        """The display name: the wanted one, with a number if another client has it."""
+        return self._connection.view.welcome.name if self._connection.view.welcome else self._connection.name
 
     def set_rates(self, frame_rate: float | None, picture_rate: float) -> None:
-        """Want so many Frames and pictures from now on, as when the Client was made."""
-        wanted = msgspec.structs.replace(self._talk.subscription, frame_rate=frame_rate, picture_rate=picture_rate)
-        if wanted != self._talk.subscription:
-            self._talk.subscribe(wanted)
+        """Change the rates of Frames and pictures; see `Client`."""
+        wanted = msgspec.structs.replace(
+            self._connection.subscription, frame_rate=frame_rate, picture_rate=picture_rate
+        )
+        if wanted != self._connection.subscription:
+            self._connection.subscribe(wanted)
 
     def wait_news(self, timeout: float | None = None) -> View:
-        """What has been told, once a Frame, a scan or a picture has come that was not there at the last such call."""
-        view = self._talk.view
-        self._talk.until(lambda: self._talk.view is not view or self._talk.view.news > self._heard, timeout, "news")
-        self._heard = self._talk.view.news
-        return self._talk.view
+        """Wait for a Frame, scan or picture that is newer than the last such call; returns all that was received."""
+        view = self._connection.view
+        self._connection.until(
+            lambda: self._connection.view is not view or self._connection.view.update_count > self._seen_updates,
+            timeout,
+            "update",
+        )
+        self._seen_updates = self._connection.view.update_count
+        return self._connection.view
 
     # -- driving ------------------------------------------------------------------------------------------------
 
@@ -197,97 +211,154 @@ class Client:
         headlights: int | None = None,
         indicators: int | None = None,
     ) -> None:
-        """Give a vehicle a command: a `Command`, or its values. Good for half a simulated second: send it again.
+        """Send a command to a vehicle: a `Command`, or its values. Valid for half a simulated second: send it again.
 
         `throttle`, `steering` [-1, 1], left positive; `headlights` 0 off, 1 low, 2 high beam; `indicators` 0 off,
-        1 left, 2 right, 3 hazard; None leaves them as they are. What the simulator refuses is raised by the next call.
+        1 left, 2 right, 3 hazard; None keeps their state. A refusal raises `CommandError` at the next call.
         """
-        order = command or Command(throttle, steering, headlights, indicators)  # type: ignore[arg-type]
-        self._talk.tell(Drive(vehicle, _plain(order)))
+        if command is None:
+            command = Command(throttle, steering, headlights, indicators)  # type: ignore[arg-type]
+        check_commands({vehicle: command})
+        self._connection.send(Drive(vehicle, _plain(command)))
 
     def release(self, vehicle: str) -> None:
-        """Let go of a vehicle's wheel, so that others may drive it at once."""
-        self._talk.tell(Release(vehicle))
+        """Stop being the driver of a vehicle, so that others can drive it at once."""
+        self._connection.send(Release(vehicle))
 
-    # -- requests: each returns the Frame after it --------------------------------------------------------------
+    # -- requests: each returns the Frame after the operation ---------------------------------------------------
 
     def step(
         self, commands: Mapping[str, Command] | None = None, *, ticks: int = 1, timeout: float | None = None
     ) -> Frame:
-        """Run `ticks` ticks, the first with these commands, and no more: the simulation is paused if it runs.
+        """Run `ticks` ticks, the first with these commands. A running simulation is paused first.
 
         The same scenario, seed and commands give the same bits as `World.step`.
         """
-        orders = {vehicle: _plain(command) for vehicle, command in (commands or {}).items()}
-        if not self._talk.is_stepping:
-            self._talk.begin_stepping()
+        commands = {} if commands is None else commands
+        check_commands(commands)
+        orders = {vehicle: _plain(command) for vehicle, command in commands.items()}
+        if not self._connection.is_stepping:
+            self._connection.begin_stepping()
         try:
-            return self._talk.ask(Step(ticks, orders), timeout)
+            return self._connection.request(Step(ticks, orders), timeout)
         except CommandError:
-            self._talk.is_stepping = False  # somebody may have resumed it: then the next step pauses it again
+            self._connection.is_stepping = False  # another client may have resumed it: the next step pauses again
             raise
 
     @contextmanager
     def lockstep(self) -> Iterator[Client]:
-        """`with sim.lockstep(): ...` pauses the simulation for steps, and resumes it in the end if it ran before."""
-        was_paused = self._talk.is_stepping or self.status.is_paused  # a Status may be older than our Pause
-        self._talk.begin_stepping()
+        """`with sim.lockstep(): ...` pauses the simulation for steps and resumes it at the end if it ran before."""
+        was_paused = self._connection.is_stepping or self.status.is_paused  # a Status may be older than our Pause
+        self._connection.begin_stepping()
         try:
             yield self
         finally:
-            if not was_paused and not self._talk.is_closed:
+            if not was_paused and not self._connection.is_closed:
                 with suppress(ConnectionError):
                     self.resume()
 
-    def ask(self, request: Request) -> Frame:
-        """Any request as a message, for example `Teleport("V1", 1.0, 0.5)`."""
-        return self._talk.ask(request)
+    def ask(self, request: Operation) -> Frame:
+        """Request any operation, for example `Teleport("V1", 1.0, 0.5)`."""
+        return self._connection.request(request)
 
     def reset(self, seed: int | None = None) -> Frame:
-        """The initial state; `seed` None keeps the seed."""
-        return self._talk.ask(Reset(seed))
+        """Restore the initial state; `seed` None keeps the seed."""
+        return self._connection.request(Reset(seed))
 
     def pause(self) -> Frame:
         """Stop simulated time."""
-        frame = self._talk.ask(Pause())
-        self._talk.is_stepping = True
+        frame = self._connection.request(Pause())
+        self._connection.is_stepping = True
         return frame
 
     def resume(self) -> Frame:
-        """Let simulated time run again."""
-        self._talk.is_stepping = False
-        return self._talk.ask(Resume())
+        """Continue simulated time."""
+        self._connection.is_stepping = False
+        return self._connection.request(Resume())
 
     def set_speed(self, factor: float | None = 1.0) -> Frame:
-        """Simulated seconds per wall second; None: as fast as possible."""
-        return self._talk.ask(SetSpeed(None if factor is None else float(factor)))
+        """Set the simulated seconds per wall second; None: as fast as possible."""
+        return self._connection.request(SetSpeed(None if factor is None else float(factor)))
 
     def teleport(self, vehicle: str, x: float, y: float, yaw: float = 0.0) -> Frame:
-        """Put a vehicle, at rest, at x, y [m] of the map with heading yaw [rad]."""
-        return self._talk.ask(Teleport(vehicle, float(x), float(y), float(yaw)))
+        """Place a vehicle or an object, at rest, at x, y [m] in the map frame with heading yaw [rad], until a reset."""
+        return self._connection.request(Teleport(vehicle, float(x), float(y), float(yaw)))
 
     def set_scene_light(self, enabled: bool) -> Frame:
-        """Day (True) or night (False)."""
-        return self._talk.ask(SetSceneLight(bool(enabled)))
+        """Switch to day (True) or night (False)."""
+        return self._connection.request(SetSceneLight(bool(enabled)))
 
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> Frame:
-        """Who drives: a script (autonomous, True) or a person (manual, False)."""
-        return self._talk.ask(SetDrivingMode(vehicle, bool(is_autonomous)))
+        """Let a vehicle obey a script (autonomous, True) or a person (manual, False)."""
+        return self._connection.request(SetDrivingMode(vehicle, bool(is_autonomous)))
 
     def load_scenario(self, name: str, timeout: float = LOADING) -> Frame:
-        """Go over to the scenario of that name, one of `scenarios`."""
-        return self._talk.ask(LoadScenario(name), timeout)
+        """Load the scenario of that name, one of `scenarios`."""
+        return self._connection.request(LoadScenario(name), timeout)
+
+    # -- edits of the scenario; each returns the Frame after it ---------------------------------------------------
+
+    def place(self, name: str, x: float, y: float, yaw: float = 0.0) -> Frame:
+        """Place a vehicle or an object, at rest, at x, y [m] with heading yaw [rad], now and at the start."""
+        return self._connection.request(Place(name, float(x), float(y), float(yaw)))
+
+    def add_box(
+        self,
+        name: str,
+        x: float,
+        y: float,
+        yaw: float = 0.0,
+        *,
+        size: tuple[float, float, float] = (0.1, 0.1, 0.1),
+        mass: float = 0.1,
+    ) -> Frame:
+        """Add a movable box on the ground at x, y [m] with heading yaw [rad]; `size` [m], `mass` [kg]."""
+        length, width, height = map(float, size)
+        box = AddBox(name, float(x), float(y), float(yaw), (length, width, height), float(mass))
+        return self._connection.request(box, LOADING)
+
+    def remove_box(self, name: str) -> Frame:
+        """Remove a movable box."""
+        return self._connection.request(RemoveBox(name), LOADING)
+
+    def set_sensor(
+        self,
+        vehicle: str,
+        sensor: str,
+        *,
+        is_on: bool = True,
+        rate: float | None = None,
+        noise: Literal["ideal", "file", "realistic", "strong"] | None = None,
+    ) -> Frame:
+        """Set a sensor or camera of a vehicle; what is left out is as in the vehicle's file. See `SetSensor`."""
+        settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else float(rate), noise)
+        return self._connection.request(settings, LOADING)
+
+    def undo(self) -> Frame:
+        """Take the latest edit back; `status.undo` names it."""
+        return self._connection.request(Undo(), LOADING)
+
+    def redo(self) -> Frame:
+        """Make the edit again that was taken back last; `status.redo` names it."""
+        return self._connection.request(Redo(), LOADING)
+
+    def scenario_text(self) -> str:
+        """The scenario with all edits, as YAML: `Path("mine.yaml").write_text(sim.scenario_text())`."""
+        self._connection.request(SaveScenario())
+        return self._connection.text
+
+    # -- the devkit bridge ----------------------------------------------------------------------------------------
 
     def connect_bridge(self, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> Frame:
-        """Have the simulator look for the devkit script that listens there; `status.bridge` tells how it stands."""
-        return self._talk.ask(ConnectBridge(host, port))
+        """Connect the simulator to the devkit script at that address; see `status.bridge`."""
+        return self._connection.request(ConnectBridge(host, port))
 
     def disconnect_bridge(self) -> Frame:
-        """End that connection, or the search for one."""
-        return self._talk.ask(DisconnectBridge())
+        """Close that connection, or stop trying to connect."""
+        return self._connection.request(DisconnectBridge())
 
     def _check_camera(self, vehicle: str, camera: str) -> None:
-        scene = self._talk.view.scene
+        scene = self._connection.view.scene
         if scene is None:
             return
         known = [f"'{name}', '{its}'" for name, one in scene.vehicles.items() for its in one.cameras]
@@ -296,7 +367,7 @@ class Client:
 
 
 def _plain(command: Command) -> Command:
-    """With Python's own numbers, also of numpy's."""
+    """The Command with Python numbers, which may be given as numpy numbers."""
     try:
         return Command(
             float(command.throttle),
@@ -305,14 +376,14 @@ def _plain(command: Command) -> Command:
             None if command.indicators is None else Indicators(command.indicators),
         )
     except (TypeError, ValueError) as error:
-        raise CommandError(f"{command} is no Command: {error}") from None
+        raise CommandError(f"{command} is not a valid Command: {error}") from None
 
 
 def _decoded(jpeg: bytes) -> NDArray[np.uint8]:
     try:
-        import simplejpeg  # noqa: PLC0415 - only who wants pictures as arrays needs it
+        import simplejpeg  # noqa: PLC0415  needed only for decoded pictures
     except ImportError:
-        raise AutodriveError("pictures are decoded with simplejpeg: pip install simplejpeg") from None
+        raise AutodriveError("decoding pictures requires simplejpeg: pip install simplejpeg") from None
     image = simplejpeg.decode_jpeg(jpeg)
     image.setflags(write=False)
     return image

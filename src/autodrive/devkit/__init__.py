@@ -1,7 +1,7 @@
-"""The AutoDRIVE devkit in Python, without further packages: vehicles, traffic lights, and the server that a script is.
+"""AutoDRIVE devkit in Python: vehicles, traffic lights and the server of a driving script.
 
-A script of the devkits of 2022 to 2025 runs with one changed line, `from autodrive import devkit as autodrive`. A new
-one needs no server of its own:
+A script for the devkits of 2022 to 2025 runs with one changed line, `from autodrive import devkit as autodrive`. A new
+script needs no web framework:
 
     from autodrive.devkit import Nigel, drive
 

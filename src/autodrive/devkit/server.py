@@ -1,7 +1,6 @@
-"""The server that a driving script is: the simulator, ours or the original one, connects to it and asks for commands.
+"""Server of a driving script: this simulator or the original one connects to it and requests commands.
 
-Socket.IO over WebSocket as the servers of the devkits' time speak it (Engine.IO 3), which every published simulator
-understands; no framework is needed for it.
+Socket.IO over WebSocket in the dialect of the original devkits (Engine.IO 3), which every published simulator supports.
 """
 
 from __future__ import annotations
@@ -24,40 +23,41 @@ from websockets.sync.server import ServerConnection, serve
 from autodrive.protocol.ports import DEVKIT_PORT
 
 EVENT = "Bridge"
-"""The one event of both directions."""
+"""Event name of both directions."""
 
 PING_INTERVAL, PING_TIMEOUT = 25.0, 60.0
-"""Signs of life [s], as the devkits' servers ask for them."""
+"""Heartbeat settings [s], those of the original devkits."""
 
 MESSAGE_LIMIT = 2**24
-"""[bytes]. Telemetry with two pictures has some hundred thousand."""
+"""Longest message [bytes]; telemetry with two images has a few hundred thousand."""
 
 Telemetry: TypeAlias = Mapping[str, Any]
 Respond: TypeAlias = Callable[[Telemetry], Mapping[str, str] | None]
-"""Telemetry -> commands; None: say nothing now."""
+"""Telemetry -> commands; None: send no commands."""
 
 _EVENT = re.compile(r"42(\d*)(.*)", re.DOTALL)
-"""An event, numbered if it wants to be acknowledged."""
+"""An event; with a number if an acknowledgement is requested."""
 
 log = logging.getLogger(__name__)
 
 
-class Driven(Protocol):
+class Device(Protocol):
     """A vehicle or a traffic light."""
 
     def parse_data(self, data: Telemetry) -> None:
-        """Take what is told about it."""
+        """Read its values from telemetry."""
         ...
 
     def generate_commands(self) -> Mapping[str, str]:
-        """What it is to do."""
+        """Its commands."""
         ...
 
 
-def drive(step: Callable[[], object], *things: Driven, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> None:
-    """Serve for ever: at each message, `things` (vehicles, traffic lights) take it, `step()` runs, their commands go.
+def drive(step: Callable[[], object], *things: Device, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> None:
+    """Serve until `step` raises or Ctrl-C: for each message, update `things`, call `step()`, send their commands.
 
-    `host` '' listens to other machines too. What `step` raises ends it; Ctrl-C ends it.
+    `things` are vehicles and traffic lights. `host` '' listens on all interfaces. Raises what `step` raises, and
+    `OSError` if the port is in use.
     """
 
     def respond(data: Telemetry) -> dict[str, str]:
@@ -71,22 +71,22 @@ def drive(step: Callable[[], object], *things: Driven, host: str = "127.0.0.1", 
 
 
 class Server:
-    """Answers each telemetry message with `respond(telemetry)`, one at a time, from a thread of its own.
+    """Answers each telemetry message with `respond(telemetry)`, one at a time, in its own thread.
 
-    Any number of simulators may connect, and each gets the answers to its own messages only. Raises `OSError` if the
-    port is taken. `port` 0 takes a free one.
+    Any number of simulators may connect; each receives only the answers to its own messages. `port` 0 selects a free
+    port. Raises `OSError` if the port is in use.
     """
 
     def __init__(self, respond: Respond, *, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> None:
         self._respond = respond
         self._one_at_a_time = threading.Lock()
-        self._fault: BaseException | None = None
+        self._error: BaseException | None = None
         self._ended = threading.Event()
         self._server = serve(
-            self._converse,
+            self._serve_simulator,
             host,
             port,
-            process_request=_refuse_strangers,
+            process_request=_reject_other_paths,
             compression=None,
             max_size=MESSAGE_LIMIT,
             ping_interval=None,
@@ -97,13 +97,13 @@ class Server:
         self._thread.start()
 
     def wait(self, timeout: float | None = None) -> None:
-        """Until `close`, or for `timeout` [s]. Raises what `respond` raised."""
+        """Wait until `close`, or for `timeout` [s]. Raises what `respond` raised."""
         self._ended.wait(timeout)
-        if self._fault is not None:
-            raise self._fault
+        if self._error is not None:
+            raise self._error
 
     def close(self) -> None:
-        """Say goodbye to all simulators."""
+        """Close all connections and end the thread."""
         self._ended.set()
         self._server.shutdown()
         self._thread.join()
@@ -116,9 +116,9 @@ class Server:
     ) -> None:
         self.close()
 
-    def _converse(self, connection: ServerConnection) -> None:
-        """With one simulator, until it leaves."""
-        greeting = {
+    def _serve_simulator(self, connection: ServerConnection) -> None:
+        """Serve one simulator until it disconnects."""
+        handshake = {
             "sid": secrets.token_hex(16),
             "upgrades": [],
             "pingTimeout": int(1e3 * PING_TIMEOUT),
@@ -126,44 +126,44 @@ class Server:
         }
         pinged = time.monotonic()
         try:
-            connection.send("0" + json.dumps(greeting))
+            connection.send("0" + json.dumps(handshake))
             connection.send("40")
             while not self._ended.is_set():
                 for packet in self._answers(_received(connection)):
                     connection.send(packet)
-                if time.monotonic() - pinged > PING_INTERVAL:  # a client of Engine.IO 4 waits for it
+                if time.monotonic() - pinged > PING_INTERVAL:  # clients of Engine.IO 4 expect it
                     connection.send("2")
                     pinged = time.monotonic()
         except ConnectionClosed:
-            log.info("a simulator has left")
+            log.info("a simulator disconnected")
 
     def _answers(self, packet: str) -> list[str]:
         if event := _EVENT.match(packet):
             number, body = event.groups()
             commands = self._commands(body)
-            said = [] if commands is None else ["42" + json.dumps([EVENT, commands], separators=(",", ":"))]
-            return [*said, f"43{number}[]"] if number else said
+            packets = [] if commands is None else ["42" + json.dumps([EVENT, commands], separators=(",", ":"))]
+            return [*packets, f"43{number}[]"] if number else packets
         return ["3" + packet[1:]] if packet.startswith("2") else []
 
     def _commands(self, text: str) -> Mapping[str, str] | None:
         try:
             event, data = json.loads(text)
         except ValueError:
-            log.warning("not understood: %.60r; a message is 42[%r, {...}]", text, EVENT)
+            log.warning("invalid message: %.60r; expected 42[%r, {...}]", text, EVENT)
             return None
         if event != EVENT or not isinstance(data, dict) or not data:
             return None
         try:
             with self._one_at_a_time:
                 return self._respond(data)
-        except BaseException as fault:  # handed to whoever waits
-            self._fault = fault
+        except BaseException as error:  # raised by `wait`
+            self._error = error
             self._ended.set()
             return None
 
 
 def _received(connection: ServerConnection) -> str:
-    """The next packet; '' where none came for a while."""
+    """The next packet; '' after a timeout."""
     try:
         packet = connection.recv(timeout=1.0)
     except TimeoutError:
@@ -171,7 +171,7 @@ def _received(connection: ServerConnection) -> str:
     return packet if isinstance(packet, str) else ""
 
 
-def _refuse_strangers(connection: ServerConnection, request: Request) -> Response | None:
+def _reject_other_paths(connection: ServerConnection, request: Request) -> Response | None:
     if request.path.startswith("/socket.io/"):
         return None
     return connection.respond(HTTPStatus.NOT_FOUND, "This is a driving script; a simulator connects to /socket.io/.\n")

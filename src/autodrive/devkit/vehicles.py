@@ -1,7 +1,7 @@
-"""Nigel, F1TENTH and TrafficLight as the AutoDRIVE devkits have them: telemetry in, commands out, all as flat texts.
+"""Nigel, F1TENTH and TrafficLight of the AutoDRIVE devkits: parse telemetry, generate commands.
 
-Names, units and signs are those of the devkits of 2022 to 2025, so that their scripts run unchanged; numbers stand as
-the simulator told them. What is missing in a message keeps its last value, where the original raised KeyError.
+Names, units and signs are those of the devkits of 2022 to 2025, so that their scripts run unchanged. A value that is
+missing in a message keeps its last value; the original raises KeyError.
 """
 
 from __future__ import annotations
@@ -9,87 +9,96 @@ from __future__ import annotations
 import base64
 import gzip
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
+from autodrive.protocol.devkit_profile import STEERING_SIGN
+
 GZIP_IN_BASE64 = "H4s"
-"""How a text begins that is base64 of gzip: the scans of 2025."""
+"""First characters of base64 of gzip, the format of scans since 2025."""
+
+MaybeNone: TypeAlias = Any
+"""Type of None before the first message or command; type checkers require no test for it (as in typeshed)."""
 
 
 class Vehicle:
-    """A vehicle of the simulator, by its name `id` ('V1', 'V2', ...); '' is the only one of the simulator of 2020.
+    """A vehicle of the simulator, by its name `id` ('V1', 'V2', ...); '' for the simulator of 2020.
 
-    Told, None until the first message: `throttle` [-1, 1]; `steering` [rad]; `speed` [m/s] (since 2025);
+    Readings, None until the first message: `throttle` [-1, 1]; `steering` [rad]; `speed` [m/s] (since 2025);
     `encoder_ticks`, `encoder_angles` [rad], shape (2,), left and right; `position` [m], shape (3,);
     `orientation_quaternion` xyzw; `orientation_euler_angles` [rad] in [0, 2 pi), `angular_velocity` [rad/s] and
     `linear_acceleration` [m/s^2], shape (3,); `lidar_scan_rate` [Hz]; `lidar_range_array` [m] with inf for no return,
-    straight ahead first, then to the left, and `lidar_intensity_array`, both empty before the first scan;
-    `front_camera_image`, `rear_camera_image`: BGR uint8, shape (height, width, 3), decoded when first looked at.
+    straight ahead first, then to the left, and `lidar_intensity_array`;
+    `front_camera_image`, `rear_camera_image`: BGR uint8, shape (height, width, 3), decoded on first access.
 
-    Commands: `throttle_command` and `steering_command` [-1, 1], None says nothing. A positive steering command turns
-    right, as in the devkits of 2020 to 2023; with `is_left_positive` it turns left, as since 2025, and
-    `reset_command` (soft reset while True) is sent as well, by which the simulator knows.
+    Commands: `throttle_command` and `steering_command` [-1, 1]; None sends nothing. A positive steering command turns
+    right, as in the simulators of 2020 to 2023; this simulator is told so. With `is_left_positive` it turns left, as
+    since 2025; then `reset_command` (soft reset while True) is sent, too, from which the simulator detects the devkit
+    generation.
     """
 
     def __init__(self, id: str | None = None, *, is_left_positive: bool = False) -> None:
         self.id = id
-        self.throttle: float | None = None
-        self.steering: float | None = None
-        self.speed: float | None = None
-        self.encoder_ticks: NDArray[np.int64] | None = None
-        self.encoder_angles: NDArray[np.float64] | None = None
-        self.position: NDArray[np.float64] | None = None
-        self.orientation_quaternion: NDArray[np.float64] | None = None
-        self.orientation_euler_angles: NDArray[np.float64] | None = None
-        self.angular_velocity: NDArray[np.float64] | None = None
-        self.linear_acceleration: NDArray[np.float64] | None = None
-        self.lidar_scan_rate: float | None = None
-        self.lidar_range_array: NDArray[np.float64] | None = None
-        self.lidar_intensity_array: NDArray[np.float64] | None = None
-        self.throttle_command: float | None = None
-        self.steering_command: float | None = None
+        self.throttle: float | MaybeNone = None
+        self.steering: float | MaybeNone = None
+        self.speed: float | MaybeNone = None
+        self.encoder_ticks: NDArray[np.int64] | MaybeNone = None
+        self.encoder_angles: NDArray[np.float64] | MaybeNone = None
+        self.position: NDArray[np.float64] | MaybeNone = None
+        self.orientation_quaternion: NDArray[np.float64] | MaybeNone = None
+        self.orientation_euler_angles: NDArray[np.float64] | MaybeNone = None
+        self.angular_velocity: NDArray[np.float64] | MaybeNone = None
+        self.linear_acceleration: NDArray[np.float64] | MaybeNone = None
+        self.lidar_scan_rate: float | MaybeNone = None
+        self.lidar_range_array: NDArray[np.float64] | MaybeNone = None
+        self.lidar_intensity_array: NDArray[np.float64] | MaybeNone = None
+        self.throttle_command: float | MaybeNone = None
+        self.steering_command: float | MaybeNone = None
         self.reset_command: bool | None = False if is_left_positive else None
-        self._pictures: dict[str, str | NDArray[np.uint8]] = {}
+        self._steering_sign = None if is_left_positive else "right"
+        self._images: dict[str, str | NDArray[np.uint8]] = {}
 
     @property
-    def front_camera_image(self) -> NDArray[np.uint8] | None:
+    def front_camera_image(self) -> NDArray[np.uint8] | MaybeNone:
         """BGR uint8, shape (height, width, 3); None before the first."""
-        return self._picture("Front Camera Image")
+        return self._image("Front Camera Image")
 
     @property
-    def rear_camera_image(self) -> NDArray[np.uint8] | None:
+    def rear_camera_image(self) -> NDArray[np.uint8] | MaybeNone:
         """BGR uint8, shape (height, width, 3); None before the first."""
-        return self._picture("Rear Camera Image")
+        return self._image("Rear Camera Image")
 
     def parse_data(self, data: Mapping[str, Any], verbose: bool = False) -> None:
-        """Take what a message of the simulator tells about this vehicle; `verbose` prints it."""
-        for attribute, (key, read) in _TOLD.items():
+        """Read the values of this vehicle from a telemetry message; `verbose` prints them."""
+        for attribute, (key, read) in _READINGS.items():
             if (text := data.get(self._prefix + key)) is not None:
                 setattr(self, attribute, read(text))
         for key in ("Front Camera Image", "Rear Camera Image"):
             if text := data.get(self._prefix + key):
-                self._pictures[key] = text
+                self._images[key] = text
         if verbose:
-            self._print("Receive Data from", [*_TOLD])
+            self._print("Receive Data from", [*_READINGS])
 
     def generate_commands(self, verbose: bool = False) -> dict[str, str]:
-        """The commands as a message to the simulator; what was never set is left out. `verbose` prints them."""
-        told = {key: getattr(self, attribute, None) for attribute, key in _COMMANDS.items()}
+        """The commands as a message to the simulator; unset commands are omitted. `verbose` prints them."""
+        values = {key: getattr(self, attribute, None) for attribute, key in _COMMANDS.items()}
+        if self.steering_command is not None:
+            values[STEERING_SIGN] = self._steering_sign
         if verbose:
             self._print("Transmit Data to", [one for one in _COMMANDS if hasattr(self, one)])
-        return {self._prefix + key: str(value) for key, value in told.items() if value is not None}
+        return {self._prefix + key: str(value) for key, value in values.items() if value is not None}
 
     @property
     def _prefix(self) -> str:
         return f"{self.id} " if self.id else ""
 
-    def _picture(self, key: str) -> NDArray[np.uint8] | None:
-        kept = self._pictures.get(key)
+    def _image(self, key: str) -> NDArray[np.uint8] | None:
+        kept = self._images.get(key)
         if isinstance(kept, str):
-            kept = self._pictures[key] = simplejpeg.decode_jpeg(base64.b64decode(kept), colorspace="BGR")
+            kept = self._images[key] = simplejpeg.decode_jpeg(base64.b64decode(kept), colorspace="BGR")
         return kept
 
     def _print(self, title: str, attributes: list[str]) -> None:
@@ -99,19 +108,19 @@ class Vehicle:
 
 
 class Nigel(Vehicle):
-    """The 1:14 car: a `Vehicle` with lamps.
+    """The 1:14 car: a `Vehicle` with lights.
 
     `headlights_command`: 0 off, 1 low, 2 high. `indicators_command`: 0 off, 1 left, 2 right, 3 hazard.
     """
 
     def __init__(self, id: str | None = None, *, is_left_positive: bool = False) -> None:
         super().__init__(id, is_left_positive=is_left_positive)
-        self.headlights_command: int | None = None
-        self.indicators_command: int | None = None
+        self.headlights_command: int | MaybeNone = None
+        self.indicators_command: int | MaybeNone = None
 
 
 class F1TENTH(Vehicle):
-    """The 1:10 racing car: `Vehicle`, without lamps."""
+    """The 1:10 racing car: a `Vehicle` without lights."""
 
 
 class TrafficLight:
@@ -123,14 +132,14 @@ class TrafficLight:
         self.command: int | None = None
 
     def parse_data(self, data: Mapping[str, Any], verbose: bool = False) -> None:
-        """Take what a message of the simulator tells about this light; `verbose` prints it."""
+        """Read the state of this light from a telemetry message; `verbose` prints it."""
         if (text := data.get(f"{self.id} State")) is not None:
             self.state = int(text)
         if verbose:
             print(f"{self.id} state: {self.state}")
 
     def generate_commands(self, verbose: bool = False) -> dict[str, str]:
-        """The command as a message to the simulator; nothing if it was never set. `verbose` prints it."""
+        """The command as a message to the simulator; empty if unset. `verbose` prints it."""
         if verbose:
             print(f"{self.id} command: {self.command}")
         return {} if self.command is None else {f"{self.id} State": str(self.command)}
@@ -145,11 +154,11 @@ def _integers(text: str) -> NDArray[np.int64]:
 
 
 def _scan(text: str) -> NDArray[np.float64]:
-    """Of text, or of base64 of gzip of text."""
+    """Parse a scan: text, or base64 of gzip of text."""
     return _numbers(gzip.decompress(base64.b64decode(text)).decode() if text.startswith(GZIP_IN_BASE64) else text)
 
 
-_TOLD = {
+_READINGS = {
     "throttle": ("Throttle", float),
     "steering": ("Steering", float),
     "speed": ("Speed", float),
@@ -164,7 +173,7 @@ _TOLD = {
     "lidar_range_array": ("LIDAR Range Array", _scan),
     "lidar_intensity_array": ("LIDAR Intensity Array", _scan),
 }
-"""Attribute -> key of the message, without prefix, and how its text is read."""
+"""Attribute -> key of the message without prefix, and parser of its text."""
 
 _COMMANDS = {
     "throttle_command": "Throttle",

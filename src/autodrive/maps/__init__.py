@@ -1,4 +1,4 @@
-"""Maps: modules (pieces of road, lawn, boxes) put together to a world to drive in."""
+"""Maps: modules (pieces of road, lawn, boxes) that are placed and joined to form a drivable environment."""
 
 from autodrive.maps.area import drivable_edges, is_inside
 from autodrive.maps.lanes import Lane, LaneGraph, LanePoint

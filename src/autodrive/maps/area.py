@@ -1,4 +1,4 @@
-"""The drivable area as bare numbers, for code that asks at every tick whether a wheel is on the road."""
+"""The drivable area as an array of edges, with a compiled test whether a point is inside."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from autodrive.state import Floats
+from autodrive.arrays import Floats
 
 
 def drivable_edges(area: BaseGeometry) -> Floats:

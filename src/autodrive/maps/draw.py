@@ -1,4 +1,4 @@
-"""Draws a map, or one module, from above: an SVG from the very polygons that are driven on, and a PNG of that SVG."""
+"""Top-view drawings of a map or a module: SVG from the same polygons that the simulation uses, and PNG."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import resvg_py
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from autodrive.arrays import Floats
+from autodrive.cache import write_file
 from autodrive.maps.icons import icon
 from autodrive.maps.map import GRID, Map, MapSpec, compile_map
 from autodrive.maps.module import load_module
 from autodrive.maps.placing import Placement
 from autodrive.maps.shapes import Pose, moved, rectangle
 from autodrive.maps.solids import BoxPlacement, StaticShape
-from autodrive.state import Floats
 from autodrive.units import DEGREE
 
 Overlay: TypeAlias = Literal["lanes", "ports", "bays"]
@@ -41,24 +42,26 @@ COLOURS = {
     "bay": "#ffd54a",
     "start": "#ff3b30",
 }
+MARGIN = 0.1
+"""Around the bounds of the map [m]."""
 KERB_WIDTH = 0.02
-"""Drawn outside of the road [m]; the drivable area ends where it begins."""
+"""Width of the kerb [m], drawn outside the drivable area."""
 SIGN_SIZE = 0.14
-"""Signs are drawn lying, as their driver sees them, twice as large as they are [m]."""
+"""Size of a drawn sign [m]: twice its real size. Signs are drawn flat, as their driver sees them."""
 PARAPET = 0.025
-"""Rim of walls and blocks that is drawn darker [m]."""
+"""Width of the darker rim of walls and blocks [m]."""
 SUN = np.array([0.45, -0.35])
-"""Shift of a shadow for each metre of height."""
+"""Shift of a shadow per metre of height."""
 
 
 def to_svg(
     map_: Map, *, pixels_per_metre: float = 200.0, overlays: Collection[Overlay] = (), starts: Iterable[Pose] = ()
 ) -> str:
-    """The map from above, x to the right and y up, 0.1 m more than its bounds on every side.
+    """The map seen from above as SVG: x to the right, y up, in its `drawn_bounds`.
 
-    `starts`: where vehicles begin (x, y [m], yaw [rad]), drawn as arrows.
+    `starts`: initial poses of vehicles (x, y [m], yaw [rad]), drawn as arrows.
     """
-    x0, y0, x1, y1 = np.array(map_.bounds) + np.array([-0.1, -0.1, 0.1, 0.1])
+    x0, y0, x1, y1 = drawn_bounds(map_)
     width, height = round((x1 - x0) * pixels_per_metre), round((y1 - y0) * pixels_per_metre)
     layers = [
         f'<rect x="{x0:.4f}" y="{y0:.4f}" width="{x1 - x0:.4f}" height="{y1 - y0:.4f}" fill="{COLOURS["ground"]}"/>',
@@ -82,6 +85,12 @@ def to_svg(
     )
 
 
+def drawn_bounds(map_: Map) -> tuple[float, float, float, float]:
+    """Least x and y, greatest x and y of a drawing [m]: those of the map with a margin of 0.1 m."""
+    x0, y0, x1, y1 = map(float, map_.bounds)
+    return x0 - MARGIN, y0 - MARGIN, x1 + MARGIN, y1 + MARGIN
+
+
 def to_png(
     map_: Map,
     path: str | Path,
@@ -90,13 +99,13 @@ def to_png(
     overlays: Collection[Overlay] = (),
     starts: Iterable[Pose] = (),
 ) -> None:
-    """Write the SVG of the map as a PNG file."""
+    """Write the drawing of the map as a PNG file."""
     svg = to_svg(map_, pixels_per_metre=pixels_per_metre, overlays=overlays, starts=starts)
-    Path(path).write_bytes(resvg_py.svg_to_bytes(svg_string=svg, skip_system_fonts=True))
+    write_file(Path(path), bytes(resvg_py.svg_to_bytes(svg_string=svg, skip_system_fonts=True)))
 
 
 def module_alone(name: str) -> Map:
-    """A map of one module at the origin, to be drawn."""
+    """A map that contains only that module, at the origin."""
     module = load_module(name)
     is_open = bool(module.spec.ports)
     return compile_map(MapSpec(title=module.spec.title, placements=(Placement(module=name, x=0, y=0, open=is_open),)))
@@ -110,7 +119,7 @@ def _surfaces(map_: Map) -> Iterator[str]:
         yield f'<path class="{surface.kind}" d="{_d(surface.geometry)}" fill="{fill}" fill-rule="evenodd"/>'
     looks = dict.fromkeys((m.z_order, m.kind, m.colour) for m in sorted(map_.markings, key=lambda one: one.z_order))
     for z_order, kind, colour in looks:
-        # united, so that lines of modules that meet show no seam
+        # the union removes seams where lines of two modules meet
         lines = [m.geometry for m in map_.markings if (m.z_order, m.kind, m.colour) == (z_order, kind, colour)]
         together = shapely.union_all(lines, grid_size=GRID)
         yield f'<path class="{kind}" d="{_d(together)}" fill="{COLOURS[colour]}" fill-rule="evenodd"/>'
@@ -135,7 +144,7 @@ def _solids(map_: Map) -> Iterator[str]:
 
 
 def _box(box: BoxPlacement) -> str:
-    """A lid with its two flaps."""
+    """The top of a box with its two flaps."""
     length, width, _ = box.size
     return (
         f'<g class="box" transform="{_at((*box.position[:2], box.yaw))}" '
@@ -205,14 +214,14 @@ def _fixed(map_: Map) -> list[StaticShape]:
 
 
 def _kerb(map_: Map) -> BaseGeometry:
-    """What surrounds the drivable area, but not across roads that are left open."""
-    mouths = [
+    """The kerb around the drivable area, without the open ends of roads."""
+    open_ends = [
         rectangle((port.pose[0], port.pose[1], port.pose[2]), 2.0 * KERB_WIDTH, port.width + 3.0 * KERB_WIDTH)
         for i, one in enumerate(map_.modules)
         for port in one.ports
         if not port.is_blind and (i, port.name) not in map_.joins
     ]
-    return map_.drivable.buffer(KERB_WIDTH, join_style="mitre").difference(shapely.union_all(mouths))
+    return map_.drivable.buffer(KERB_WIDTH, join_style="mitre").difference(shapely.union_all(open_ends))
 
 
 def _shadow(plan: shapely.Polygon, low: float, high: float) -> BaseGeometry:
@@ -221,7 +230,7 @@ def _shadow(plan: shapely.Polygon, low: float, high: float) -> BaseGeometry:
 
 
 def _middle(points: Floats) -> Pose:
-    """The pose half way along a line."""
+    """The pose at half the length of a line."""
     steps = np.diff(points, axis=0)
     along = np.cumsum(np.hypot(*steps.T))
     i = int(np.searchsorted(along, along[-1] / 2.0))
@@ -239,7 +248,7 @@ def _line(points: Floats) -> str:
 
 
 def _d(geometry: BaseGeometry) -> str:
-    """SVG path data of a polygon or of several."""
+    """SVG path data of a polygon or multipolygon."""
     rings = shapely.get_rings(shapely.get_parts(geometry))
     return "".join(f"{_line(shapely.get_coordinates(ring)[:-1])}Z" for ring in rings)
 

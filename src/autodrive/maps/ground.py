@@ -1,4 +1,4 @@
-"""The ground of a map, cut into regions of which each point has exactly one: floor, lawn, road, kerb, paint."""
+"""Divides the ground of a map into regions that do not overlap: floor, lawn, pavement, kerb, road, paint."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from autodrive.assets.asset import Label
 from autodrive.maps.map import GRID
 from autodrive.maps.shapes import rectangle
-from autodrive.render.asset import Label
 
 if TYPE_CHECKING:
     from autodrive.maps.map import Map
     from autodrive.maps.module import MarkingKind
 
-SIMPLER = 5e-4
-"""How far a drawn edge may be from that of the drivable area [m]: a pixel from 0.3 m away."""
+SIMPLIFY_TOLERANCE = 5e-4
+"""Largest distance of a drawn edge from the edge of the drivable area [m]: one pixel, seen from 0.3 m."""
 BEVEL, KERB_WIDTH, PAVEMENT_WIDTH = 0.003, 0.024, 0.055
-"""Outside of the road, from its edge: slope of the kerb, kerb with it, pavement behind it [m]; ours."""
+"""Widths outside the road [m]: slope of the kerb, kerb including its slope, pavement behind the kerb. Our values."""
 TILE = 1.0
-"""Ground is drawn in squares of that size [m]."""
+"""Edge length of the square tiles of the ground [m]."""
 FLOOR_MARGIN = 250.0
-"""The floor goes on so far beyond all that was placed [m]: it ends a pixel below the sky
-(from a car's camera)."""
+"""Extent of the floor beyond everything that was placed [m]. Seen from a vehicle camera, it ends one pixel below the
+horizon."""
 
 MARKING_LABELS: dict[MarkingKind, Label] = {
     "separation": Label.SEPARATION_LINE,
@@ -34,12 +34,12 @@ MARKING_LABELS: dict[MarkingKind, Label] = {
     "crossing": Label.CROSSING,
     "stop_line": Label.STOP_LINE,
 }
-"""Painted in this order: where two meet, the later one is seen."""
+"""In order of painting: where two overlap, the later one is visible."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """Ground of one kind. Regions of a map do not overlap, and leave nothing out between them."""
+    """Ground of one kind. The regions of a map neither overlap nor leave gaps."""
 
     name: str
     """'floor', 'lawn', 'pavement', 'kerb', 'bevel', 'road' or 'paint'."""
@@ -47,10 +47,10 @@ class Region:
     geometry: BaseGeometry
 
 
-def regions(map_: Map, *, simpler: float = SIMPLER) -> list[Region]:
-    """All of them; the floor reaches as far as `floor_extent`."""
-    road = shapely.simplify(map_.drivable, simpler)
-    mouths = _mouths(map_)
+def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]:
+    """All regions of a map. `tolerance`: largest distance of a simplified edge from the original [m]."""
+    road = shapely.simplify(map_.drivable, tolerance)
+    open_ends = _open_ends(map_)
     found: list[Region] = []
     taken: BaseGeometry = shapely.Polygon()
 
@@ -62,12 +62,12 @@ def regions(map_: Map, *, simpler: float = SIMPLER) -> list[Region]:
 
     for kind, label in reversed(MARKING_LABELS.items()):
         lines = shapely.union_all([m.geometry for m in map_.markings if m.kind == kind], grid_size=GRID)
-        add("paint", label, shapely.intersection(shapely.simplify(lines, simpler), road, grid_size=GRID))
+        add("paint", label, shapely.intersection(shapely.simplify(lines, tolerance), road, grid_size=GRID))
     add("road", Label.ROAD, road)
     strips = (("bevel", BEVEL), ("kerb", KERB_WIDTH), ("pavement", KERB_WIDTH + PAVEMENT_WIDTH))
     for name, width in strips if not road.is_empty else ():
-        strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * simpler)
-        add(name, Label.KERB, shapely.difference(strip, mouths, grid_size=GRID))
+        strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * tolerance)
+        add(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))
     for surface in map_.surfaces:
         if surface.kind == "lawn":
             add("lawn", Label.LAWN, surface.geometry)
@@ -76,7 +76,7 @@ def regions(map_: Map, *, simpler: float = SIMPLER) -> list[Region]:
 
 
 def floor_extent(map_: Map) -> tuple[float, float, float, float]:
-    """x_min, y_min, x_max, y_max of all ground that is drawn [m]."""
+    """x_min, y_min, x_max, y_max of the drawn ground [m]."""
     half = (map_.ground.length / 2.0, map_.ground.width / 2.0)
     x0, y0, x1, y1 = tile_extent(map_)
     m = FLOOR_MARGIN
@@ -84,21 +84,21 @@ def floor_extent(map_: Map) -> tuple[float, float, float, float]:
 
 
 def tile_extent(map_: Map) -> tuple[float, float, float, float]:
-    """The whole tiles that hold all that was placed, x_min, y_min, x_max, y_max [m]; floor beyond is one piece."""
+    """x_min, y_min, x_max, y_max of the tiles [m]; the floor beyond them is one piece."""
     margin = KERB_WIDTH + PAVEMENT_WIDTH
     low = np.floor((np.array(map_.bounds[:2]) - margin) / TILE) * TILE
     high = np.ceil((np.array(map_.bounds[2:]) + margin) / TILE) * TILE
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def _mouths(map_: Map) -> BaseGeometry:
-    """Where roads are left open: no kerb across them."""
+def _open_ends(map_: Map) -> BaseGeometry:
+    """Areas at the open ends of roads, which have no kerb."""
     width = KERB_WIDTH + PAVEMENT_WIDTH
-    mouths = []
+    open_ends = []
     for i, one in enumerate(map_.modules):
         for port in one.ports:
             if not port.is_blind and (i, port.name) not in map_.joins:
                 x, y, yaw = port.pose
                 centre = (x + width * np.cos(yaw), y + width * np.sin(yaw), yaw)
-                mouths.append(rectangle(centre, 2.0 * width, port.width + 4.0 * width))
-    return shapely.union_all(mouths, grid_size=GRID)
+                open_ends.append(rectangle(centre, 2.0 * width, port.width + 4.0 * width))
+    return shapely.union_all(open_ends, grid_size=GRID)

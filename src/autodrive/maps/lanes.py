@@ -1,4 +1,4 @@
-"""Lanes: directed centre lines through modules, joined at ports to a graph that can be searched."""
+"""Lane graph: directed centre lines through modules, connected at ports; nearest-point and route queries."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from autodrive.arrays import Floats, Integers
 from autodrive.maps.shapes import Pose, arc
-from autodrive.state import Floats, Integers
 
 _SAME = 1e-9
+MAX_RADIUS = 1e4
+"""Largest radius of a lane [m]."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Lane:
     """One lane of one placed module."""
 
     name: str
-    """'placement:port in>port out'."""
+    """'placement:entry port>exit port'."""
     points: Floats
     """Centre line in driving direction [m], shape (n, 2)."""
     start: int
@@ -30,38 +32,38 @@ class Lane:
     end: int
     """Node at its last point."""
     successors: tuple[int, ...]
-    """Lanes that begin where this one ends."""
+    """Indices of the lanes that begin where this one ends."""
 
     @cached_property
     def length(self) -> float:
-        """Of the centre line [m]."""
+        """Length of the centre line [m]."""
         return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
 
 
 class LanePoint(NamedTuple):
-    """The point of a centre line that is nearest to somewhere."""
+    """The point of a centre line that is nearest to a query point."""
 
     lane: int
     distance_along: float
-    """From the start of the lane [m]."""
+    """Distance from the start of the lane [m]."""
     x: float
     y: float
     yaw: float
-    """Heading of the lane there [rad]."""
+    """Heading of the lane at that point [rad]."""
     offset: float
-    """How far to the left of the centre line the asked point is [m]."""
+    """Signed distance of the query point from the centre line [m]; left is positive."""
 
 
 @dataclass(frozen=True)
 class LaneGraph:
-    """Lanes (edges) between nodes: the poses where lanes of two modules meet, or where a lane begins or ends."""
+    """Lanes (edges) between nodes. A node is a pose at which lanes of two modules meet or a lane begins or ends."""
 
     nodes: Floats
-    """x [m], y [m], yaw [rad] of driving, shape (n, 3)."""
+    """x [m], y [m], heading [rad], shape (n, 3)."""
     lanes: tuple[Lane, ...]
 
     def nearest(self, x: float, y: float, yaw: float | None = None) -> LanePoint | None:
-        """The nearest point of all centre lines; with `yaw` [rad], of those that lead within 60 degrees of it."""
+        """The nearest point on any centre line. With `yaw` [rad], only on segments within 60 degrees of it."""
         first, step, lane, along = self._segments
         if yaw is not None:
             is_ahead = step @ (math.cos(yaw), math.sin(yaw)) > 0.5 * np.hypot(*step.T)
@@ -79,16 +81,16 @@ class LaneGraph:
         return LanePoint(int(lane[i]), at, float(px), float(py), math.atan2(sy, sx), offset)
 
     def route(self, start: int, goal: int) -> tuple[int, ...] | None:
-        """The shortest sequence of lanes from one lane to another, both included, or None (Dijkstra)."""
+        """The shortest sequence of lanes between two lanes, both included (Dijkstra); None if there is none."""
         return (start,) if start == goal else self._shortest(start, goal)
 
     def loop(self, lane: int) -> tuple[int, ...] | None:
-        """The shortest closed sequence of lanes that begins with that lane, or None if no way leads back to it."""
+        """The shortest closed sequence of lanes that begins with that lane; None if there is none."""
         route = self._shortest(lane, lane)
         return route[:-1] if route else None
 
     def loops(self) -> tuple[tuple[int, ...], ...]:
-        """The shortest loop through each lane, each loop once, the shortest first."""
+        """The shortest loop through each lane, without duplicates, sorted by length."""
         found: dict[frozenset[int], tuple[int, ...]] = {}
         for lane in range(len(self.lanes)):
             loop = self.loop(lane)
@@ -97,7 +99,7 @@ class LaneGraph:
         return tuple(sorted(found.values(), key=self.length))
 
     def length(self, route: tuple[int, ...]) -> float:
-        """Of all lanes of a route together [m]."""
+        """Length of a route [m]."""
         return sum(self.lanes[i].length for i in route)
 
     def path(self, route: tuple[int, ...]) -> Floats:
@@ -122,7 +124,7 @@ class LaneGraph:
 
     @cached_property
     def _segments(self) -> tuple[Floats, Floats, Integers, Floats]:
-        """First point, step, lane and distance along that lane of every straight piece of every lane."""
+        """First point, step, lane and distance along the lane, for each segment of each lane."""
         if not self.lanes:
             return np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64), np.empty(0)
         steps = [np.diff(lane.points, axis=0) for lane in self.lanes]
@@ -133,21 +135,21 @@ class LaneGraph:
 
 
 class Piece(NamedTuple):
-    """A lane that is to become part of a graph."""
+    """A lane before it is part of a graph."""
 
     name: str
     points: Floats
     """Centre line in driving direction [m], shape (n, 2)."""
     yaws: tuple[float, float]
-    """Heading at the start and at the end [rad]; chords of an arc know it less well."""
+    """Heading at the start and at the end [rad]; more exact than the headings of the chords of an arc."""
     start: Hashable
-    """Stands for the node at the start."""
+    """Key of the node at the start."""
     end: Hashable
-    """Where one lane's end is another's start, the other is its successor."""
+    """Key of the node at the end. Lanes that start at this node are the successors."""
 
 
 def lane_graph(pieces: Sequence[Piece]) -> LaneGraph:
-    """The graph of these lanes."""
+    """Builds the graph of these lanes."""
     poses: dict[Hashable, Pose] = {}
     for piece in pieces:
         poses.setdefault(piece.start, (*piece.points[0], piece.yaws[0]))
@@ -164,9 +166,9 @@ def lane_graph(pieces: Sequence[Piece]) -> LaneGraph:
 
 
 def lane_path(start: Pose, end: Pose) -> Floats:
-    """Points from one pose to another, both headings kept: a line, or one arc with a line before or behind it.
+    """Points of a path between two poses with their headings: a line, or one arc with a line before or after it.
 
-    The arc is as wide as there is room for. Raises ValueError when no such path leads there.
+    The arc has the largest possible radius. Raises ValueError if no such path exists.
     """
     (x0, y0, yaw0), (x1, y1, yaw1) = start, end
     ahead, out = np.array([math.cos(yaw0), math.sin(yaw0)]), np.array([math.cos(yaw1), math.sin(yaw1)])
@@ -174,14 +176,16 @@ def lane_path(start: Pose, end: Pose) -> Floats:
     turn = _cross(ahead, out)
     if abs(turn) < _SAME:
         if ahead @ out < 0.0 or abs(_cross(ahead, way)) > 1e-6 or ahead @ way <= 0.0:
-            raise ValueError("neither a line nor one arc leads there")
+            raise ValueError("neither a line nor a single arc connects the two poses")
         return np.array([(x0, y0), (x1, y1)])
     before, behind = _cross(way, out) / turn, _cross(ahead, way) / turn  # to the corner where the tangents meet
     reach = min(before, behind)
-    if reach <= 0.0:
-        raise ValueError("neither a line nor one arc leads there")
+    if reach <= _SAME:
+        raise ValueError("neither a line nor a single arc connects the two poses")
     angle = math.atan2(turn, ahead @ out)
     radius = reach / math.tan(abs(angle) / 2.0)
+    if radius > MAX_RADIUS:
+        raise ValueError(f"the arc between the two poses has a radius of {radius:.3g} m, more than {MAX_RADIUS:g} m")
     side = math.copysign(1.0, angle)
     tangent = np.array([x0, y0]) + (before - reach) * ahead
     centre = tangent + side * radius * np.array([-ahead[1], ahead[0]])

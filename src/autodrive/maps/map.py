@@ -1,4 +1,4 @@
-"""Maps: a YAML file that places modules, walls, blocks and signs, compiled to what is driven on, hit and seen."""
+"""Maps: a YAML file with placed modules, walls, blocks and signs, compiled to drivable area, solids and markings."""
 
 from __future__ import annotations
 
@@ -7,61 +7,79 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, TypeAlias
 
 import numpy as np
 import shapely
-import yaml
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, ValidationError, model_validator
 from shapely.geometry.base import BaseGeometry
 
-from autodrive import descriptions
-from autodrive.descriptions import Spec
+from autodrive import specs
+from autodrive.arrays import Floats
 from autodrive.errors import SpecError
 from autodrive.maps.area import drivable_edges
 from autodrive.maps.lanes import LaneGraph, Piece, lane_graph
 from autodrive.maps.module import MarkingKind
 from autodrive.maps.placing import PlacedModule, Placement, PortId, join, overlaps, place
 from autodrive.maps.props import Prop, PropSpec, prop_shapes
-from autodrive.maps.shapes import NotNegative, Pose, Positive, Shape, rectangle
+from autodrive.maps.shapes import Extent, Pose, Shapes, rectangle
 from autodrive.maps.solids import BlockSpec, BoxPlacement, StaticShape, WallSpec, block_shape, wall_shapes
-from autodrive.state import Floats
+from autodrive.specs import Spec
 from autodrive.units import DEGREE
 
 GRID = 1e-6
-"""Polygons are united on this grid [m], so that modules that touch leave no sliver between them."""
+"""Grid for unions of polygons [m], so that modules that touch leave no sliver between them."""
+
+
+MAX_PLACEMENTS = 1000
+MAX_STATICS = 2000
+"""Of the points of walls, the blocks and the parts (two each) of signs and traffic lights of a map."""
+MAX_EXTENT = 1000.0
+"""Of a map along x and y [m]."""
+RESERVED = ("ground", "world")
+"""Names that the engine uses itself."""
+
+Friction: TypeAlias = Annotated[float, Field(ge=0.0, le=100.0)]
 
 
 class GroundSpec(Spec):
     """The floor under everything: the plane z = 0."""
 
-    length: Positive = 20.0
-    """Extent along x that is drawn [m]; the plane itself has no end."""
-    width: Positive = 20.0
-    """Extent along y that is drawn [m]."""
-    friction: NotNegative = 0.6
+    length: Extent = 20.0
+    """Drawn extent along x [m]; the plane itself is infinite."""
+    width: Extent = 20.0
+    """Drawn extent along y [m]."""
+    friction: Friction = 0.6
     """Coulomb coefficient between the ground and bodies such as boxes (Unity's default material)."""
-    grip: NotNegative = 1.0
-    """Factor on the friction of the tyres: 1 on dry road, less on a wet one."""
+    grip: Friction = 1.0
+    """Factor on the friction of the tyres: 1 on a dry road, less on a wet road."""
 
 
 class MapSpec(Spec):
-    """A map: modules at places, and what stands around them."""
+    """A map: placed modules and the solid objects around them."""
 
     title: str
     note: str = ""
     ground: GroundSpec = GroundSpec()
-    paved: tuple[Shape, ...] = ()
-    """Ground that may be driven on, besides the roads of the modules."""
-    placements: tuple[Placement, ...] = ()
+    paved: Shapes = ()
+    """Drivable ground in addition to the roads of the modules."""
+    placements: Annotated[tuple[Placement, ...], Field(max_length=MAX_PLACEMENTS)] = ()
     walls: tuple[WallSpec, ...] = ()
     blocks: tuple[BlockSpec, ...] = ()
     props: tuple[PropSpec, ...] = ()
 
+    @model_validator(mode="after")
+    def _is_small_enough(self) -> MapSpec:
+        count = sum(len(wall.points) for wall in self.walls) + len(self.blocks) + 2 * len(self.props)
+        if count > MAX_STATICS:
+            text = f"{count} points of walls, blocks, and parts of signs and lights; at most {MAX_STATICS} are possible"
+            raise specs.RuleError([(("walls" if self.walls else "blocks",), text)])
+        return self
+
 
 @dataclass(frozen=True)
 class Surface:
-    """Ground of one kind, to be drawn; later ones lie over earlier ones."""
+    """Ground of one kind, for drawing; later surfaces cover earlier ones."""
 
     kind: str
     """'lawn' or 'road'."""
@@ -70,18 +88,18 @@ class Surface:
 
 @dataclass(frozen=True)
 class Marking:
-    """Something painted on the road."""
+    """A painted road marking."""
 
     kind: MarkingKind
     colour: str
     geometry: BaseGeometry
     z_order: int
-    """Higher is painted later."""
+    """Markings with a higher value are painted later."""
 
 
 @dataclass(frozen=True)
 class ParkingBay:
-    """Where one vehicle may park."""
+    """A parking space for one vehicle."""
 
     name: str
     pose: Pose
@@ -92,13 +110,13 @@ class ParkingBay:
 
 @dataclass(frozen=True)
 class Map:
-    """A compiled map. Everything is in its axes, metres and radians."""
+    """A compiled map, in the map frame, metres and radians."""
 
     name: str
     title: str
     ground: GroundSpec
     drivable: BaseGeometry
-    """Union of all that may be driven on."""
+    """Union of all drivable areas."""
     drivable_edges: Floats
     """x0, y0, x1, y1 of every edge of every ring of `drivable` [m], shape (n, 4), for `area.is_inside`."""
     statics: tuple[StaticShape, ...]
@@ -109,39 +127,59 @@ class Map:
     bays: tuple[ParkingBay, ...]
     lane_graph: LaneGraph
     bounds: tuple[float, float, float, float]
-    """x_min, y_min, x_max, y_max of all that was placed; of the ground if nothing was [m]."""
+    """x_min, y_min, x_max, y_max of everything that was placed, or of the ground if the map is empty [m]."""
     modules: tuple[PlacedModule, ...]
     joins: dict[PortId, PortId]
-    """Which port of which module meets which, both ways round."""
+    """Pairs of connected ports, in both directions."""
+    enclosure: BaseGeometry | None
+    """The ground inside closed walls that enclose the drivable area; None if there are none."""
 
 
 def load_map(name: str | Path) -> Map:
-    """The map of that name, or of that YAML file, compiled. Raises `SpecError` with all faults of the file."""
-    path = descriptions.find("map", name)
-    text = path.read_text(encoding="utf-8")
-    try:
-        spec = descriptions.parse(text, MapSpec, where=str(path))
-    except SpecError as error:
-        faults = [f"map '{path.stem}': {fault}" for fault in error.faults]
-        raise SpecError([*faults, *_faults_of_the_rest(text, path)], str(path)) from None
-    return compile_map(spec, path.stem, path=path)
+    """Load and compile the map with that name or path. Raises `SpecError` with all errors of the file."""
+    map_, errors, path = read_map(name)
+    if errors or map_ is None:
+        raise SpecError(errors, str(path))
+    return map_
 
 
-def compile_map(spec: MapSpec, name: str = "map", *, path: Path | None = None) -> Map:
-    """What a description stands for. `path` is the file's, for messages and for modules beside it."""
-    folder = path.parent if path else None
-    placed, faults = place(enumerate(spec.placements, 1), folder)
+def read_map(name: str | Path) -> tuple[Map | None, list[str], Path]:
+    """The map with that name or path, without its faulty placements; all errors of its file; its path.
+
+    The map is None if its file has errors besides those of placements. Raises `SpecError` if there is no such file.
+    """
+    path = specs.find("map", name)
+    source = specs.source(path)
+    spec, errors = specs.readable(source, MapSpec)
+    if errors or spec is None:
+        errors += _errors_of_readable_placements(source, path)
+        return None, [f"map '{path.stem}': {error}" for error in errors], path
+    map_, errors = _compiled(spec, path.stem, path.parent, source)
+    return map_, errors, path
+
+
+def compile_map(spec: MapSpec, name: str = "map") -> Map:
+    """Compile a map that has no file. Raises `SpecError` with all errors."""
+    map_, errors = _compiled(spec, name)
+    if errors:
+        raise SpecError(errors)
+    return map_
+
+
+def _compiled(
+    spec: MapSpec, name: str, folder: Path | None = None, source: specs.Source | None = None
+) -> tuple[Map, list[str]]:
+    """The map without its faulty placements, and its errors. `folder`: where its module files are."""
+    placed, errors = place(enumerate(spec.placements, 1), folder, source)
     joins, unjoined = join(placed, is_complete=len(placed) == len(spec.placements))
     statics, props = _statics(spec)
     boxes = tuple(_box(one) for one in placed if one.module.spec.type == "obstruction")
-    faults += [*unjoined, *_overlaps(placed, statics), *_twice([*statics, *boxes])]
-    if faults:
-        raise SpecError([f"map '{name}': {fault}" for fault in faults], str(path or ""))
-
+    bounds = _bounds(spec, placed, statics)
+    errors += [*unjoined, *_overlaps(placed, statics), *_duplicate_names([*statics, *boxes]), *_too_large(bounds)]
     drivable = _united([*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)])
     lawns = [one.footprint for one in placed if one.module.spec.type == "terrain"]
     lawn = shapely.difference(shapely.union_all(lawns, grid_size=GRID), drivable, grid_size=GRID)
-    return Map(
+    map_ = Map(
         name,
         spec.title,
         spec.ground,
@@ -154,38 +192,49 @@ def compile_map(spec: MapSpec, name: str = "map", *, path: Path | None = None) -
         props=props,
         bays=_bays(placed),
         lane_graph=_lane_graph(placed, joins),
-        bounds=_bounds(spec, placed, statics),
+        bounds=bounds,
         modules=tuple(placed),
         joins=joins,
+        enclosure=_enclosure(spec, drivable),
     )
+    return map_, [f"map '{name}': {error}" for error in errors]
+
+
+def _too_large(bounds: tuple[float, float, float, float]) -> list[str]:
+    x0, y0, x1, y1 = bounds
+    if max(x1 - x0, y1 - y0) <= MAX_EXTENT:
+        return []
+    return [f"the map is {x1 - x0:.4g} m x {y1 - y0:.4g} m; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m"]
+
+
+def _enclosure(spec: MapSpec, drivable: BaseGeometry) -> BaseGeometry | None:
+    inside = shapely.union_all([wall.enclosed for wall in spec.walls])
+    return None if inside.is_empty or not inside.covers(drivable) else inside
 
 
 def _united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Their union; what meets but for rounding is one, as edges of turned modules are."""
+    """The union, without gaps that come from rounding, for example between rotated modules."""
     wider = [polygon.buffer(GRID, join_style="mitre") for polygon in polygons if not polygon.is_empty]
     return shapely.set_precision(shapely.union_all(wider).buffer(-GRID, join_style="mitre"), GRID)
 
 
-def _faults_of_the_rest(text: str, path: Path) -> list[str]:
-    """Faults in how the readable placements of an otherwise faulty file fit together."""
-    try:
-        tree: Any = yaml.safe_load(text)
-    except yaml.YAMLError:
-        return []
+def _errors_of_readable_placements(source: specs.Source, path: Path) -> list[str]:
+    """Errors in how the valid placements of an invalid file fit together."""
+    tree = source.tree
     raw = tree.get("placements") if isinstance(tree, dict) else None
     numbered: list[tuple[int, Placement]] = []
-    for number, item in enumerate(raw if isinstance(raw, list) else [], 1):
+    for number, item in enumerate(raw[:MAX_PLACEMENTS] if isinstance(raw, list) else [], 1):
         try:
-            numbered.append((number, TypeAdapter(Placement).validate_python(item)))
+            numbered.append((number, Placement.model_validate(item)))
         except ValidationError:
             continue
-    placed, faults = place(numbered, path.parent)
+    placed, errors = place(numbered, path.parent, source)
     _, unjoined = join(placed, is_complete=False)
-    return [f"map '{path.stem}': {fault}" for fault in [*faults, *unjoined, *_overlaps(placed, ())]]
+    return [*errors, *unjoined, *_overlaps(placed, ())]
 
 
 def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[str]:
-    """Flat modules must not overlap each other; boxes must not overlap boxes or what stands fast."""
+    """Flat modules must not overlap each other; boxes must not overlap boxes or static shapes."""
     flat = [one for one in placed if one.module.spec.type not in {"terrain", "obstruction"}]
     boxes = [one for one in placed if one.module.spec.type == "obstruction"]
     solid = [(box.label, box.footprint, box.placement.z, box.placement.z + box.size[2]) for box in boxes]
@@ -198,10 +247,13 @@ def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> l
     ]
 
 
-def _twice(solids: Sequence[StaticShape | BoxPlacement]) -> list[str]:
-    """Solid things are known by their names."""
+def _duplicate_names(solids: Sequence[StaticShape | BoxPlacement]) -> list[str]:
+    """Solid objects are identified by name, so each name must be unique."""
     count = Counter(solid.name for solid in solids)
-    return [f"the name '{name}' is given to {n} solid things; names must differ" for name, n in count.items() if n > 1]
+    errors = [f"the name '{name}' is reserved; choose another one" for name in RESERVED if name in count]
+    return errors + [
+        f"the name '{name}' is used by {n} solid objects; names must be unique" for name, n in count.items() if n > 1
+    ]
 
 
 def _box(one: PlacedModule) -> BoxPlacement:
@@ -238,7 +290,7 @@ def _bays(placed: list[PlacedModule]) -> tuple[ParkingBay, ...]:
 
 
 def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> LaneGraph:
-    """A lane that ends at a port ends where those begin that come in at the port that it meets."""
+    """At a pair of connected ports, lanes that leave one port share a node with lanes that enter the other."""
     pieces: list[Piece] = []
     for i, one in enumerate(placed):
         yaw = {port.name: port.pose[2] for port in one.ports}
@@ -251,7 +303,7 @@ def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> Lane
 
 
 def _wrapped(angle: float) -> float:
-    """The same angle within half a turn of zero [rad]."""
+    """The angle wrapped to [-pi, pi] [rad]."""
     return math.remainder(angle, 2.0 * math.pi)
 
 

@@ -1,4 +1,4 @@
-"""A map as MuJoCo knows it: the floor, what never moves, and the boxes that can be pushed."""
+"""MJCF of a map: the floor, static shapes, and boxes that can be pushed."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ CLASSES = """
   </default>
 </default>
 """
-"""Who meets whom: a wheel collider meets all but the floor, on which its suspension ray carries it."""
+"""Which classes collide: a wheel collides with everything but the floor, because its suspension ray carries it."""
 
 UNUSED = " ".join(
     f'{part}="disable"' for part in ("actuation", "equality", "frictionloss", "limit", "spring", "damper", "sensor")
 )
-"""Parts of the engine that a world of free bodies has no use for."""
+"""Features of the engine that a world of free bodies does not need."""
 
 
 def world_mjcf(map_: Map, boxes: Iterable[BoxPlacement], vehicles: Iterable[str], dt: float, gravity: float) -> str:
-    """MJCF of a whole world. Sleep: what rests costs nothing until it is touched."""
+    """MJCF of a whole world. Bodies at rest sleep until they are touched and then cost no time."""
     friction = f'friction="{map_.ground.friction:.17g} 0.005 0.0001"'
     return (
         f'<mujoco><option timestep="{dt:.17g}" gravity="0 0 {-gravity:.17g}" integrator="Euler">'

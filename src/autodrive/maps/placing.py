@@ -1,4 +1,4 @@
-"""Placing modules in a map: which ports meet, what overlaps, and every fault in it."""
+"""Placement of modules in a map: connects ports, finds overlaps, reports errors."""
 
 from __future__ import annotations
 
@@ -10,57 +10,62 @@ from typing import TypeAlias
 
 import numpy as np
 import shapely
+from pydantic import Field
 from shapely.geometry.base import BaseGeometry
 
-from autodrive.descriptions import Spec
+from autodrive.arrays import Floats
 from autodrive.errors import SpecError
 from autodrive.maps.module import Module, load_module
-from autodrive.maps.shapes import NotNegative, Pose, Positive, moved, rectangle
-from autodrive.state import Floats
+from autodrive.maps.shapes import Extent, Pose, moved, rectangle
+from autodrive.specs import MAX_ERRORS, Coordinate, Degrees, Length, Mass, Name, Source, Spec
 from autodrive.units import DEGREE
 
 PORT_TOLERANCE = 1e-3
-"""How far apart two ports may be that meet [m]; also the difference in width that they may have."""
+"""Largest distance between connected ports, and largest difference of their widths [m]."""
 HEADING_TOLERANCE = 0.1 * DEGREE
-"""How far two ports that meet may be from facing each other [rad]: 0.5 mm at the edge of the road."""
+"""Largest deviation of connected ports from opposite headings [rad]: 0.5 mm at the edge of the road."""
 REACH = 0.3
-"""Ports nearer than half a road are meant to meet; if they do not, that is a fault [m]."""
+"""Ports nearer than this (half a road width) must be connected; otherwise it is an error [m]."""
+MAX_CORNERS = 200_000
+"""Of the polygons and lanes of all placed modules."""
+MAX_PAIRS = 10_000
+"""Pairs of touching solids that are checked for an overlap."""
 SLIVER = 1e-5
-"""Footprints may overlap by less than this area [m^2] (rounding of placements to a tenth of a millimetre)."""
+"""Largest allowed overlap of footprints [m^2] (placements are rounded to 0.1 mm)."""
 
 PortId: TypeAlias = tuple[int, str]
-"""Index of the placed module, name of its port."""
+"""Index of the placed module, name of the port."""
 
 
 class Placement(Spec):
-    """A module at a place: x, y [m] and yaw of the centre of its footprint."""
+    """Pose of a module: x, y [m] and yaw of the centre of its footprint."""
 
     module: str
-    name: str = ""
-    x: float
-    y: float
-    yaw_deg: float = 0.0
+    name: Name = ""
+    x: Coordinate
+    y: Coordinate
+    yaw_deg: Degrees = 0.0
     open: bool | tuple[str, ...] = False
-    """True, or the names of the ports that may meet nothing."""
-    length: Positive | None = None
-    """Terrain and boxes only: instead of the module's own [m]."""
-    width: Positive | None = None
-    height: Positive | None = None
+    """Ports that may stay unconnected: True for all, or their names."""
+    length: Extent | None = None
+    """Terrain and boxes only: replaces the length of the module [m]."""
+    width: Extent | None = None
+    height: Length | None = None
     """Boxes only [m]."""
-    z: NotNegative = 0.0
+    z: float = Field(default=0.0, ge=0.0, le=1e4)
     """Boxes only: height of the underside above ground [m]."""
-    mass: Positive | None = None
+    mass: Mass | None = None
     """Boxes only [kg]."""
 
     @property
     def pose(self) -> Pose:
-        """Of the module's origin."""
+        """Pose of the origin of the module."""
         return self.x, self.y, self.yaw_deg * DEGREE
 
 
 @dataclass(frozen=True)
 class PlacedPort:
-    """A port of a placed module, in the axes of the map."""
+    """A port of a placed module, in the map frame."""
 
     name: str
     pose: Pose
@@ -68,15 +73,15 @@ class PlacedPort:
     width: float
     is_blind: bool
     is_open: bool
-    """It may meet nothing."""
+    """True if the port may stay unconnected."""
 
 
 @dataclass(frozen=True)
 class PlacedModule:
-    """A module where it was placed: its parts in the axes of the map [m]."""
+    """A placed module: its parts in the map frame [m]."""
 
     label: str
-    """For messages: "placement 4 'curved_road'"."""
+    """For error messages: "placement 4 'curved_road' (line 9)"."""
     name: str
     module: Module
     placement: Placement
@@ -95,41 +100,53 @@ class PlacedModule:
         return own.length or spec.length, own.width or spec.width, own.height or spec.height
 
 
-def place(numbered: Iterable[tuple[int, Placement]], folder: Path | None) -> tuple[list[PlacedModule], list[str]]:
-    """The placed modules, and the faults of those placements that name an unknown module or do not suit theirs.
+def place(
+    numbered: Iterable[tuple[int, Placement]], folder: Path | None, source: Source | None = None
+) -> tuple[list[PlacedModule], list[str]]:
+    """The placed modules, and an error for each unknown module, unknown port and field that its module does not allow.
 
-    Modules given as a path are looked for beside the map, in `folder`.
+    Relative paths of modules start at `folder`, the folder of the map. `source`: its text, for lines in errors.
     """
     placed: list[PlacedModule] = []
-    faults: list[str] = []
+    errors: list[str] = []
     names: set[str] = set()
+    corners = 0
+    faulty: dict[str, SpecError] = {}
     for number, placement in numbered:
-        label = f"placement {number} '{placement.name or placement.module}'"
+        line = source.line("placements", number - 1) if source else None
+        label = f"placement {number} '{placement.name or placement.module}'{f' (line {line})' if line else ''}"
         try:
+            if placement.module in faulty:
+                raise faulty[placement.module]
             is_path = placement.module.endswith((".yaml", ".yml"))
             module = load_module(folder / placement.module if folder and is_path else placement.module)
         except SpecError as error:
-            faults.append(f"{label}: {error}")
+            faulty[placement.module] = error
+            errors.append(f"{label}: {error}")
             continue
-        faults += [f"{label}: {fault}" for fault in _unsuitable(placement, module)]
+        corners += module.corners
+        if corners > MAX_CORNERS:
+            errors.append(f"{label}: the modules up to here have {corners} corners; at most {MAX_CORNERS} are possible")
+            break
+        errors += [f"{label}: {error}" for error in _disallowed_fields(placement, module)]
         name = placement.name or f"{module.name}_{number}"
         if name in names:
-            faults.append(f"{label}: the name '{name}' is taken; names must differ")
+            errors.append(f"{label}: the name '{name}' is already used; names must be unique")
         names.add(name)
         placed.append(_placed(label, name, module, placement))
-    return placed, faults
+    return placed, errors
 
 
 def join(placed: Sequence[PlacedModule], *, is_complete: bool = True) -> tuple[dict[PortId, PortId], list[str]]:
-    """Which port meets which (both ways round), and a fault for every port that meets none, or not well.
+    """The connected ports (in both directions), and an error for each port that is unconnected or does not match.
 
-    When some placements could not be read (`is_complete` False), a port that meets nothing is no fault.
+    If some placements could not be read (`is_complete` False), unconnected ports are not errors.
     """
     ports = [(i, port) for i, one in enumerate(placed) for port in one.ports if not port.is_blind]
     joins: dict[PortId, PortId] = {}
-    faults: list[str] = []
+    errors: list[str] = []
     if not ports:
-        return joins, faults
+        return joins, errors
     at = np.array([port.pose[:2] for _, port in ports])
     owner = np.array([i for i, _ in ports])
     for k, (i, port) in enumerate(ports):
@@ -138,35 +155,38 @@ def join(placed: Sequence[PlacedModule], *, is_complete: bool = True) -> tuple[d
         j, other = ports[nearest]
         if distance[nearest] > REACH:
             if is_complete and not port.is_open:
-                faults.append(f"{placed[i].label}: port '{port.name}' meets nothing. {_remedy(port)}")
+                errors.append(f"{placed[i].label}: port '{port.name}' is not connected. {_fix(port)}")
             continue
         problem = _mismatch(port, other)
         if not problem:
             joins[i, port.name] = (j, other.name)
         elif i < j or np.hypot(*(at - at[nearest]).T)[k] > REACH:
-            faults.append(
+            errors.append(
                 f"{placed[i].label}: port '{port.name}' and port '{other.name}' of {placed[j].label} {problem}"
             )
-    return joins, faults
+    return joins, errors
 
 
 def overlaps(solids: Sequence[tuple[str, BaseGeometry, float, float]], movable: int) -> list[str]:
-    """A fault for every two things that overlap, given as label, footprint, bottom and top [m].
+    """An error for each pair of solids that overlap; a solid is label, footprint, bottom and top [m].
 
-    Only the first `movable` of them are at fault; what the others do among themselves is theirs.
+    At least one of a pair is among the first `movable` solids: the others may overlap each other.
     """
     if not movable:
         return []
     plans = np.array([plan for _, plan, _, _ in solids], dtype=object)
-    first, second = shapely.STRtree(plans).query(plans[:movable], predicate="intersects")
+    pairs = shapely.STRtree(plans).query(plans[:movable], predicate="intersects")
+    first, second = pairs[:, pairs[0] < pairs[1]][:, :MAX_PAIRS]
     area = shapely.area(shapely.intersection(plans[first], plans[second]))
     span = np.array([(low, high) for _, _, low, high in solids])
     common = np.minimum(span[first, 1], span[second, 1]) - np.maximum(span[first, 0], span[second, 0])
-    is_fault = (first < second) & (area > SLIVER) & (common > PORT_TOLERANCE)
-    return [
+    is_error = (area > SLIVER) & (common > PORT_TOLERANCE)
+    errors = [
         f"{solids[i][0]} overlaps {solids[j][0]} by {a * 1e4:.4g} cm^2. Move one of them."
-        for i, j, a in sorted(zip(first[is_fault], second[is_fault], area[is_fault], strict=True))
+        for i, j, a in sorted(zip(first[is_error], second[is_error], area[is_error], strict=True))
     ]
+    more = len(errors) - MAX_ERRORS
+    return [*errors[:MAX_ERRORS], f"and {more} more overlaps"] if more > 0 else errors
 
 
 def _placed(label: str, name: str, module: Module, placement: Placement) -> PlacedModule:
@@ -193,22 +213,22 @@ def _placed(label: str, name: str, module: Module, placement: Placement) -> Plac
     )
 
 
-def _unsuitable(placement: Placement, module: Module) -> list[str]:
-    faults = []
+def _disallowed_fields(placement: Placement, module: Module) -> list[str]:
+    errors = []
     given = placement.model_fields_set
     allowed = {"terrain": {"length", "width"}, "obstruction": {"length", "width", "height", "z", "mass"}}
     for field in ("length", "width", "height", "z", "mass"):
         if field in given and field not in allowed.get(module.spec.type, set()):
-            faults.append(f"{field} cannot be set for {module.name}, which is {_with_article(module.spec.type)}")
+            errors.append(f"{field} cannot be set for {module.name}, which is {_with_article(module.spec.type)}")
     for port in placement.open if isinstance(placement.open, tuple) else ():
         if port not in module.spec.ports:
             known = ", ".join(module.spec.ports) or "none"
-            faults.append(f"open: {module.name} has no port '{port}'. It has: {known}")
-    return faults
+            errors.append(f"open: {module.name} has no port '{port}'. It has: {known}")
+    return errors
 
 
 def _mismatch(a: PlacedPort, b: PlacedPort) -> str:
-    """What is wrong between two ports that should meet, and what would be right; '' if they match."""
+    """The error between two ports that should be connected, and how to fix it; '' if they match."""
     dx, dy = b.pose[0] - a.pose[0], b.pose[1] - a.pose[1]
     distance = math.hypot(dx, dy)
     if distance > PORT_TOLERANCE:
@@ -224,12 +244,12 @@ def _mismatch(a: PlacedPort, b: PlacedPort) -> str:
     return ""
 
 
-def _remedy(port: PlacedPort) -> str:
+def _fix(port: PlacedPort) -> str:
     x, y, yaw = port.pose
     heading = math.remainder(yaw + math.pi, 2.0 * math.pi) / DEGREE
     return (
-        f"Put a port of another module at ({_text(x)}, {_text(y)}) that faces {heading:.4g} degrees, "
-        f"or say 'open: [{port.name}]'"
+        f"Place a module with a port at ({_text(x)}, {_text(y)}) that faces {heading:.4g} degrees, "
+        f"or set 'open: [{port.name}]'"
     )
 
 
@@ -238,5 +258,5 @@ def _with_article(word: str) -> str:
 
 
 def _text(metres: float) -> str:
-    """To a tenth of a millimetre, without needless zeros."""
+    """Rounded to 0.1 mm, without trailing zeros."""
     return f"{round(metres, 4) + 0.0:g}"

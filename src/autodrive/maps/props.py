@@ -1,4 +1,4 @@
-"""Traffic signs and traffic lights: where they stand, and the solid shapes of which they are made."""
+"""Traffic signs and traffic lights: their Specs, poses and solid shapes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
-from autodrive.descriptions import Spec
 from autodrive.maps.shapes import Pose
 from autodrive.maps.solids import StaticShape
 from autodrive.model import BOX, CYLINDER
+from autodrive.specs import Coordinate, Degrees, Name, Spec
 from autodrive.units import DEGREE
 
 Sign: TypeAlias = Literal[
@@ -32,33 +32,33 @@ SIGNS: tuple[str, ...] = get_args(Sign)
 PLATE_HEIGHT, PLATE_SIZE, PLATE_THICKNESS = 0.18, 0.07, 0.003
 POST_RADIUS = 0.0035
 LAMP_HEIGHTS = {"red": 0.19, "yellow": 0.175, "green": 0.16}
-"""Of the lamps' centres of a traffic light above ground [m]."""
+"""Heights of the centres of the lamps of a traffic light above the ground [m]."""
 HOUSING_WIDTH, HOUSING_DEPTH, HOUSING_MARGIN = 0.02, 0.02, 0.0125
 
 
 class PropSpec(Spec):
-    """A traffic sign or a traffic light that stands fast. Its face looks along x of its pose."""
+    """A fixed traffic sign or traffic light. Its face looks along x of its pose."""
 
     kind: PropKind
-    name: str = ""
-    x: float
-    y: float
-    yaw_deg: float
+    name: Name = ""
+    x: Coordinate
+    y: Coordinate
+    yaw_deg: Degrees
 
     @property
     def pose(self) -> Pose:
-        """Of its foot."""
+        """Pose of the foot of the post."""
         return self.x, self.y, self.yaw_deg * DEGREE
 
 
 @dataclass(frozen=True)
 class Prop:
-    """A sign or a traffic light, as placed: what a renderer needs beyond its solid shapes."""
+    """A placed sign or traffic light: what a renderer needs in addition to its solid shapes."""
 
     name: str
     kind: PropKind
     pose: Pose
-    """x [m], y [m] of the foot, yaw [rad] of the direction in which the face looks."""
+    """x, y of the foot [m], yaw of the direction of the face [rad]."""
 
 
 def prop_shapes(prop: Prop) -> Iterator[StaticShape]:
@@ -80,7 +80,7 @@ def _post(prop: Prop, height: float) -> StaticShape:
 
 
 def _plate(prop: Prop, material: str, size: tuple[float, float, float], height: float) -> StaticShape:
-    """A box just in front of the post."""
+    """A box in front of the post, or around its top."""
     x, y, yaw = prop.pose
     ahead = POST_RADIUS + size[0] / 2.0 if material == "plate" else 0.0
     position = (x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), height)

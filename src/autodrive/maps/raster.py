@@ -1,4 +1,4 @@
-"""Pictures of a map for other programs: the occupancy grid of ROS map_server, and what is where by label."""
+"""Raster images of a map: occupancy grid for ROS map_server, and semantic labels seen from above."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 import shapely
 
+from autodrive.assets.asset import Label
+from autodrive.cache import write_file
 from autodrive.maps.ground import regions
 from autodrive.model import CYLINDER
-from autodrive.render.asset import Label
-from autodrive.render.png import write_png
+from autodrive.protocol.png import encode_png
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from shapely.geometry.base import BaseGeometry
 
+    from autodrive.arrays import Floats
     from autodrive.maps.map import Map
     from autodrive.maps.solids import StaticShape
-    from autodrive.state import Floats
 
 Free: TypeAlias = Literal["ground", "drivable"]
-"""What is free: all ground on which nothing stands, as a LIDAR sees it; or of that, only what may be driven on."""
+"""Free cells: all ground without solid objects (as a LIDAR sees it), or only the drivable part of it."""
 
 FREE, OCCUPIED = 254, 0
 """Grey values, as map_saver of ROS writes them."""
@@ -33,7 +34,7 @@ SOLID_LABELS = {
     "plate": Label.SIGN,
     "housing": Label.TRAFFIC_LIGHT,
 }
-"""By the material of a `StaticShape`."""
+"""Label of each material of a `StaticShape`."""
 LABEL_COLOURS: dict[Label, str] = {
     Label.NOTHING: "000000",
     Label.GROUND: "d9d4c7",
@@ -57,7 +58,7 @@ LABEL_COLOURS: dict[Label, str] = {
 
 
 def occupancy(map_: Map, resolution: float = 0.01, *, free: Free = "ground") -> NDArray[np.uint8]:
-    """Grey values of the grid over the map's bounds, first row at the greatest y; a cell is what its middle is.
+    """Grey values of a grid over the bounds of the map, first row at the greatest y; the centre of a cell decides.
 
     Walls, blocks, posts, plates and boxes are occupied. `resolution`: edge of a cell [m].
     """
@@ -72,24 +73,24 @@ def occupancy(map_: Map, resolution: float = 0.01, *, free: Free = "ground") -> 
 
 
 def write_occupancy(map_: Map, folder: Path, resolution: float = 0.01, *, free: Free = "ground") -> Path:
-    """Write NAME.png and NAME.yaml, to be loaded by map_server of ROS; the path of the YAML file."""
-    write_png(folder / f"{map_.name}.png", occupancy(map_, resolution, free=free))
+    """Write NAME.png and NAME.yaml for map_server of ROS; returns the path of the YAML file."""
+    write_file(folder / f"{map_.name}.png", encode_png(occupancy(map_, resolution, free=free)))
     x, y = map_.bounds[:2]
     path = folder / f"{map_.name}.yaml"
-    path.write_text(
+    write_file(
+        path,
         f"image: {map_.name}.png\nmode: trinary\nresolution: {resolution:g}\norigin: [{x:.9g}, {y:.9g}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-        encoding="utf-8",
     )
     return path
 
 
 def labels(map_: Map, resolution: float = 0.01) -> NDArray[np.uint8]:
-    """`Label` of what is seen from above in each cell; rows and cells as in `occupancy`."""
+    """`Label` of each cell seen from above; rows and cells as in `occupancy`."""
     x, y = _middles(map_, resolution)
     seen = np.full(x.shape, Label.GROUND, np.uint8)
     layers: list[tuple[BaseGeometry, Label]] = [
-        (region.geometry, region.label) for region in regions(map_, simpler=0.0)
+        (region.geometry, region.label) for region in regions(map_, tolerance=0.0)
     ]
     layers += [(outline(shape), SOLID_LABELS[shape.material]) for shape in map_.statics]
     layers += [(box.plan, Label.BOX) for box in map_.boxes]
@@ -101,18 +102,18 @@ def labels(map_: Map, resolution: float = 0.01) -> NDArray[np.uint8]:
 
 
 def write_labels(map_: Map, path: Path, resolution: float = 0.01) -> None:
-    """Write the labels as a PNG with a palette: the index of a pixel is its label, its colour is for people."""
+    """Write the labels as a PNG with a palette: the index of a pixel is its label."""
     palette = np.array([list(bytes.fromhex(LABEL_COLOURS[label])) for label in Label], np.uint8)
-    write_png(path, labels(map_, resolution), palette)
+    write_file(path, encode_png(labels(map_, resolution), palette))
 
 
 def outline(shape: StaticShape) -> shapely.Polygon:
-    """What a solid thing covers of the ground: of a cylinder the disc, not the square around it."""
+    """The ground that a shape covers; a disc for a cylinder."""
     return shapely.Point(shape.position[:2]).buffer(shape.size[0]) if shape.kind == CYLINDER else shape.plan
 
 
 def _middles(map_: Map, resolution: float) -> tuple[Floats, Floats]:
-    """Of the cells [m], shape (rows, columns) each."""
+    """X and y of the centres of the cells [m], each with shape (rows, columns)."""
     x0, y0, x1, y1 = map_.bounds
     columns, rows = (max(1, int(np.ceil(extent / resolution - 1e-6))) for extent in (x1 - x0, y1 - y0))
     across, up = (np.arange(columns) + 0.5) * resolution, (np.arange(rows)[::-1] + 0.5) * resolution

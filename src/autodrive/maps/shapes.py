@@ -1,4 +1,4 @@
-"""The few shapes in which modules and maps are described, and the polygons that they stand for."""
+"""Shapes of the YAML files of modules and maps (rectangle, sector, polygon, line, arc), and their polygons."""
 
 from __future__ import annotations
 
@@ -7,48 +7,50 @@ from typing import Annotated, Literal, TypeAlias, TypeVar
 
 import numpy as np
 import shapely
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from shapely.geometry.base import BaseGeometry
 
-from autodrive.descriptions import Spec
-from autodrive.state import Floats
+from autodrive.arrays import Floats
+from autodrive.specs import Coordinate, Degrees, Spec
 from autodrive.units import DEGREE
 
-Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
-NotNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
-Point: TypeAlias = tuple[float, float]
+Extent: TypeAlias = Annotated[float, Field(ge=1e-3, le=1e3)]
+"""Length of a piece of a map, from 1 mm to 1 km [m]."""
+Point: TypeAlias = tuple[Coordinate, Coordinate]
 Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
 
+MAX_CORNERS = 10_000
+"""Of all shapes of a list; each dash has four."""
 CHORD_ERROR = 1e-4
-"""How far a polygon may be from the arc that it stands for [m]: a hundredth of the width of a painted line."""
+"""Largest distance between a polygon and its arc [m]: a hundredth of the width of a painted line."""
 
 
 class Rectangle(Spec):
-    """A rectangle around its centre; `length` along x and `width` along y before it turns."""
+    """A rectangle around its centre; `length` along x and `width` along y before its rotation."""
 
     shape: Literal["rectangle"] = "rectangle"
-    x: float = 0.0
-    y: float = 0.0
-    yaw_deg: float = 0.0
-    length: Positive
-    width: Positive
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    yaw_deg: Degrees = 0.0
+    length: Extent
+    width: Extent
 
     def geometry(self) -> BaseGeometry:
-        """The polygon, shapely, in metres."""
+        """The polygon [m]."""
         return rectangle((self.x, self.y, self.yaw_deg * DEGREE), self.length, self.width)
 
 
 class Sector(Spec):
-    """A piece of a ring (or of a disc) around x, y, from one angle to a greater one, left turning."""
+    """A sector of a ring or disc around x, y, counter-clockwise from `start_deg` to `end_deg`."""
 
     shape: Literal["sector"]
-    x: float = 0.0
-    y: float = 0.0
-    inner_radius: NotNegative = 0.0
-    outer_radius: Positive
-    start_deg: float
-    end_deg: float
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    inner_radius: float = Field(default=0.0, ge=0.0, le=1e3)
+    outer_radius: Extent
+    start_deg: Degrees
+    end_deg: Degrees
 
     @model_validator(mode="after")
     def _is_ordered(self) -> Sector:
@@ -57,60 +59,60 @@ class Sector(Spec):
         return _with_ordered_angles(self)
 
     def geometry(self) -> BaseGeometry:
-        """The polygon, shapely, in metres."""
+        """The polygon [m]."""
         angles = (self.start_deg * DEGREE, self.end_deg * DEGREE)
         return _ring_piece((self.x, self.y), self.inner_radius, self.outer_radius, *angles)
 
 
 class Polygon(Spec):
-    """A polygon through points [m]; the last is joined to the first."""
+    """A polygon through points [m]; the last point connects to the first."""
 
     shape: Literal["polygon"]
     points: Annotated[tuple[Point, ...], Field(min_length=3)]
 
     @model_validator(mode="after")
     def _is_simple(self) -> Polygon:
-        if not shapely.Polygon(self.points).is_valid:
+        if not is_simple(self.points):
             raise ValueError("the sides of a polygon must not cross or touch each other")
         return self
 
     def geometry(self) -> BaseGeometry:
-        """The polygon, shapely, in metres."""
+        """The polygon [m]."""
         return shapely.Polygon(self.points)
 
 
 class Line(Spec):
-    """A painted line of some width through points [m]; dashed when `dash` is given."""
+    """A painted line through points [m]; dashed if `dash` is given."""
 
     shape: Literal["line"]
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
-    width: Positive
-    dash: Positive | None = None
-    gap: Positive | None = None
+    width: Extent
+    dash: Extent | None = None
+    gap: Extent | None = None
 
     @model_validator(mode="after")
     def _has_both(self) -> Line:
         return _with_dash_and_gap(self)
 
     def geometry(self) -> BaseGeometry:
-        """The polygon, or one for each dash, shapely, in metres."""
+        """The polygon, or one polygon for each dash [m]."""
         line = shapely.LineString(self.points)
         pieces = [_piece(line, a, b) for a, b in _painted(line.length, self.dash, self.gap)]
         return shapely.union_all(shapely.buffer(pieces, self.width / 2.0, cap_style="flat", join_style="mitre"))
 
 
 class Arc(Spec):
-    """A painted line along an arc around x, y; dashed when `dash` is given. `radius` is that of the line's middle."""
+    """A painted line along an arc around x, y; dashed if `dash` is given. `radius`: of the centre of the line."""
 
     shape: Literal["arc"]
-    x: float = 0.0
-    y: float = 0.0
-    radius: Positive
-    start_deg: float
-    end_deg: float
-    width: Positive
-    dash: Positive | None = None
-    gap: Positive | None = None
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    radius: Extent
+    start_deg: Degrees
+    end_deg: Degrees
+    width: Extent
+    dash: Extent | None = None
+    gap: Extent | None = None
 
     @model_validator(mode="after")
     def _is_ordered(self) -> Arc:
@@ -119,7 +121,7 @@ class Arc(Spec):
         return _with_dash_and_gap(_with_ordered_angles(self))
 
     def geometry(self) -> BaseGeometry:
-        """The polygon, or one for each dash, shapely, in metres."""
+        """The polygon, or one polygon for each dash [m]."""
         start = self.start_deg * DEGREE
         length = self.radius * (self.end_deg - self.start_deg) * DEGREE
         inner, outer = self.radius - self.width / 2.0, self.radius + self.width / 2.0
@@ -136,23 +138,38 @@ _Dashed = TypeVar("_Dashed", Line, Arc)
 Shape: TypeAlias = Annotated[Rectangle | Sector | Polygon | Line | Arc, Field(discriminator="shape")]
 
 
+def _limited(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
+    count = sum(map(_corners, shapes))
+    if count > MAX_CORNERS:
+        raise ValueError(f"these shapes have {count} corners; they must have at most {MAX_CORNERS}")
+    return shapes
+
+
+Shapes: TypeAlias = Annotated[tuple[Shape, ...], AfterValidator(_limited)]
+
+
+def is_simple(points: tuple[Point, ...]) -> bool:
+    """Whether the sides of the polygon through these points neither cross nor touch each other."""
+    return len(set(points)) >= 3 and bool(shapely.is_valid(shapely.Polygon(points)))
+
+
 def arc(centre: Point, radius: float, start: float, end: float) -> Floats:
-    """Points of an arc between two angles [rad], no chord further than `CHORD_ERROR` from it, shape (n, 2)."""
+    """Points of an arc between two angles [rad], shape (n, 2); chords deviate by at most `CHORD_ERROR`."""
     step = 2.0 * math.acos(1.0 - min(CHORD_ERROR / radius, 1.0))
     angle = np.linspace(start, end, max(2, math.ceil(abs(end - start) / step) + 1))
     return np.column_stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)])
 
 
 def rectangle(pose: Pose, length: float, width: float) -> shapely.Polygon:
-    """The rectangle around that pose, `length` along its x and `width` along its y."""
+    """The rectangle centred on a pose, `length` along its x axis and `width` along its y axis."""
     corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) * (length / 2.0, width / 2.0)
     return shapely.Polygon(moved(corners, pose))
 
 
 def moved(points: Floats, pose: Pose) -> Floats:
-    """Points given in the axes of a pose, in the axes in which that pose is given; shape (n, 2)."""
+    """Transforms points from the frame of a pose to its parent frame, shape (n, 2)."""
     x, y, yaw = pose
-    # right angles are exact, so that modules that touch share their corners to the last bit
+    # right angles are exact, so that corners of adjacent modules are bit-identical
     c, s = round(math.cos(yaw), 15), round(math.sin(yaw), 15)
     return np.column_stack([x + c * points[:, 0] - s * points[:, 1], y + s * points[:, 0] + c * points[:, 1]])
 
@@ -164,15 +181,42 @@ def _ring_piece(centre: Point, inner: float, outer: float, start: float, end: fl
     return shapely.Polygon(np.vstack([rim, arc(centre, inner, end, start)]))
 
 
-def _painted(length: float, dash: float | None, gap: float | None) -> list[tuple[float, float]]:
-    """From where to where a line is painted [m]: all of it, or dashes.
+def _corners(shape: Shape) -> int:
+    """Number of corners of the polygons of a shape, at most 10 % too large."""
+    match shape:
+        case Rectangle():
+            return 4
+        case Polygon(points=points):
+            return len(points)
+        case Sector():
+            return 2 * _chords(shape.outer_radius, shape.end_deg - shape.start_deg) + 3
+        case Line(points=points):
+            length = sum(map(math.dist, points, points[1:]))
+            return 2 * len(points) + 4 * _dashes(length, shape.dash, shape.gap)
+        case Arc():
+            sweep = shape.end_deg - shape.start_deg
+            length = shape.radius * sweep * DEGREE
+            return 2 * _chords(shape.radius, sweep) + 4 * _dashes(length, shape.dash, shape.gap)
 
-    Dashes are stretched to a whole number of periods with half a gap at each end, so that lines of modules that meet
-    go on as one.
+
+def _chords(radius: float, sweep_deg: float) -> int:
+    return math.ceil(sweep_deg * DEGREE / (2.0 * math.acos(1.0 - min(CHORD_ERROR / radius, 1.0))))
+
+
+def _dashes(length: float, dash: float | None, gap: float | None) -> int:
+    """Number of painted parts along a line."""
+    return 1 if dash is None or gap is None else max(1, round(length / (dash + gap)))
+
+
+def _painted(length: float, dash: float | None, gap: float | None) -> list[tuple[float, float]]:
+    """Start and end of each painted part along a line [m]: the whole line, or its dashes.
+
+    The period is adjusted to a whole number of periods with half a gap at each end, so that the pattern continues
+    across modules.
     """
     if dash is None or gap is None:
         return [(0.0, length)]
-    periods = max(1, round(length / (dash + gap)))
+    periods = _dashes(length, dash, gap)
     period = length / periods
     painted = period * dash / (dash + gap)
     return [((i + 0.5) * period - painted / 2.0, (i + 0.5) * period + painted / 2.0) for i in range(periods)]
@@ -194,5 +238,5 @@ def _with_ordered_angles(shape: _Angled) -> _Angled:
 
 def _with_dash_and_gap(shape: _Dashed) -> _Dashed:
     if (shape.dash is None) != (shape.gap is None):
-        raise ValueError("dash and gap come together")
+        raise ValueError("dash and gap must be given together")
     return shape

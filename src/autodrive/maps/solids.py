@@ -1,4 +1,4 @@
-"""What is solid in a map: walls and blocks that never move, and boxes that can be pushed."""
+"""Solid objects of a map: static walls and blocks, and boxes that can be pushed."""
 
 from __future__ import annotations
 
@@ -11,39 +11,44 @@ from typing import Annotated
 import shapely
 from pydantic import Field
 
-from autodrive.descriptions import Spec
-from autodrive.maps.shapes import Point, Positive, rectangle
+from autodrive.maps.shapes import Point, is_simple, rectangle
 from autodrive.model import BOX
+from autodrive.specs import Coordinate, Degrees, Length, Name, Spec
 from autodrive.units import DEGREE
 
 
 class WallSpec(Spec):
     """A wall along a line through points [m]."""
 
-    name: str = "wall"
+    name: Name = "wall"
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
-    """Of the middle of the wall."""
+    """Centre line of the wall."""
     is_closed: bool = False
-    """True: from the last point back to the first."""
-    thickness: Positive = 0.1
-    height: Positive
+    """True: the wall continues from the last point to the first."""
+    thickness: Length = 0.1
+    height: Length
+
+    @property
+    def enclosed(self) -> shapely.Polygon:
+        """The ground inside a closed wall; empty if the wall is open or crosses itself."""
+        return shapely.Polygon(self.points if self.is_closed and is_simple(self.points) else None)
 
 
 class BlockSpec(Spec):
-    """A box that never moves, such as a building, standing on the ground; x, y [m] is its centre."""
+    """A static box on the ground, such as a building; x, y [m] is its centre."""
 
-    name: str = ""
-    x: float
-    y: float
-    yaw_deg: float = 0.0
-    length: Positive
-    width: Positive
-    height: Positive
+    name: Name = ""
+    x: Coordinate
+    y: Coordinate
+    yaw_deg: Degrees = 0.0
+    length: Length
+    width: Length
+    height: Length
 
 
 @dataclass(frozen=True)
 class StaticShape:
-    """Something solid that never moves."""
+    """A solid shape that never moves."""
 
     name: str
     kind: int
@@ -51,7 +56,7 @@ class StaticShape:
     size: tuple[float, float, float]
     """Box: half sizes; cylinder: radius, half height, 0 [m]; as in `model.Shapes`."""
     position: tuple[float, float, float]
-    """Centre in the map [m]."""
+    """Centre in the map frame [m]."""
     yaw: float
     """[rad]."""
     material: str
@@ -59,7 +64,7 @@ class StaticShape:
 
     @property
     def plan(self) -> shapely.Polygon:
-        """The outline seen from above: that of a box, or the square around a cylinder."""
+        """The outline seen from above; for a cylinder the square around it."""
         length, width = self.size[:2] if self.kind == BOX else (self.size[0], self.size[0])
         return rectangle((*self.position[:2], self.yaw), 2.0 * length, 2.0 * width)
 
@@ -76,7 +81,7 @@ class BoxPlacement:
 
     name: str
     size: tuple[float, float, float]
-    """Length, width, height [m]: whole, not half."""
+    """Length, width, height [m] (full sizes)."""
     mass: float
     """[kg]."""
     position: tuple[float, float, float]
@@ -96,7 +101,7 @@ class BoxPlacement:
 
 
 def wall_shapes(wall: WallSpec) -> Iterator[StaticShape]:
-    """A box for each straight piece, longer by its thickness so that corners are closed."""
+    """A box for each segment, longer by the thickness of the wall so that corners are closed."""
     points = [*wall.points, wall.points[0]] if wall.is_closed else wall.points
     for i, ((x0, y0), (x1, y1)) in enumerate(itertools.pairwise(points), 1):
         half = ((math.hypot(x1 - x0, y1 - y0) + wall.thickness) / 2.0, wall.thickness / 2.0, wall.height / 2.0)
@@ -105,6 +110,6 @@ def wall_shapes(wall: WallSpec) -> Iterator[StaticShape]:
 
 
 def block_shape(block: BlockSpec, name: str) -> StaticShape:
-    """The box that a block is."""
+    """The static shape of a block."""
     half = (block.length / 2.0, block.width / 2.0, block.height / 2.0)
     return StaticShape(name, BOX, half, (block.x, block.y, block.height / 2.0), block.yaw_deg * DEGREE, "block")

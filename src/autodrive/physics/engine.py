@@ -1,4 +1,4 @@
-"""MuJoCo behind a few verbs: reset, step (from compiled code), contacts, save, restore. Nobody else knows MuJoCo."""
+"""Interface to MuJoCo: reset, step (from compiled code), contacts, save, restore. Nothing else calls MuJoCo."""
 
 # pyright: reportAttributeAccessIssue=false
 # (the bindings are compiled and ship no types)
@@ -8,33 +8,43 @@ from __future__ import annotations
 import copy
 import ctypes
 import functools
+import hashlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
-import mujoco
 import numpy as np
 from numba.core import config, types
 from numpy.typing import NDArray
 
-from autodrive.errors import EngineError
-from autodrive.state import Floats, Integers
+from autodrive.arrays import Floats, Integers
+from autodrive.errors import EngineError, SnapshotError
+from autodrive.installation import mujoco_error, mujoco_fix
+
+if _error := mujoco_error():
+    raise EngineError(f"{_error}. Run:  {mujoco_fix()}")
+
+import mujoco  # after the check of its installation
+
+VERSION: str = mujoco.mj_versionString()
+"""Of MuJoCo, for example "4.0.1"."""
 
 
 def _mujoco_library() -> ctypes.CDLL:
+    """The C library with the version of the bindings, from their folder."""
     folder = Path(mujoco.__file__).parent
-    for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
-        for path in folder.glob(pattern):
-            return ctypes.CDLL(str(path))
-    raise EngineError(f"MuJoCo's library is not in {folder}; reinstall the package mujoco-core")
+    for name in (f"libmujoco.so.{VERSION}", f"libmujoco.{VERSION}.dylib", "mujoco.dll"):
+        if (folder / name).is_file():
+            return ctypes.CDLL(str(folder / name))
+    raise EngineError(f"the library of MuJoCo {VERSION} is not in {folder}. Run:  {mujoco_fix()}")
 
 
 _library = _mujoco_library()
 
 
 def _external(name: str, function: Any, *arguments: Any) -> Callable[..., Any]:
-    """A C function that compiled code calls by name, so that what calls it can be kept in Numba's cache."""
+    """A C function that compiled code calls by name, so that Numba can cache the caller."""
     if config.DISABLE_JIT:
         sizes = {types.intp: ctypes.c_ssize_t, types.int32: ctypes.c_int32}
         prototype = ctypes.CFUNCTYPE(None, *(sizes[argument] for argument in arguments))
@@ -44,19 +54,19 @@ def _external(name: str, function: Any, *arguments: Any) -> Callable[..., Any]:
 
 
 mj_step1 = _external("mj_step1", _library.mj_step1, types.intp, types.intp)
-"""(mjModel*, mjData*): what follows from positions and velocities: kinematics, contacts, constraints."""
+"""(mjModel*, mjData*): computes kinematics, contacts and constraints from positions and velocities."""
 mj_step2 = _external("mj_step2", _library.mj_step2, types.intp, types.intp)
-"""(mjModel*, mjData*): forces, accelerations, and the next positions and velocities."""
+"""(mjModel*, mjData*): computes forces, accelerations, and the next positions and velocities."""
 mj_contact_force = _external(
     "mj_contactForce", _library.mj_contactForce, types.intp, types.intp, types.int32, types.intp
 )
-"""(mjModel*, mjData*, contact, double[6]*): force and torque in the contact's frame, normal first."""
+"""(mjModel*, mjData*, contact, double[6]*): force and torque in the contact frame, normal first."""
 copy_memory = _external("memmove", ctypes.memmove, types.intp, types.intp, types.intp)
 """(to, from, bytes)."""
 
 
 class Views(NamedTuple):
-    """The engine's memory, as compiled code reads and writes it."""
+    """Memory of the engine that compiled code reads and writes."""
 
     model: int
     """Address of mjModel."""
@@ -65,30 +75,30 @@ class Views(NamedTuple):
     qpos: Floats
     qvel: Floats
     applied: Floats
-    """Generalised force from outside (qfrc_applied); of a free body: force in the map, torque about its origin in its
-    own axes."""
+    """Applied generalised force (qfrc_applied); for a free body: force in map axes, torque about its origin in body
+    axes."""
     geom_position: Floats
     geom_rotation: Floats
     """Row-major, shape (n_geom, 9)."""
     shape_geom: Integers
-    """The engine's geom of each shape."""
+    """Geom of each shape."""
     contact_count: NDArray[np.int32]
-    """Number of contacts now, shape (1,)."""
+    """Current number of contacts, shape (1,)."""
     contacts: NDArray[np.int64]
-    """Address of the first contact now, shape (1,)."""
+    """Current address of the first contact, shape (1,)."""
     warnings: NDArray[np.int32]
-    """How often the engine gave up on a state, for each of its reasons."""
+    """Number of diverged states, for each kind of warning."""
     contact_layout: Integers
-    """Bytes: from one contact to the next, and from its start to its position and to its pair of geoms."""
+    """Offsets in bytes: from one contact to the next, and within a contact to its position and its two geoms."""
 
 
 def text(numbers: Iterable[float]) -> str:
-    """Numbers as MuJoCo's files write them, to the last bit."""
+    """Numbers for an MJCF attribute, exact to the last bit."""
     return " ".join(f"{number:.17g}" for number in numbers)
 
 
 class Geom(NamedTuple):
-    """A collision shape of the engine's."""
+    """A collision shape of the engine."""
 
     number: int
     kind: int
@@ -96,37 +106,45 @@ class Geom(NamedTuple):
     bounding_radius: float
     body: int
     qpos: int
-    """Where its body's pose begins in qpos, or -1 if it never moves."""
+    """Index of its body's pose in qpos, or -1 if it is fixed."""
     dof: int
-    """Likewise its velocity in qvel."""
+    """Index of its body's velocity in qvel, or -1 if it is fixed."""
 
 
 class Engine:
-    """Rigid bodies and contacts. Free bodies only: each has 7 numbers in qpos and 6 in qvel."""
+    """Rigid bodies and contacts. Movable bodies are free bodies: 7 numbers in qpos and 6 in qvel each."""
 
     def __init__(self, mjcf: str) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf)
-        self.data = mujoco.MjData(self.model)
-        mujoco.mj_forward(self.model, self.data)
+        """Raises `EngineError` for bodies that MuJoCo refuses, such as hundreds of boxes at the same place."""
+        try:
+            self.model = mujoco.MjModel.from_xml_string(mjcf)
+            if VERSION == "4.0.0":  # its solver diverges with sparse Jacobians (google-deepmind/mujoco issue 3767)
+                self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+            self.data = mujoco.MjData(self.model)
+            mujoco.mj_forward(self.model, self.data)
+        except (ValueError, mujoco.FatalError) as error:
+            raise EngineError(f"MuJoCo cannot simulate these bodies: {' '.join(str(error).split())}") from None
+        self.identity = hashlib.sha256(f"{VERSION} {mjcf}".encode()).hexdigest()
+        """The same for engines whose saved data fit each other."""
 
     def body(self, name: str) -> tuple[int, int, int]:
-        """Number of a free body, and where its rows begin in qpos and qvel."""
+        """Number of a free body, and its indices in qpos and qvel."""
         body = self.model.body(name)
         joint = self.model.joint(int(body.jntadr[0]))
         return int(body.id), int(joint.qposadr[0]), int(joint.dofadr[0])
 
     @property
     def geom_names(self) -> list[str]:
-        """Name of each geom, by its number."""
+        """Name of each geom, by number."""
         return [self.model.geom(i).name for i in range(self.model.ngeom)]
 
     @property
     def geom_bodies(self) -> list[int]:
-        """Number of the body of each geom, by the geom's number."""
+        """Number of the body of each geom, by number of the geom."""
         return self.model.geom_bodyid.tolist()
 
     def geoms(self) -> list[Geom]:
-        """All but planes."""
+        """All geoms except planes."""
         found = []
         for i in range(self.model.ngeom):
             if self.model.geom_type[i] == mujoco.mjtGeom.mjGEOM_PLANE:
@@ -147,12 +165,12 @@ class Engine:
         return found
 
     def overlapping(self, depth: float = 0.001) -> list[tuple[int, int]]:
-        """Pairs of geoms that are in each other by more than `depth` [m] now."""
+        """Pairs of geoms that overlap by more than `depth` [m]."""
         contact = self.data.contact
         return [(int(a), int(b)) for (a, b), gap in zip(contact.geom, contact.dist, strict=True) if gap < -depth]
 
     def views(self, shape_geom: Integers) -> Views:
-        """What compiled code needs; valid as long as this engine."""
+        """Views for compiled code; valid as long as this engine exists."""
         layout = _data_layout()
         data = self.data
         return Views(
@@ -171,28 +189,36 @@ class Engine:
         )
 
     def reset(self) -> None:
-        """Everything as the model says."""
+        """Sets the initial state of the model."""
         mujoco.mj_resetData(self.model, self.data)
 
     def update(self) -> None:
-        """Makes all that follows from positions and velocities follow, after they were set from outside."""
+        """Recomputes all derived quantities after positions or velocities were set directly."""
         mujoco.mj_forward(self.model, self.data)
 
     def save(self) -> Any:
-        """All that the future depends on: the whole data, for MuJoCo's state vectors do not tell who sleeps."""
+        """The complete data, because the state vectors of MuJoCo do not contain which bodies sleep."""
         return copy.copy(self.data)
 
     def restore(self, saved: Any) -> None:
-        """The same future as at `save`, bit for bit."""
-        mujoco.mj_copyData(self.data, self.model, saved)
+        """Restores saved data; the simulation continues with the same bits as after `save`.
+
+        Raises `SnapshotError` for anything but data of such an engine; then nothing has changed.
+        """
+        try:
+            mujoco.mj_copyData(self.data, self.model, saved)
+        except (TypeError, mujoco.FatalError):
+            raise SnapshotError(
+                "the snapshot has no data of this world's engine; give restore() what save() returned"
+            ) from None
 
 
 _BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
-"""Warnings after which MuJoCo resets a state that it cannot go on from."""
+"""Warnings after which MuJoCo resets a diverged state."""
 
 
 class _Layout(NamedTuple):
-    """Bytes from the start of mjData to two of its fields, and within mjContact."""
+    """Offsets in bytes of two fields of mjData, and within mjContact."""
 
     contact_count: int
     contacts: int
@@ -203,16 +229,16 @@ class _Layout(NamedTuple):
 
 @functools.cache
 def _data_layout() -> _Layout:
-    """Found by looking, not by counting: a probe's memory is searched for the values that the bindings report.
+    """Searches the memory of a small model for the values that the bindings report.
 
-    MuJoCo's Python bindings give no address for these fields, and the layout may change with any version.
+    The Python bindings give no address of these fields, and the layout can change with any version of MuJoCo.
     """
     boxes = "".join(f'<body pos="{i} 0 0"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>' for i in range(7))
     model = mujoco.MjModel.from_xml_string(
         f'<mujoco><worldbody><geom type="plane" size="9 9 1"/>{boxes}</worldbody></mujoco>'
     )
     data = mujoco.MjData(model)
-    numbers_end = data.energy.ctypes.data - data._address  # behind the plain numbers come the pointers
+    numbers_end = data.energy.ctypes.data - data._address  # the pointers follow the plain numbers
     counts: set[int] = set()
     for touching in (7, 3, 5):
         data.qpos[2::7] = [0.09 if i < touching else 1.0 for i in range(7)]
@@ -229,10 +255,10 @@ def _data_layout() -> _Layout:
             pointers.append(offset)
         offset += 8
     if len(counts) != 1 or not pointers:
-        raise EngineError("this version of MuJoCo keeps its contacts in an unknown way; install mujoco-core 4.0.1")
+        raise EngineError(f"MuJoCo {VERSION} stores its contacts in an unknown layout. Run:  {mujoco_fix()}")
     return _Layout(
         contact_count=counts.pop(),
-        contacts=pointers[-1],  # the arena, too, begins where its first array does, and its pointer stands before
+        contacts=pointers[-1],  # the arena starts at the same address, and its pointer comes first
         stride=contact.dist.strides[0],
         position=contact.pos.ctypes.data - start,
         geoms=contact.geom.ctypes.data - start,

@@ -1,43 +1,63 @@
-"""Where a ray meets a shape, with the normal there: for wheels, which stand on whatever is below them.
+"""Exact intersections of a ray with solid boxes, cylinders and spheres, for wheels and range sensors.
 
-Points and directions are scalars x, y, z in the map frame; a shape is given by its kind, size, centre and rotation
-(row-major, map from shape). A ray that starts inside a shape does not meet it, as in PhysX.
+A ray starts at o and runs along the unit vector r. A solid fills the ray from the distance `enter` to the distance
+`leave` [m]; the ray misses it if `leave` is less than `enter` or negative, and starts inside if `enter` is negative.
 """
 
-from math import sqrt
+from __future__ import annotations
 
+from math import inf, sqrt
+
+from autodrive.arrays import Floats
 from autodrive.jit import inlined
 from autodrive.model import BOX, CYLINDER
-from autodrive.state import Floats
+from autodrive.transforms import Vector
 
 MISS = 1.0e30
-"""Distance of a ray that meets nothing [m]."""
+"""Distance of a ray that hits nothing [m]."""
+
+PARALLEL = 1e-150
+"""A ray whose direction has a component below this never reaches the plane (its square is a subnormal number)."""
+
+ROUND = 3
+"""Face of a hit that is not flat; a flat face has the number of the axis that it is perpendicular to."""
 
 
 @inlined
-def ray_shape(
+def cast_ray(
     kind: int, size: Floats, centre: Floats, m: Floats, px: float, py: float, pz: float, ux: float, uy: float, uz: float
 ) -> tuple[float, float, float, float]:
-    """Distance [m] along the unit vector u from p to the shape, or `MISS`, and the outward normal there (map frame)."""
+    """Distance [m] along the unit vector u from p to a shape, and the outward normal there (all in map axes).
+
+    `m` is the shape's rotation matrix (map from shape, row-major, shape (9,)). The distance is `MISS` if the ray misses
+    the shape or starts inside it, as in PhysX.
+    """
     dx, dy, dz = px - centre[0], py - centre[1], pz - centre[2]
-    ox, oy, oz = (
+    o = (
         m[0] * dx + m[3] * dy + m[6] * dz,
         m[1] * dx + m[4] * dy + m[7] * dz,
         m[2] * dx + m[5] * dy + m[8] * dz,
     )
-    vx, vy, vz = (
+    r = (
         m[0] * ux + m[3] * uy + m[6] * uz,
         m[1] * ux + m[4] * uy + m[7] * uz,
         m[2] * ux + m[5] * uy + m[8] * uz,
     )
-    if kind == BOX:
-        t, nx, ny, nz = _box(size[0], size[1], size[2], ox, oy, oz, vx, vy, vz)
-    elif kind == CYLINDER:
-        t, nx, ny, nz = _cylinder(size[0], size[1], ox, oy, oz, vx, vy, vz)
+    enter, leave, face = _interval(kind, size, o, r)
+    if leave < enter or enter < 0.0:
+        return MISS, 0.0, 0.0, 0.0
+    nx = ny = nz = 0.0
+    if face == 0:
+        nx = -1.0 if r[0] > 0.0 else 1.0
+    elif face == 1:
+        ny = -1.0 if r[1] > 0.0 else 1.0
+    elif face == 2:
+        nz = -1.0 if r[2] > 0.0 else 1.0
     else:
-        t, nx, ny, nz = _sphere(size[0], ox, oy, oz, vx, vy, vz)
+        nx, ny = (o[0] + enter * r[0]) / size[0], (o[1] + enter * r[1]) / size[0]
+        nz = 0.0 if kind == CYLINDER else (o[2] + enter * r[2]) / size[0]
     return (
-        t,
+        enter,
         m[0] * nx + m[1] * ny + m[2] * nz,
         m[3] * nx + m[4] * ny + m[5] * nz,
         m[6] * nx + m[7] * ny + m[8] * nz,
@@ -45,67 +65,81 @@ def ray_shape(
 
 
 @inlined
-def _box(
-    sx: float, sy: float, sz: float, ox: float, oy: float, oz: float, vx: float, vy: float, vz: float
-) -> tuple[float, float, float, float]:
-    """The slab method: the ray enters the box where it has entered all three slabs."""
-    enter, leave = -MISS, MISS
-    nx = ny = nz = 0.0
-    for axis in range(3):
-        s, o, v = (sx, ox, vx) if axis == 0 else ((sy, oy, vy) if axis == 1 else (sz, oz, vz))
-        if v == 0.0:
-            if abs(o) > s:
-                return MISS, 0.0, 0.0, 0.0
-            continue
-        near, far = (-s - o) / v, (s - o) / v
-        sign = -1.0
-        if near > far:
-            near, far = far, near
-            sign = 1.0
-        if near > enter:
-            enter = near
-            nx, ny, nz = (
-                sign if axis == 0 else 0.0,
-                sign if axis == 1 else 0.0,
-                sign if axis == 2 else 0.0,
-            )
-        leave = min(leave, far)
-    if enter > leave or enter < 0.0:
-        return MISS, 0.0, 0.0, 0.0
-    return enter, nx, ny, nz
+def inverse_distance(kind: int, size: Vector, o: Vector, r: Vector) -> float:
+    """Inverse distance [1/m] to a shape, o and r in its own axes: 0 for a miss, infinity for a start inside.
+
+    The nearest of many hits is the maximum, and on a plane it is linear in the direction (see sensors/fan.py).
+    """
+    enter, leave, _ = _interval(kind, size, o, r)
+    if leave < enter or leave < 0.0:
+        return 0.0
+    return 1.0 / enter if enter > 0.0 else inf
 
 
 @inlined
-def _cylinder(
-    radius: float, half: float, ox: float, oy: float, oz: float, vx: float, vy: float, vz: float
-) -> tuple[float, float, float, float]:
-    """The round side, else the flat end that faces the ray."""
-    a = vx * vx + vy * vy
-    b = ox * vx + oy * vy
-    c = ox * ox + oy * oy - radius * radius
-    if c <= 0.0 and abs(oz) <= half:
-        return MISS, 0.0, 0.0, 0.0
-    if a > 0.0 and b * b - a * c >= 0.0:
-        t = (-b - sqrt(b * b - a * c)) / a
-        if t >= 0.0 and abs(oz + t * vz) <= half:
-            return t, (ox + t * vx) / radius, (oy + t * vy) / radius, 0.0
-    if vz != 0.0:
-        end = half if vz < 0.0 else -half
-        t = (end - oz) / vz
-        x, y = ox + t * vx, oy + t * vy
-        if t >= 0.0 and x * x + y * y <= radius * radius:
-            return t, 0.0, 0.0, (1.0 if end > 0.0 else -1.0)
-    return MISS, 0.0, 0.0, 0.0
+def _interval(kind: int, size: Vector | Floats, o: Vector, r: Vector) -> tuple[float, float, int]:
+    """`enter`, `leave` and the face of entry of a shape (kind and size as in `model.Shapes`)."""
+    if kind == BOX:
+        return _box(size, o, r)
+    if kind == CYLINDER:
+        return _cylinder(size[0], size[1], o, r)
+    return _sphere(size[0], o, r)
 
 
 @inlined
-def _sphere(
-    radius: float, ox: float, oy: float, oz: float, vx: float, vy: float, vz: float
-) -> tuple[float, float, float, float]:
-    b = ox * vx + oy * vy + oz * vz
-    c = ox * ox + oy * oy + oz * oz - radius * radius
-    d = b * b - c
-    if d < 0.0 or c <= 0.0 or b > 0.0:
-        return MISS, 0.0, 0.0, 0.0
-    t = -b - sqrt(d)
-    return t, (ox + t * vx) / radius, (oy + t * vy) / radius, (oz + t * vz) / radius
+def _box(size: Vector | Floats, o: Vector, r: Vector) -> tuple[float, float, int]:
+    """A ray is inside a box where it is between all three pairs of planes."""
+    x0, x1 = _slab(size[0], o[0], r[0])
+    y0, y1 = _slab(size[1], o[1], r[1])
+    z0, z1 = _slab(size[2], o[2], r[2])
+    enter, face = x0, 0
+    if y0 > enter:
+        enter, face = y0, 1
+    if z0 > enter:
+        enter, face = z0, 2
+    return enter, min(x1, y1, z1), face
+
+
+@inlined
+def _cylinder(radius: float, half_height: float, o: Vector, r: Vector) -> tuple[float, float, int]:
+    """A ray is inside a cylinder where it is between the caps and within the radius."""
+    z0, z1 = _slab(half_height, o[2], r[2])
+    a = r[0] * r[0] + r[1] * r[1]
+    b = o[0] * r[0] + o[1] * r[1]
+    c = o[0] * o[0] + o[1] * o[1] - radius * radius
+    if a < PARALLEL:
+        return (z0, z1, 2) if c <= 0.0 else (inf, -inf, 2)
+    # discriminant b^2 - a c, without the cancellation
+    moment = o[0] * r[1] - o[1] * r[0]
+    near, far = _roots(a, b, c, a * radius * radius - moment * moment)
+    return (near, min(far, z1), ROUND) if near >= z0 else (z0, min(far, z1), 2)
+
+
+@inlined
+def _sphere(radius: float, o: Vector, r: Vector) -> tuple[float, float, int]:
+    b = o[0] * r[0] + o[1] * r[1] + o[2] * r[2]
+    c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - radius * radius
+    # discriminant b^2 - c, from the point of the ray that is nearest to the centre
+    x, y, z = o[0] - b * r[0], o[1] - b * r[1], o[2] - b * r[2]
+    near, far = _roots(1.0, b, c, radius * radius - (x * x + y * y + z * z))
+    return near, far, ROUND
+
+
+@inlined
+def _roots(a: float, b: float, c: float, discriminant: float) -> tuple[float, float]:
+    """Both solutions of a t^2 + 2 b t + c = 0 in ascending order, without cancellation; a > 0."""
+    if discriminant < 0.0:
+        return inf, -inf
+    root = sqrt(discriminant)
+    if b < 0.0:
+        return c / (root - b), (root - b) / a
+    return -(root + b) / a, -c / (root + b) if root + b > 0.0 else 0.0
+
+
+@inlined
+def _slab(half_width: float, o: float, r: float) -> tuple[float, float]:
+    """Where a ray enters and leaves the space between two planes."""
+    if abs(r) < PARALLEL:
+        return (-inf, inf) if abs(o) <= half_width else (inf, -inf)
+    t0, t1 = (-half_width - o) / r, (half_width - o) / r
+    return (t0, t1) if t0 < t1 else (t1, t0)

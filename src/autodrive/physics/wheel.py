@@ -1,14 +1,14 @@
-"""The wheel: slip -> friction curve -> force, suspension and spin, after Unity's WheelCollider.
+"""Formulas of the wheel, after Unity's WheelCollider: slip, friction curve, tyre force, suspension, spin.
 
-Plain scalar Python: scalars in, scalars out, so that Numba (and later Warp, on a GPU) compile this very source.
+Plain Python functions of scalars, so that Numba (and later Warp, on a GPU) can compile the same source.
 Unity's WheelCollider is NVIDIA's PhysX 4.1 `PxVehicleNoDrive`; "PhysX" below means its published source,
-`physxvehicle/src/PxVehicleUpdate.cpp`. What Unity does not publish is a named parameter of `WheelSpec`.
+`physxvehicle/src/PxVehicleUpdate.cpp`. Values that Unity does not publish are parameters of `WheelSpec`.
 """
 
 from math import atan, sqrt, tan
 
 Real = float
-"""The kind of number; a compiler for the GPU binds it to its own."""
+"""The number type; a compiler for the GPU replaces it with its own."""
 
 
 def friction_coefficient(
@@ -19,10 +19,10 @@ def friction_coefficient(
     asymptote_value: Real,
     initial_slope: Real,
 ) -> Real:
-    """Force divided by load at that slip (>= 0): Unity's WheelFrictionCurve.
+    """Force divided by load at a slip >= 0, as Unity's WheelFrictionCurve.
 
-    Two cubic pieces, (0, 0) to (extremum) to (asymptote), with zero slope at both; constant after. Unity does not
-    publish the slope at 0; `initial_slope` is that slope in units of extremum_value / extremum_slip.
+    Two cubic pieces, from (0, 0) to the extremum and on to the asymptote, with zero slope at both; constant beyond.
+    Unity does not publish the slope at 0; `initial_slope` is that slope in units of extremum_value / extremum_slip.
     """
     coefficient = asymptote_value
     if slip < extremum_slip:
@@ -47,10 +47,10 @@ def suspension_force(
 ) -> Real:
     """Force of the suspension [N] along its axis, never negative.
 
-    The static load is carried at compression 0, whatever the stiffness (PhysX). Beyond `compression_max` [m] a stop
-    of `bump_stiffness` [N/m] takes over, where PhysX has a hard limit. The spring is read where it will be in
-    `look_ahead` [s], the mean place in PhysX's substeps of a wheel within one step of the body; it damps like
-    stiffness * look_ahead, which is all that holds a car without dampers still.
+    At compression 0 the force is the static load for any stiffness (PhysX). Beyond `compression_max` [m] a stop with
+    `bump_stiffness` [N/m] replaces the hard limit of PhysX. The compression is extrapolated by `look_ahead` [s], the
+    mean time of PhysX's substeps of a wheel within one step of the body. This has the effect of a damper with the
+    constant stiffness * look_ahead, the only damping of a car without dampers.
     """
     travel = min(compression + look_ahead * compression_speed, compression_max)
     spring = max(Real(0.0), static_load + stiffness * travel)
@@ -65,13 +65,13 @@ def slip_ratio_denominator(
     active_offset: Real,
     passive_minimum: Real,
 ) -> Real:
-    """What PhysX divides the slip speed by [m/s]; a driven or braked wheel is `is_active`. Never zero."""
+    """Divisor of the slip speed in PhysX [m/s], never zero. `is_active`: the wheel is driven or braked."""
     speed = max(abs(longitudinal_velocity), abs(tread_speed))
     return speed + active_offset if is_active else max(passive_minimum, speed)
 
 
 def slip_angle(lateral_velocity: Real, longitudinal_velocity: Real, lateral_offset: Real) -> Real:
-    """Slip angle [rad], positive when the wheel moves to its left; the offset [m/s] keeps it regular at rest."""
+    """Slip angle [rad], positive if the wheel moves to its left; the offset [m/s] avoids a division by zero."""
     return atan(lateral_velocity / (abs(longitudinal_velocity) + lateral_offset))
 
 
@@ -92,9 +92,9 @@ def tyre_force(
 ) -> tuple[Real, Real]:
     """Longitudinal and lateral force [N] for a slip ratio and a slip angle [rad].
 
-    Combined slip by the similarity method (Pacejka, Tyre and Vehicle Dynamics, section 4.3.1, with the
-    extremum slips as the reference): each curve is read at the length of the normalised slip vector, and the force
-    has its direction. Values already contain the curve's stiffness factor.
+    Combined slip by the similarity method (Pacejka, Tyre and Vehicle Dynamics, section 4.3.1) with the extremum slips
+    as reference: each curve is evaluated at the length of the normalised slip vector, whose direction the force has.
+    The values include the stiffness factor of the curve.
     """
     nx = ratio / forward_extremum_slip
     ny = angle / sideways_extremum_slip
@@ -127,10 +127,10 @@ def coasting_spin(
     damping_rate: Real,
     dt: Real,
 ) -> tuple[Real, Real]:
-    """Spin after `dt` without drive and brake [rad/s], and how much a torque adds to it [rad/s per N m].
+    """Spin after `dt` without drive and brake [rad/s], and its change per torque [rad/s per N m].
 
-    Linearly implicit in damping and tyre: the secant stiffness of the tyre, force / slip speed, counts at the end
-    of the step. An explicit step (PhysX) would need far shorter ones: 2.352 N m on 1.8e-5 kg m^2 is 131 rad/s in 1 ms.
+    Linearly implicit in damping and tyre, with the secant stiffness of the tyre (force / slip speed). An explicit step
+    (PhysX) needs far shorter steps: a torque of 2.352 N m changes the spin of 1.8e-5 kg m^2 by 131 rad/s in 1 ms.
     """
     stiffness = longitudinal_force / slip_speed if slip_speed != Real(0.0) else Real(0.0)
     gain = dt / (inertia + dt * (damping_rate + max(Real(0.0), stiffness) * radius * radius))
@@ -138,27 +138,24 @@ def coasting_spin(
 
 
 def motor_torque(
-    coasting_left: Real,
-    coasting_right: Real,
-    gain_left: Real,
-    gain_right: Real,
+    mean_coasting: Real,
+    mean_gain: Real,
     target: Real,
     servo_gain: Real,
     torque_max: Real,
 ) -> Real:
-    """Torque [N m] that each of two speed-controlled motors gives, at most `torque_max`.
+    """Torque [N m] of each motor of a vehicle with one motor for each driven wheel, at most `torque_max`.
 
-    A servo of `servo_gain` [N m s/rad] holds the mean speed of the two wheels at `target` [rad/s], at the end of the
-    step (implicit, so never bang-bang); equal torques leave left and right free to differ in turns.
+    `mean_coasting` [rad/s] and `mean_gain` [rad/s per N m] are the means of `coasting_spin` over the driven wheels. A
+    servo of `servo_gain` [N m s/rad] brings the mean spin to `target` [rad/s] at the end of the step (implicit, so it
+    does not oscillate). All torques are equal, so that the wheels can turn at different speeds in a curve.
     """
-    mean = Real(0.5) * (coasting_left + coasting_right)
-    mean_gain = Real(0.5) * (gain_left + gain_right)
-    torque = servo_gain * (target - mean) / (Real(1.0) + servo_gain * mean_gain)
+    torque = servo_gain * (target - mean_coasting) / (Real(1.0) + servo_gain * mean_gain)
     return max(-torque_max, min(torque_max, torque))
 
 
 def braked_spin(angular_velocity: Real, brake_torque: Real, gain: Real) -> Real:
-    """Spin after the brake's torque, which stops the wheel dead but never turns it backwards (PhysX)."""
+    """Spin after the torque of the brake, which can stop the wheel but not reverse it (PhysX)."""
     change = gain * brake_torque
     if angular_velocity > change:
         return angular_velocity - change
@@ -168,16 +165,16 @@ def braked_spin(angular_velocity: Real, brake_torque: Real, gain: Real) -> Real:
 
 
 def relaxed(previous_force: Real, force: Real, slip_velocity: Real, effective_mass: Real, dt: Real) -> Real:
-    """The force as the chassis feels it [N]: relaxed so that a stiff tyre cannot overshoot within one step.
+    """Force on the chassis [N], relaxed so that a stiff tyre does not overshoot within one step.
 
-    Linearly implicit in the velocity, with the other forces taken as balancing the previous one: exact in steady
-    state, and without effect where dt * stiffness is small beside `effective_mass` [kg].
+    Linearly implicit in the velocity; the other forces are assumed to balance the previous force. Exact in steady
+    state, and without effect if dt * stiffness is much smaller than `effective_mass` [kg].
     """
     stiffness = abs(force / slip_velocity) if slip_velocity != Real(0.0) else Real(0.0)
     return previous_force + (force - previous_force) / (Real(1.0) + stiffness * dt / effective_mass)
 
 
 def ackermann_angle(steering_angle: Real, wheelbase: Real, left_of_centre: Real) -> Real:
-    """Angle [rad] of a front wheel `left_of_centre` [m] of the axle's middle (Rajamani (2.5), (2.6), for any angle)."""
+    """Angle [rad] of a wheel `left_of_centre` [m] of the steered axle's centre (Rajamani (2.5), (2.6), any angle)."""
     t = tan(steering_angle)
     return atan(wheelbase * t / (wheelbase - left_of_centre * t))

@@ -1,1 +1,1 @@
-"""What goes in and out: commands, requests, frames; and the AutoDRIVE devkit's dictionary of them."""
+"""Messages of the simulator (Command, Operation, Frame), the native protocol and the AutoDRIVE devkit protocol."""

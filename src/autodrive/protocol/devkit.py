@@ -1,11 +1,13 @@
-"""Messages <-> the flat dictionaries of the AutoDRIVE devkits of 2020, 2022, 2023 and 2025; no sockets, no I/O.
+"""Converts Frames and Commands to and from the messages of the AutoDRIVE devkits of 2020, 2022, 2023 and 2025; no I/O.
 
-Telemetry is a dictionary of texts; commands are a dictionary of texts or numbers. What differs between the eras stands
-in a `Profile`. This is the one place that knows right-positive steering, quaternions xyzw and angles in [0, 2 pi).
+Telemetry is a dictionary of texts; commands are a dictionary of texts or numbers. A `Profile` holds the differences
+between devkit generations (`devkit_profile.py`). Only this module uses right-positive steering, quaternions xyzw and
+angles in [0, 2 pi).
 
-Not copied from the original, because its clients stop for ever on it: a LIDAR key is always there, "" before the first
-scan (the 2025 build left it out, and its own devkit then raised KeyError); no decimal commas; no jump of the Euler
-angles near 0; never the letters `null` inside base64 (the C++ devkit refuses such a frame).
+Intentional differences from the original, on which its own clients fail: every message contains a scan and a scan rate
+above 0 (the 2025 build omits the keys before the first scan, and its devkit raises KeyError; ROS bridges divide by the
+rate); no decimal commas; no jump of the Euler angles near 0; base64 texts never contain the letters `null` (the C++
+devkit rejects such a message).
 """
 
 from __future__ import annotations
@@ -17,88 +19,38 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from autodrive.protocol.messages import Command, Headlights, Indicators
+from autodrive.protocol.commands import MAX_DISTANCE
+from autodrive.protocol.devkit_profile import (
+    COMMAND_KEYS,
+    PROFILES,
+    VEHICLE_KEY,
+    DevkitSettings,
+    Keys,
+    LidarFormat,
+    Profile,
+)
+from autodrive.protocol.messages import Command, Headlights, Hold, Indicators, LidarScan
 from autodrive.transforms import rotate
 
 if TYPE_CHECKING:
-    from autodrive.protocol.messages import Array, Frame, LidarScan, VehicleFrame
+    from autodrive.protocol.messages import Array, Frame, VehicleFrame
 
 Images = Mapping[tuple[str, str], bytes]
-"""JPEG pictures by (name of the vehicle, name of the camera: "front" or "rear")."""
+"""JPEG images by (name of the vehicle, name of the camera: "front" or "rear")."""
+
+ImageSizes = Mapping[tuple[str, str], tuple[int, int]]
+"""Width and height [pixels] by (name of the vehicle, name of the camera)."""
+
+ORIGINAL_IMAGE_SIZE = 1280, 720
+"""Width and height of the images of the original simulator [pixels]."""
 
 TRAFFIC_LIGHTS = 4
-"""How many `TL<n> State` keys there are: the published Nigel scripts read exactly four."""
-
-LEFT, RIGHT = 1.0, -1.0
-
-
-@dataclass(frozen=True)
-class Profile:
-    """How the simulator of one era speaks with the devkit of that era."""
-
-    name: str
-    """The year."""
-    is_prefixed: bool
-    """Keys are 'V1 Throttle' and traffic lights are told; otherwise they are 'Throttle', of one vehicle."""
-    decimals: int
-    """Digits after the point."""
-    lidar: Literal["none", "text", "gzip"]
-    """Blank-separated text, or base64 of gzip of a value a line. 'none' says that there is no scan yet."""
-    has_speed: bool
-    """Whether there is a 'Speed' key."""
-    command_sign: float
-    """Where a positive steering command turns: LEFT or RIGHT."""
-    feedback_sign: float
-    """Where a positive steering feedback points: LEFT or RIGHT."""
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """The point of the vehicle whose position is told, from the centre of the rear axle [m]."""
-
-
-PROFILES = {
-    profile.name: profile
-    for profile in (
-        # the 2020 devkit's transforms hang on the body's centre: its rear axle is at x -0.08, z -0.015 of that
-        Profile("2020", False, 3, "text", False, RIGHT, RIGHT, origin=(0.08, 0.0, 0.015)),
-        Profile("2022", True, 3, "text", False, RIGHT, RIGHT),
-        # the 2023 simulator took right-positive commands but told left-positive angles; scripts of that year and its
-        # recorded dataset rely on both
-        Profile("2023", True, 3, "text", False, RIGHT, LEFT),
-        Profile("2025", True, 4, "gzip", True, LEFT, LEFT),
-    )
-}
-
-
-def recognise(data: Mapping[str, object]) -> Profile | None:
-    """The era of a devkit by the keys of its commands; None if they do not tell (no vehicle is spoken of).
-
-    No prefix is 2020. 'V1 Reset' and its like (late 2024 and after) are 2025. Any other 'V1 ...' is taken for 2023: the
-    commands of 2022 are the same, only the sign of its steering feedback is not, and that must be chosen by hand.
-    """
-    own = [match[2] for match in map(_VEHICLE_KEY.fullmatch, data) if match]
-    if any(key in _KEYS_SINCE_2024 for key in own):
-        return PROFILES["2025"]
-    if own:
-        return PROFILES["2023"]
-    return PROFILES["2020"] if any(key in _COMMAND_KEYS for key in data) else None
-
-
-_VEHICLE_KEY = re.compile(r"V(\d{1,4}) (.+)")
-_LIGHT_KEY = re.compile(r"(?:TL(\d{1,4}) State|Traffic Light (\d{1,4}))")  # the second only in 2021
-_COMMAND_KEYS = {"Throttle", "Steering", "Headlights", "Indicators"}
-_KEYS_SINCE_2024 = {
-    "Reset",
-    "CoSim",
-    *(f"Pos{axis}" for axis in "XYZ"),
-    *(f"Rot{axis}" for axis in "XYZW"),
-    "Linear Velocity",
-    "Angular Velocity",
-}
-
+"""Number of `TL<n> State` keys; the published Nigel scripts read exactly four."""
 
 # -- telemetry: simulator to devkit ------------------------------------------------------------------------------
 
@@ -109,37 +61,64 @@ def telemetry(
     *,
     traffic_lights: Mapping[int, int] | None = None,
     images: Images | None = None,
+    image_sizes: ImageSizes | None = None,
 ) -> dict[str, str]:
-    """The state of all vehicles (in 2020: of the first) as the devkit of that era reads it, in the original's order.
+    """Telemetry message of all vehicles (2020: the first vehicle only), with the key order of the original.
 
-    Vehicle i of the frame is 'V<i+1>'. `traffic_lights` are states by number from 1; 0 (disabled) where it has none.
-    A camera without a picture in `images` shows a black one: the scripts of all eras read both keys unconditionally.
+    Vehicle i of the frame is 'V<i+1>'. `traffic_lights` holds states by number from 1; missing ones are 0 (disabled).
+    A camera without an image in `images` is sent as a black image of its size in `image_sizes`: scripts of all
+    generations read both image keys. A vehicle without a LIDAR sends a scan without returns.
     """
     vehicles = frame.vehicles.items()
     if not profile.is_prefixed:
         return {
-            key: text for name, vehicle in list(vehicles)[:1] for key, text in _told(name, vehicle, profile, images)
+            key: text
+            for name, vehicle in list(vehicles)[:1]
+            for key, text in _vehicle_telemetry(name, vehicle, profile, images, image_sizes)
         }
     data = {f"TL{n} State": str((traffic_lights or {}).get(n, 0)) for n in range(1, TRAFFIC_LIGHTS + 1)}
     for i, (name, vehicle) in enumerate(vehicles, start=1):
-        data |= {f"V{i} {key}": text for key, text in _told(name, vehicle, profile, images)}
+        data |= {f"V{i} {key}": text for key, text in _vehicle_telemetry(name, vehicle, profile, images, image_sizes)}
     return data
 
 
-def introduction(frame: Frame, attempt: int = 0, *, images: Images | None = None) -> dict[str, str]:
-    """Telemetry for a devkit of which nothing is known: the keys of all eras at once.
+def initial_telemetry(
+    frame: Frame,
+    *,
+    settings: DevkitSettings | None = None,
+    lidar: LidarFormat = "text",
+    traffic_lights: Mapping[int, int] | None = None,
+    images: Images | None = None,
+    image_sizes: ImageSizes | None = None,
+) -> dict[str, str]:
+    """Telemetry message for a script of an unknown devkit generation: the keys of all generations at once.
 
-    Only the LIDAR cannot be told to all: text makes a 2025 devkit raise, gzip makes a 2023 devkit raise (NumPy 2) or
-    read rubbish (NumPy 1). So it is "" at first, which all of them read as an empty scan. A script that cannot do
-    without a scan does not answer that; the next attempts bring the scan as text and as gzip in turn.
+    No scan format suits all: a 2025 devkit raises on text; a 2023 devkit raises on gzip (NumPy 2) or reads wrong values
+    (NumPy 1). A script that cannot read `lidar` does not answer.
     """
-    lidar: tuple[Literal["none", "text", "gzip"], ...] = ("none", "text", "gzip")
-    prefixed = replace(PROFILES["2025"], lidar=lidar[attempt % 3])
-    return telemetry(frame, prefixed, images=images) | telemetry(frame, PROFILES["2020"], images=images)
+    formats: tuple[tuple[str, Keys, LidarFormat], ...] = (("2025", "prefixed", lidar), ("2020", "plain", "text"))
+    data: dict[str, str] = {}
+    for year, keys, lidar_format in formats:
+        profile = replace((settings or DevkitSettings()).applied_to(PROFILES[year]), keys=keys, lidar=lidar_format)
+        data |= telemetry(frame, profile, traffic_lights=traffic_lights, images=images, image_sizes=image_sizes)
+    return data
 
 
-def _told(name: str, vehicle: VehicleFrame, profile: Profile, images: Images | None) -> Iterable[tuple[str, str]]:
-    """Keys without prefix, and their texts."""
+def expected_size(frame: Frame, image_sizes: ImageSizes) -> int:
+    """Length that a telemetry message is expected not to exceed [characters]; a multiple of 4.
+
+    At quality 75 a JPEG of a road has at most 0.11 bytes a pixel (measured); 0.2 are expected. Base64 has 4 characters
+    for 3 bytes.
+    """
+    pixels = sum(width * height for width, height in image_sizes.values())
+    numbers = sum(2000 + 20 * len((vehicle.lidar or _NO_RETURNS).ranges) for vehicle in frame.vehicles.values())
+    return 4 * math.ceil((0.2 * 4.0 / 3.0 * pixels + numbers) / 4.0)
+
+
+def _vehicle_telemetry(
+    name: str, vehicle: VehicleFrame, profile: Profile, images: Images | None, image_sizes: ImageSizes | None
+) -> Iterable[tuple[str, str]]:
+    """Keys without prefix, and their values."""
 
     def text(*values: float) -> str:
         return " ".join(f"{value:z.{profile.decimals}f}" for value in values)  # z: never "-0.000"
@@ -158,25 +137,39 @@ def _told(name: str, vehicle: VehicleFrame, profile: Profile, images: Images | N
     yield "Orientation Euler Angles", text(*(_full_turn(angle, profile.decimals) for angle in imu.euler.tolist()))
     yield "Angular Velocity", text(*imu.angular_velocity.tolist())
     yield "Linear Acceleration", text(*imu.linear_acceleration.tolist())
-    scan = vehicle.lidar
-    yield "LIDAR Scan Rate", text(scan.scan_rate if scan else 0.0)
-    yield "LIDAR Range Array", _scan_text(scan, scan.ranges, profile) if scan else ""
-    yield "LIDAR Intensity Array", _scan_text(scan, scan.intensities, profile) if scan else ""
+    scan = vehicle.lidar or _NO_RETURNS
+    yield "LIDAR Scan Rate", text(scan.scan_rate)
+    yield "LIDAR Range Array", _scan_text(scan, scan.ranges, profile)
+    yield "LIDAR Intensity Array", _scan_text(scan, scan.intensities, profile)
     for camera in ("front", "rear"):
         jpeg = images.get((name, camera)) if images else None
-        yield f"{camera.capitalize()} Camera Image", (_picture_text(jpeg) if jpeg else None) or no_picture()
+        size = (image_sizes or {}).get((name, camera), ORIGINAL_IMAGE_SIZE)
+        yield f"{camera.capitalize()} Camera Image", (_image_text(jpeg) if jpeg else None) or black_image(*size)
+
+
+_NO_RETURNS = LidarScan(
+    time=0.0,
+    ranges=np.full(360, math.inf),
+    intensities=np.zeros(360),
+    angle_min=0.0,
+    angle_increment=math.radians(1.0),
+    range_min=0.15,
+    range_max=12.0,
+    scan_rate=7.0,
+    scan_time=1.0 / 7.0,
+    time_increment=0.0,
+)
+"""Sent for a vehicle without a LIDAR, with the figures of the report's LIDAR: scripts divide by the rate."""
 
 
 def _full_turn(angle: float, decimals: int) -> float:
-    """The angle in [0, 2 pi), also after it is rounded."""
+    """The angle in [0, 2 pi); 0 if it is 2 pi within rounding, so that the text does not flicker for angles near 0."""
     angle %= 2.0 * math.pi
-    return 0.0 if round(angle, decimals) >= 2.0 * math.pi else angle
+    return 0.0 if 2.0 * math.pi - angle <= 0.5 * 10.0**-decimals else angle
 
 
 def _scan_text(scan: LidarScan, values: Array, profile: Profile) -> str:
-    """A value per ray, 'inf' for too near and for nothing there. A full circle begins straight ahead and goes left."""
-    if profile.lidar == "none":
-        return ""
+    """One value per ray, 'inf' without a return. A full-circle scan starts straight ahead and turns left."""
     is_circle = abs(len(values) * scan.angle_increment - 2.0 * math.pi) < 0.5 * scan.angle_increment
     ahead = round(-scan.angle_min / scan.angle_increment) if is_circle else 0
     texts = [f"{value:.7g}" if math.isfinite(value) else "inf" for value in np.roll(values, -ahead).tolist()]
@@ -184,15 +177,15 @@ def _scan_text(scan: LidarScan, values: Array, profile: Profile) -> str:
 
 
 def _gzip_text(text: str) -> str:
-    """Base64 of gzip, without the letters null: level 0 stores ASCII as it is, and no three ASCII bytes give them."""
+    """Base64 of gzip without the letters null; level 0 stores plain ASCII, of which no three bytes encode to null."""
     packed = (base64.b64encode(gzip.compress(text.encode(), level, mtime=0)).decode() for level in (6, 9, 1, 0))
     return next(candidate for candidate in packed if "null" not in candidate)
 
 
-def _picture_text(jpeg: bytes) -> str | None:
-    """Base64 of a JPEG, without the letters null; None if that cannot be (one of 100 000 pictures of 400 kB).
+def _image_text(jpeg: bytes) -> str | None:
+    """Base64 of a JPEG without the letters null; None if impossible (one of 100 000 images of 400 kB).
 
-    A comment of a few bytes at the front of the JPEG shifts all that follows: other letters, the same picture.
+    A JPEG comment of a few bytes at the front shifts all following bytes: other letters, the same image.
     """
     comments = (b"", b"\xff\xfe\x00\x02", b"\xff\xfe\x00\x03 ")  # shifts of 0, 4, 5 bytes: base64 has three alignments
     packed = (base64.b64encode(jpeg[:2] + comment + jpeg[2:]).decode() for comment in comments)
@@ -200,11 +193,11 @@ def _picture_text(jpeg: bytes) -> str | None:
 
 
 @cache
-def no_picture(width: int = 1280, height: int = 720) -> str:
-    """Base64 of a black JPEG, as sent for a camera that gives no picture: not data, but scripts need one to decode.
+def black_image(width: int, height: int) -> str:
+    """Base64 of a black JPEG, sent for a camera without an image because scripts always decode one.
 
-    Baseline, RGB colours (YCbCr 4:2:0), of the original's size, 1280 x 720. ITU-T T.81: with a quantum of 128, black is
-    the level -8 in the first block of Y, and nothing changes after it, so every other code is the one-bit word 0.
+    Baseline, YCbCr 4:2:0. ITU-T T.81: with a quantization step of 128, black
+    is the level -8 in the first block of Y; nothing changes after it, so every other code is the one-bit word 0.
     """
     quantization = b"\x00" + bytes([128] * 64)
     frame_header = (
@@ -227,54 +220,115 @@ def no_picture(width: int = 1280, height: int = 720) -> str:
 
 
 @dataclass
-class Orders:
-    """What one message of a devkit asks for."""
+class DevkitCommands:
+    """Content of one message of a devkit script."""
 
     commands: dict[str, Command] = field(default_factory=dict)
-    """New commands by vehicle, for the vehicles that were spoken of."""
+    """New commands by vehicle, for the vehicles that the message addresses."""
     traffic_lights: dict[int, int] = field(default_factory=dict)
     """New states by number from 1: 0 disabled, 1 red, 2 yellow, 3 green."""
     resets: dict[str, bool] = field(default_factory=dict)
-    """Whether 'Reset' is held, by vehicle. Its beginning is the wish to reset."""
+    """Whether 'Reset' is held, by vehicle; a change to True requests a reset."""
+    holds: list[Hold] = field(default_factory=list)
+    """Poses of co-simulated vehicles; a vehicle whose co-simulation is off is let go."""
+    environment: dict[str, float] = field(default_factory=dict)
+    """Time of day and weather, by the keys of `ENVIRONMENT`."""
     refused: list[str] = field(default_factory=list)
-    """What is wrong with the values that were not taken, a sentence each."""
+    """An error text for each refused value."""
 
 
-def read_orders(data: Mapping[str, object], profile: Profile, previous: Mapping[str, Command]) -> Orders:
-    """The orders in a message; whatever it holds, this does not raise.
+_LIGHT_KEY = re.compile(r"(?:TL(\d{1,4}) State|Traffic Light (\d{1,4}))")  # the second only in 2021
 
-    `previous` has the latest command of every vehicle, in the order V1, V2 ...: each key is optional and the last value
-    stands. Numbers come as text or as JSON numbers and are clamped; None (never set by the user) is left out; what is
-    no finite number is refused. Keys of other features (weather, co-simulation, brakes ...) are passed over.
+
+def read_commands(data: Mapping[str, object], profile: Profile, previous: Mapping[str, Command]) -> DevkitCommands:
+    """Parse a command message; never raises.
+
+    `previous` holds the latest command of every vehicle, in the order V1, V2 ...: each key is optional, and a missing
+    one keeps its last value. Numbers are texts or JSON numbers and are clamped; None (never set by the user) is
+    ignored; values that are not finite numbers are refused. Keys of other features (brakes ...) are ignored.
     """
-    orders = Orders()
+    result = DevkitCommands()
+    poses: dict[str, dict[str, float]] = {}
     for key, value in data.items():
         if value is None or value in ("None", ""):
             continue
         try:
-            _read_order(key, value, profile, previous, orders)
-        except ValueError as fault:
-            orders.refused.append(f"{key}: {fault}")
-    return orders
+            _read_value(key, value, profile, previous, result, poses)
+        except ValueError as error:
+            result.refused.append(f"{key}: {error}")
+    for vehicle, pose in poses.items():
+        try:
+            result.holds += _holds(vehicle, pose)
+        except ValueError as error:
+            result.refused.append(f"co-simulation of {vehicle}: {error}")
+    return result
 
 
-def _read_order(key: str, value: object, profile: Profile, previous: Mapping[str, Command], orders: Orders) -> None:
+def _holds(vehicle: str, pose: Mapping[str, float]) -> list[Hold]:
+    """What the keys of co-simulation request; nothing without 'CoSim'."""
+    if "CoSim" not in pose:
+        return []
+    if not pose["CoSim"]:
+        return [Hold(vehicle, None)]
+    if missing := [key for key in _POSE_KEYS if key not in pose]:
+        raise ValueError(f"the pose is not complete: {', '.join(missing)} missing")
+    px, py, pz, x, y, z, w = (pose[key] for key in _POSE_KEYS)
+    if max(abs(px), abs(py), abs(pz)) > MAX_DISTANCE:
+        raise ValueError(f"a position must be from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g} m")
+    if not 1e-6 <= math.hypot(x, y, z, w) <= 1e6:
+        raise ValueError("the quaternion must not be zero, and not be longer than 1e6")
+    return [Hold(vehicle, (px, py, pz), (w, x, y, z))]
+
+
+_POSE_KEYS = ("PosX", "PosY", "PosZ", "RotX", "RotY", "RotZ", "RotW")
+
+ENVIRONMENT = {
+    "Auto Time": (0.0, 1.0),
+    "Time Scale": (0.0, 1e6),
+    "Time": (0.0, 1440.0),
+    "Weather": (0.0, 8.0),
+    "Clouds": (0.0, 1.0),
+    "Fog": (0.0, 1.0),
+    "Rain": (0.0, 1.0),
+    "Snow": (0.0, 1.0),
+}
+"""Smallest and largest value of each key of time of day and weather, since 2023. 'Time': minutes since midnight, used
+without 'Auto Time'; 'Time Scale': seconds of the day per second, used with it."""
+
+
+def _read_value(
+    key: str,
+    value: object,
+    profile: Profile,
+    previous: Mapping[str, Command],
+    result: DevkitCommands,
+    poses: dict[str, dict[str, float]],
+) -> None:
+    if key in ENVIRONMENT:
+        result.environment[key] = float(_truth(value)) if key == "Auto Time" else _within(value, *ENVIRONMENT[key])
+        return
     if light := _LIGHT_KEY.fullmatch(key):
         number = int(light[1] or light[2])
         if not 1 <= number <= TRAFFIC_LIGHTS:
-            raise ValueError(f"there are traffic lights 1 to {TRAFFIC_LIGHTS}")
-        orders.traffic_lights[number] = _integer(value, most=3)
+            raise ValueError(f"unknown traffic light; known: 1 to {TRAFFIC_LIGHTS}")
+        result.traffic_lights[number] = _integer(value, most=3)
         return
     number, name = _address(key, profile)
-    if name not in _COMMAND_KEYS | {"Reset"}:
+    if name not in _VEHICLE_KEYS:
         return
     if not 1 <= number <= len(previous):
-        raise ValueError(f"there is no such vehicle; there are {len(previous)}")
+        raise ValueError(f"unknown vehicle; the scenario has {len(previous)}")
     vehicle = list(previous)[number - 1]
-    command = orders.commands.get(vehicle, previous[vehicle])
+    command = result.commands.get(vehicle, previous[vehicle])
     match name:
         case "Reset":
-            orders.resets[vehicle] = _truth(value)
+            result.resets[vehicle] = _truth(value)
+            return
+        case "CoSim":
+            poses.setdefault(vehicle, {})[name] = float(_truth(value))
+            return
+        case _ if name in _POSE_KEYS:
+            poses.setdefault(vehicle, {})[name] = _number(value)
             return
         case "Throttle":
             command = msgspec.structs.replace(command, throttle=_fraction(value))
@@ -284,12 +338,15 @@ def _read_order(key: str, value: object, profile: Profile, previous: Mapping[str
             command = msgspec.structs.replace(command, headlights=Headlights(_integer(value, most=2)))
         case _:
             command = msgspec.structs.replace(command, indicators=Indicators(_integer(value, most=3)))
-    orders.commands[vehicle] = command
+    result.commands[vehicle] = command
+
+
+_VEHICLE_KEYS = COMMAND_KEYS | {"Reset", "CoSim", *_POSE_KEYS}
 
 
 def _address(key: str, profile: Profile) -> tuple[int, str]:
-    """Number of the vehicle and the key without its prefix; (0, "") if this era's devkits say no such thing."""
-    own = _VEHICLE_KEY.fullmatch(key)
+    """Number of the vehicle and the key without prefix; (0, "") if the profile has no such key."""
+    own = VEHICLE_KEY.fullmatch(key)
     if profile.is_prefixed:
         return (int(own[1]), own[2]) if own else (0, "")
     return (0, "") if own else (1, key)
@@ -304,6 +361,13 @@ def _number(value: object) -> float:
         if math.isfinite(number):
             return number
     raise ValueError(f"must be a finite number, not {_shown(value)}")
+
+
+def _within(value: object, least: float, most: float) -> float:
+    number = _number(value)
+    if not least <= number <= most:
+        raise ValueError(f"must be from {least:g} to {most:g}, not {number:g}")
+    return number
 
 
 def _fraction(value: object) -> float:

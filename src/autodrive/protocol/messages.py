@@ -1,18 +1,23 @@
-"""Command, Request, Frame, Event and every Reading: the one source for all languages.
+"""Messages: Command, Operation, Frame, Event and the sensor readings; the single definition for all languages.
 
 Units are SI and radians. Axes are x forward, y left, z up (REP 103); left turns are positive. Quaternions are
-wxyz. Arrays are read-only float64 numpy arrays unless said otherwise. Every reading carries the simulated time at
-which it was measured. (`gc=False`: what cannot be part of a cycle need not be searched for one, many times a second.)
+wxyz. Arrays are read-only float64 numpy arrays unless stated otherwise. Every reading has the simulated time of its
+measurement. `gc=False`: these structs cannot be part of a reference cycle, so the garbage collector skips them.
 """
 
 from __future__ import annotations
 
 import enum
-from typing import TypeAlias
+from typing import Annotated, Literal, NoReturn, TypeAlias
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from autodrive.errors import NoImageError
+from autodrive.protocol import display
+from autodrive.protocol.display import Displayed
+from autodrive.protocol.png import encode_png
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -44,12 +49,18 @@ class TailLights(enum.IntEnum):
 
 # -- messages in ------------------------------------------------------------------------------------------------
 
+Name: TypeAlias = Annotated[str, msgspec.Meta(max_length=100)]
+"""A name; the length is checked when a message is decoded, as all limits below."""
+
+Coordinate: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e4, le=1e4)]
+"""A coordinate [m] or heading [rad] in the map frame."""
+
 
 class Command(msgspec.Struct, frozen=True, gc=False):
-    """What a driver wants of one vehicle.
+    """Command of a driver for one vehicle.
 
     `throttle` [-1, 1]: fraction of the drive limit, forward positive; 0 brakes. `steering` [-1, 1]: fraction of
-    the steering limit, left positive. Both are clamped. `headlights`, `indicators`: None leaves them as they are.
+    the steering limit, left positive. Both are clamped. `headlights`, `indicators`: None keeps their state.
     """
 
     throttle: float = 0.0
@@ -59,27 +70,27 @@ class Command(msgspec.Struct, frozen=True, gc=False):
 
 
 class Reset(msgspec.Struct, frozen=True, tag=True):
-    """Bring the world to its initial state; `seed` None keeps the seed."""
+    """Restore the initial state of the world; `seed` None keeps the seed."""
 
-    seed: int | None = None
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
 
 
 class Pause(msgspec.Struct, frozen=True, tag=True):
-    """Stop simulated time; readers stay connected."""
+    """Stop simulated time; clients stay connected."""
 
 
 class Resume(msgspec.Struct, frozen=True, tag=True):
-    """Let simulated time run again."""
+    """Continue simulated time."""
 
 
 class Step(msgspec.Struct, frozen=True, tag=True):
     """Run `ticks` ticks while paused, the first of them with these commands, by vehicle.
 
-    A command of a Step is obeyed whatever the driving mode: who moves time drives.
+    The commands of a Step apply in every driving mode.
     """
 
     ticks: int = 1
-    commands: dict[str, Command] = {}
+    commands: dict[Name, Command] = {}
 
 
 class SetSpeed(msgspec.Struct, frozen=True, tag=True):
@@ -89,47 +100,148 @@ class SetSpeed(msgspec.Struct, frozen=True, tag=True):
 
 
 class Teleport(msgspec.Struct, frozen=True, tag=True):
-    """Put a vehicle, at rest, at x, y [m] of the map with heading yaw [rad]."""
+    """Place a vehicle, at rest, at x, y [m] in the map frame with heading yaw [rad]; a Reset takes it back.
 
-    vehicle: str
-    x: float
-    y: float
-    yaw: float = 0.0
+    `vehicle` may also be the name of a movable object.
+    """
+
+    vehicle: Name
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate = 0.0
+
+
+class Hold(msgspec.Struct, frozen=True, tag=True):
+    """Hold a vehicle at a pose in the map frame, against all forces, from the next tick on: another program moves it.
+
+    `position` [m] of the rear axle centre; None lets the vehicle go. `orientation`: quaternion wxyz of any length.
+    """
+
+    vehicle: Name
+    position: tuple[Coordinate, Coordinate, Coordinate] | None
+    orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
 class SetSceneLight(msgspec.Struct, frozen=True, tag=True):
-    """Day (True) or night (False)."""
+    """Day (True) or night (False); ends a time of day."""
 
     enabled: bool
 
 
-class SetDrivingMode(msgspec.Struct, frozen=True, tag=True):
-    """Who drives: a person (manual: commands of a bridge are ignored) or a script (autonomous)."""
+class SetTimeOfDay(msgspec.Struct, frozen=True, tag=True):
+    """Let sun and sky follow a time of day.
 
-    vehicle: str
+    `time`: since midnight [s]; None keeps it (noon if none is set). `scale`: seconds of the day per simulated second.
+    """
+
+    time: Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)] | None
+    scale: Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)] = 0.0
+
+
+class SetDrivingMode(msgspec.Struct, frozen=True, tag=True):
+    """Set the source of commands of a vehicle: a person (manual; scripts are ignored) or a script (autonomous)."""
+
+    vehicle: Name
     is_autonomous: bool
 
 
 class LoadScenario(msgspec.Struct, frozen=True, tag=True):
-    """Go over to the scenario of that name; readers stay connected."""
+    """Load the scenario of that name; clients stay connected."""
 
-    name: str
+    name: Name
 
 
-Request: TypeAlias = Reset | Pause | Resume | Step | SetSpeed | Teleport | SetSceneLight | SetDrivingMode | LoadScenario
+# Edits change the scenario of the running world. Time goes on; `Undo` and `Redo` belong to all clients together.
+
+
+class Place(msgspec.Struct, frozen=True, tag=True):
+    """Place a vehicle or a movable object, at rest, at x, y [m] on the ground with heading yaw [rad].
+
+    As `Teleport`, but an edit: the scenario starts with it there, also after a `Reset`.
+    """
+
+    name: Name
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate = 0.0
+
+
+class AddBox(msgspec.Struct, frozen=True, tag=True):
+    """Add a movable box on the ground at x, y [m] with heading yaw [rad]; length, width, height [m]; mass [kg]."""
+
+    name: Name
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate = 0.0
+    size: tuple[float, float, float] = (0.1, 0.1, 0.1)
+    mass: float = 0.1
+
+
+class RemoveBox(msgspec.Struct, frozen=True, tag=True):
+    """Remove a movable box, of the scenario or of its map."""
+
+    name: Name
+
+
+class SetSensor(msgspec.Struct, frozen=True, tag=True):
+    """Switch a sensor or camera of a vehicle on or off, and set its sample rate [Hz] and noise.
+
+    `sensor`: 'encoders', 'ips', 'imu', 'lidar', 'range', or the name of a camera. Off: no scans, ranges or images;
+    encoders, IPS and IMU keep their reading. `rate` None: as in the vehicle's file. `noise`: 'ideal' (none), 'file' (as
+    in the vehicle's file), 'realistic' (of the data sheet, if it has noise) or 'strong'; None: as in the scenario.
+    """
+
+    vehicle: Name
+    sensor: Name
+    is_on: bool = True
+    rate: float | None = None
+    noise: Literal["ideal", "file", "realistic", "strong"] | None = None
+
+
+class Undo(msgspec.Struct, frozen=True, tag=True):
+    """Take the latest edit back."""
+
+
+class Redo(msgspec.Struct, frozen=True, tag=True):
+    """Make the edit again that was taken back last."""
+
+
+class SaveScenario(msgspec.Struct, frozen=True, tag=True):
+    """Answer with the scenario and all its edits, as YAML, in the `text` of the Response."""
+
+
+Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor
+
+Operation: TypeAlias = (
+    Reset
+    | Pause
+    | Resume
+    | Step
+    | SetSpeed
+    | Teleport
+    | Hold
+    | SetSceneLight
+    | SetTimeOfDay
+    | SetDrivingMode
+    | LoadScenario
+    | Edit
+    | Undo
+    | Redo
+    | SaveScenario
+)
 
 
 # -- readings ---------------------------------------------------------------------------------------------------
 
 
-class Pose(msgspec.Struct, frozen=True, gc=False):
+class Pose(Displayed, frozen=True, gc=False):
     """Position [m], shape (3,), and orientation (quaternion wxyz), shape (4,), in the map frame."""
 
     position: Array
     orientation: Array
 
 
-class EncoderReading(msgspec.Struct, frozen=True, gc=False):
+class EncoderReading(Displayed, frozen=True, gc=False):
     """Rear wheels, left then right: `ticks` (int64, shape (2,)) and `angles` [rad], shape (2,); never wrap."""
 
     time: float
@@ -137,14 +249,14 @@ class EncoderReading(msgspec.Struct, frozen=True, gc=False):
     angles: Array
 
 
-class IpsReading(msgspec.Struct, frozen=True, gc=False):
+class IpsReading(Displayed, frozen=True, gc=False):
     """Position [m] of the rear axle centre in the map frame, shape (3,)."""
 
     time: float
     position: Array
 
 
-class ImuReading(msgspec.Struct, frozen=True, gc=False):
+class ImuReading(Displayed, frozen=True, gc=False):
     """Inertial data in the axes of the sensor (REP 103, REP 145).
 
     `orientation` wxyz, shape (4,); `euler` roll, pitch, yaw [rad] in (-pi, pi], shape (3,), with
@@ -159,11 +271,11 @@ class ImuReading(msgspec.Struct, frozen=True, gc=False):
     linear_acceleration: Array
 
 
-class LidarScan(msgspec.Struct, frozen=True, gc=False):
-    """One scan. Ray i looks along angle_min + i * angle_increment [rad] in the sensor's axes, left positive.
+class LidarScan(Displayed, frozen=True, gc=False):
+    """One scan. Ray i has the angle angle_min + i * angle_increment [rad] in the axes of the sensor, left positive.
 
-    `ranges` [m], shape (n_ray,): by REP 117, -inf is "too near to measure" and +inf is "nothing within range_max".
-    `intensities`, shape (n_ray,). `time` is that of the last ray; a rolling scan began `scan_time` earlier.
+    `ranges` [m], shape (n_ray,), as in REP 117: -inf is below range_min, +inf is no return within range_max.
+    `intensities`, shape (n_ray,). `time` is the time of the last ray; a rolling scan started `scan_time` earlier.
     `time_increment` [s] between rays is 0 for an instantaneous scan. `scan_rate` [Hz].
     """
 
@@ -178,13 +290,32 @@ class LidarScan(msgspec.Struct, frozen=True, gc=False):
     scan_time: float
     time_increment: float
 
+    def _repr_html_(self) -> str:
+        """The scan seen from above, for a notebook."""
+        return display.scan_svg(self)
 
-class CameraIntrinsics(msgspec.Struct, frozen=True, gc=False):
-    """The pinhole of a camera, in pixels.
 
-    A point (x, y, z) of the optical frame is seen at u = cx + fx x / z, v = cy + fy y / z, from the picture's upper
-    left corner; pixel (0, 0) covers 0 to 1 of both. `distortion` k1, k2, p1, p2, k3 moves x / z and y / z before that
-    (Brown-Conrady, as OpenCV and ROS 'plumb_bob').
+class RangeReading(Displayed, frozen=True, gc=False):
+    """Distance to the nearest object in the cone of a range sensor around the x axis of the sensor.
+
+    `range` [m] as in REP 117: -inf is below range_min, +inf is no return within range_max. `field_of_view` [rad] is the
+    full opening angle of the cone.
+    """
+
+    time: float
+    range: float
+    field_of_view: float
+    range_min: float
+    range_max: float
+    radiation: Literal["ultrasound", "infrared"]
+
+
+class CameraIntrinsics(Displayed, frozen=True, gc=False):
+    """The pinhole model of a camera, in pixels.
+
+    A point (x, y, z) in the optical frame is at u = cx + fx x / z, v = cy + fy y / z, from the upper left corner of
+    the image; pixel (0, 0) covers 0 to 1 in both. `distortion` k1, k2, p1, p2, k3 is applied to x / z and y / z first
+    (Brown-Conrady, same as OpenCV and ROS 'plumb_bob').
     """
 
     width: int
@@ -196,13 +327,13 @@ class CameraIntrinsics(msgspec.Struct, frozen=True, gc=False):
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-class CameraImage(msgspec.Struct, frozen=True, gc=False):
-    """One picture, of the moment `time` [s].
+class CameraImage(Displayed, frozen=True, gc=False):
+    """One image, taken at `time` [s].
 
-    `pose` is that of the optical frame (x right, y down, z forward, REP 103) in the map: world from camera. `rgba`
-    uint8, shape (height, width, 4), first row on top, sRGB; the fourth is 255. Where asked for: `depth` [m] float32,
-    shape (height, width), along z of the optical frame, inf where nothing is; `labels` uint8, likewise, see
-    `autodrive.render.asset.Label`.
+    `pose` is the pose of the optical frame (x right, y down, z forward, REP 103) in the map frame. `rgba`
+    uint8, shape (height, width, 4), first row on top, sRGB; alpha is 255. If configured: `depth` [m] float32,
+    shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
+    `autodrive.assets.asset.Label`.
     """
 
     time: float
@@ -214,12 +345,32 @@ class CameraImage(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """The picture without the fourth value, shape (height, width, 3); a view, not a copy."""
+        """The image without alpha, shape (height, width, 3); a view, not a copy."""
         return self.rgba[..., :3]
 
+    def _repr_html_(self) -> None:
+        """Nothing, so that a notebook shows the image."""
 
-class Lights(msgspec.Struct, frozen=True, gc=False):
-    """What the lamps do now. `left_indicator` and `right_indicator` say whether the lamp is lit at this moment."""
+    def _repr_png_(self) -> bytes:
+        """The image, for a notebook."""
+        return encode_png(self.rgb)
+
+
+class Images(dict[str, CameraImage]):
+    """The latest image of each camera, by its name. A camera without an image raises `NoImageError`, a `KeyError`."""
+
+    def __missing__(self, camera: str) -> NoReturn:
+        if self:
+            raise NoImageError(f"there is no image of camera '{camera}'; there are images of {', '.join(self)}")
+        raise NoImageError(
+            f"there is no image of camera '{camera}': the cameras are off, or the first image is not ready. To switch "
+            "them on: autodrive.make(..., cameras=True), or 'autodrive run --cameras'. With an autodrive.Client: "
+            "Client(picture_rate=10) and client.image(vehicle, camera)"
+        )
+
+
+class Lights(Displayed, frozen=True, gc=False):
+    """State of the lamps. `left_indicator` and `right_indicator`: whether the blinking lamp is lit now."""
 
     headlights: Headlights
     indicators: Indicators
@@ -229,8 +380,12 @@ class Lights(msgspec.Struct, frozen=True, gc=False):
     reverse_lights: bool
 
 
-class WheelsReading(msgspec.Struct, frozen=True, gc=False):
-    """Ground truth of the wheels, shape (4,) each: front left, front right, rear left, rear right.
+WHEEL_NAMES = ("front_left", "front_right", "rear_left", "rear_right")
+"""Order of the wheels in all arrays."""
+
+
+class WheelsReading(Displayed, frozen=True, gc=False):
+    """Ground truth of the wheels, shape (4,) each, in the order of `WHEEL_NAMES`.
 
     `steering_angle` [rad], `rotation_angle` [rad], `angular_velocity` [rad/s], `compression` [m] of the suspension
     (0 at the target position), `normal_load` [N], `slip_ratio` and `slip_angle` [rad].
@@ -245,14 +400,15 @@ class WheelsReading(msgspec.Struct, frozen=True, gc=False):
     slip_angle: Array
 
 
-class VehicleFrame(msgspec.Struct, frozen=True, gc=False):
-    """One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest of every sensor.
+class VehicleFrame(Displayed, frozen=True, gc=False):
+    """One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest reading of every sensor.
 
-    `pose` is that of the vehicle frame: centre of the rear axle at wheel-centre height. `velocity` [m/s] of that
-    point and `angular_velocity` [rad/s], shape (3,), are in vehicle axes. `throttle` [-1, 1] is the latest command
-    given to the drive actuators and `steering` [rad], left positive, the angle of the steering actuator (report,
-    tables 2 and 3; sampled every tick). `lidar` is None before the first scan is complete. `cameras` holds the latest
-    picture of each camera by its name ('front', 'rear'); none where cameras are off, or before the first.
+    `pose` is the pose of the vehicle frame (origin: centre of the rear axle at wheel-centre height). `velocity` [m/s]
+    of its origin and `angular_velocity` [rad/s], shape (3,), are in vehicle axes. `throttle` [-1, 1] is the current
+    command of the drive actuators; `steering` [rad], left positive, is the angle of the steering actuator (report,
+    tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
+    None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
+    empty if cameras are off and before the first image, see `Images`.
     """
 
     pose: Pose
@@ -268,15 +424,19 @@ class VehicleFrame(msgspec.Struct, frozen=True, gc=False):
     wheels: WheelsReading
     is_autonomous: bool
     collision_count: int
-    cameras: dict[str, CameraImage] = {}
+    cameras: dict[str, CameraImage] = msgspec.field(default_factory=Images)
+    range: RangeReading | None = None
 
     @property
     def speed(self) -> float:
         """Forward speed [m/s], negative in reverse."""
         return float(self.velocity[0])
 
+    def __repr__(self) -> str:
+        return display.vehicle_text(self)
 
-class ObjectFrame(msgspec.Struct, frozen=True, gc=False):
+
+class ObjectFrame(Displayed, frozen=True, gc=False):
     """A movable object, for example a construction box."""
 
     pose: Pose
@@ -285,11 +445,11 @@ class ObjectFrame(msgspec.Struct, frozen=True, gc=False):
 # -- events -----------------------------------------------------------------------------------------------------
 
 
-class Collision(msgspec.Struct, frozen=True, tag=True):
-    """A vehicle began to touch something.
+class Collision(Displayed, frozen=True, tag=True):
+    """First contact of a vehicle with another object.
 
-    `other` is the name of the vehicle, box or fixed thing; `impulse` [N s] is the magnitude of the contact impulse
-    of the tick; `position` [m] a contact point in the map frame, shape (3,).
+    `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
+    of the tick; `position` [m] is a contact point in the map frame, shape (3,).
     """
 
     time: float
@@ -299,15 +459,15 @@ class Collision(msgspec.Struct, frozen=True, tag=True):
     position: Array
 
 
-class OffRoad(msgspec.Struct, frozen=True, tag=True):
-    """A vehicle's first wheel left the drivable area; `position` [m], shape (3,), of its rear axle centre."""
+class OffRoad(Displayed, frozen=True, tag=True):
+    """The first wheel of a vehicle left the drivable area; `position` [m], shape (3,), is its rear axle centre."""
 
     time: float
     vehicle: str
     position: Array
 
 
-class BackOnRoad(msgspec.Struct, frozen=True, tag=True):
+class BackOnRoad(Displayed, frozen=True, tag=True):
     """All wheels of a vehicle are on the drivable area again."""
 
     time: float
@@ -321,7 +481,8 @@ Event: TypeAlias = Collision | OffRoad | BackOnRoad
 class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     """The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
 
-    `events` are those of this tick, in order. `scene_light` is True by day.
+    `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
+    midnight [s], None if the light is fixed.
     """
 
     time: float
@@ -330,3 +491,10 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     objects: dict[str, ObjectFrame]
     events: tuple[Event, ...]
     scene_light: bool
+    time_of_day: float | None = None
+
+    def __repr__(self) -> str:
+        return display.frame_text(self)
+
+    def _repr_html_(self) -> str:
+        return display.frame_html(self)

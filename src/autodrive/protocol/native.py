@@ -1,117 +1,123 @@
-"""The conversation of the native protocol `autodrive.v1`: what client and server say around Commands and Frames.
+"""The messages of the native protocol `autodrive.v2` between client and server, apart from Commands and Frames.
 
-Each WebSocket message is one of these, in MessagePack (`codec.py`). The client speaks first, with a `Hello`; the server
-answers with a `Welcome` and a `Scene`, or with a `Fault` and an end. From then on either side speaks when it likes.
+Each WebSocket message is one of these, in MessagePack (`codec.py`). The client sends a `Hello` first; the server
+answers with a `Welcome` and a `Scene`, or sends an `Error` and closes. After that both sides send at any time.
 """
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from autodrive.protocol.messages import CameraIntrinsics, Command, Frame, LidarScan, Pose, Request
+from autodrive.protocol.messages import CameraIntrinsics, Command, Frame, LidarScan, Name, Operation, Pose
 from autodrive.protocol.ports import DEVKIT_PORT
 
-PROTOCOL = 1
-"""Version of this conversation. Additions keep it; what breaks a client makes it greater."""
+PROTOCOL = 2
+"""Version of the protocol. Additions keep it; a change that breaks clients increases it."""
 
 SUBPROTOCOL = f"autodrive.v{PROTOCOL}"
-"""Of the WebSocket."""
+"""Subprotocol of the WebSocket."""
 
 Vector: TypeAlias = tuple[float, float, float]
 Source: TypeAlias = Literal["script", "person"]
-"""Where a command comes from. A vehicle in autonomous mode obeys scripts, in manual mode a person."""
+"""Origin of a command. A vehicle in autonomous mode obeys scripts, in manual mode a person."""
+HostName: TypeAlias = Annotated[str, msgspec.Meta(max_length=253)]
+"""A host name (RFC 1035) or an IP address."""
+Rate: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
+"""A rate in wall time [Hz]."""
 
 # -- from the client --------------------------------------------------------------------------------------------
 
 
 class Hello(msgspec.Struct, frozen=True, tag=True):
-    """The first message: the version that the client speaks, and what others shall call it."""
+    """The first message: the version that the client speaks, and its display name."""
 
     protocol: int
     name: str = ""
 
 
 class Subscribe(msgspec.Struct, frozen=True, tag=True):
-    """What this client wants to be sent from now on; before the first, Frames at 60 Hz without scans or pictures.
+    """Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
 
-    `frame_rate`: Frames a second of wall time at most [Hz], None: each tick, 0: none. `scans`: whether scans come.
-    `picture_rate`: pictures of each camera a second of wall time at most [Hz], 0: none; `picture_width` [pixels], None:
-    the camera's own; `picture_quality` of the JPEG, 1 to 100. A client that is slow gets the latest, never a backlog.
+    `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether scans are sent.
+    `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
+    the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest, never a backlog.
     """
 
-    frame_rate: float | None = 60.0
+    frame_rate: Rate | None = 60.0
     scans: bool = False
-    picture_rate: float = 0.0
+    picture_rate: Rate = 0.0
     picture_width: int | None = None
     picture_quality: int = 75
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
-    """A command for one vehicle. Whoever commands it holds its wheel until a `Release` or two silent seconds.
+    """A command for one vehicle. The client becomes its driver until a `Release` or 2 s without a command.
 
-    A vehicle in manual mode obeys a person, in autonomous mode a script. A Command is good for the scenario's
-    command time-out (0.5 s of simulated time by default): send it again to keep going.
+    A vehicle in manual mode obeys a person, in autonomous mode a script. A Command is valid for the scenario's
+    command time-out (0.5 s of simulated time by default): send it again to keep driving.
     """
 
-    vehicle: str
+    vehicle: Name
     command: Command
     source: Source = "script"
 
 
 class Release(msgspec.Struct, frozen=True, tag=True):
-    """Let go of that vehicle's wheel."""
+    """Stop being the driver of that vehicle."""
 
-    vehicle: str
+    vehicle: Name
 
 
 class ConnectBridge(msgspec.Struct, frozen=True, tag=True):
-    """Connect the simulator to the devkit script that listens there."""
+    """Connect the simulator to the devkit script that listens at that address."""
 
-    host: str = "127.0.0.1"
+    host: HostName = "127.0.0.1"
     port: int = DEVKIT_PORT
 
 
 class DisconnectBridge(msgspec.Struct, frozen=True, tag=True):
-    """End that connection, or the search for one."""
+    """Close that connection, or stop trying to connect."""
 
 
 class SetCamera(msgspec.Struct, frozen=True, tag=True):
-    """Have a scene camera drawn by the simulator for this client, who gets `Rendered` pictures; `camera` None: no more.
+    """Let the simulator render a scene camera for this client and send `Rendered` images; `camera` None: stop.
 
-    `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle`: the one to follow, None: the first. `height` [m]
-    is that of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle.
+    `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first. `height` [m] of the
+    Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom` multiplies
+    the focal length.
     """
 
-    camera: str | None
-    vehicle: str | None = None
+    camera: Name | None
+    vehicle: Name | None = None
     height: float = 3.0
     azimuth: float = 0.0
     elevation: float = 0.5
     distance: float = 1.0
+    zoom: float = 1.0
     width: int = 960
     rate: float = 30.0
 
 
-Ask: TypeAlias = Request | ConnectBridge | DisconnectBridge | SetCamera
-"""All that can be requested."""
+ServerOperation: TypeAlias = Operation | ConnectBridge | DisconnectBridge | SetCamera
+"""All operations that a client can request."""
 
 
-class Please(msgspec.Struct, frozen=True, tag=True):
-    """A request; its `Done` or `Fault` carries the same `id`."""
+class Request(msgspec.Struct, frozen=True, tag=True):
+    """Requests an operation; the `Response` or `Error` has the same `id`."""
 
     id: int
-    request: Ask
+    operation: ServerOperation
 
 
-ClientMessage: TypeAlias = Hello | Subscribe | Drive | Release | Please
+ClientMessage: TypeAlias = Hello | Subscribe | Drive | Release | Request
 
 # -- from the server --------------------------------------------------------------------------------------------
 
 
 class Welcome(msgspec.Struct, frozen=True, tag=True):
-    """The server's first message: versions, the name that others see, and the scenarios that can be loaded."""
+    """The server's first message: versions, the display name of the client, and the scenarios that can be loaded."""
 
     protocol: int
     version: str
@@ -121,15 +127,27 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
 
 
 class Lamp(msgspec.Struct, frozen=True):
-    """A lamp of a vehicle: place in the vehicle frame [m], linear RGB, how far it lights [m]."""
+    """A lamp of a vehicle: position in the vehicle frame [m], linear RGB, range of its light [m]."""
 
     position: Vector
     color: Vector
     range: float
 
 
+class SensorScene(msgspec.Struct, frozen=True):
+    """Settings of a sensor or camera, as `SetSensor` changes them."""
+
+    is_on: bool
+    rate: float | None
+    """[Hz]; None: one sample per tick."""
+    noise: str
+    noises: list[str]
+    """The values of `noise` that this sensor can have."""
+    is_camera: bool
+
+
 class VehicleScene(msgspec.Struct, frozen=True):
-    """A vehicle as a viewer needs it. `model`: its .glb, relative to the page."""
+    """What a client needs to draw a vehicle. `model`: address of its .glb, relative to the page."""
 
     type: str
     model: str
@@ -138,82 +156,113 @@ class VehicleScene(msgspec.Struct, frozen=True):
     steering_limit: float
     """[rad]."""
     lamps: dict[str, Lamp]
-    """By the names of `actuators.lights.LAMPS`."""
+    """By the names in `actuators.lights.LAMPS`."""
     cameras: list[str]
-    """Names of the sensor cameras."""
+    """Names of the sensor cameras that are on."""
     lidar: Pose | None
-    """Of the scan's axes in the vehicle frame."""
+    """Pose of the axes of the scan in the vehicle frame; None if there is no LIDAR or it is off."""
     wheelbase: float
     """[m]."""
     wheel_radius: float
     """[m]."""
     speed_limit: float
-    """Of the driven wheels' tread at full throttle [m/s]."""
+    """Circumferential speed of the driven wheels at full throttle [m/s]."""
     sensor_noise: dict[str, float]
-    """Standard deviation of a sample, of its offset too, by quantity and in its unit: 'encoder_angle' [rad], 'ips' [m],
-    'imu_orientation' [rad], 'imu_angular_velocity' [rad/s], 'imu_linear_acceleration' [m/s^2]; 0: it is exact."""
+    """Standard deviation of a sample with its offset, by quantity and in its unit: 'encoder_angle' [rad], 'ips' [m],
+    'imu_orientation' [rad], 'imu_angular_velocity' [rad/s], 'imu_linear_acceleration' [m/s^2]; 0: exact."""
+    size: Vector = (0.0, 0.0, 0.0)
+    """Overall length, width, height [m]; the middle is half the wheelbase ahead of the origin."""
+    sensors: dict[str, SensorScene] = {}
+    """Sensors and cameras, also those that are off, by name."""
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """A drawing of the map from above, with walls and lanes; x to the right, y up.
+
+    `image`: address of the SVG file, relative to the page. `bounds` [m]: least x and y, greatest x and y.
+    """
+
+    image: str
+    bounds: tuple[float, float, float, float]
 
 
 class Scene(msgspec.Struct, frozen=True, tag=True):
-    """What there is to draw; sent after the Welcome and whenever another scenario is loaded, before its first Frame."""
+    """What a client needs to draw the world; sent after the Welcome, and before the Frames of another World.
+
+    Another scenario has another World, and so has an edit that does not only move things.
+    """
 
     scenario: str
     title: str
     map: str
     tick: float
-    """Simulated time between Frames [s]."""
+    """Simulated time of a tick [s]."""
     model: str
-    """The map's .glb, relative to the page."""
+    """Address of the map's .glb, relative to the page."""
     vehicles: dict[str, VehicleScene]
     objects: dict[str, str]
-    """Movable thing -> its .glb."""
+    """Movable object -> address of its .glb."""
     light_table: dict[str, Any]
     """`render.look.light_table`."""
     scene_cameras: dict[str, dict[str, Any]]
     """`render.viewpoints.scene_cameras`."""
+    object_sizes: dict[str, Vector] = {}
+    """Length, width and height [m] of each movable object."""
+    plan: Plan | None = None
+    """Drawing of the map."""
 
 
 class BridgeStatus(msgspec.Struct, frozen=True):
-    """How the connection to a devkit script stands; `fault` says why there is none."""
+    """State of the connection to a devkit script; `error` says why there is none."""
 
     address: str = f"127.0.0.1:{DEVKIT_PORT}"
     state: Literal["closed", "connecting", "connected"] = "closed"
-    fault: str = ""
+    error: str = ""
     telemetry_rate: float = 0.0
-    """Messages sent in a second of wall time [Hz]."""
+    """Messages sent per second of wall time [Hz]."""
     command_rate: float = 0.0
-    """Messages received, likewise."""
+    """Messages received per second of wall time [Hz]."""
     round_trip: float | None = None
-    """Median [s]."""
+    """Median time from a telemetry message to the next command [s]."""
+    devkit: str = ""
+    """Devkit generation of the script, keys, formats and signs in one line; empty before they are known."""
+    note: str = ""
+    """What the user should know about that choice; empty if it is certain."""
 
 
 class Status(msgspec.Struct, frozen=True, tag=True):
-    """What is not part of the world; sent four times a second, and at once when something in it was switched."""
+    """State of the simulation; sent four times a second, and at once when a setting changes."""
 
     is_paused: bool
     speed: float | None
-    """Simulated seconds per wall second that were asked for; None: as fast as possible."""
+    """Requested simulated seconds per wall second; None: as fast as possible."""
     real_time_factor: float
     late_ticks: int
-    viewers: int
+    clients: int
     drivers: dict[str, str]
-    """Vehicle -> name of the client that holds its wheel; who nobody holds is not there."""
+    """Vehicle -> name of the client that drives it. Vehicles without a driver are omitted."""
     bridge: BridgeStatus
-    cameras_fault: str = ""
-    """Why there are no pictures; empty if there are, or if nobody wants some."""
+    cameras_error: str = ""
+    """Why there are no pictures; empty if there are, or if no client wants any."""
     note: str = ""
-    """What is going on that takes a while, for example a scenario that is loaded."""
+    """A long operation in progress, for example the loading of a scenario."""
+    undo: str = ""
+    """The edit that an `Undo` takes back, for example 'place V1'; empty: none."""
+    redo: str = ""
+    """The edit that a `Redo` makes again; empty: none."""
+    error: str = ""
+    """Why the physics cannot go on and the simulation is paused; empty if it can. A Reset clears it."""
 
 
 class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):
-    """A new LIDAR scan; comes before the first Frame that it belongs to."""
+    """A new LIDAR scan; sent before the first Frame that it belongs to."""
 
     vehicle: str
     scan: LidarScan
 
 
 class Picture(msgspec.Struct, frozen=True, tag=True, gc=False):
-    """A new picture of a sensor camera as JPEG; comes before the first Frame that it belongs to."""
+    """A new image of a sensor camera as JPEG; sent before the first Frame that it belongs to."""
 
     vehicle: str
     camera: str
@@ -221,29 +270,33 @@ class Picture(msgspec.Struct, frozen=True, tag=True, gc=False):
     pose: Pose
     """Map from optical frame."""
     intrinsics: CameraIntrinsics
-    """Of the camera; the picture is `picture_width` wide."""
+    """Of the full image; the JPEG has the subscribed `picture_width`."""
     jpeg: bytes
 
 
 class Rendered(msgspec.Struct, frozen=True, tag=True, gc=False):
-    """A picture of the scene camera asked for with `SetCamera`, of that simulated time [s]."""
+    """An image of the scene camera that was set with `SetCamera`, at that simulated time [s]."""
 
     time: float
     jpeg: bytes
 
 
-class Done(msgspec.Struct, frozen=True, tag=True, gc=False):
-    """A request was carried out; this is the Frame after it, with all events since the last Frame sent."""
+class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
+    """A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
+
+    `text`: the scenario as YAML, for a `SaveScenario`.
+    """
 
     id: int
     frame: Frame
+    text: str = ""
 
 
-class Fault(msgspec.Struct, frozen=True, tag=True, gc=False):
-    """Something could not be done; `text` says what, and what would be right. `id`: of the request, if it was one.
+class Error(msgspec.Struct, frozen=True, tag=True, gc=False):
+    """A message or request failed; `text` says why and how to correct it. `id`: the request, None for other messages.
 
-    `code`: 'version' (of the Hello), 'message' (not understood), 'request' (refused), 'taken' (somebody else holds the
-    wheel), 'mode' (the driving mode lets others drive), 'rate' (too many messages).
+    `code`: 'version' (of the Hello), 'message' (not understood), 'request' (refused), 'taken' (another client drives
+    the vehicle), 'mode' (the vehicle obeys the other source), 'rate' (too many messages or clients).
     """
 
     code: Literal["version", "message", "request", "taken", "mode", "rate"]
@@ -251,5 +304,5 @@ class Fault(msgspec.Struct, frozen=True, tag=True, gc=False):
     id: int | None = None
 
 
-ServerMessage: TypeAlias = Welcome | Scene | Status | Scan | Picture | Rendered | Done | Fault | Frame
-"""A streamed Frame has neither scans nor pictures, which come by themselves, and all events since the last one sent."""
+ServerMessage: TypeAlias = Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame
+"""A streamed Frame has no scans and images, which are messages of their own, and all events since the last one sent."""

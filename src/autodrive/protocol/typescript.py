@@ -1,18 +1,23 @@
-"""The messages of the native protocol as TypeScript; `scripts/generate-messages` writes them for the page."""
+"""Generates TypeScript of the native protocol and the registry of signals (`scripts/generate-messages`)."""
 
 from __future__ import annotations
 
 import inspect
+import json
+import sys
 import types
 from collections.abc import Iterator
 from enum import IntEnum
+from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
 from msgspec.structs import fields
 
-from autodrive.protocol import native
+from autodrive.arrays import element_type
+from autodrive.protocol import channels, native
+from autodrive.protocol.channels import HudRow, Plot, Signal
 from autodrive.protocol.codec import CODES
 from autodrive.protocol.messages import Command, Event
 
@@ -27,17 +32,17 @@ _PLAIN = {
     Any: "any",
 }
 _UNIONS = {
-    "Ask": native.Ask,
+    "ServerOperation": native.ServerOperation,
     "Event": Event,
     "ClientMessage": native.ClientMessage,
     "ServerMessage": native.ServerMessage,
 }
-_FROM_CLIENT = {Command, *get_args(native.ClientMessage), *get_args(native.Ask)}
-"""They may leave out what has a default; the server writes every field."""
+_FROM_CLIENT = {Command, *get_args(native.ClientMessage), *get_args(native.ServerOperation)}
+"""Messages from the client: fields with a default are optional. The server sends every field."""
 
 
 def declarations() -> str:
-    """The whole file."""
+    """The content of messages.ts."""
     known: dict[type, str] = {}
     unions = [f"export type {name} = {_written(union, known)}" for name, union in _UNIONS.items()]
     codes = ", ".join(f"{code}: {_ARRAYS[name]}" for name, code in CODES.items())
@@ -54,7 +59,7 @@ def declarations() -> str:
 
 
 def _written(hint: Any, known: dict[type, str]) -> str:
-    """A type as TypeScript writes it; structs and enumerations that it needs are added to `known` before it."""
+    """A type in TypeScript; the structs and enumerations that it refers to are added to `known` first."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin in {Union, types.UnionType}:
         written = " | ".join(_written(part, known) for part in parts)
@@ -66,8 +71,8 @@ def _written(hint: Any, known: dict[type, str]) -> str:
         written = f"[{', '.join(_written(part, known) for part in parts)}]"
     elif origin in {list, tuple}:
         written = f"({_written(parts[0], known)})[]"
-    elif origin is np.ndarray:
-        written = _ARRAYS[np.dtype(get_args(parts[1])[0]).str]
+    elif element := element_type(hint):
+        written = _ARRAYS[np.dtype(element).str]
     elif hint in _PLAIN:
         written = _PLAIN[hint]
     else:
@@ -100,5 +105,68 @@ def _comment(of: type) -> str:
     return "/**\n" + "".join(f" * {line}".rstrip() + "\n" for line in lines) + " */\n"
 
 
+def signal_tables() -> str:
+    """The registry of signals as the page needs it: `channels.ts`."""
+    rows = [_hud_row(signal, row) for signal in channels.SIGNALS for row in signal.hud]
+    plots = [_plot(signal, plot) for signal in channels.SIGNALS for plot in signal.plots]
+    parts = [
+        "// Generated from src/autodrive/protocol/channels.py by scripts/generate-messages: change the signals there.",
+        _interface_of_row("HudRow", HudRow, "A row of the HUD that shows a signal."),
+        _interface_of_row("Plot", Plot, "A curve of the plots."),
+        _constant("HUD_ROWS", rows, "Record<string, HudRow>"),
+        _constant("PLOTS", plots, "Record<string, Plot>"),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _hud_row(signal: Signal, row: HudRow) -> dict[str, Any]:
+    values = {name: getattr(row, name) for name in _members_of_row(HudRow)}
+    return {"id": row.id} | values | {"unit": _unit(signal, row.unit), **_source(signal)}
+
+
+def _plot(signal: Signal, plot: Plot) -> dict[str, Any]:
+    values = {name: getattr(plot, name) for name in _members_of_row(Plot)}
+    return {"id": plot.id} | values | {"unit": _unit(signal, plot.unit), **_source(signal)}
+
+
+def _source(signal: Signal) -> dict[str, Any]:
+    return {"signal": signal.name, "optional": signal.is_optional}
+
+
+def _unit(signal: Signal, own: str | None) -> str:
+    return signal.unit if own is None else own
+
+
+def _members_of_row(of: type[HudRow | Plot]) -> list[str]:
+    return [name for name in get_type_hints(of) if name != "id"]
+
+
+def _interface_of_row(name: str, of: type[HudRow | Plot], comment: str) -> str:
+    hints = get_type_hints(of)
+    members = "".join(
+        f"  {member}: {'string' if member == 'unit' else _written(hints[member], {})}\n"
+        for member in _members_of_row(of)
+    )
+    path = "  /** Path in a VehicleFrame, for example 'imu.euler'. */\n  signal: string\n"
+    path += "  /** Only some vehicles have it. */\n  optional: boolean\n"
+    return f"/** {comment} */\nexport interface {name} {{\n{members}{path}}}"
+
+
+def _constant(name: str, rows: list[dict[str, Any]], type_: str) -> str:
+    lines = []
+    for row in rows:
+        members = ", ".join(f"{key}: {_literal(value)}" for key, value in row.items() if key != "id")
+        lines.append(f"  {_literal(row['id'])}: {{ {members} }},\n")
+    return f"export const {name} = {{\n{''.join(lines)}}} as const satisfies {type_}"
+
+
+def _literal(value: str | float) -> str:
+    if isinstance(value, str):
+        return "'" + value.replace("'", "\\'") + "'"
+    return json.dumps(value)
+
+
 if __name__ == "__main__":
-    print(declarations(), end="")
+    folder = Path(sys.argv[1])
+    (folder / "messages.ts").write_text(declarations(), encoding="utf-8")
+    (folder / "channels.ts").write_text(signal_tables(), encoding="utf-8")

@@ -1,1 +1,1 @@
-"""What the cameras look at, and the renderer that draws it."""
+"""The scene that cameras see, and the renderer that draws it."""

@@ -1,4 +1,4 @@
-"""Which lamps burn and where the shadows of a moment fall: numbers for the shaders, no drawing."""
+"""Lamps and shadow projections of one state as numbers for the shaders; draws nothing."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from autodrive.render.look import BEAMS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from autodrive.state import Floats
+    from autodrive.arrays import Floats
 
 HEADLIGHTS = tuple(i for i, name in enumerate(LAMPS) if name.startswith(("head", "high_beam")))
-"""Rows of a vehicle's lamps that throw far and cast shadows."""
+"""Indices in `LAMPS` of the lamps that reach far and cast shadows."""
 
 LAMP = np.dtype(
     [
@@ -33,7 +33,7 @@ LAMP = np.dtype(
 
 
 def lamp_table(spec: LightsSpec) -> np.ndarray:
-    """Every lamp of a vehicle when fully lit, in vehicle axes, shape (len(LAMPS),), dtype `LAMP`."""
+    """Every lamp of a vehicle at full level, in vehicle axes, shape (len(LAMPS),), dtype `LAMP`."""
     table = np.zeros(len(LAMPS), LAMP)
     for row, lamp in zip(table, LAMPS, strict=True):
         name, side = lamp.rsplit("_", 1)
@@ -52,9 +52,9 @@ def lamp_table(spec: LightsSpec) -> np.ndarray:
 
 
 def burning(tables: Sequence[np.ndarray], roots: Floats, levels: Floats) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lamps that are lit, in map axes (dtype `LAMP`), the vehicle of each, and which of them are headlights.
+    """Lit lamps in map axes (dtype `LAMP`), the vehicle of each, and whether each is a headlight.
 
-    `roots`: vehicle poses, shape (n, 4, 4); `levels`: how brightly each lamp burns, shape (n, len(LAMPS)).
+    `roots`: vehicle poses, shape (n, 4, 4); `levels`: of each lamp, 0 to 1, shape (n, len(LAMPS)).
     """
     vehicle, lamp = np.nonzero(levels)
     lit = np.stack(tables)[vehicle, lamp]
@@ -67,9 +67,9 @@ def burning(tables: Sequence[np.ndarray], roots: Floats, levels: Floats) -> tupl
 
 
 def reach(lit: np.ndarray, low: Floats, high: Floats) -> NDArray[np.bool_]:
-    """Whether each lamp can light anything of each box between those corners, shape (n_box, n_lamp).
+    """Whether each lamp can light a part of each box, shape (n_box, n_lamp). `low`, `high`: corners, shape (n_box, 3).
 
-    The box is in range, and the sphere around it not wholly beyond the edge of the cone.
+    The box is in range, and the sphere around it is not entirely outside the cone.
     """
     place = lit["place"]
     near = np.linalg.norm(np.maximum(np.maximum(low[:, None] - place, place - high[:, None]), 0.0), axis=2)
@@ -82,13 +82,13 @@ def reach(lit: np.ndarray, low: Floats, high: Floats) -> NDArray[np.bool_]:
 
 
 def strength(lit: np.ndarray, centers: Floats) -> Floats:
-    """How much each lamp gives each place, roughly, to choose the strongest: shape (n_place, n_lamp)."""
+    """Approximate illuminance of each place by each lamp, for choosing the strongest: shape (n_place, n_lamp)."""
     to = centers[:, None] - lit["place"][None]
     return lit["color"].sum(1) / (np.sum(to**2, axis=2) + 0.05)
 
 
 def beam_matrix(place: Floats, aim: Floats, up: Floats, cos_outer: float, range_: float) -> Floats:
-    """Clip space of a headlight's shadow map from the map frame, shape (4, 4)."""
+    """Clip space of a headlight's shadow map from map axes, shape (4, 4)."""
     near, tangent = 0.03, 1.05 * float(np.sqrt(1.0 - cos_outer**2) / cos_outer)
     side = np.cross(up, aim)
     look = np.eye(4)
@@ -98,7 +98,7 @@ def beam_matrix(place: Floats, aim: Floats, up: Floats, cos_outer: float, range_
 
 
 def perspective(tan_x: float, tan_y: float, near: float, far: float) -> Floats:
-    """Clip space from an eye that looks along +z, shape (4, 4)."""
+    """Clip space from a camera that looks along +z, shape (4, 4)."""
     return np.array(
         [
             [1.0 / tan_x, 0.0, 0.0, 0.0],
@@ -110,7 +110,7 @@ def perspective(tan_x: float, tan_y: float, near: float, far: float) -> Floats:
 
 
 def sun_axes(direction: Sequence[float]) -> Floats:
-    """Rows x, y across the light and z away from the sun: sun axes from map axes, shape (3, 3)."""
+    """Sun axes from map axes, shape (3, 3): x and y across the light, z away from the sun."""
     z = -np.asarray(direction, np.float64)
     x = np.cross((0.0, 0.0, 1.0), z)
     x /= np.linalg.norm(x)

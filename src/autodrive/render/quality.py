@@ -1,12 +1,12 @@
-"""How much work a picture is worth."""
+"""Quality profiles: how much work is spent on an image."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from autodrive.assets.asset import Detail
 from autodrive.errors import AutodriveError
-from autodrive.render.asset import Detail
 from autodrive.render.gl import is_software
 
 Antialiasing: TypeAlias = Literal["none", "fxaa", "msaa"]
@@ -14,25 +14,25 @@ Antialiasing: TypeAlias = Literal["none", "fxaa", "msaa"]
 
 @dataclass(frozen=True)
 class Quality:
-    """What is spent on a picture; `PROFILES` has those that are offered."""
+    """One quality profile; see `PROFILES`."""
 
     detail: Detail
-    """Of vehicles and solid things."""
+    """Of vehicles and solid objects."""
     antialiasing: Antialiasing
     still_map: int
-    """Edge of the shadow map of all that stands still [pixels]; drawn anew only when something in it moved."""
+    """Width of the shadow map of static meshes and objects [pixels]; redrawn only when an object has moved."""
     caster_map: int
-    """Edge of the shadow map that holds a tile for each vehicle [pixels]."""
+    """Width of the shadow map that has a tile for each vehicle [pixels]."""
     casters: int
-    """Vehicles whose shadows a single surface can receive."""
+    """Number of vehicles whose shadows a single mesh can receive."""
     beam_map: int
-    """Edge of a headlight's shadow map [pixels]."""
+    """Width of a headlight's shadow map [pixels]."""
     beam_vehicles: int
-    """Vehicles whose headlights cast shadows, the nearest first."""
+    """Number of vehicles whose headlights cast shadows, the nearest first."""
     lamps: int
-    """Other lamps that can light a single surface."""
+    """Number of other lamps that can light a single mesh."""
     taps: int
-    """Of a shadow's soft edge, 1 or 9, each of four texels."""
+    """Samples for the soft edge of a shadow, 1 or 9, each of four texels."""
     anisotropy: float
 
 
@@ -41,7 +41,7 @@ PROFILES = {
     "software-fxaa": Quality("reduced", "fxaa", 2048, 1024, 2, 512, 1, 4, 1, 1.0),
     "gpu": Quality("full", "msaa", 4096, 2048, 4, 1024, 4, 8, 9, 8.0),
 }
-"""By the words that a person may say; 'auto' takes the first or the last by what draws."""
+"""By name. 'auto' is 'software-fxaa' for a software renderer, else 'gpu'."""
 NAMES = ("auto", *PROFILES)
 
 
@@ -52,5 +52,5 @@ def quality(name: str, renderer: str) -> Quality:
         return PROFILES["software-fxaa" if software else "gpu"]
     if name not in PROFILES:
         raise AutodriveError(f"camera quality '{name}' is not known. Known: {', '.join(NAMES)}")
-    # llvmpipe takes half a minute for an anisotropic picture
+    # llvmpipe takes half a minute for one image with anisotropic filtering
     return replace(PROFILES[name], anisotropy=1.0) if software else PROFILES[name]

@@ -1,4 +1,4 @@
-"""Draws moments of a scene without a screen: a small forward renderer on OpenGL 3.3."""
+"""Renders states of a scene without a screen: a small forward renderer on OpenGL 3.3."""
 
 from __future__ import annotations
 
@@ -6,41 +6,40 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-import moderngl
 import numpy as np
 
 from autodrive.render import texture_arrays
-from autodrive.render.gl import open_context, source, write
-from autodrive.render.model import Model
+from autodrive.render.draw_list import FRAME, DrawList, Illumination
+from autodrive.render.gl import moderngl, open_context, source, write
+from autodrive.render.gpu_mesh import GpuMesh
 from autodrive.render.quality import quality
-from autodrive.render.scene import Kind, Rig, geometry, rigid
+from autodrive.render.scene import Kind, Skeleton, geometry, rigid
 from autodrive.render.shadows import BONES, Shadows, columns
-from autodrive.render.stage import FRAME, Lit, Stage
-from autodrive.render.target import ExactTarget, Target
-from autodrive.render.view import Picture, View
+from autodrive.render.target import DepthLabelTarget, RenderTarget
+from autodrive.sensors.camera_view import RenderedImage, View
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from autodrive.render.asset import Asset, Detail
-    from autodrive.render.moment import Moment
-    from autodrive.render.scene import Scene
-    from autodrive.state import Floats
+    from autodrive.arrays import Floats
+    from autodrive.assets.asset import Asset, Detail
+    from autodrive.render.render_state import RenderState
+    from autodrive.render.scene import RenderScene
 
 TEXTURES, STILL, CASTER, BEAM = range(4)
 """Texture units."""
 
 
-Piece: TypeAlias = tuple[int, int, Kind, str]
-"""First index, number of indices, kind, array of textures."""
+IndexRange: TypeAlias = tuple[int, int, Kind, str]
+"""First index, number of indices, kind, texture array."""
 
 
-Seen: TypeAlias = "tuple[Model, Piece, bytes | None, bytes | None, Lit]"
-"""What is drawn at once; bones and glow of what moves."""
+DrawCall: TypeAlias = "tuple[GpuMesh, IndexRange, bytes | None, bytes | None, Illumination]"
+"""What is drawn at once. Bones and glow are None for the static mesh."""
 
 
-class Variant(NamedTuple):
-    """What a shader program is made for."""
+class ShaderVariant(NamedTuple):
+    """Compile-time options of a shader program."""
 
     is_jointed: bool
     kind: Kind
@@ -53,26 +52,26 @@ class Variant(NamedTuple):
 
 
 class Renderer:
-    """Draws one Scene, for one caller at a time.
+    """Renders one `RenderScene`, for one caller at a time.
 
     `quality_name` is one of `render.quality.NAMES`. Raises `GlUnavailable`.
     """
 
-    def __init__(self, scene: Scene, quality_name: str = "auto") -> None:
+    def __init__(self, scene: RenderScene, quality_name: str = "auto") -> None:
         self._context = context = open_context()
         self.name = str(context.info["GL_RENDERER"])
-        """Of what draws, for example 'llvmpipe (...)'."""
+        """The OpenGL renderer, for example 'llvmpipe (...)'."""
         self.quality = quality(quality_name, self.name)
         assets = [scene.static, *scene.vehicles, *scene.objects]
         self._textures, layers = texture_arrays.load(context, assets, self.quality)
-        rigs = {id(asset): Rig(asset) for asset in assets}
-        models: dict[tuple[int, Detail], Model] = {}
+        skeletons = {id(asset): Skeleton(asset) for asset in assets}
+        models: dict[tuple[int, Detail], GpuMesh] = {}
 
-        def model(asset: Asset, detail: Detail) -> Model:
+        def model(asset: Asset, detail: Detail) -> GpuMesh:
             key = id(asset), detail
             if key not in models:
                 whole = asset is not scene.static
-                models[key] = Model(context, geometry(asset, rigs[id(asset)], detail, layers, is_whole=whole))
+                models[key] = GpuMesh(context, geometry(asset, skeletons[id(asset)], detail, layers, is_whole=whole))
             return models[key]
 
         detail = self.quality.detail
@@ -86,16 +85,18 @@ class Renderer:
             [model(asset, "shadow") for asset in scene.vehicles],
             [model(asset, "shadow") for asset in scene.objects],
         )
-        vehicle_rigs = [rigs[id(asset)] for asset in scene.vehicles]
-        self._stage = Stage(scene, self.quality, vehicle_rigs, self._static, vehicles, objects, self._shadows)
+        vehicle_skeletons = [skeletons[id(asset)] for asset in scene.vehicles]
+        self._draw_list = DrawList(
+            scene, self.quality, vehicle_skeletons, self._static, vehicles, objects, self._shadows
+        )
         self._frame = context.buffer(reserve=FRAME.itemsize)
-        self._sight = context.buffer(reserve=80)
-        self._programs: dict[Variant, moderngl.Program] = {}
+        self._camera = context.buffer(reserve=80)
+        self._programs: dict[ShaderVariant, moderngl.Program] = {}
         self._label_programs: dict[bool, moderngl.Program] = {}
         self._sky = self._linked("sky.vert", "sky.frag")
         self._sky_corners = context.vertex_array(self._sky, [])
-        self._targets: dict[tuple[int, int, int], Target] = {}
-        self._exact_targets: dict[tuple[int, int], ExactTarget] = {}
+        self._targets: dict[tuple[int, int, int], RenderTarget] = {}
+        self._exact_targets: dict[tuple[int, int], DepthLabelTarget] = {}
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.depth_func = "<="
 
@@ -106,56 +107,56 @@ class Renderer:
         self.release()
 
     def release(self) -> None:
-        """Give back all that the graphics side holds."""
+        """Free all graphics memory."""
         self._context.release()
 
     def draw(
-        self, moment: Moment, views: Sequence[View], *, depth: bool = False, labels: bool = False
-    ) -> list[Picture]:
-        """What each view sees of that moment, in the order of the views."""
-        with self._context:  # current in this thread only while it draws: the next call may come from another
-            return self._drawn(moment, views, depth=depth, labels=labels)
+        self, state: RenderState, views: Sequence[View], *, depth: bool = False, labels: bool = False
+    ) -> list[RenderedImage]:
+        """One image of that state for each view, in the order of the views."""
+        with self._context:  # current only while it draws: the next call may come from another thread
+            return self._drawn(state, views, depth=depth, labels=labels)
 
-    def _drawn(self, moment: Moment, views: Sequence[View], *, depth: bool, labels: bool) -> list[Picture]:
+    def _drawn(self, state: RenderState, views: Sequence[View], *, depth: bool, labels: bool) -> list[RenderedImage]:
         self._context.front_face = "ccw"
-        self._stage.set(moment, views)
-        self._frame.write(self._stage.frame.tobytes())
+        self._draw_list.set(state, views)
+        self._frame.write(self._draw_list.frame.tobytes())
         self._frame.bind_to_uniform_block(0)
-        self._sight.bind_to_uniform_block(1)
+        self._camera.bind_to_uniform_block(1)
         self._shadows.still.use(STILL)
         self._shadows.caster.use(CASTER)
         self._shadows.beam.use(BEAM)
-        self._context.front_face = "cw"  # rows from top to bottom mirror what is drawn
+        self._context.front_face = "cw"  # the first row is at the top, which mirrors the triangles
         targets = [self._target(i, view) for i, view in enumerate(views)]
         for target, view in zip(targets, views, strict=True):
             target.begin()
-            self._draw_colors(view, moment.is_day)
+            self._draw_colors(view, state.is_day)
         for target in targets:
             target.finish()
-        pictures = [Picture(target.read()) for target in targets]
+        images = [RenderedImage(target.read()) for target in targets]
         if depth or labels:
             exact = [self._draw_exact(view) for view in views]
-            pictures = [
-                replace(picture, depth=far if depth else None, labels=marks if labels else None)
-                for picture, (far, marks) in zip(pictures, exact, strict=True)
+            images = [
+                replace(image, depth=far if depth else None, labels=marks if labels else None)
+                for image, (far, marks) in zip(images, exact, strict=True)
             ]
-        return pictures
+        return images
 
     # -- a view -----------------------------------------------------------------------------------------------------
 
-    def _target(self, number: int, view: View) -> Target:
+    def _target(self, number: int, view: View) -> RenderTarget:
         key = number, view.intrinsics.width, view.intrinsics.height
         if key not in self._targets:
-            self._targets[key] = Target(self._context, *key[1:], self.quality.antialiasing)
+            self._targets[key] = RenderTarget(self._context, *key[1:], self.quality.antialiasing)
         return self._targets[key]
 
     def _draw_colors(self, view: View, is_day: bool) -> None:
         clip = self._look(view)
-        used: tuple[Variant, str, Lit] | None = None
+        used: tuple[ShaderVariant, str, Illumination] | None = None
         for model, piece, bones, glow, lit in self._in_order(clip):
             first, count, kind, textures = piece
             counts = len(lit.casters), len(lit.beams), len(lit.lamps)
-            variant = Variant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
+            variant = ShaderVariant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
             program = self._program(variant)
             if (variant, textures, lit) != used:
                 used = variant, textures, lit
@@ -177,7 +178,7 @@ class Renderer:
         """Depths [m] and labels, shape (height, width) each."""
         key = view.intrinsics.width, view.intrinsics.height
         if key not in self._exact_targets:
-            self._exact_targets[key] = ExactTarget(self._context, *key)
+            self._exact_targets[key] = DepthLabelTarget(self._context, *key)
         target = self._exact_targets[key]
         target.begin()
         for model, piece, bones, _, _ in self._seen(self._look(view)):
@@ -187,33 +188,36 @@ class Renderer:
             model.draw(program, *piece[:2])
         depth, labels = target.read()
         near, far = view.near, view.far
-        # the inverse of the third row of `clip_from_optical`
+        # inverse of the third row of `clip_from_optical`
         metres = far * near / (far - depth.astype(np.float64) * (far - near))
         return np.where(depth < 1.0, metres, np.inf).astype(np.float32), labels
 
     def _look(self, view: View) -> Floats:
-        """Clip space from the map frame for that view, now set."""
+        """Clip space from map axes for that view; also writes it to the uniform block."""
         clip = clip_from_optical(view) @ np.linalg.inv(rigid(view.position, view.orientation))
-        self._sight.write(columns(clip) + np.array([*view.position, 1.0], np.float32).tobytes())
+        self._camera.write(columns(clip) + np.array([*view.position, 1.0], np.float32).tobytes())
         return clip
 
-    def _in_order(self, clip: Floats) -> list[Seen]:
-        """What is in sight, something with a texture first: llvmpipe waits for all drawn before its first texture."""
+    def _in_order(self, clip: Floats) -> list[DrawCall]:
+        """Visible meshes, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
         seen = list(self._seen(clip))
         textured = next((i for i, (_, piece, *_) in enumerate(seen) if piece[3]), 0)
         return [*seen[textured : textured + 1], *seen[:textured], *seen[textured + 1 :]]
 
-    def _seen(self, clip: Floats) -> Iterator[Seen]:
-        """What is in sight, near things first: they hide what need not be shaded then."""
+    def _seen(self, clip: Floats) -> Iterator[DrawCall]:
+        """Visible meshes: first those that move, which are near, then the static ones, the ground last."""
         planes = np.stack(
             [clip[3] + clip[0], clip[3] - clip[0], clip[3] + clip[1], clip[3] - clip[1], clip[3] + clip[2]]
         )
         planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
-        stage = self._stage
-        if stage.posed:
-            centers, radii = np.array([p.center for p in stage.posed]), np.array([p.radius for p in stage.posed])
+        draw_list = self._draw_list
+        if draw_list.posed:
+            centers, radii = (
+                np.array([p.center for p in draw_list.posed]),
+                np.array([p.radius for p in draw_list.posed]),
+            )
             for i in np.nonzero(_visible(planes, centers, radii))[0].tolist():
-                posed = stage.posed[i]
+                posed = draw_list.posed[i]
                 for r in posed.model.geometry.ranges:
                     yield (
                         posed.model,
@@ -227,11 +231,11 @@ class Renderer:
         yield from self._runs([i for i in in_sight if ranges[i].kind != "flat"])
         yield from self._runs([i for i in in_sight if ranges[i].kind == "flat"])
 
-    def _runs(self, numbers: list[int]) -> Iterator[Seen]:
-        """Ranges of the static model; those that follow each other and look alike as one."""
-        ranges, lit = self._static.geometry.ranges, self._stage.static_lit
+    def _runs(self, numbers: list[int]) -> Iterator[DrawCall]:
+        """Ranges of the static mesh; consecutive ones that look alike are merged."""
+        ranges, lit = self._static.geometry.ranges, self._draw_list.static_lit
         first = count = 0
-        last: tuple[Kind, str, Lit] | None = None
+        last: tuple[Kind, str, Illumination] | None = None
         for i in numbers:
             r = ranges[i]
             alike = r.kind, r.textures, lit[i]
@@ -246,7 +250,7 @@ class Renderer:
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
-    def _program(self, variant: Variant) -> moderngl.Program:
+    def _program(self, variant: ShaderVariant) -> moderngl.Program:
         if variant not in self._programs:
             is_quick = self.quality.detail == "reduced"
             flags = {
@@ -276,11 +280,11 @@ class Renderer:
 
     def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
         joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
-        # smoothing reads how bright a pixel is from its alpha
+        # FXAA reads the brightness of a pixel from its alpha
         luma = "dot(c, vec3(0.299, 0.587, 0.114))" if self.quality.antialiasing == "fxaa" else "1.0"
         definitions["ALPHA(c)"] = luma
         program = self._context.program(source(vertex, **joints, **definitions), source(fragment, **definitions))
-        for name, binding in (("Frame", 0), ("Sight", 1)):
+        for name, binding in (("Frame", 0), ("Camera", 1)):
             block = program.get(name, None)
             if isinstance(block, moderngl.UniformBlock):
                 block.binding = binding
@@ -288,7 +292,7 @@ class Renderer:
 
 
 def clip_from_optical(view: View) -> Floats:
-    """Clip space from the optical frame (x right, y down, z forward), the picture's first row at the bottom of it."""
+    """Clip space from the optical frame (x right, y down, z forward); the first row of the image is at its bottom."""
     k, near, far = view.intrinsics, view.near, view.far
     return np.array(
         [
@@ -301,5 +305,5 @@ def clip_from_optical(view: View) -> Floats:
 
 
 def _visible(planes: Floats, centers: Floats, radii: Floats) -> np.ndarray:
-    """Whether each sphere reaches into the space within all planes, shape (n,)."""
+    """Whether each sphere intersects the space inside all planes, shape (n,)."""
     return np.all(centers @ planes[:, :3].T + planes[:, 3] > -radii[:, None], axis=1)

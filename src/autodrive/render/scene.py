@@ -1,4 +1,4 @@
-"""What there is to draw, once: assets, how their bones move, and their triangles as flat arrays."""
+"""The scene to render: assets, their skeletons, and their triangles as flat arrays."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from autodrive.actuators.lights import LAMPS, LightsSpec
-from autodrive.render.asset import Asset, Detail, Joint, Node, Surface
-from autodrive.state import Floats
+from autodrive.arrays import Floats
+from autodrive.assets.asset import Asset, AssetNode, Detail, MeshSurface, NodeJoint
+from autodrive.protocol.messages import WHEEL_NAMES
 from autodrive.transforms import Quaternion, Vector, rotation_from_quaternion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 VERTEX = np.dtype(
     [
@@ -27,14 +26,14 @@ VERTEX = np.dtype(
         ("emission", np.float32, 3),
         ("uv", np.float32, 2),
         ("finish", np.float32, 4),  # roughness, metallic, texture layer, label
-        ("rig", np.float32, 2),  # bone, lamp
+        ("bone_lamp", np.float32, 2),  # bone, lamp
     ]
 )
 
 
 @dataclass(frozen=True)
-class Scene:
-    """Vehicles and objects stand in the order of a Moment's rows; equal ones may be the same Asset."""
+class RenderScene:
+    """Vehicles and objects are in the order of the rows of a `RenderState`; equal ones may be the same Asset."""
 
     static: Asset
     vehicles: Sequence[Asset]
@@ -46,16 +45,16 @@ class Scene:
 # -- bones ------------------------------------------------------------------------------------------------------
 
 
-class Rig:
-    """The bones of an asset: the nodes that move, each against the one above it. Bone 0 is the asset itself."""
+class Skeleton:
+    """The bones of an asset: the nodes with a joint, each relative to its parent bone. Bone 0 is the asset itself."""
 
     def __init__(self, asset: Asset) -> None:
         self.bone_of: dict[str, int] = {"": 0}
-        """Node -> the bone that carries it."""
+        """Node -> its bone."""
         self.place_of: dict[str, Floats] = {"": np.eye(4)}
         """Node -> its pose in the axes of that bone at rest, shape (4, 4)."""
         self._parents: list[int] = []
-        self._joints: list[Joint] = []
+        self._joints: list[NodeJoint] = []
         places: list[Floats] = []
         for node in asset.nodes:
             place = self.place_of[node.parent] @ rigid(node.position, node.orientation)
@@ -82,7 +81,7 @@ class Rig:
         return 1 + len(self._joints)
 
     def pose(self, root: Floats, signals: dict[str, float]) -> Floats:
-        """Map from each bone, shape (size, 4, 4), for the asset at `root` and the signals that its joints name."""
+        """Map from each bone, shape (size, 4, 4), for the asset at `root` with these joint signals."""
         poses = np.empty((self.size, 4, 4))
         poses[0] = root
         if not self._joints:
@@ -103,19 +102,19 @@ class Rig:
 
 
 def _cross(axis: Vector) -> Floats:
-    """The matrix of the vector product with that axis, shape (3, 3)."""
+    """Cross-product matrix of that axis, shape (3, 3)."""
     x, y, z = axis
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def signals_of(row: np.void) -> dict[str, float]:
-    """Every signal that a vehicle's joints may follow, of a row of `moment.VEHICLE`."""
+    """Every joint signal of a vehicle, from a row of dtype `render_state.VEHICLE`."""
     steering = row["steering"].tolist()
     return {
         "steering": 0.5 * (steering[0] + steering[1]),
-        **{f"steering_{wheel}": angle for wheel, angle in zip(WHEELS, steering, strict=True)},
-        **{f"spin_{wheel}": angle for wheel, angle in zip(WHEELS, row["spin"].tolist(), strict=True)},
-        **{f"compression_{wheel}": way for wheel, way in zip(WHEELS, row["compression"].tolist(), strict=True)},
+        **{f"steering_{wheel}": angle for wheel, angle in zip(WHEEL_NAMES, steering, strict=True)},
+        **{f"spin_{wheel}": angle for wheel, angle in zip(WHEEL_NAMES, row["spin"].tolist(), strict=True)},
+        **{f"compression_{wheel}": way for wheel, way in zip(WHEEL_NAMES, row["compression"].tolist(), strict=True)},
     }
 
 
@@ -131,27 +130,25 @@ def rigid(position: Vector | Floats, orientation: Quaternion | Floats) -> Floats
 
 
 Kind: TypeAlias = Literal["flat", "matt", "shiny"]
-"""Level ground, all of whose normals are up; other things without gloss; all else. The first two are quick to draw."""
+"""Level ground, whose normals all point up; other surfaces without gloss; the rest. The first two draw fastest."""
 
 
 class Range(NamedTuple):
-    """Triangles that are drawn together."""
+    """Triangles that are drawn together: `length` indices from `first`."""
 
     first: int
-    """Index."""
     length: int
-    """Indices."""
     kind: Kind
     textures: str
-    """Which array of textures; none if empty."""
+    """Name of the texture array; none if empty."""
     center: Floats
     radius: float
-    """Of a sphere around all of it [m]."""
+    """Of a bounding sphere [m]."""
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """All triangles of an asset in one detail."""
+    """All triangles of an asset at one level of detail."""
 
     vertices: NDArray[np.void]
     """dtype `VERTEX`."""
@@ -165,35 +162,35 @@ class Geometry:
 
     @cached_property
     def boxes(self) -> Floats:
-        """Least and greatest coordinates of each range, shape (n, 2, 3)."""
+        """Lowest and highest coordinates of each range, shape (n, 2, 3)."""
         points = self.vertices["position"].astype(np.float64)
         own = [points[self.indices[r.first : r.first + r.length]] for r in self.ranges]
         return np.array([(p.min(0), p.max(0)) for p in own]).reshape(-1, 2, 3)
 
 
 def geometry(
-    asset: Asset, rig: Rig, detail: Detail, layers: dict[str, tuple[str, int]], *, is_whole: bool = False
+    asset: Asset, skeleton: Skeleton, detail: Detail, layers: dict[str, tuple[str, int]], *, is_whole: bool = False
 ) -> Geometry:
-    """Flat arrays of the asset; `layers` says in which array, and where in it, each texture is.
+    """Flat arrays of the asset. `layers`: texture array and layer of each texture.
 
-    Surfaces that can be drawn together are: of each node, so that what is out of sight can be left out, or, with
-    `is_whole`, of the asset.
+    Surfaces that look alike are merged within each node, so that invisible nodes can be skipped, or with `is_whole`
+    within the asset.
     """
     vertices: list[NDArray[np.void]] = []
     indices: list[NDArray[np.uint32]] = []
     ranges: list[Range] = []
     n_vertex = n_index = 0
     for nodes in [asset.nodes] if is_whole else [[node] for node in asset.nodes]:
-        groups: dict[tuple[Kind, str], list[tuple[Surface, Node]]] = {}
+        groups: dict[tuple[Kind, str], list[tuple[MeshSurface, AssetNode]]] = {}
         pairs = [(surface, node) for node in nodes for surface in node.surfaces.get(detail, ())]
         textured = next((layers[s.material.texture][0] for s, _ in pairs if s.material.texture), "")
         for surface, node in pairs:
             own = layers[surface.material.texture][0] if surface.material.texture else textured
             kind = _kind(surface)
-            kind = "matt" if kind == "flat" and is_whole else kind  # what moves is no level ground
+            kind = "matt" if kind == "flat" and is_whole else kind  # what moves is not level ground
             groups.setdefault((kind, own), []).append((surface, node))
         for (kind, array), members in groups.items():
-            parts = [_vertices(surface, node, rig, layers) for surface, node in members]
+            parts = [_vertices(surface, node, skeleton, layers) for surface, node in members]
             starts = n_vertex + np.cumsum([0, *(len(part) for part in parts[:-1])])
             own_indices = np.concatenate(
                 [s.triangles.ravel() + start for (s, _), start in zip(members, starts, strict=True)]
@@ -212,14 +209,16 @@ def geometry(
     )
 
 
-def _kind(surface: Surface) -> Kind:
+def _kind(surface: MeshSurface) -> Kind:
     if np.all(surface.normals[:, 2] > 0.999):
         return "flat"
     return "matt" if surface.material.roughness >= 0.6 and surface.material.metallic == 0.0 else "shiny"
 
 
-def _vertices(surface: Surface, node: Node, rig: Rig, layers: dict[str, tuple[str, int]]) -> NDArray[np.void]:
-    place, material = rig.place_of[node.name], surface.material
+def _vertices(
+    surface: MeshSurface, node: AssetNode, skeleton: Skeleton, layers: dict[str, tuple[str, int]]
+) -> NDArray[np.void]:
+    place, material = skeleton.place_of[node.name], surface.material
     part = np.zeros(len(surface.positions), VERTEX)
     part["position"] = surface.positions @ place[:3, :3].T + place[:3, 3]
     part["normal"] = surface.normals @ place[:3, :3].T
@@ -228,5 +227,5 @@ def _vertices(surface: Surface, node: Node, rig: Rig, layers: dict[str, tuple[st
         part["uv"] = surface.uvs
     layer = layers[material.texture][1] if material.texture else 0
     part["finish"] = material.roughness, material.metallic, layer, surface.label
-    part["rig"] = rig.bone_of[node.name], 1 + LAMPS.index(node.lamp) if node.lamp else 0
+    part["bone_lamp"] = skeleton.bone_of[node.name], 1 + LAMPS.index(node.lamp) if node.lamp else 0
     return part

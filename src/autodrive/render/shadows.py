@@ -1,4 +1,4 @@
-"""Shadow maps: of all that stands still, of each vehicle, and of what stands in the beam of a headlight."""
+"""Shadow maps: of static meshes and objects, of each vehicle, and of each headlight."""
 
 from __future__ import annotations
 
@@ -6,49 +6,49 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from autodrive.render.gl import source, write
+from autodrive.render.gl import moderngl, source, write
 from autodrive.render.lighting import beam_matrix, sun_axes
 from autodrive.render.look import DAY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from autodrive.render.model import Model
+    from autodrive.arrays import Floats
+    from autodrive.render.gpu_mesh import GpuMesh
     from autodrive.render.quality import Quality
-    from autodrive.state import Floats
+    from autodrive.transforms import Vector
 
 TILES = 4
-"""The vehicles' map has as many by as many tiles."""
+"""The shadow map of the vehicles has `TILES` x `TILES` tiles."""
 CASTERS = TILES * TILES
 BEAMS = 8
 """Slots for headlights that cast shadows."""
 BONES = 24
-"""A vehicle has no more."""
+"""Maximum number of bones of a vehicle."""
 
 CLIP_TO_MAP = np.array([[0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5], [0.0, 0.0, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]])
 """From [-1, 1] to [0, 1]."""
 
 
 def columns(matrix: Floats) -> bytes:
-    """A matrix, or several, as OpenGL wants them: column by column."""
+    """One matrix or several in column-major order, as OpenGL reads them."""
     return np.ascontiguousarray(np.swapaxes(matrix, -1, -2), np.float32).tobytes()
 
 
 class Shadows:
-    """Draws and keeps the maps; models are those of the detail 'shadow'."""
+    """Draws and stores the shadow maps, from meshes of the detail 'shadow'."""
 
     def __init__(
         self,
         context: moderngl.Context,
         quality: Quality,
-        static: Model,
-        vehicles: Sequence[Model],
-        objects: Sequence[Model],
+        static: GpuMesh,
+        vehicles: Sequence[GpuMesh],
+        objects: Sequence[GpuMesh],
     ) -> None:
         self._context = context
         self._static, self._vehicles, self._objects = static, vehicles, objects
@@ -59,19 +59,28 @@ class Shadows:
         self.still, self._still_frame = self._map(self.still_size, self.still_size)
         self.caster, self._caster_frame = self._map(self.caster_size, self.caster_size)
         self.beams = min(4 * quality.beam_vehicles, BEAMS - 2)
-        """How many headlights can cast shadows: low and high beam on both sides; even, and two slots stay empty."""
+        """Number of headlights that can cast shadows: low and high beams of both sides; two slots stay empty."""
         self.beam, self._beam_frame = self._map(self.beam_size * self.beams, self.beam_size)
         self._rest = context.framebuffer([context.renderbuffer((1, 1), 4)])
         self._drawn_objects: bytes | None = None
+        self.sun_direction: Vector = DAY.sun_direction
+        """Unit vector towards the sun."""
+        self.sun = sun_axes(self.sun_direction)
+        """Sun axes from map axes, shape (3, 3)."""
         self._shades: list[BaseGeometry] = []
-        """Where, on level ground, the shadow of each thing in the map of what stands still falls."""
-        self.sun = sun_axes(DAY.sun_direction)
-        """Rows: sun axes from map axes, shape (3, 3)."""
+        """Shadow on level ground of each mesh in the static shadow map."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
-        """sun axes * scale + offset lies in the map of what stands still, where within [0, 1]."""
+        """Coordinates in the static shadow map, from 0 to 1: sun axes * scale + offset."""
         extent = max([0.05, *(1.05 * model.radius for model in vehicles)])
         self.caster_scale = np.array([0.5 / extent, 0.5 / extent, 1.0 / (2.0 * extent + 0.6)])
         self._extent = extent
+
+    def set_sun(self, direction: Vector) -> None:
+        """Set the direction towards the sun; the static shadow map is redrawn if it has changed."""
+        if self.sun_direction != direction:
+            self.sun_direction = direction
+            self.sun = sun_axes(direction)
+            self._drawn_objects = None
 
     def _map(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         texture = self._context.depth_texture((width, height))
@@ -81,24 +90,25 @@ class Shadows:
         return texture, self._context.framebuffer(depth_attachment=texture)
 
     def draw_still(self, objects: Floats) -> bool:
-        """What the sun sees of all that stands still; whether anything had moved. `objects`: poses, shape (n, 4, 4)."""
+        """Redraw the static shadow map if an object has moved; whether it did. `objects`: poses, shape (n, 4, 4)."""
         key = objects.tobytes()
         if key == self._drawn_objects:
             return False
         self._drawn_objects = key
         static = self._static.geometry
         points = [static.vertices["position"].astype(np.float64)]
-        self._shades = [_shade(points[0][static.indices[r.first : r.first + r.length]]) for r in static.ranges]
+        meshes = [points[0][static.indices[r.first : r.first + r.length]] for r in static.ranges]
+        self._shades = [_shade(mesh, self.sun_direction) for mesh in meshes]
         for model, pose in zip(self._objects, objects, strict=True):
             points.append(model.geometry.vertices["position"] @ pose[:3, :3].T + pose[:3, 3])
-            self._shades.append(_shade(points[-1]))
+            self._shades.append(_shade(points[-1], self.sun_direction))
         all_points = np.concatenate(points)
         if len(all_points) == 0:
             self._still_frame.clear()
             return True
         in_sun = all_points @ self.sun.T
         low, high = in_sun.min(0) - 0.02, in_sun.max(0) + 0.02
-        high[2] += all_points[:, 2].max() / DAY.sun_direction[2] + 0.2  # as far as shadows fall
+        high[2] += all_points[:, 2].max() / self.sun_direction[2] + 0.2  # as far as shadows reach
         self.still_scale = 1.0 / (high - low)
         self.still_offset = -low * self.still_scale
         with self._drawing(self._still_frame):
@@ -110,15 +120,15 @@ class Shadows:
         return True
 
     def falls_on(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
-        """Whether a shadow of what stands still falls on level ground in each of those rectangles, shape (n, 2)."""
+        """Whether a static shadow falls on each rectangle of level ground. `low`, `high`: corners, shape (n, 2)."""
         grounds = shapely.box(*(low - 0.02).T, *(high + 0.02).T)
         return shapely.intersects(grounds, shapely.union_all(self._shades))
 
     def draw_casters(self, vehicles: Sequence[int], roots: Floats, bones: Sequence[bytes]) -> tuple[Floats, Floats]:
-        """A tile for each of those vehicles: what sun axes * caster_scale need to be in it, and the tile's place.
+        """Draw a tile for each of these vehicles; offsets from sun axes * caster_scale to the tile, and its place.
 
-        `roots`: of all vehicles, shape (n, 4, 4); `bones`: columns. Both results have shape (n_tile, 3): offset, and
-        corner and edge of the tile.
+        `roots`: of all vehicles, shape (n, 4, 4); `bones`: columns. Both results have shape (n_tile, 3): the offset,
+        and corner and width of the tile.
         """
         offsets, tiles = np.zeros((len(vehicles), 3)), np.zeros((len(vehicles), 3))
         edge = self.caster_size // TILES
@@ -139,9 +149,9 @@ class Shadows:
     def draw_beams(
         self, lamps: np.ndarray, owners: Sequence[int], objects: Floats, roots: Floats, bones: Sequence[bytes]
     ) -> Floats:
-        """A tile for each of those headlights (dtype `lighting.LAMP`, `owners` are their vehicles); map from map axes.
+        """Draw a tile for each of these headlights (dtype `lighting.LAMP`); shadow map from map axes, shape (n, 4, 4).
 
-        A vehicle does not stand in its own light. The results, shape (n, 4, 4), lead to [0, 1] of the whole map.
+        `owners`: their vehicles, which cast no shadow in their own light. Shadow map coordinates are from 0 to 1.
         """
         matrices = np.zeros((len(lamps), 4, 4))
         with self._drawing(self._beam_frame):
@@ -166,13 +176,13 @@ class Shadows:
 
     @contextmanager
     def _drawing(self, frame: moderngl.Framebuffer) -> Iterator[None]:
-        """Depths a little farther than they are, against speckles; both sides, as thin things cast shadows too."""
+        """Offsets depths against shadow acne and draws both sides of triangles: thin parts cast shadows too."""
         frame.viewport = (0, 0, *frame.size)
         frame.use()
         self._context.polygon_offset = 1.5, 2.0
         self._context.disable(moderngl.CULL_FACE)
         yield
-        self._rest.clear()  # by turning to something else llvmpipe begins to draw this, while we go on
+        self._rest.clear()  # a change of the framebuffer makes llvmpipe start drawing, in parallel with this thread
         self._context.enable(moderngl.CULL_FACE)
         self._context.polygon_offset = 0.0, 0.0
 
@@ -193,8 +203,8 @@ class Shadows:
         self._vehicles[vehicle].draw(self._jointed)
 
 
-def _shade(points: Floats) -> BaseGeometry:
-    """The shadow of a thing on the plane z = 0, with the place that it stands on."""
-    x, y, z = DAY.sun_direction
+def _shade(points: Floats, sun: Vector) -> BaseGeometry:
+    """Shadow of a mesh on the plane z = 0, joined with its footprint; `sun`: unit vector towards it."""
+    x, y, z = sun
     fallen = points[:, :2] - np.maximum(points[:, 2:], 0.0) * np.array([[x / z, y / z]])
     return shapely.MultiPoint(np.concatenate([fallen, points[:, :2]])).convex_hull

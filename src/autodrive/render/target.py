@@ -1,13 +1,12 @@
-"""Where a picture is drawn, smoothed and read back."""
+"""Render targets: where an image is drawn, antialiased and read back."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
-from autodrive.render.gl import source
+from autodrive.render.gl import moderngl, source
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,10 +16,10 @@ if TYPE_CHECKING:
 SAMPLES = 4
 
 
-class Target:
-    """A picture, drawn between `begin` and `finish`, then to be read.
+class RenderTarget:
+    """An image: draw between `begin` and `finish`, then `read`.
 
-    Each picture of a moment has its own: llvmpipe works on one while the next is prepared.
+    Each view has its own target: llvmpipe draws one while the next is prepared.
     """
 
     def __init__(self, context: moderngl.Context, width: int, height: int, antialiasing: Antialiasing) -> None:
@@ -40,12 +39,12 @@ class Target:
             self._last = context.framebuffer([context.renderbuffer(size, 4)])
 
     def begin(self) -> None:
-        """Draw here from now on."""
+        """Clear this target and draw to it from now on."""
         self._frame.use()
         self._frame.clear(depth=1.0)
 
     def finish(self) -> None:
-        """Smooth what was drawn."""
+        """Apply antialiasing."""
         if self._antialiasing == "msaa":
             self._context.copy_framebuffer(self._plain, self._frame)
         if self._antialiasing == "fxaa":
@@ -56,15 +55,15 @@ class Target:
             self._context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
 
     def read(self) -> NDArray[np.uint8]:
-        """The finished picture, shape (height, width, 4)."""
+        """The finished image, shape (height, width, 4)."""
         width, height = self._size
         pixels = np.empty((height, width, 4), np.uint8)
         self._last.read_into(pixels, components=4)
         return pixels
 
 
-class ExactTarget:
-    """Likewise for depths and labels, which are of the middle of each pixel and never smoothed."""
+class DepthLabelTarget:
+    """Depth and label at the centre of each pixel, without antialiasing."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
         self._size = width, height
@@ -72,12 +71,12 @@ class ExactTarget:
         self._frame = context.framebuffer([context.texture(self._size, 1)], self._depth)
 
     def begin(self) -> None:
-        """Draw here from now on."""
+        """Clear this target and draw to it from now on."""
         self._frame.use()
         self._frame.clear(depth=1.0)
 
     def read(self) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Depths in [0, 1] of clip space and labels, shape (height, width) each."""
+        """Depths in [0, 1] of clip space, and labels; shape (height, width) each."""
         width, height = self._size
         depth, labels = np.empty((height, width), np.float32), np.empty((height, width), np.uint8)
         self._depth.read_into(depth)

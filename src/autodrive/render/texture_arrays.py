@@ -1,24 +1,25 @@
-"""Pictures of a scene on the graphics side: those of one size in one array of layers."""
+"""Textures of a scene in graphics memory: one array for each image size."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
+
+from autodrive.render.gl import moderngl
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from autodrive.render.asset import Asset
+    from autodrive.assets.asset import Asset
     from autodrive.render.quality import Quality
 
 
 def load(
     context: moderngl.Context, assets: Iterable[Asset], quality: Quality
 ) -> tuple[dict[str, moderngl.TextureArray], dict[str, tuple[str, int]]]:
-    """Arrays by name, and for each texture its array and layer. Layer 0 of each array is white."""
+    """Texture arrays by name, and array and layer of each texture. Layer 0 of each array is white."""
     sizes: dict[str, list[tuple[str, NDArray[np.uint8]]]] = {}
     layers: dict[str, tuple[str, int]] = {}
     for asset in assets:
@@ -31,11 +32,11 @@ def load(
     return {key: _array(context, [p for _, p in members], quality) for key, members in sizes.items()}, layers
 
 
-def _array(context: moderngl.Context, pictures: list[NDArray[np.uint8]], quality: Quality) -> moderngl.TextureArray:
-    height, width = pictures[0].shape[:2]
-    pixels = np.full((1 + len(pictures), height, width, 4), 255, np.uint8)
-    for layer, picture in enumerate(pictures, 1):
-        pixels[layer, ..., :3] = _ROOT[picture]
+def _array(context: moderngl.Context, images: list[NDArray[np.uint8]], quality: Quality) -> moderngl.TextureArray:
+    height, width = images[0].shape[:2]
+    pixels = np.full((1 + len(images), height, width, 4), 255, np.uint8)
+    for layer, image in enumerate(images, 1):
+        pixels[layer, ..., :3] = _ROOT[image]
     array = context.texture_array((width, height, len(pixels)), 4, pixels.tobytes())
     array.build_mipmaps()
     mipmap = moderngl.LINEAR_MIPMAP_LINEAR if quality.detail == "full" else moderngl.LINEAR_MIPMAP_NEAREST
@@ -45,7 +46,7 @@ def _array(context: moderngl.Context, pictures: list[NDArray[np.uint8]], quality
 
 
 def _square_roots() -> NDArray[np.uint8]:
-    """Of sRGB values, the square roots of the linear ones, which a shader gets back by a multiplication."""
+    """Square roots of the linear values of all sRGB values; the shader squares them."""
     s = np.arange(256) / 255.0
     linear = np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
     return np.round(255.0 * np.sqrt(linear)).astype(np.uint8)

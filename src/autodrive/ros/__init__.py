@@ -1,4 +1,4 @@
-"""The bridge between a simulator and ROS without ROS: readings as messages, messages as Commands. See `Bridge`."""
+"""The ROS bridge without ROS: sensor readings as ROS messages, ROS messages as Commands. See `Bridge`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be chosen of the bridge between a simulator and ROS, and how the vehicles of an era are named."""
+"""Configuration of the ROS bridge, and the names of vehicles in each devkit profile."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from autodrive.errors import AutodriveError
-from autodrive.protocol.devkit import PROFILES, Profile
+from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, Side
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 Mode = Literal["direct", "devkit"]
@@ -15,46 +15,52 @@ Mode = Literal["direct", "devkit"]
 
 @dataclass(frozen=True)
 class Config:
-    """Raises AutodriveError if something does not fit."""
+    """Raises AutodriveError if a value is invalid."""
 
     mode: Mode = "direct"
-    """'direct': a client of our simulator's own protocol. 'devkit': the server of the devkits' protocol, to which any
-    AutoDRIVE simulator connects, also the original one."""
+    """'direct': a client of this simulator's native protocol. 'devkit': a server of the devkit protocol; any AutoDRIVE
+    simulator connects to it, also the original one."""
     host: str = "127.0.0.1"
-    """Direct: the simulator's. Devkit: the address to listen at; '' listens to other machines too."""
+    """Direct: address of the simulator. Devkit: address to listen at; '' accepts other machines too."""
     port: int = 0
-    """0: the usual one, 8730 (direct) or 4567 (devkit)."""
+    """0: the default port, 8730 (direct) or 4567 (devkit)."""
     token: str = ""
-    """Direct: what the simulator prints in its link, where it needs one."""
+    """Access token that the simulator prints in its link, if it needs one; direct mode."""
     profile: str = "2025"
-    """The devkit whose names and signs are used: '2020', '2022', '2023', '2025'."""
+    """Devkit profile, which sets names and signs: '2020', '2022', '2023', '2025'."""
+    steering: Side | Literal[""] = ""
+    """Direction of a positive steering command, 'left' or 'right'; '': that of the profile."""
+    feedback: Side | Literal[""] = ""
+    """Direction of a positive steering feedback, 'left' or 'right'; '': that of the profile."""
     vehicle_type: str = "nigel"
-    """First part of the names of vehicles since 2023, until a simulator has told it."""
+    """First part of the vehicle names since 2023, until a simulator is connected."""
     rate: float = 30.0
-    """States published in a second of wall time at most [Hz]. Scans and pictures come when they are new; in devkit mode
-    all comes in messages of this rate, and commands go with their answers."""
+    """Maximum rate of states in wall time [Hz]. Scans and images are published when they are new. In devkit mode, all
+    messages have this rate, and commands are sent with the answers."""
     clock_rate: float = 100.0
-    """Times on /clock in a second of wall time at most [Hz], while somebody reads it; direct mode."""
+    """Maximum rate of /clock in wall time, while it has subscribers [Hz]; direct mode."""
     picture_rate: float = 30.0
-    """Pictures of each camera in a second of wall time at most [Hz]; direct mode, while somebody reads them."""
+    """Maximum rate of images of each camera in wall time, while they have subscribers [Hz]; direct mode."""
     picture_quality: int = 90
-    """Of the JPEG, 1 to 100; direct mode."""
+    """JPEG quality, 1 to 100; direct mode."""
     command_timeout: float = 0.5
-    """A vehicle stops when no command came for so long [s]; 0: never."""
+    """A vehicle stops if no command arrives for this time [s]; 0: never."""
     take_over: bool = True
-    """Whether a command that comes after silence makes its vehicle autonomous, where a person drives; direct mode."""
+    """Whether the first command, also after a timeout, switches its vehicle to autonomous mode; direct mode."""
     publish_tf: bool = True
     """Whether /tf and /tf_static are published."""
     publish_map_to_odom: bool = True
-    """Ground truth as a perfect localisation; off where a localisation of the user's publishes it."""
+    """Whether the transform from map to odom is published, from ground truth. Switch it off if a localisation node
+    publishes it."""
     robot_description: str = ""
-    """URDF of the vehicles: the places of sensors and wheels."""
+    """URDF of the vehicles: poses of sensors and wheels."""
 
     def __post_init__(self) -> None:
         if self.mode not in ("direct", "devkit"):
             raise AutodriveError(f"mode must be 'direct' or 'devkit', not '{self.mode}'")
         if self.profile not in PROFILES:
             raise AutodriveError(f"profile must be one of {', '.join(PROFILES)}, not '{self.profile}'")
+        _ = self.devkit_profile  # checks the signs
         if not 0 <= self.port < 65536:
             raise AutodriveError(f"port must be 0 to 65535, not {self.port}")
         for name, least in (("rate", 1e-3), ("clock_rate", 1e-3), ("picture_rate", 1e-3), ("command_timeout", 0.0)):
@@ -66,21 +72,22 @@ class Config:
 
     @property
     def address(self) -> str:
-        """'host:port' of the simulator (direct) or of our server (devkit)."""
+        """'host:port' of the simulator (direct) or of the devkit server (devkit)."""
         return f"{self.host}:{self.port or (PORT if self.mode == 'direct' else DEVKIT_PORT)}"
 
     @property
-    def era(self) -> Profile:
-        """Signs and the point whose position is told."""
-        return PROFILES[self.profile]
+    def devkit_profile(self) -> Profile:
+        """Signs, keys and reference point of the devkit profile."""
+        settings = DevkitSettings(steering=self.steering or None, feedback=self.feedback or None)
+        return settings.applied_to(PROFILES[self.profile])
 
-    def name(self, number: int, type_: str = "") -> str:
-        """Of a vehicle, in topics and frames, by its number from 1 and its type."""
+    def vehicle_name(self, number: int, type_: str = "") -> str:
+        """Name of a vehicle in topics and frames, from its number (from 1) and type."""
         kind = (type_ or self.vehicle_type).split("_")[0]
         return {"2020": "ego_vehicle" if number == 1 else f"ego_vehicle_{number}", "2022": f"v{number}"}.get(
             self.profile, f"{kind}_{number}"
         )
 
     def light_name(self, number: int) -> str:
-        """Of a traffic light, by its number from 1."""
+        """Name of a traffic light, from its number (from 1)."""
         return {"2023": f"signal_{number}", "2025": f"tl_{number}"}.get(self.profile, f"tl{number}")

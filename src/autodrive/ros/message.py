@@ -1,4 +1,4 @@
-"""What is said to a ROS node and by one: topics, messages as plain fields, and what a subscription does."""
+"""Interface between the bridge and a ROS node: topics, subscriptions, and messages as plain fields."""
 
 from __future__ import annotations
 
@@ -6,29 +6,29 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
-Quality: TypeAlias = Literal["sensor", "state", "latched", "clock", "tf"]
-"""How a topic is carried: 'sensor' and 'clock' may lose messages, 'latched' keeps the last for who comes later."""
+Qos: TypeAlias = Literal["sensor", "state", "latched", "clock", "tf"]
+"""QoS class of a topic: 'sensor' and 'clock' may lose messages, 'latched' keeps the last one for late subscribers."""
 
 Fields: TypeAlias = dict[str, Any]
-"""Field -> number, text, bytes (of uint8[]), numpy array (of float32[], float64[], ...), `Time`, `Fields` of the
-message inside, or a list of texts or of `Message`. Names are those of ROS 2; in ROS 1 CameraInfo has D, K, R, P."""
+"""Field -> number, text, bytes (uint8[]), numpy array (float32[], float64[], ...), `Time`, `Fields` of a nested
+message, or a list of texts or `Message`s. Names are those of ROS 2; in ROS 1, CameraInfo has D, K, R, P."""
 
 
 class Time(NamedTuple):
-    """A stamp."""
+    """A time stamp."""
 
     sec: int
     nanosec: int
 
     @staticmethod
     def of(seconds: float) -> Time:
-        """Of a time [s] at or after 0, to the nanosecond."""
+        """From a time [s], at least 0, rounded to nanoseconds."""
         sec, nanosec = divmod(round(seconds * 1e9), 1_000_000_000)
         return Time(sec, nanosec)
 
 
 class Message(NamedTuple):
-    """A message of that type, for example 'sensor_msgs/LaserScan', whatever the generation of ROS."""
+    """A message; `type` is for example 'sensor_msgs/LaserScan' for both generations of ROS."""
 
     type: str
     fields: Fields
@@ -36,39 +36,39 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic that is published. `name` is relative unless it begins with a slash; `text` says what is in it."""
+    """A published topic. `name` is relative unless it begins with a slash; `text` describes the content."""
 
     name: str
     type: str
     text: str
-    quality: Quality = "state"
+    qos: Qos = "state"
 
 
 @dataclass(frozen=True)
 class Subscription:
-    """A topic that is read: `take` is called with each message, from any thread."""
+    """A subscribed topic: `callback` is called with each message, from any thread."""
 
     name: str
     type: str
     text: str
-    take: Callable[[Any], None]
+    callback: Callable[[Any], None]
 
 
 class Node(Protocol):
-    """What the bridge needs of ROS."""
+    """What the bridge needs from a ROS node."""
 
-    def open(self, topics: list[Topic], subscriptions: list[Subscription]) -> None:
-        """Make the publishers and subscribers; those whose type is not installed are left out."""
+    def add_topics(self, topics: list[Topic], subscriptions: list[Subscription]) -> None:
+        """Create publishers and subscribers; topics whose message type is not installed are left out."""
         ...
 
-    def has_readers(self, topic: Topic) -> bool:
-        """Whether somebody reads that topic: what nobody reads is not made."""
+    def has_subscribers(self, topic: Topic) -> bool:
+        """Whether the topic has subscribers; messages are built only for these topics."""
         ...
 
     def publish(self, message: Message, topic: Topic) -> None:
-        """Send it."""
+        """Publish a message."""
         ...
 
     def now(self) -> float:
-        """The node's wall time [s]: the stamp of what comes without a time."""
+        """Wall time of the node [s]: the stamp of data that has no time of its own."""
         ...

@@ -1,25 +1,33 @@
-"""Readings of a vehicle's sensors as fields of ROS messages (REP 103, 105, 117, 138, 145)."""
+"""Converts sensor readings to ROS messages (REP 103, 105, 117, 138, 145)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from autodrive.protocol.messages import Array, CameraIntrinsics, ImuReading, LidarScan, Lights, WheelsReading
+from autodrive.protocol.messages import (
+    WHEEL_NAMES,
+    Array,
+    CameraIntrinsics,
+    ImuReading,
+    LidarScan,
+    Lights,
+    RangeReading,
+    WheelsReading,
+)
 from autodrive.ros.message import Fields, Message, Time
 from autodrive.ros.robot import Transform, xyz, xyzw
 
-WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-"""In the order of a `WheelsReading`."""
-
 LEAST_VARIANCE = 1e-9
-"""Of what is exact: all zeros would mean that the covariance is not known."""
+"""Variance of exact values: zero would mean that the covariance is unknown."""
 
 DEVKIT_VARIANCE = 0.0025
-"""Of all that the IMU tells, where the simulator does not say how noisy it is: as in the AutoDRIVE ROS packages."""
+"""Variance of all IMU values if the noise is unknown, as in the AutoDRIVE ROS packages."""
 
 
 def header(stamp: Time, frame_id: str) -> Fields:
@@ -28,12 +36,12 @@ def header(stamp: Time, frame_id: str) -> Fields:
 
 
 def number(value: float, type_: str = "std_msgs/Float32") -> Message:
-    """A message of one number."""
+    """A message with one number."""
     return Message(type_, {"data": value})
 
 
 def joint_states(stamp: Time, frame_id: str, angles: dict[str, float], rates: dict[str, float]) -> Message:
-    """Angles [rad] and angular velocities [rad/s], by joint; nan where one is not known, none at all where all are."""
+    """A sensor_msgs/JointState: angles [rad] and rates [rad/s]. Unknown rates are NaN; `rates` may be empty."""
     speeds = [rates.get(name, math.nan) for name in angles] if rates else []
     fields = {
         "header": header(stamp, frame_id),
@@ -45,7 +53,7 @@ def joint_states(stamp: Time, frame_id: str, angles: dict[str, float], rates: di
 
 
 def imu(reading: ImuReading, frame_id: str, noise: dict[str, float] | None, *, is_raw: bool = False) -> Message:
-    """A sensor_msgs/Imu; `is_raw`: without the orientation (REP 145). `noise`: see `VehicleScene.sensor_noise`."""
+    """A sensor_msgs/Imu; `is_raw`: without orientation (REP 145). `noise`: see `VehicleScene.sensor_noise`."""
     fields: Fields = {"header": header(Time.of(reading.time), frame_id)}
     for name, quantity in (
         ("orientation", "imu_orientation"),
@@ -66,16 +74,16 @@ def imu(reading: ImuReading, frame_id: str, noise: dict[str, float] | None, *, i
 def laser_scan(scan: LidarScan, frame_id: str, *, is_turned: bool = False) -> Message:
     """A sensor_msgs/LaserScan, stamped with the time of its first ray.
 
-    A scan all around begins straight ahead, as the devkits' do. `is_turned`: in a frame that looks backwards, as that
-    of the packages of 2020 to 2023, from -pi on.
+    The first ray of a scan of 360 degrees points straight ahead, as in the devkits. `is_turned`: the frame points
+    backwards, as in the packages of 2020 to 2023, so the first angle is -pi.
     """
     ranges, intensities, angle_min = scan.ranges, scan.intensities, scan.angle_min
     count = len(ranges)
-    if goes_around(scan):
+    if is_full_circle(scan):
         ahead = round(-angle_min / scan.angle_increment) % count
         ranges, intensities = np.roll(ranges, -ahead), np.roll(intensities, -ahead)
         angle_min = angle_min + ahead * scan.angle_increment
-        angle_min = (angle_min + math.pi) % (2.0 * math.pi) - math.pi  # a rounding error from 0
+        angle_min = (angle_min + math.pi) % (2.0 * math.pi) - math.pi  # 0 but for rounding
         if is_turned:
             angle_min -= math.pi
     fields = {
@@ -93,15 +101,32 @@ def laser_scan(scan: LidarScan, frame_id: str, *, is_turned: bool = False) -> Me
     return Message("sensor_msgs/LaserScan", fields)
 
 
-def goes_around(scan: LidarScan) -> bool:
-    """Whether its rays look everywhere."""
+def range_message(reading: RangeReading, frame_id: str) -> Message:
+    """A sensor_msgs/Range; its two infinities are those of REP 117."""
+    fields = {
+        "header": header(Time.of(reading.time), frame_id),
+        "radiation_type": {"ultrasound": 0, "infrared": 1}[reading.radiation],
+        "field_of_view": reading.field_of_view,
+        "min_range": reading.range_min,
+        "max_range": reading.range_max,
+        "range": reading.range,
+    }
+    return Message("sensor_msgs/Range", fields)
+
+
+def is_full_circle(scan: LidarScan) -> bool:
+    """Whether the scan covers 360 degrees."""
     return abs(abs(scan.angle_increment) * len(scan.ranges) - 2.0 * math.pi) < 0.5 * abs(scan.angle_increment)
 
 
 def odometry(
-    stamp: Time, pose: Transform, velocity: tuple[float, ...], turn: tuple[float, ...], variances: tuple[float, float]
+    stamp: Time,
+    pose: Transform,
+    velocity: tuple[float, ...],
+    angular: tuple[float, ...],
+    variances: tuple[float, float],
 ) -> Message:
-    """A nav_msgs/Odometry: `pose` in its parent, twist in its child; variances of pose [m^2, rad^2] and twist."""
+    """A nav_msgs/Odometry: pose in its parent frame, twist in its child frame; variances of pose and twist."""
     fields = {
         "header": header(stamp, pose.parent),
         "child_frame_id": pose.child,
@@ -110,7 +135,7 @@ def odometry(
             "covariance": np.diag([max(variances[0], LEAST_VARIANCE)] * 6).ravel(),
         },
         "twist": {
-            "twist": {"linear": xyz(velocity), "angular": xyz(turn)},
+            "twist": {"linear": xyz(velocity), "angular": xyz(angular)},
             "covariance": np.diag([max(variances[1], LEAST_VARIANCE)] * 6).ravel(),
         },
     }
@@ -118,7 +143,7 @@ def odometry(
 
 
 def image(stamp: Time, frame_id: str, rgb: NDArray[np.uint8]) -> Message:
-    """A sensor_msgs/Image of uint8, shape (height, width, 3)."""
+    """A sensor_msgs/Image from RGB pixels, shape (height, width, 3)."""
     height, width, channels = rgb.shape
     fields = {
         "header": header(stamp, frame_id),
@@ -133,7 +158,7 @@ def image(stamp: Time, frame_id: str, rgb: NDArray[np.uint8]) -> Message:
 
 
 def decoded(jpeg: bytes) -> NDArray[np.uint8]:
-    """RGB uint8, shape (height, width, 3)."""
+    """RGB pixels, shape (height, width, 3)."""
     return simplejpeg.decode_jpeg(jpeg, colorspace="RGB")
 
 
@@ -145,7 +170,7 @@ def compressed_image(stamp: Time, frame_id: str, jpeg: bytes) -> Message:
 
 
 def camera_info(stamp: Time, frame_id: str, pinhole: CameraIntrinsics) -> Message:
-    """A sensor_msgs/CameraInfo; there, the centre of the upper left pixel is 0, 0, here it is its corner."""
+    """A sensor_msgs/CameraInfo. In ROS, the centre of the upper left pixel is (0, 0); in `pinhole`, its corner."""
     fx, fy, cx, cy = pinhole.fx, pinhole.fy, pinhole.cx - 0.5, pinhole.cy - 0.5
     fields = {
         "header": header(stamp, frame_id),
@@ -161,18 +186,18 @@ def camera_info(stamp: Time, frame_id: str, pinhole: CameraIntrinsics) -> Messag
 
 
 def joint_angles(wheels: WheelsReading) -> dict[str, float]:
-    """Of the URDF's joints [rad]."""
+    """Angles of the URDF joints [rad]."""
     left, right, *_ = wheels.steering_angle.tolist()
     return {"front_left_steering_joint": left, "front_right_steering_joint": right} | _by_wheel(wheels.rotation_angle)
 
 
 def joint_rates(wheels: WheelsReading) -> dict[str, float]:
-    """Of the URDF's joints that turn [rad/s]; the steering's are not measured."""
+    """Rates of the wheel joints [rad/s]; steering rates are not measured."""
     return _by_wheel(wheels.angular_velocity)
 
 
 def _by_wheel(values: Array) -> dict[str, float]:
-    return {f"{name}_wheel_joint": value for name, value in zip(WHEELS, values.tolist(), strict=True)}
+    return {f"{name}_wheel_joint": value for name, value in zip(WHEEL_NAMES, values.tolist(), strict=True)}
 
 
 def lights(stamp: Time, frame_id: str, lamps: Lights) -> Message:
@@ -187,4 +212,10 @@ def lights(stamp: Time, frame_id: str, lamps: Lights) -> Message:
 def wheel_states(stamp: Time, frame_id: str, wheels: WheelsReading) -> Message:
     """An autodrive_msgs/WheelStates."""
     quantities = {name: getattr(wheels, name) for name in wheels.__struct_fields__}
-    return Message("autodrive_msgs/WheelStates", {"header": header(stamp, frame_id), "name": [*WHEELS], **quantities})
+    return Message(
+        "autodrive_msgs/WheelStates", {"header": header(stamp, frame_id), "name": [*WHEEL_NAMES], **quantities}
+    )
+
+
+CONVERTERS: dict[str, Callable[[Any, str], Message]] = {"sensor_msgs/Range": range_message}
+"""Type of a topic that carries a reading as it is -> function of the reading and its frame_id."""

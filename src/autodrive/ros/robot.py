@@ -1,4 +1,4 @@
-"""The frames of a vehicle as its URDF has them: which stand still in it, and which turn with its wheels."""
+"""Link frames of a vehicle from its URDF: fixed frames, and frames that move with steering and wheels."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Transform(NamedTuple):
     orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
     def message(self, stamp: Time) -> Message:
-        """As geometry_msgs/TransformStamped."""
+        """As a geometry_msgs/TransformStamped."""
         return Message(
             "geometry_msgs/TransformStamped",
             {
@@ -47,21 +47,21 @@ def xyz(vector: Iterable[float]) -> dict[str, float]:
 
 
 def xyzw(orientation: Iterable[float]) -> dict[str, float]:
-    """Fields of a Quaternion, of wxyz."""
+    """Fields of a Quaternion, from wxyz."""
     w, x, y, z = map(float, orientation)
     return {"x": x, "y": y, "z": z, "w": w}
 
 
 def relative(of: Transform, to: Transform) -> tuple[Vector, Quaternion]:
-    """Pose of the child of `of` in the child of `to`, where both have the same parent."""
+    """Pose of the child of `of` in the child of `to`; both have the same parent."""
     back = inverse(to.orientation)
     offset = tuple(a - b for a, b in zip(of.position, to.position, strict=True))
     return rotate(back, offset), compose(back, of.orientation)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
-class Joint:
-    """A joint of the URDF: `frame` is its child's pose at rest; `axis` is a unit vector, None: it does not move."""
+class UrdfJoint:
+    """A joint of the URDF: `frame` is the pose of its child at angle 0; `axis` is a unit vector, None if fixed."""
 
     name: str
     frame: Transform
@@ -69,30 +69,30 @@ class Joint:
 
 
 class Robot:
-    """The joints of a URDF. Raises AutodriveError if it is none."""
+    """The joints of a URDF. Raises AutodriveError if the text is not a URDF."""
 
     def __init__(self, urdf: str) -> None:
         try:
             joints = [_joint(element) for element in ElementTree.fromstring(urdf).iterfind("joint")]
         except (ElementTree.ParseError, AttributeError, KeyError, ValueError) as error:
-            raise AutodriveError(f"the robot_description is no URDF: {error}") from None
+            raise AutodriveError(f"the robot_description is not a valid URDF: {error}") from None
         self.fixed = [joint.frame for joint in joints if joint.axis is None]
-        """Frames that do not move."""
+        """Fixed frames."""
         self.moving = [joint for joint in joints if joint.axis is not None]
 
     def transforms(self, angles: Mapping[str, float]) -> list[Transform]:
-        """The frames that move, at those joint angles [rad]; 0 where there is none."""
+        """Moving frames at these joint angles [rad]; the default angle is 0."""
         return [_turned(joint, angles.get(joint.name, 0.0)) for joint in self.moving]
 
 
-def _turned(joint: Joint, angle: float) -> Transform:
+def _turned(joint: UrdfJoint, angle: float) -> Transform:
     assert joint.axis is not None
     x, y, z = joint.axis
     turn = quaternion_from_rotation_vector((angle * x, angle * y, angle * z))
     return joint.frame._replace(orientation=compose(joint.frame.orientation, turn))
 
 
-def _joint(element: ElementTree.Element) -> Joint:
+def _joint(element: ElementTree.Element) -> UrdfJoint:
     origin, axis = element.find("origin"), element.find("axis")
     place, turn = ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
     frame = Transform(
@@ -102,10 +102,10 @@ def _joint(element: ElementTree.Element) -> Joint:
         quaternion_from_euler(*_three(turn)),
     )
     if element.attrib["type"] == "fixed":
-        return Joint(element.attrib["name"], frame, None)
+        return UrdfJoint(element.attrib["name"], frame, None)
     direction = _three("1 0 0" if axis is None else axis.attrib["xyz"])
     length = math.hypot(*direction)
-    return Joint(element.attrib["name"], frame, tuple(part / length for part in direction))  # type: ignore[arg-type]
+    return UrdfJoint(element.attrib["name"], frame, tuple(part / length for part in direction))  # type: ignore[arg-type]
 
 
 def _three(text: str) -> Vector:

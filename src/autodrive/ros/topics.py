@@ -1,93 +1,102 @@
-"""The topics of a vehicle and of the whole world: those of the AutoDRIVE ROS packages, and what ROS users expect."""
+"""Names, types and QoS of all topics: those of the AutoDRIVE ROS packages, and the names that ROS tools expect."""
 
 from __future__ import annotations
 
 from functools import cached_property
 
+from autodrive.protocol.channels import CHANNELS, ROS_TOPICS, Channel, RosTopic
+from autodrive.ros import nigel
 from autodrive.ros.config import Config
-from autodrive.ros.message import Topic
-
-CAMERAS = ("front", "rear")
-"""Names of the cameras of a simulator that has not told its own."""
+from autodrive.ros.message import Qos, Topic
 
 
 class VehicleTopics:
-    """The names of vehicle `number` (from 1) of that type, and its topics; `root` is before all of them."""
+    """Topics and frame names of vehicle `number` (from 1); `root` is the prefix of all its topics."""
 
     def __init__(
-        self, config: Config, number: int = 1, type_: str = "", cameras: tuple[str, ...] = CAMERAS, *, is_direct: bool
+        self,
+        config: Config,
+        number: int = 1,
+        type_: str = "",
+        cameras: tuple[str, ...] = nigel.CAMERAS,
+        *,
+        is_direct: bool,
     ) -> None:
         self.config = config
-        self.name = config.name(number, type_)
+        self.name = config.vehicle_name(number, type_)
         self.root = f"autodrive/{self.name}"
-        self._prefix = "" if number == 1 else f"{self.name}/"
+        self._frame_prefix = "" if number == 1 else f"{self.name}/"
         has_steering_angle = config.profile == "2020"
-        self.throttle = self._topic("throttle", "std_msgs/Float32", "throttle feedback, -1 to 1")
-        sign = "left" if config.era.feedback_sign > 0 else "right"
-        self.steering = self._topic(
-            "steering_angle" if has_steering_angle else "steering",
-            "std_msgs/Float32",
-            f"steering angle [rad], {sign} turns positive",
-        )
-        self.speed = self._topic("speed", "std_msgs/Float32", "forward speed, without sign [m/s]")
-        self.encoders = tuple(
-            self._topic(f"{side}_encoder", "sensor_msgs/JointState", f"angle of the rear {side} wheel [rad]")
-            for side in ("left", "right")
-        )
-        self.ips = self._topic("ips", "geometry_msgs/Point", "position in map [m]")
-        self.imu = self._topic("imu", "sensor_msgs/Imu", "orientation, angular velocity, acceleration", "sensor")
-        self.imu_data = self._topic("imu/data", "sensor_msgs/Imu", "the same, by its name of REP 145", "sensor")
-        self.imu_raw = self._topic("imu/data_raw", "sensor_msgs/Imu", "without the orientation", "sensor")
-        self.lidar = self._topic("lidar", "sensor_msgs/LaserScan", "scan, straight ahead first", "sensor")
-        self.scan = self._topic("scan", "sensor_msgs/LaserScan", "the same, by its name of REP 138", "sensor")
-        self.odom = self._topic("odom", "nav_msgs/Odometry", "dead reckoning by encoders and IMU, which drifts")
-        self.truth = self._topic("ground_truth/odom", "nav_msgs/Odometry", "true pose in map, and twist")
+        sign = "left" if config.devkit_profile.feedback_sign > 0 else "right"
+        self._others = dict(ROS_TOPICS)
+        self.throttle = self._registered("throttle")
+        self.steering = self._registered("steering", "steering_angle" if has_steering_angle else "steering", sign=sign)
+        self.speed = self._registered("speed")
+        self.encoders = tuple(self._registered(f"{side}_encoder") for side in ("left", "right"))
+        self.ips = self._registered("ips")
+        self.imu = self._registered("imu")
+        self.imu_data = self._registered("imu/data")
+        self.imu_raw = self._registered("imu/data_raw")
+        self.lidar = self._registered("lidar")
+        self.scan = self._registered("scan")
+        self.lights = self._registered("lights")
+        self.wheels = self._registered("wheels")
+        self.readings = [(channel, self._registered(topic.name)) for channel, topic in self._unhandled()]
+        """Topics that carry the reading of a channel as it is, in direct mode."""
+        self.odom = self._topic("odom", "nav_msgs/Odometry", "dead reckoning with encoders and IMU, which drifts")
+        self.truth = self._topic("ground_truth/odom", "nav_msgs/Odometry", "true pose in map, true twist")
         self.joints = self._topic("joint_states", "sensor_msgs/JointState", "steering and wheel angles [rad]")
-        self.description = self._topic("robot_description", "std_msgs/String", "the URDF", "latched")
-        self.lights = self._topic("lights", "autodrive_msgs/Lights", "what the lamps do")
-        self.wheels = self._topic("wheels", "autodrive_msgs/WheelStates", "true slip, load, compression")
-        self.collision = self._topic("collision", "autodrive_msgs/Collision", "the vehicle began to touch something")
+        self.description = self._topic("robot_description", "std_msgs/String", "URDF of the vehicle", "latched")
+        self.collision = self._topic("collision", "autodrive_msgs/Collision", "start of a contact")
         self.cameras = {camera: CameraTopics(self, camera) for camera in cameras}
         self._is_direct = is_direct
 
     def frame(self, name: str) -> str:
-        """That frame of this vehicle."""
-        return self._prefix + name
+        """Name of a TF frame of this vehicle."""
+        return self._frame_prefix + name
 
     @cached_property
     def all(self) -> list[Topic]:
-        """Those that are published in this mode."""
+        """The topics that are published in this mode."""
+        others = [topic for _, topic in self.readings] if self._is_direct else []
         direct = [self.lights, self.wheels, self.collision] if self._is_direct else []
         cameras = [topic for camera in self.cameras.values() for topic in camera.all]
-        speed = [self.speed] if self._is_direct or self.config.era.has_speed else []
+        speed = [self.speed] if self._is_direct or self.config.devkit_profile.has_speed else []
         sensors = [self.throttle, self.steering, *speed, *self.encoders, self.ips, self.imu, self.imu_data]
-        rest = [self.imu_raw, self.lidar, self.scan, self.odom, self.truth, self.joints, self.description]
+        rest = [self.imu_raw, self.lidar, self.scan, *others, self.odom, self.truth, self.joints, self.description]
         return [*sensors, *rest, *direct, *cameras]
 
-    def _topic(self, name: str, type_: str, text: str, quality: str = "state") -> Topic:
-        return Topic(f"{self.root}/{name}", type_, text, quality)  # type: ignore[arg-type]
+    def _registered(self, name: str, own_name: str = "", **words: str) -> Topic:
+        """The topic of that name in the registry of signals; `words` are set into its text."""
+        topic = self._others.pop(name)
+        return self._topic(own_name or name, topic.type, topic.text.format(**words), topic.qos)
+
+    def _unhandled(self) -> list[tuple[Channel, RosTopic]]:
+        return [(channel, topic) for channel in CHANNELS for topic in channel.topics if topic.name in self._others]
+
+    def _topic(self, name: str, type_: str, text: str, qos: Qos = "state") -> Topic:
+        return Topic(f"{self.root}/{name}", type_, text, qos)
 
 
 class CameraTopics:
-    """Those of one camera: the picture by its name of the AutoDRIVE packages, and as image_transport has it."""
+    """Topics of one camera: with the name of the AutoDRIVE packages, and with the names of image_transport."""
 
     def __init__(self, vehicle: VehicleTopics, camera: str) -> None:
         name = f"{vehicle.root}/{camera}_camera"
         self.frame = vehicle.frame(f"{camera}_camera_optical_frame")
-        self.body_frame = vehicle.frame(f"{camera}_camera")
-        self.legacy = Topic(name, "sensor_msgs/Image", f"{camera} picture, rgb8", "sensor")
-        self.raw = Topic(f"{name}/image_raw", "sensor_msgs/Image", "the same, in the optical frame", "sensor")
-        self.compressed = Topic(f"{name}/image_raw/compressed", "sensor_msgs/CompressedImage", "as JPEG", "sensor")
-        self.info = Topic(f"{name}/camera_info", "sensor_msgs/CameraInfo", "its pinhole and distortion", "sensor")
+        self.legacy = Topic(name, "sensor_msgs/Image", f"{camera} image, rgb8", "sensor")
+        self.raw = Topic(f"{name}/image_raw", "sensor_msgs/Image", f"same as {camera}_camera", "sensor")
+        self.compressed = Topic(f"{name}/image_raw/compressed", "sensor_msgs/CompressedImage", "JPEG", "sensor")
+        self.info = Topic(f"{name}/camera_info", "sensor_msgs/CameraInfo", "intrinsics and distortion", "sensor")
         self.all = [self.legacy, self.raw, self.compressed, self.info]
 
 
-TF = Topic("/tf", "tf2_msgs/TFMessage", "map to odom to base_link; steered and turning wheels", "tf")
+TF = Topic("/tf", "tf2_msgs/TFMessage", "map to odom to base_link; steering and wheels", "tf")
 TF_STATIC = Topic("/tf_static", "tf2_msgs/TFMessage", "world to map; sensors on the vehicle", "latched")
-CLOCK = Topic("/clock", "rosgraph_msgs/Clock", "simulated time; in devkit mode that of the node", "clock")
+CLOCK = Topic("/clock", "rosgraph_msgs/Clock", "simulated time; in devkit mode the node's time", "clock")
 WORLD_TOPICS = [TF, TF_STATIC, CLOCK]
 
 
 def light_topic(config: Config, number: int) -> Topic:
-    """State of that traffic light; devkit mode."""
+    """State of a traffic light; devkit mode."""
     return Topic(f"autodrive/{config.light_name(number)}/state", "std_msgs/Int32", "0 off, 1 red, 2 yellow, 3 green")

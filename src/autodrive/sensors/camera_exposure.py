@@ -1,7 +1,7 @@
-"""From ideal pictures to what a sensor reports: light is gathered over time, counted in electrons, and written as sRGB.
+"""Exposure model of a camera: integrates light over time, adds shot and read noise, and converts to sRGB.
 
-Sums are of light: sRGB values are undone first. The renderer's tone curve is not, so that a lamp and white paper, both
-white in a picture, count as equally bright.
+Light is summed in linear units: sRGB values are decoded first. The tone curve of the renderer is not inverted, so that
+a lamp and white paper, both white in an image, have the same brightness.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from autodrive.sensors.camera_imperfections import CameraImperfections
 
 _STEPS = 1 << 14
-"""Of light from black to white when it is written as sRGB: a fifth of a value apart at the dark end."""
+"""Number of steps of linear light in the sRGB table; in the dark part one step is a fifth of an sRGB value."""
 
 
 def shutter(spec: CameraImperfections, height: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Times at which to draw [s], about the picture's own time, and what share each has in each row.
+    """Render times [s] relative to the time of the image, and their weights in each row.
 
-    Shapes (n,) and (n, height); n is odd, the middle time is 0. A row sees the mean over its own exposure of what
-    changes linearly from one time to the next; the middle of the picture is exposed about the picture's time.
+    Shapes (n,) and (n, height); n is odd, the middle time is 0. Each row is the mean over its own exposure; light is
+    interpolated linearly between render times. The exposure of the middle row is centred at the time of the image.
     """
     if spec.duration == 0.0:
         return np.zeros(1), np.ones((1, height), np.float32)
     n = spec.exposures
     times = spec.duration * (np.arange(n) / (n - 1) - 0.5)
-    # mean of the tent about each time over each row's exposure: difference of the tent's integral
+    # mean of the hat function at each time over the exposure of each row: difference of its integral
     gap = times[1] - times[0]
     middle = spec.readout_time * ((np.arange(height) + 0.5) / height - 0.5)
     if spec.exposure_time > 1e-3 * gap:
@@ -49,57 +49,57 @@ def shutter(spec: CameraImperfections, height: int) -> tuple[NDArray[np.float64]
 
 
 def _tent_integral(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of max(1 - |x|, 0), from -inf to x."""
+    """Integral of max(1 - |x|, 0) from -inf to x."""
     x = np.clip(x, -1.0, 1.0)
     return np.where(x < 0.0, 0.5 * (1.0 + x) ** 2, 1.0 - 0.5 * (1.0 - x) ** 2)
 
 
 def lens_shading(spec: CameraImperfections, rays: NDArray[np.float64]) -> NDArray[np.float32]:
-    """What the light of each pixel is multiplied by, shape (height, width), given the pixels' rays."""
+    """Factor of the light of each pixel, shape (height, width), given the rays of the pixels."""
     return (2.0**spec.exposure * rays[..., 2] ** (4.0 * spec.vignetting)).astype(np.float32)
 
 
 class Exposure:
-    """Gathers the light of one picture."""
+    """Integrates the light of one image."""
 
     def __init__(self, intrinsics: CameraIntrinsics, places: NDArray[np.float32] | None) -> None:
-        """`places`: where each pixel is in the ideal pictures, if the lens distorts."""
+        """`places`: coordinates of each pixel in the ideal images; None without distortion."""
         self._places = places
         self._light = np.zeros((intrinsics.height, intrinsics.width, 3), np.float32)
 
     def begin(self) -> None:
-        """Close the shutter on black."""
+        """Start a new image."""
         self._light[:] = 0.0
 
     def add(self, rgba: NDArray[np.uint8], shares: NDArray[np.float32]) -> None:
-        """Let in an ideal picture's light, in each row a share of it, shape (height,)."""
+        """Add the light of an ideal image, multiplied by the weight of each row, shape (height,)."""
         if self._places is None:
             _add(rgba, shares, _LIGHT, self._light)
         else:
-            _add_bent(rgba, self._places, shares, _LIGHT, self._light)
+            _add_distorted(rgba, self._places, shares, _LIGHT, self._light)
 
     def read(
         self, shading: NDArray[np.float32], white_electrons: float, read_noise: float, rng: np.random.Generator
     ) -> NDArray[np.uint8]:
-        """The picture, shape (height, width, 4)."""
+        """The sRGB image, shape (height, width, 4)."""
         height, width, _ = self._light.shape
         out = np.empty((height, width, 4), np.uint8)
         is_noisy = white_electrons > 0.0
-        chances = np.frombuffer(rng.bytes(6 * height * width), np.uint16) if is_noisy else np.empty(0, np.uint16)
+        indices = np.frombuffer(rng.bytes(6 * height * width), np.uint16) if is_noisy else np.empty(0, np.uint16)
         normals = _normals() if is_noisy else np.empty(0, np.float32)
         white, read_variance = np.float32(white_electrons), np.float32(read_noise * read_noise)
-        _read(self._light, shading, white, read_variance, chances, normals, _VALUE, out)
+        _read(self._light, shading, white, read_variance, indices, normals, _VALUE, out)
         return out
 
 
 def _light_of_values() -> NDArray[np.float32]:
-    """IEC 61966-2-1: light of each sRGB value."""
+    """Linear light of each sRGB value (IEC 61966-2-1)."""
     value = np.arange(256) / 255.0
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def _values_of_light() -> NDArray[np.uint8]:
-    """IEC 61966-2-1: sRGB value of each of the `_STEPS` + 1 steps of light."""
+    """SRGB value of each of the `_STEPS` + 1 steps of linear light (IEC 61966-2-1)."""
     light = np.arange(_STEPS + 1) / _STEPS
     value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
     return np.round(255.0 * value).astype(np.uint8)
@@ -107,9 +107,9 @@ def _values_of_light() -> NDArray[np.uint8]:
 
 @cache
 def _normals() -> NDArray[np.float32]:
-    """2^16 numbers that are equally likely, together of the standard normal distribution, up to 4.3.
+    """Quantiles of the standard normal distribution at 2^16 equidistant probabilities; the largest is 4.3.
 
-    A look at one of them costs a tenth of what drawing a number does, and a picture needs a million.
+    A table look-up takes a tenth of the time of drawing a normal number, and an image needs a million numbers.
     """
     upper = [NormalDist().inv_cdf(0.5 + (i + 0.5) / 65536) for i in range(32768)]
     both = np.concatenate([-np.array(upper), np.array(upper)])
@@ -132,7 +132,7 @@ def _add(
 
 
 @jit
-def _add_bent(
+def _add_distorted(
     rgba: NDArray[np.uint8],
     places: NDArray[np.float32],
     shares: NDArray[np.float32],
@@ -159,21 +159,21 @@ def _read(
     shading: NDArray[np.float32],
     white: np.float32,
     read_variance: np.float32,
-    chances: NDArray[np.uint16],
+    indices: NDArray[np.uint16],
     normals: NDArray[np.float32],
     value_of: NDArray[np.uint8],
     out: NDArray[np.uint8],
 ) -> None:
     steps = np.float32(len(value_of) - 1)
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-    chance = 0
+    index = 0
     for y in range(light.shape[0]):
         for x in range(light.shape[1]):
             for c in range(3):
                 share = light[y, x, c] * shading[y, x]
-                if white > zero:  # shot noise: as many electrons as their variance
+                if white > zero:  # shot noise: the variance equals the number of electrons
                     deviation = np.sqrt(white * share + read_variance)
-                    share += deviation * normals[chances[chance]] / white
-                    chance += 1
+                    share += deviation * normals[indices[index]] / white
+                    index += 1
                 out[y, x, c] = value_of[np.int64(min(max(share, zero), one) * steps + half)]
             out[y, x, 3] = 255

@@ -1,11 +1,11 @@
-"""Where a camera sees a point, and along which ray each of its pixels looks, through a lens that distorts.
+"""Projection of points and rays of pixels of a camera with lens distortion.
 
-Brown-Conrady, as OpenCV and ROS 'plumb_bob': a point seen at x, y = X / Z, Y / Z by an ideal pinhole is seen at
+Brown-Conrady model, same as OpenCV and ROS 'plumb_bob': the lens moves a point at x, y = X / Z, Y / Z to
 
-    x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2), likewise y, with r^2 = x^2 + y^2.
+    x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2), similarly y, with r^2 = x^2 + y^2.
 
-Far from the axis that polynomial may turn back, and what no lens sees would come into the picture again: from there on
-nothing is seen.
+Far from the axis this polynomial may decrease again and would map points outside the field of view into the image.
+Points beyond its maximum are therefore not visible.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def project(intrinsics: CameraIntrinsics, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where points of the optical frame [m], shape (n, 3), are seen [pixels], shape (n, 2).
+    """Pixel coordinates, shape (n, 2), of points in the optical frame [m], shape (n, 3).
 
-    nan behind the camera, and beyond what the lens sees. Pixels outside the picture are told as they are.
+    nan behind the camera and beyond the field of view of the lens. Pixels outside the image are not clipped.
     """
     k = intrinsics
     points = np.asarray(points, np.float64)
@@ -43,7 +43,7 @@ def project(intrinsics: CameraIntrinsics, points: NDArray[np.float64]) -> NDArra
 
 
 def rays(intrinsics: CameraIntrinsics) -> NDArray[np.float64]:
-    """Unit vectors of the optical frame along which the pixels' centres look, shape (height, width, 3)."""
+    """Unit vectors through the centres of the pixels, in the optical frame, shape (height, width, 3)."""
     x, y = _grid(intrinsics)
     ahead = np.stack([x, y, np.ones_like(x)], axis=-1)
     return ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
@@ -52,7 +52,7 @@ def rays(intrinsics: CameraIntrinsics) -> NDArray[np.float64]:
 def distorted(
     x: NDArray[np.float64], y: NDArray[np.float64], distortion: Distortion
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where the lens shows what an ideal one shows at x, y (tangents of the angle to the axis); nan if nowhere."""
+    """Distorted coordinates of ideal x, y (tangents of the angles to the axis); nan if not visible."""
     if distortion == NO_DISTORTION:
         return x, y
     k1, k2, p1, p2, k3 = distortion
@@ -65,7 +65,7 @@ def distorted(
 def undistorted(
     x: NDArray[np.float64], y: NDArray[np.float64], distortion: Distortion
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where an ideal lens shows what this one shows at x, y: the inverse of `distorted`, by Newton; nan if nowhere."""
+    """Inverse of `distorted` by Newton's method; nan if there is no solution."""
     if distortion == NO_DISTORTION:
         return x, y
     k1, k2, p1, p2, k3 = distortion
@@ -91,15 +91,15 @@ def undistorted(
 
 
 def reach(distortion: Distortion) -> float:
-    """The r^2 from which on nothing is seen: where the polynomial of the radius turns back; inf if it does not."""
+    """Maximum visible r^2, where the radial polynomial has its maximum; inf if it has none."""
     k1, k2, _, _, k3 = distortion
-    turns = np.roots([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3])  # of 1 / r^2: its first coefficient is never 0
+    turns = np.roots([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3])  # polynomial in 1 / r^2: its first coefficient is never 0
     real = turns.real[(abs(turns.imag) < 1e-9) & (turns.real > 1e-9)]
     return 1.0 / float(real.max()) if len(real) else math.inf
 
 
-def sees_its_whole_picture(intrinsics: CameraIntrinsics) -> bool:
-    """Whether the lens shows something at every border pixel (inside, it then does too)."""
+def covers_whole_image(intrinsics: CameraIntrinsics) -> bool:
+    """Whether every pixel has a ray; only the border pixels are tested, since the inner ones follow."""
     k = intrinsics
     across = (np.arange(k.width) + 0.5 - k.cx) / k.fx
     down = (np.arange(k.height) + 0.5 - k.cy) / k.fy
@@ -109,10 +109,10 @@ def sees_its_whole_picture(intrinsics: CameraIntrinsics) -> bool:
 
 
 def ideal_pinhole(intrinsics: CameraIntrinsics) -> tuple[CameraIntrinsics, NDArray[np.float32]]:
-    """An ideal camera that sees all that this one does, and where each pixel of this one is in its picture.
+    """An ideal camera that covers the field of view of this one, and the coordinates of this one's pixels in its image.
 
-    It has the same pixels a radian on the axis. The places are those of centres, x and y, shape (height, width, 2), and
-    a bilinear neighbourhood of each lies within the ideal picture.
+    Both have the same focal length in pixels. The coordinates, shape (height, width, 2), are x and y of pixel centres;
+    the four neighbours for bilinear interpolation are always within the ideal image.
     """
     k = intrinsics
     x, y = _grid(k)
@@ -123,9 +123,9 @@ def ideal_pinhole(intrinsics: CameraIntrinsics) -> tuple[CameraIntrinsics, NDArr
     return ideal, places.astype(np.float32)
 
 
-@lru_cache(maxsize=2)  # the cameras of a car are alike, and each asks twice
+@lru_cache(maxsize=2)  # the cameras of a vehicle are often equal, and each needs the grid twice
 def _grid(k: CameraIntrinsics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Tangents of the angles under which the pixels' centres look, undistorted, shape (height, width) each."""
+    """Undistorted x and y (tangents of the angles to the axis) of the pixel centres, shape (height, width) each."""
     grid = np.empty((2, k.height, k.width))
     grid[0] = (np.arange(k.width) + 0.5 - k.cx) / k.fx
     grid[1] = ((np.arange(k.height) + 0.5 - k.cy) / k.fy)[:, None]

@@ -1,4 +1,4 @@
-"""Incremental encoders on the two rear motors: counts, and the angle that they stand for (report, table 4)."""
+"""Incremental encoders on the two rear motors: counts, and the corresponding wheel angles (report, table 4)."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from autodrive.sensors.sensor import Sensor, SensorSpec
 from autodrive.state import State
 
 REAR_LEFT = 2
-"""Rear left among a vehicle's four wheels; rear right follows."""
+"""Index of the rear left wheel; the rear right wheel is next."""
 
 
 class EncoderSpec(SensorSpec):
-    """Two encoders, each on the shaft of a rear motor."""
+    """Two encoders, one on the shaft of each rear motor."""
 
-    pulses_per_revolution: int = Field(default=16, gt=0)
-    """Pulses in one revolution of the motor's shaft."""
-    gear_ratio: float = Field(default=120.0, gt=0.0)
-    """Revolutions of the motor's shaft in one revolution of the wheel."""
+    pulses_per_revolution: int = Field(default=16, ge=1, le=1_000_000)
+    """Pulses per revolution of the motor shaft."""
+    gear_ratio: float = Field(default=120.0, ge=1e-3, le=1e6)
+    """Revolutions of the motor shaft per revolution of the wheel."""
     noise: NoiseSpec = NoiseSpec()
-    """Jitter of the wheel's angle [rad] before it is counted, for example the play of the gear."""
+    """Noise of the wheel angle [rad] before it is quantised, for example gear backlash."""
 
 
 class Encoders(Sensor[EncoderReading]):
-    """Counts whole pulses toward zero, never wraps; the angle is that of the counts."""
+    """Counts are rounded toward zero and never wrap; angles are computed from the counts."""
 
     def __init__(self, spec: EncoderSpec) -> None:
         self._noise = Noise.of((spec.noise, 2))

@@ -1,17 +1,19 @@
-"""A fan of rays in one plane against many shapes: what a 2D LIDAR sees at one instant, exact and fast.
+"""Exact ranges of a planar fan of rays against many shapes: one instantaneous scan of a 2D LIDAR.
 
-Each shape is met by few rays: those between its two outlines (outline.py). They are drawn into a buffer of inverse
-ranges, in which the nearest wins, as in a depth buffer. Along a straight edge the inverse range is a linear function of
-the ray's direction (cos, sin), so that a ray costs a few multiplications and a maximum. Where a cap of a cylinder or a
-third face of a box comes into the plane of the fan, its rays are cast one by one (raycast.py).
+Only the rays between the two outlines of a shape can hit it (outline.py). Their inverse ranges are written to a buffer
+that keeps the largest value, like a depth buffer. Along a straight edge the inverse range is a linear function of the
+ray direction (cos, sin), so that a ray costs a few multiplications and a maximum. If the plane of the fan cuts a cap of
+a cylinder or a third face of a box, the rays are cast one by one (physics/ray.py).
 """
 
 from __future__ import annotations
 
 import math
 
+from autodrive.arrays import Floats, Integers
 from autodrive.jit import jit
 from autodrive.model import BOX, CYLINDER
+from autodrive.physics.ray import inverse_distance
 from autodrive.sensors.outline import (
     AROUND,
     BEARING_ERROR,
@@ -22,8 +24,6 @@ from autodrive.sensors.outline import (
     view_of_cylinder,
     view_of_sphere,
 )
-from autodrive.sensors.raycast import cast_at_shape
-from autodrive.state import Floats, Integers
 from autodrive.transforms import Quaternion, Vector, compose, rotate, rotation_from_quaternion
 
 TURN = 2.0 * math.pi
@@ -48,10 +48,10 @@ def cast_fan(
     shape_rotation: Floats,
     inverse_range: Floats,
 ) -> None:
-    """Write the inverse range [1/m] of each ray, shape (n_ray,); 0 where nothing is hit, infinity inside a shape.
+    """Write the inverse range [1/m] of each ray, shape (n_ray,): 0 for no hit, infinity inside a shape.
 
-    `directions` are cos and sin of the rays' angles, shape (2, n_ray), growing by `angle_increment` > 0 from
-    `angle_min`. Shapes of `vehicle` itself are not seen; farther ones than `range_max` may be left out.
+    `directions` are cos and sin of the ray angles, shape (2, n_ray); the angles start at `angle_min` and increase by
+    `angle_increment` > 0 [rad]. Shapes of `vehicle` are ignored; shapes beyond `range_max` [m] may be ignored.
     """
     lever = rotate(vehicle_orientation, mount_position)
     px = vehicle_position[0] + lever[0]
@@ -60,7 +60,7 @@ def cast_fan(
     x0, y0, z0, x1, y1, z1, x2, y2, z2 = rotation_from_quaternion(compose(vehicle_orientation, mount_orientation))
     rays_per_radian = 1.0 / angle_increment
     if pz <= 0.0:
-        inverse_range[:] = math.inf  # below the floor all is solid
+        inverse_range[:] = math.inf  # the space below the floor is solid
         return
     _draw_floor(directions, inverse_range, -x2 / pz, -y2 / pz)
     n = len(inverse_range)
@@ -71,7 +71,7 @@ def cast_fan(
         reach = range_max + radius
         if abs(h) > radius or dx * dx + dy * dy + dz * dz > reach * reach or shape_vehicle[g] == vehicle:
             continue
-        # the sensor's place and axes in the shape's own axes
+        # position and axes of the sensor in the axes of the shape
         r0, r1, r2 = shape_rotation[g, 0], shape_rotation[g, 1], shape_rotation[g, 2]
         r3, r4, r5 = shape_rotation[g, 3], shape_rotation[g, 4], shape_rotation[g, 5]
         r6, r7, r8 = shape_rotation[g, 6], shape_rotation[g, 7], shape_rotation[g, 8]
@@ -108,7 +108,7 @@ def cast_fan(
                 for i in range(lo, hi + 1):
                     cos, sin = directions[0, i], directions[1, i]
                     r = (ex[0] * cos + ey[0] * sin, ex[1] * cos + ey[1] * sin, ex[2] * cos + ey[2] * sin)
-                    inverse_range[i] = max(inverse_range[i], cast_at_shape(kind[g], s, o, r))
+                    inverse_range[i] = max(inverse_range[i], inverse_distance(kind[g], s, o, r))
             elif kind[g] == BOX:
                 while lo <= hi and directions[0, lo] * k1 > directions[1, lo] * k0:
                     lo += 1
@@ -129,7 +129,7 @@ def cast_fan(
 
 @jit
 def _draw_floor(directions: Floats, inverse_range: Floats, a: float, b: float) -> None:
-    """Begin the buffer with the plane z = 0."""
+    """Initialise the buffer with the plane z = 0."""
     for i in range(len(inverse_range)):
         w = a * directions[0, i] + b * directions[1, i]
         inverse_range[i] = w if w > 0.0 else 0.0  # never -0, whose inverse is -inf

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from pydantic import model_validator
 
-from autodrive.descriptions import Spec
+from autodrive.arrays import Floats
 from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
 from autodrive.protocol.messages import ImuReading
 from autodrive.sensors.noise import Noise, NoiseSpec
 from autodrive.sensors.sensor import Mount, Sensor, SensorSpec
-from autodrive.state import Floats, State
+from autodrive.specs import Spec
+from autodrive.state import State
 from autodrive.transforms import (
     Quaternion,
     Vector,
@@ -30,10 +31,10 @@ from autodrive.units import DEGREE, STANDARD_GRAVITY
 
 
 class ImuNoise(Spec):
-    """Noise of each of the three quantities. In a file, the word `realistic` stands for `ImuNoise.realistic()`."""
+    """Noise of the three quantities. In a file, `realistic` means `ImuNoise.realistic()`."""
 
     orientation: NoiseSpec = NoiseSpec()
-    """Small turn about each axis of the sensor [rad]."""
+    """Small rotation about each axis of the sensor [rad]."""
     angular_velocity: NoiseSpec = NoiseSpec()
     """[rad/s]."""
     linear_acceleration: NoiseSpec = NoiseSpec()
@@ -41,12 +42,12 @@ class ImuNoise(Spec):
 
     @classmethod
     def realistic(cls) -> ImuNoise:
-        """MPU-9250 by its data sheet (InvenSense PS-MPU-9250A-01, revision 1.0, tables 1 and 2).
+        """Noise of the MPU-9250 (data sheet InvenSense PS-MPU-9250A-01, revision 1.0, tables 1 and 2).
 
-        White noise is the spectral density through the 92 Hz (94 Hz) low-pass filter: gyroscope 0.01 deg/s/sqrt(Hz),
-        accelerometer 300 ug/sqrt(Hz). Offsets: the tolerances of a part that nobody calibrated, +-5 deg/s and +-60 mg,
-        taken as three standard deviations. Steps: 131 LSB/(deg/s) and 16384 LSB/g. The sheet has no figure for a bias
-        walk or for the orientation, so these stay silent.
+        White noise: the spectral density after the 92 Hz (94 Hz) low-pass filter: gyroscope 0.01 deg/s/sqrt(Hz),
+        accelerometer 300 ug/sqrt(Hz). Offsets: the tolerances of an uncalibrated part, +-5 deg/s and +-60 mg, taken as
+        three standard deviations. Resolution: 131 LSB/(deg/s) and 16384 LSB/g. The data sheet has no values for the
+        bias walk and the orientation; both are 0.
         """
         return cls(
             angular_velocity=NoiseSpec(
@@ -69,17 +70,17 @@ class ImuSpec(SensorSpec):
     """A nine-axis IMU."""
 
     mount: Mount = Mount()
-    """Where it measures, and whose axes it reports in."""
+    """Point of the measurement and axes of the readings."""
     measures_specific_force: bool = False
-    """False: acceleration with gravity removed. True: what an accelerometer feels, +g upward at rest (REP 145)."""
+    """False: acceleration without gravity. True: specific force of an accelerometer, +g upward at rest (REP 145)."""
     noise: ImuNoise = ImuNoise()
 
 
 class Imu(Sensor[ImuReading]):
-    """Reports in its own axes; the acceleration is the mean over the last tick at the place of its mount."""
+    """Reports in its own axes; the acceleration is the mean over the last tick at the origin of its mount."""
 
     def __init__(self, spec: ImuSpec, gravity: float) -> None:
-        """`gravity` [m/s^2] of the world, downward positive; it counts only for specific force."""
+        """`gravity` [m/s^2], positive downward, is used only for specific force."""
         noise = spec.noise
         self._noise = Noise.of((noise.orientation, 3), (noise.angular_velocity, 3), (noise.linear_acceleration, 3))
         super().__init__(self._noise)
@@ -89,7 +90,7 @@ class Imu(Sensor[ImuReading]):
         self._gravity = gravity if spec.measures_specific_force else 0.0
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> ImuReading:
-        """Orientation of the sensor in the map, and its motion in its own axes."""
+        """Orientation of the sensor in the map frame; angular velocity and acceleration in the axes of the sensor."""
         out = np.empty(13)
         arguments = (
             state.vehicle_orientation[vehicle],
@@ -145,7 +146,7 @@ def _measure(
 
 @jit
 def _turn(out: Floats, turn: Floats) -> None:
-    """Turn the reported orientation about the sensor's axes by the rotation vector turn[:3]."""
+    """Rotate the reported orientation about the axes of the sensor by the rotation vector turn[:3]."""
     q = compose(out[:4], quaternion_from_rotation_vector(turn[:3]))
     out[0], out[1], out[2], out[3] = q
     out[4], out[5], out[6] = euler_from_quaternion(q)

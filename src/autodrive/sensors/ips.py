@@ -1,4 +1,4 @@
-"""Indoor Positioning System: locates the vehicle within the map, a scaled form of GNSS (report, table 5)."""
+"""Indoor Positioning System: position of the vehicle in the map, a scaled form of GNSS (report, table 5)."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from autodrive.transforms import rotate
 
 
 class IpsSpec(SensorSpec):
-    """Position of one point of the vehicle; by default of the centre of the rear axle."""
+    """Measures the position of one point of the vehicle, by default the centre of the rear axle."""
 
     mount: Mount = Mount()
-    """The point whose position is reported (its rotation does not matter)."""
+    """The measured point; the rotation is not used."""
     noise: NoiseSpec = NoiseSpec()
-    """[m], of each coordinate."""
+    """Noise of each coordinate [m]."""
 
 
 class Ips(Sensor[IpsReading]):
-    """Reports the position of its mount's origin in the map."""
+    """Reports the position of the origin of its mount in the map frame."""
 
     def __init__(self, spec: IpsSpec) -> None:
         self._noise = Noise.of((spec.noise, 3))
@@ -28,7 +28,7 @@ class Ips(Sensor[IpsReading]):
         self._offset = spec.mount.position
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> IpsReading:
-        """Position in the map."""
+        """Position in the map frame."""
         position = state.vehicle_position[vehicle].copy()
         if any(self._offset):
             position += rotate(state.vehicle_orientation[vehicle], self._offset)

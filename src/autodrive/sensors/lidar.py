@@ -1,4 +1,4 @@
-"""2D LIDAR: ranges in one plane of the sensor's own frame, against everything but the own vehicle (report, table 7)."""
+"""2D LIDAR: ranges in the x-y plane of the sensor frame to everything except its own vehicle (report, table 7)."""
 
 from __future__ import annotations
 
@@ -9,45 +9,46 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from autodrive.descriptions import Spec
+from autodrive.arrays import Floats
 from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
 from autodrive.protocol.messages import LidarScan
 from autodrive.sensors.fan import cast_fan
 from autodrive.sensors.lidar_noise import LidarErrors, LidarNoise, classify
-from autodrive.sensors.sensor import Mount, Sensor
-from autodrive.sensors.sweep import Moment, cast_sweep
-from autodrive.state import Floats, State
+from autodrive.sensors.sensor import Distance, Mount, Rate, Sensor
+from autodrive.sensors.sweep import PoseSnapshot, cast_sweep
+from autodrive.specs import Spec
+from autodrive.state import State
 
 
 class LidarSpec(Spec):
     """A scanning range finder; by default the RPLIDAR A1 of the report.
 
-    The rays spread over one revolution, or from `angle_min_deg` to `angle_max_deg`, or by `angle_increment_deg`. Ray 0
-    looks along `angle_min_deg`, where 0 is straight ahead; the index grows to the left, or to the right where
-    angle_max is below angle_min or the increment is negative.
+    The rays cover one revolution, or `angle_min_deg` to `angle_max_deg`, or are `angle_increment_deg` apart. Ray 0 has
+    the bearing `angle_min_deg`; 0 is straight ahead. The index increases to the left, or to the right if angle_max is
+    below angle_min or the increment is negative.
     """
 
     mount: Mount = Mount()
     """Centre and axes of the scan."""
-    rate: float = Field(default=7.0, gt=0.0)
-    """Scans a second [Hz]; the first is complete one period after the start."""
-    rays: int = Field(default=360, ge=1)
-    """Ranges in a scan."""
+    rate: Rate = 7.0
+    """Scan rate [Hz]; the first scan is complete at the start."""
+    rays: int = Field(default=360, ge=1, le=10_000)
+    """Number of rays in a scan."""
     angle_min_deg: float = Field(default=0.0, ge=-360.0, le=360.0)
     """Bearing of the first ray [deg], left positive."""
     angle_max_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
     """Bearing of the last ray [deg]."""
-    angle_increment_deg: float | None = None
-    """From a ray to the next [deg]; instead of `angle_max_deg`."""
-    range_min: float = Field(default=0.15, ge=0.0)
-    """What is nearer [m] is reported as -inf (REP 117)."""
-    range_max: float = Field(default=12.0, gt=0.0)
-    """What is farther [m] is reported as +inf (REP 117)."""
-    intensity: float = 47.0
-    """Reported for every ray."""
+    angle_increment_deg: float | None = Field(default=None, ge=-360.0, le=360.0)
+    """Angle between successive rays [deg]; alternative to `angle_max_deg`."""
+    range_min: Distance = 0.15
+    """A smaller range [m] is reported as -inf (REP 117)."""
+    range_max: Distance = 12.0
+    """A greater range [m] is reported as +inf (REP 117)."""
+    intensity: float = Field(default=47.0, ge=0.0, le=1e6)
+    """Constant value that is reported for every ray."""
     is_rolling: bool = False
-    """False: all rays at one instant. True: each ray at its own time, while the head turns once a period."""
+    """False: all rays at one instant. True: each ray at its own time; the head makes one revolution per period."""
     noise: LidarNoise = LidarNoise()
 
     @model_validator(mode="after")
@@ -55,14 +56,14 @@ class LidarSpec(Spec):
         if self.range_max <= self.range_min:
             raise ValueError(f"range_max {self.range_max:g} m must be above range_min {self.range_min:g} m")
         if self.angle_max_deg is not None and self.angle_increment_deg is not None:
-            raise ValueError("the rays spread up to angle_max_deg or by angle_increment_deg, not by both")
+            raise ValueError("a LIDAR takes angle_max_deg or angle_increment_deg, not both")
         if self.angle_max_deg is not None and self.rays == 1:
-            raise ValueError("one ray looks along angle_min_deg and needs no angle_max_deg")
-        if self.angle_increment == 0.0:
-            raise ValueError("the rays must spread: their increment is 0")
+            raise ValueError("a LIDAR with one ray takes angle_min_deg only, not angle_max_deg")
+        if abs(self.angle_increment) < 1e-6:
+            raise ValueError("the angle between the rays must not be 0: it must be at least 1e-6 rad, or 6e-5 deg")
         if abs(self.angle_increment) * (self.rays - 1) > 2.0 * math.pi * (1.0 + 1e-9):
             spread = math.degrees(abs(self.angle_increment) * (self.rays - 1))
-            raise ValueError(f"the rays spread over {spread:g} deg; a scan spans 360 at most")
+            raise ValueError(f"the rays must cover at most 360 deg, not {spread:g} deg")
         return self
 
     @property
@@ -72,7 +73,7 @@ class LidarSpec(Spec):
 
     @property
     def angle_increment(self) -> float:
-        """From a ray to the next [rad]."""
+        """Angle between successive rays [rad]."""
         if self.angle_max_deg is not None:
             return math.radians(self.angle_max_deg - self.angle_min_deg) / (self.rays - 1)
         if self.angle_increment_deg is not None:
@@ -81,7 +82,7 @@ class LidarSpec(Spec):
 
     @property
     def time_increment(self) -> float:
-        """From a ray to the next [s]: the head turns once a period."""
+        """Time between successive rays [s]; 0 if all are cast at one instant."""
         return abs(self.angle_increment) / (2.0 * math.pi * self.rate) if self.is_rolling else 0.0
 
 
@@ -97,14 +98,14 @@ class Lidar(Sensor[LidarScan]):
         self._directions = np.stack([np.cos(angles), np.sin(angles)])
         self._inverse_range = np.zeros(spec.rays)
         self._constants = _constants(spec)
-        # a fan is cast from right to left, and turned over afterwards where the index grows to the right
+        # a fan is cast from right to left and reversed afterwards if the index increases to the right
         self._is_clockwise = spec.angle_increment < 0.0
         self._fan = np.ascontiguousarray(self._directions[:, ::-1]) if self._is_clockwise else self._directions
         self._cast_fan: Callable[..., None] | None = None
         self._fan_start, self._fan_increment = float(angles.min()), abs(spec.angle_increment)
 
-    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> LidarScan | None:
-        """The scan as of now."""
+    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> LidarScan:
+        """The scan at `time`."""
         self._cast(shapes, state, vehicle)
         if self._is_clockwise:
             self._inverse_range = self._inverse_range[::-1].copy()
@@ -133,7 +134,7 @@ class Lidar(Sensor[LidarScan]):
         self._cast_fan(*arguments)
 
     def _scan(self, time: float) -> LidarScan:
-        """The reading made of the inverse ranges."""
+        """The scan of the inverse ranges, with noise."""
         spec = self._spec
         ranges = np.empty(spec.rays)
         if self._noise is None:
@@ -145,35 +146,38 @@ class Lidar(Sensor[LidarScan]):
 
 
 class RollingLidar(Lidar):
-    """Casts each ray at its own time: `sample` it every tick. Between ticks the pose is interpolated.
+    """Casts each ray at its own time; `sample` must be called every tick. Poses are interpolated between ticks.
 
-    The last ray of scan n leaves at n / rate, the ones before it each `time_increment` earlier.
+    The last ray of scan n is cast at n / rate, each earlier ray `time_increment` before the next. Scan 0 is complete at
+    the start: the vehicle stood still before it, so all its rays are cast there.
     """
 
     def __init__(self, spec: LidarSpec) -> None:
         super().__init__(spec)
         self._time = 0.0
-        self._moment: Moment | None = None
+        self._before: PoseSnapshot | None = None
         self._scan_number = 1
         self._next_ray = 0
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything, and draw all noise from `rng` from now on."""
+        """Delete the scans and draw the noise from `rng` from now on."""
         super().reset(rng)
-        self._moment = None
+        self._before = None
         self._scan_number, self._next_ray = 1, 0
 
-    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> LidarScan | None:
+    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> LidarScan:
         """The newest complete scan."""
-        newest = self.latest
-        moment = Moment.of(state, vehicle)
-        while self._moment is not None:
+        newest = self.latest or super().sample(shapes, state, vehicle, time)
+        now = PoseSnapshot.of(state, vehicle)
+        if self._before is None:  # the first scan starts with the next period
+            self._scan_number = math.ceil(time * self._spec.rate - 1e-9) + 1
+        while self._before is not None:
             ray_times = self._ray_times()
-            due = int(np.searchsorted(ray_times, time + 1e-9, side="right"))  # a clock's rounding error is no delay
+            due = int(np.searchsorted(ray_times, time + 1e-9, side="right"))  # tolerates rounding errors of the time
             fractions = np.clip((ray_times - self._time) / max(time - self._time, 1e-12), 0.0, 1.0)
             cast_sweep(
-                self._moment,
-                moment,
+                self._before,
+                now,
                 self._mount,
                 self._directions,
                 range(self._next_ray, due),
@@ -188,28 +192,28 @@ class RollingLidar(Lidar):
                 break
             newest = self._scan(float(ray_times[-1]))
             self._scan_number, self._next_ray = self._scan_number + 1, 0
-        self._time, self._moment = time, moment
+        self._time, self._before = time, now
         return newest
 
     def _ray_times(self) -> Floats:
-        """When each ray of the scan in progress leaves [s], shape (n_ray,)."""
+        """Times of the rays of the scan in progress [s], shape (n_ray,)."""
         rays_to_go = np.arange(self._spec.rays - 1, -1, -1, dtype=np.float64)
         return self._scan_number / self._spec.rate - self._spec.time_increment * rays_to_go
 
     def save(self) -> Any:
-        """Everything that the future depends on, for `restore`."""
-        progress = self._time, self._moment, self._scan_number, self._next_ray, self._inverse_range.copy()
+        """The complete internal state, for `restore`."""
+        progress = self._time, self._before, self._scan_number, self._next_ray, self._inverse_range.copy()
         return super().save(), progress
 
     def restore(self, saved: Any) -> None:
-        """Go on as from the moment of `save`."""
-        sensor, (self._time, self._moment, self._scan_number, self._next_ray, inverse_range) = saved
+        """Set the state that `save` returned."""
+        sensor, (self._time, self._before, self._scan_number, self._next_ray, inverse_range) = saved
         super().restore(sensor)
         self._inverse_range[:] = inverse_range
 
 
 def _constants(spec: LidarSpec) -> dict[str, Any]:
-    """What every scan of that LIDAR has in common."""
+    """The fields that are the same in every scan."""
     intensities = np.full(spec.rays, spec.intensity)
     intensities.flags.writeable = False
     return {

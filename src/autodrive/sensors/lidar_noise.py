@@ -1,4 +1,4 @@
-"""Errors of a LIDAR's ranges: noise that grows with the range, a common scale, steps, and returns that are lost."""
+"""Noise of LIDAR ranges: white noise that grows with the range, a scale error, resolution, and dropouts."""
 
 from __future__ import annotations
 
@@ -6,34 +6,34 @@ import math
 from typing import Any
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, model_validator
+from pydantic import Field, model_validator
 
-from autodrive.descriptions import Spec
+from autodrive.arrays import Floats
 from autodrive.jit import jit
-from autodrive.state import Floats
+from autodrive.sensors.noise import Deviation
+from autodrive.specs import Spec
 
 
 class LidarNoise(Spec):
-    """Noise of a LIDAR. Nothing by default. In a file, the word `realistic` stands for `LidarNoise.realistic()`."""
+    """Noise of a LIDAR, none by default. In a file, `realistic` means `LidarNoise.realistic()`."""
 
-    sigma: NonNegativeFloat = 0.0
-    """Standard deviation of each range [m], near."""
-    relative_sigma: NonNegativeFloat = 0.0
-    """Standard deviation of each range as a share of it, far; the two add as variances."""
-    scale: NonNegativeFloat = 0.0
-    """Standard deviation of a scale error that all ranges share, drawn at reset."""
-    step: NonNegativeFloat = 0.0
-    """Smallest difference of two ranges [m]; 0: none."""
+    sigma: Deviation = 0.0
+    """Standard deviation of each range [m], independent of the range."""
+    relative_sigma: Deviation = 0.0
+    """Standard deviation of each range relative to the range; the variances of both are added."""
+    scale: Deviation = 0.0
+    """Standard deviation of the scale error of all ranges, drawn at reset."""
+    step: Deviation = 0.0
+    """Resolution of the ranges [m]; 0: unlimited."""
     dropout: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Share of the rays whose return is lost (+inf)."""
+    """Probability that a ray has no return (+inf)."""
 
     @classmethod
     def realistic(cls) -> LidarNoise:
-        """RPLIDAR A1M8 by its data sheet (Slamtec LD108).
+        """Noise of the RPLIDAR A1M8 (data sheet Slamtec LD108).
 
-        Distance resolution is below 0.5 mm within 1.5 m, and below 1 % of the distance everywhere; this is read as a
-        step of 0.5 mm and as three standard deviations. The sheet has no figure for lost returns; one in two hundred
-        is our choice.
+        The distance resolution is below 0.5 mm within 1.5 m, and below 1 % of the distance everywhere. We use a step of
+        0.5 mm, and 1 % as three standard deviations. The data sheet has no value for dropouts; 1 in 200 is our choice.
         """
         return cls(relative_sigma=0.01 / 3.0, step=0.5e-3, dropout=0.005)
 
@@ -44,7 +44,7 @@ class LidarNoise(Spec):
 
 
 class LidarErrors:
-    """What one LIDAR draws its errors from."""
+    """Noise source of one LIDAR."""
 
     def __init__(self, spec: LidarNoise, rays: int) -> None:
         self._figures = spec.sigma, spec.relative_sigma, spec.step, spec.dropout
@@ -55,7 +55,7 @@ class LidarErrors:
         self._rng = np.random.default_rng()
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Draw a new scale."""
+        """Use a new random stream and draw the scale error."""
         self._rng = rng
         self._scale = 1.0 + self._scale_sigma * rng.standard_normal()
 
@@ -66,17 +66,17 @@ class LidarErrors:
         _measure(inverse_range, self._scale, self._normals, self._uniforms, self._figures, range_min, range_max, ranges)
 
     def save(self) -> Any:
-        """The scale and the place in the stream."""
+        """The scale error and the state of the random stream."""
         return self._scale, self._rng.bit_generator.state
 
     def restore(self, saved: Any) -> None:
-        """Go on from there."""
+        """Set the state that `save` returned."""
         self._scale, self._rng.bit_generator.state = saved
 
 
 @jit
 def classify(distance: float, range_min: float, range_max: float) -> float:
-    """A measured range by REP 117: -inf is too near to measure, +inf is nothing within reach."""
+    """A measured range as in REP 117: -inf below the minimum range, +inf for no return within the maximum range."""
     if distance < range_min:
         return -math.inf
     return distance if distance <= range_max else math.inf

@@ -1,40 +1,43 @@
-"""Noise of sensors that report a few numbers: white noise, an offset, a bias walk, and the steps of a converter."""
+"""Noise of sensors that report a few numbers: white noise, offset, bias walk and resolution."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-from pydantic import NonNegativeFloat
+from pydantic import Field
 
-from autodrive.descriptions import Spec
+from autodrive.arrays import Floats
 from autodrive.jit import jit
-from autodrive.state import Floats
+from autodrive.specs import Spec
+
+Deviation: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
+"""A standard deviation or a resolution, in the unit of the quantity."""
 
 
 class NoiseSpec(Spec):
-    """Noise of one quantity, in its own unit; every axis has its own. Nothing by default."""
+    """Noise of one quantity, in the unit of the quantity and independent for each axis. None by default."""
 
-    sigma: NonNegativeFloat = 0.0
+    sigma: Deviation = 0.0
     """Standard deviation of the white noise of each sample."""
-    offset: NonNegativeFloat = 0.0
+    offset: Deviation = 0.0
     """Standard deviation of the constant offset drawn at reset."""
-    walk: NonNegativeFloat = 0.0
+    walk: Deviation = 0.0
     """Density of the bias walk [unit/sqrt(s)]: after a time t its variance is walk^2 t."""
-    step: NonNegativeFloat = 0.0
-    """Smallest difference that the output shows; 0: none."""
+    step: Deviation = 0.0
+    """Resolution of the output; 0: unlimited."""
 
     @property
     def is_silent(self) -> bool:
-        """Whether it changes nothing."""
+        """Whether there is no noise."""
         return not (self.sigma or self.offset or self.walk or self.step)
 
 
 class Noise:
-    """The noise of one sensor's channels: a stream of numbers and a bias that it carries along."""
+    """Noise of all channels of one sensor: a random stream and the current bias."""
 
     def __init__(self, *channels: tuple[NoiseSpec, int]) -> None:
-        """Each entry is a quantity and how many numbers report it."""
+        """Each argument: the noise of a quantity, and its number of channels."""
         self._spec = np.array([(s.sigma, s.offset, s.walk, s.step) for s, count in channels for _ in range(count)])
         self._bias = np.zeros(len(self._spec))
         self._normals = np.empty((2, len(self._spec)))
@@ -43,7 +46,7 @@ class Noise:
 
     @classmethod
     def of(cls, *channels: tuple[NoiseSpec, int]) -> Noise | None:
-        """None where nothing is noisy."""
+        """None if no channel has noise."""
         return None if all(spec.is_silent for spec, _ in channels) else cls(*channels)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -53,17 +56,17 @@ class Noise:
         self._bias[:] = self._spec[:, 1] * rng.standard_normal(len(self._spec))
 
     def add(self, values: Floats, time: float) -> None:
-        """Change the true values, shape (n,), into what the sensor reports at `time` [s]."""
+        """Add the noise at `time` [s] to the true values, shape (n,), in place."""
         self._rng.standard_normal(out=self._normals)
         _corrupt(values, self._spec, self._bias, self._normals, max(time - self._time, 0.0))
         self._time = time
 
     def save(self) -> Any:
-        """The bias, its time, and the place in the stream."""
+        """The bias, its time, and the state of the random stream."""
         return self._bias.copy(), self._time, self._rng.bit_generator.state
 
     def restore(self, saved: Any) -> None:
-        """Go on from there."""
+        """Set the state that `save` returned."""
         bias, self._time, stream = saved
         self._bias[:] = bias
         self._rng.bit_generator.state = stream

@@ -1,8 +1,8 @@
-"""What the plane of a fan of rays cuts out of a shape: the outlines between which rays meet it, and how far.
+"""Cross-section of a shape with the plane of a fan of rays: the interval of bearings that hit it, and the ranges.
 
-The fan starts at the sensor. Vectors of three are in the axes of the shape: o is the sensor's place, ex, ey, ez its
-axes, of which ex and ey span the fan. Vectors of two (u, v) are in the plane, along ex and ey. Everything is scalar, so
-that nothing is allocated.
+The fan starts at the sensor. Three-dimensional vectors are in the axes of the shape: o is the position of the sensor,
+ex, ey, ez are its axes; ex and ey span the fan. Two-dimensional vectors (u, v) are in the plane, along ex and ey. All
+values are scalars, so that nothing is allocated.
 """
 
 from __future__ import annotations
@@ -14,32 +14,32 @@ from autodrive.jit import jit
 from autodrive.transforms import Vector
 
 HIDDEN, SEEN, AROUND, PARTLY = 0, 1, 2, 3
-"""The plane misses the shape; it cuts it simply; the sensor is inside; it cuts it in a way that is not simple."""
+"""No cross-section; a simple one; the sensor is inside the shape; a cross-section that needs single rays."""
 
 BEARING_ERROR = 2e-5
-"""Bound of what `approximate_bearing` errs by [rad], doubled."""
+"""Twice the error bound of `approximate_bearing` [rad]."""
 
 
 View: TypeAlias = tuple[int, float, float, float, float, float, float, float, float, float, float]
-"""How the plane cuts a shape; where it begins and how wide it is (see `bearings`); eight numbers on edges or arc."""
+"""Kind of the cross-section; start and width of its bearings (see `bearings`); eight numbers of its edges or arc."""
 
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @jit
 def view_of_box(s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> View:
-    """A box with half sizes s, cut through the four edges along one axis: in a parallelogram.
+    """View of a box with half sizes s; a simple cross-section cuts four parallel edges and is a parallelogram.
 
-    The eight numbers are the outlines pu, pv and qu, qv (q to the left), and a0, b0, a1, b1 of the edges between them:
-    the inverse range along (cos, sin) is the lesser of a0 cos + b0 sin and a1 cos + b1 sin, as a ray must pass both to
-    enter.
+    The eight numbers are the outlines pu, pv and qu, qv (q to the left), and a0, b0, a1, b1 of the edges between them.
+    The inverse range along (cos, sin) is the smaller of a0 cos + b0 sin and a1 cos + b1 sin, because a ray must cross
+    both to enter the box.
     """
-    # let z be the axis that the plane crosses most steeply
+    # permute the axes so that z is the one with the largest angle to the plane
     if abs(ez[2]) < max(abs(ez[0]), abs(ez[1])):
         s, o, ex, ey, ez = _cycle(s), _cycle(o), _cycle(ex), _cycle(ey), _cycle(ez)
         if abs(ez[2]) < max(abs(ez[0]), abs(ez[1])):
             s, o, ex, ey, ez = _cycle(s), _cycle(o), _cycle(ex), _cycle(ey), _cycle(ez)
-    # the plane in the box's axes: z = z_center + slope_x x + slope_y y
+    # the plane in the axes of the box: z = z_center + slope_x x + slope_y y
     slope_x, slope_y = -ez[0] / ez[2], -ez[1] / ez[2]
     z_center = o[2] - slope_x * o[0] - slope_y * o[1]
     spread = abs(slope_x) * s[0] + abs(slope_y) * s[1]
@@ -56,7 +56,7 @@ def view_of_box(s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> Vie
     cu, cv = _in_plane(-o[0], -o[1], z_center - o[2], ex, ey)
     au, av = _in_plane(s[0], 0.0, slope_x * s[0], ex, ey)
     bu, bv = _in_plane(0.0, s[1], slope_y * s[1], ex, ey)
-    # the seen edges meet at the corner (side_x, side_y) and end at p and q
+    # the visible edges meet at the corner (side_x, side_y) and end at p and q
     px, py = side_x, -side_y if sees_x else side_y
     qx, qy = -side_x if sees_y else side_x, side_y
     pu, pv = cu + px * au + py * bu, cv + px * av + py * bv
@@ -75,7 +75,7 @@ def view_of_box(s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> Vie
 
 @jit
 def view_of_sphere(u: float, v: float, radius_squared: float) -> View:
-    """A sphere, cut in a circle about u, v; the numbers mean the same as those of a cylinder."""
+    """View of a sphere, whose cross-section is a circle about u, v; the numbers are those of a cylinder."""
     c = u * u + v * v - radius_squared
     if c <= 0.0:
         return AROUND, *NOTHING
@@ -85,10 +85,11 @@ def view_of_sphere(u: float, v: float, radius_squared: float) -> View:
 
 @jit
 def view_of_cylinder(radius: float, half_height: float, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> View:
-    """A cylinder about z, cut in an ellipse.
+    """View of a cylinder about z; a simple cross-section is an ellipse.
 
-    With c = ox^2 + oy^2 - R^2, a ray along r meets the mantle where c/t = -o.r + sqrt(R^2 - m^2 - (R rz)^2), with
-    m = ox ry - oy rx. Over c and in terms of (cos, sin), the eight numbers are two of -o.r, R^2, two of m, two of R rz.
+    With c = ox^2 + oy^2 - R^2 and m = ox ry - oy rx, a ray along r hits the side at the distance t with
+    c/t = -o.r + sqrt(R^2 - m^2 - (R rz)^2). The numbers are the coefficients of (cos, sin), divided by c: two of -o.r,
+    R^2, two of m, two of R rz.
     """
     cos_tilt = abs(ez[2])
     if cos_tilt < 1e-3:
@@ -113,20 +114,20 @@ def view_of_cylinder(radius: float, half_height: float, o: Vector, ex: Vector, e
 
 @jit
 def bearings(pu: float, pv: float, qu: float, qv: float) -> tuple[float, float]:
-    """Bearing [rad] of p, and the angle from there to the left to q, which is below pi; see BEARING_ERROR."""
+    """Bearing of p, and the angle from p to the left to q, less than pi [rad]; the error is below BEARING_ERROR."""
     start = approximate_bearing(pu, pv)
     width = approximate_bearing(qu, qv) - start
-    # a width just below 0 is an error of the approximation
+    # a width slightly below 0 is an approximation error
     return start, width + 2.0 * math.pi if width < -1.0 else width
 
 
 @jit
 def bearings_of_disc(u: float, v: float, radius: float) -> tuple[float, float]:
-    """The same of the two tangents at a disc; the whole circle if the sensor is in it."""
+    """`bearings` of the two tangents to a disc; the whole circle if the sensor is inside."""
     distance_squared, radius_squared = u * u + v * v, radius * radius * (1.0 + 1e-9)
     if distance_squared <= radius_squared:
         return 0.0, 2.0 * math.pi
-    # turn the direction to the centre by +-atan(radius / length of the tangent)
+    # rotate the direction of the centre by +-atan(radius / length of the tangent)
     t = math.sqrt(radius_squared / (distance_squared - radius_squared))
     return bearings(u + t * v, v - t * u, u - t * v, v + t * u)
 

@@ -1,4 +1,4 @@
-"""What a sensor is: where it is mounted, when it is due, what it draws its noise from, and `sample`."""
+"""Base of all sensors: mount, schedule, noise source and `sample`."""
 
 from __future__ import annotations
 
@@ -7,35 +7,40 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
 from math import hypot, radians
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Annotated, Any, Generic, Protocol, Self, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from autodrive.descriptions import Spec
 from autodrive.model import Shapes
+from autodrive.specs import Degrees, Offset, Spec
 from autodrive.state import State
-from autodrive.transforms import Quaternion, Vector, quaternion_from_euler
+from autodrive.transforms import Quaternion, quaternion_from_euler
+
+Rate: TypeAlias = Annotated[float, Field(ge=1e-3, le=1e4)]
+"""Samples per second [Hz]."""
+Distance: TypeAlias = Annotated[float, Field(ge=0.0, le=1e4)]
+"""[m]."""
 
 
 class Mount(Spec):
-    """Where a part sits: the pose of its frame (x forward, y left, z up) in the vehicle frame."""
+    """Pose of a part's frame (x forward, y left, z up) in the vehicle frame."""
 
-    position: Vector = (0.0, 0.0, 0.0)
+    position: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
     """[m], from the centre of the rear axle."""
-    rotation_deg: Vector = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw [deg], R = Rz(yaw) Ry(pitch) Rx(roll); positive pitch looks down, positive yaw to the left."""
+    rotation_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw [deg], R = Rz(yaw) Ry(pitch) Rx(roll); positive pitch points down, positive yaw to the left."""
     quaternion: Quaternion | None = None
-    """The same rotation as a quaternion wxyz; give one of the two."""
+    """Alternative to `rotation_deg`: unit quaternion wxyz."""
 
     @model_validator(mode="after")
     def _has_one_rotation(self) -> Self:
         if self.quaternion is None:
             return self
         if any(self.rotation_deg):
-            raise ValueError("a mount is turned by rotation_deg or by quaternion, not by both")
+            raise ValueError("a mount takes rotation_deg or quaternion, not both")
         if abs(hypot(*self.quaternion) - 1.0) > 1e-3:
-            raise ValueError(f"a quaternion w, x, y, z has length 1, this one {hypot(*self.quaternion):.4g}")
+            raise ValueError(f"the length of a quaternion w, x, y, z must be 1, not {hypot(*self.quaternion):.4g}")
         return self
 
     @property
@@ -50,96 +55,88 @@ class Mount(Spec):
 
 
 class SensorSpec(Spec):
-    """What every sensor has."""
+    """Fields of every sensor."""
 
-    rate: float | None = Field(default=None, gt=0.0)
-    """Samples a second [Hz]; none: one every tick. No sensor samples more often than once a tick."""
+    rate: Rate | None = None
+    """Sample rate [Hz], at most one sample per tick; None: one sample per tick."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """When samples are due: the n-th at the first tick whose time is at least n / rate.
+    """Times of the samples: sample n is due at the first tick whose time is at least n / rate.
 
-    Time is counted in substeps and compared as integers, so that no rounding error gathers. `n` starts at `first`:
-    0 for what is known at the start, 1 for what takes a period to measure.
+    Time is counted in substeps and compared as integers, so that rounding errors do not accumulate.
     """
 
     samples: int
-    """`samples` samples in ..."""
+    """Numerator of the rate in samples per substep."""
     substeps: int
-    """... `substeps` substeps."""
-    first: int = 0
+    """Denominator of the rate in samples per substep."""
 
     @classmethod
-    def of(cls, rate: float | Fraction, substep: Fraction, first: int = 0) -> Schedule:
-        """Schedule of `rate` [Hz] in a world whose substep lasts `substep` [s].
+    def of(cls, rate: float | Fraction, substep: Fraction) -> Schedule:
+        """Schedule for a `rate` [Hz] and the duration of a `substep` [s].
 
-        A float stands for the decimal fraction that it prints as: 0.1 is one tenth.
+        A float is read as the decimal fraction that it prints as: 0.1 is one tenth.
         """
         samples_per_substep = Fraction(str(rate)) * substep
-        return cls(samples_per_substep.numerator, samples_per_substep.denominator, first)
+        return cls(samples_per_substep.numerator, samples_per_substep.denominator)
 
     def is_due(self, now: int, before: int | None) -> bool:
-        """Whether a sample fell due after `before` and until `now` [substeps]; `before` is None at the start."""
+        """Whether a sample is due in the interval (before, now] [substeps]; `before` is None at the start."""
         newest = now * self.samples // self.substeps
         previous = -1 if before is None else before * self.samples // self.substeps
-        return newest >= self.first and newest > previous
+        return newest > previous
 
 
 R = TypeVar("R")
 
 
 class Errors(Protocol):
-    """What a sensor draws its noise from."""
+    """Noise source of a sensor."""
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Begin a new stream, and draw what stays until the next reset."""
+        """Use a new random stream and draw the errors that are constant until the next reset."""
         ...
 
     def save(self) -> Any:
-        """Everything that the future depends on."""
+        """The complete internal state, for `restore`."""
         ...
 
     def restore(self, saved: Any) -> None:
-        """Go on from there."""
+        """Set the state that `save` returned."""
         ...
 
 
 class Sensor(ABC, Generic[R]):
-    """Measures one thing of one vehicle; `latest` is the newest reading, None before the first."""
+    """Base class of a sensor of one vehicle; `latest` is the newest reading, None before the first."""
 
     def __init__(self, errors: Errors | None) -> None:
         self._errors = errors
         self.latest: R | None = None
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything, and draw all noise from `rng` from now on."""
+        """Delete the latest reading and draw the noise from `rng` from now on."""
         self.latest = None
         if self._errors is not None:
             self._errors.reset(rng)
 
     @abstractmethod
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> R | None:
-        """The reading of vehicle number `vehicle` at `time` [s]; None while the first is not complete."""
-
-    @property
-    def reading(self) -> R:
-        """The newest reading, of a sensor that has sampled."""
-        assert self.latest is not None
-        return self.latest
+        """The reading of the vehicle with index `vehicle` at `time` [s]; None while the first is not complete."""
 
     def save(self) -> Any:
-        """Everything that the future depends on, for `restore`."""
+        """The complete internal state, for `restore`."""
         return self.latest, None if self._errors is None else self._errors.save()
 
     def restore(self, saved: Any) -> None:
-        """Go on as from the moment of `save`."""
+        """Set the state that `save` returned."""
         self.latest, errors = saved
         if self._errors is not None:
             self._errors.restore(errors)
 
 
 def random_generator(seed: int, vehicle: str, sensor: str) -> np.random.Generator:
-    """The stream of one sensor: it depends on these three and on nothing else in the world."""
+    """The random stream of one sensor; depends on the three arguments only."""
     key = [int.from_bytes(hashlib.blake2b(name.encode(), digest_size=16).digest()) for name in (vehicle, sensor)]
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))

@@ -1,19 +1,20 @@
-"""Rays cast one after another while everything moves: what the turning head of a 2D LIDAR sees during a tick."""
+"""Casts the rays of a rotating 2D LIDAR one after another while the vehicle and the shapes move during a tick."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
+from autodrive.arrays import Floats, Integers
 from autodrive.jit import jit
 from autodrive.model import Shapes
-from autodrive.sensors.raycast import cast_at_shape
-from autodrive.state import Floats, Integers, State
+from autodrive.physics.ray import inverse_distance
+from autodrive.state import State
 from autodrive.transforms import Quaternion, Vector, compose, rotate, slerp
 
 
-class Moment(NamedTuple):
-    """Where the vehicle and all shapes were."""
+class PoseSnapshot(NamedTuple):
+    """Poses of a vehicle and of all shapes at one time."""
 
     position: Floats
     orientation: Floats
@@ -21,8 +22,8 @@ class Moment(NamedTuple):
     shape_rotation: Floats
 
     @classmethod
-    def of(cls, state: State, vehicle: int) -> Moment:
-        """A copy of what State holds now."""
+    def of(cls, state: State, vehicle: int) -> PoseSnapshot:
+        """A copy of the poses in the State."""
         return cls(
             state.vehicle_position[vehicle].copy(),
             state.vehicle_orientation[vehicle].copy(),
@@ -32,8 +33,8 @@ class Moment(NamedTuple):
 
 
 def cast_sweep(
-    before: Moment,
-    after: Moment,
+    before: PoseSnapshot,
+    after: PoseSnapshot,
     mount: tuple[Vector, Quaternion],
     directions: Floats,
     rays: range,
@@ -43,11 +44,11 @@ def cast_sweep(
     shapes: Shapes,
     inverse_range: Floats,
 ) -> None:
-    """Write the inverse range [1/m] of the rays numbered `rays`, as `fan.cast_fan` does for all at one instant.
+    """Write the inverse range [1/m] of the rays with indices `rays`; see `fan.cast_fan` for all rays at one instant.
 
-    `fractions`, shape (n_ray,), say at which part of the way from `before` to `after` each ray leaves. The vehicle
-    turns at a constant rate on that way; a moving shape's place and rotation matrix are interpolated linearly, which
-    for a turn of 0.01 rad a tick is exact to 1e-5 of its size.
+    `fractions`, shape (n_ray,), are the times of the rays: 0 is `before`, 1 is `after`. The vehicle rotates at a
+    constant rate in between. Position and rotation matrix of a moving shape are interpolated linearly; for a rotation
+    of 0.01 rad per tick the error is 1e-5 of its size.
     """
     _cast(
         *before,
@@ -103,7 +104,7 @@ def _cast(
         ray = rotate(compose(turn, mount_orientation), (directions[0, i], directions[1, i], 0.0))
         nearest = 0.0
         if p[2] <= 0.0:
-            nearest = math.inf  # below the floor all is solid
+            nearest = math.inf  # the space below the floor is solid
         elif ray[2] < 0.0:
             nearest = -ray[2] / p[2]
         for g in range(len(kind)):
@@ -118,7 +119,7 @@ def _cast(
                 continue
             if dx * dx + dy * dy + dz * dz - along * along > radius * radius * (1.0 + 1e-9) + 1e-9:
                 continue
-            w = cast_at_shape(
+            w = inverse_distance(
                 kind[g],
                 (size[g, 0], size[g, 1], size[g, 2]),
                 _in_shape(shape_rotation_before, shape_rotation, g, f, (-dx, -dy, -dz)),
@@ -130,7 +131,7 @@ def _cast(
 
 @jit
 def _in_shape(before: Floats, after: Floats, g: int, fraction: float, v: Vector) -> Vector:
-    """A vector of the map in the axes of shape g."""
+    """Transform a vector from the map frame to the axes of shape g at that fraction of the tick."""
     x = y = z = 0.0
     for row in range(3):
         k = 3 * row

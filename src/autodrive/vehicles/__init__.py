@@ -1,1 +1,1 @@
-"""Vehicles: what a car is made of, and what the physics engine needs to know of it."""
+"""Vehicles: Spec, MJCF body for the engine, and parameter tables of the Model."""

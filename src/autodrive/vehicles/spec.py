@@ -1,61 +1,75 @@
-"""VehicleSpec: all numbers of a car, in one file; meshes, colliders, dynamics and sensor mounts come from it alone."""
+"""VehicleSpec: all parameters of a vehicle, the only source for dynamics, colliders, meshes and sensor mounts."""
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from typing import Annotated, TypeAlias
+
+from pydantic import AfterValidator, Field, model_validator
 
 from autodrive.actuators.drivetrain import DrivetrainSpec
 from autodrive.actuators.lights import LightsSpec
 from autodrive.actuators.steering import SteeringSpec
-from autodrive.descriptions import Spec, read
 from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.catalog import SensorSuiteSpec
+from autodrive.specs import Length, Offset, Rule, RuleError, Spec, read
+from autodrive.transforms import Vector
 
-Vector = tuple[float, float, float]
+MAX_CAMERAS = 20
+"""Of a vehicle."""
+
+Inertia: TypeAlias = Annotated[float, Field(ge=1e-9, le=1e6)]
+At: TypeAlias = tuple[Offset, Offset, Offset]
+Size: TypeAlias = tuple[Length, Length, Length]
 
 
 class RigidBodySpec(Spec):
     """The chassis as a rigid body (report, table 9)."""
 
-    mass: float = Field(gt=0)
-    """Of the whole car [kg]."""
-    inertia: Vector
-    """About the centre of mass, along x, y, z of the vehicle [kg m^2]."""
-    center_of_mass: Vector
+    mass: float = Field(ge=0.01, le=1e3)
+    """Of the whole vehicle [kg]."""
+    inertia: tuple[Inertia, Inertia, Inertia]
+    """About the centre of mass, for the axes x, y, z of the vehicle [kg m^2]."""
+    center_of_mass: At
     """In the vehicle frame [m]."""
-    drag: float = Field(ge=0)
-    """Share of the velocity lost in a second, as Unity's Rigidbody.drag [1/s]."""
-    angular_drag: float = Field(ge=0)
-    """Likewise of the angular velocity [1/s]."""
-    angular_velocity_max: float = Field(gt=0)
-    """The engine never turns the body faster [rad/s] (Unity's default: 7)."""
-    friction: float = Field(ge=0)
-    """Coulomb friction of the colliders against other things."""
+    drag: float = Field(ge=0, le=1e3)
+    """Share of the velocity that is lost per second, as Unity's Rigidbody.drag [1/s]."""
+    angular_drag: float = Field(ge=0, le=1e3)
+    """Share of the angular velocity that is lost per second [1/s]."""
+    angular_velocity_max: float = Field(ge=0.01, le=1e4)
+    """Limit of the angular velocity [rad/s] (Unity's default: 7)."""
+    friction: float = Field(ge=0, le=100)
+    """Coulomb friction coefficient of the colliders."""
+
+    @model_validator(mode="after")
+    def _is_rigid(self) -> RigidBodySpec:
+        if 2.0 * max(self.inertia) > sum(self.inertia):
+            raise ValueError(f"no body has the inertia {self.inertia}: none may be greater than the sum of the others")
+        return self
 
 
-class BoxSpec(Spec):
-    """A box along the vehicle's axes."""
+class ColliderSpec(Spec):
+    """A box-shaped collider, aligned with the vehicle's axes."""
 
-    position: Vector
-    """Its centre in the vehicle frame [m]."""
-    size: Vector
+    position: At
+    """Centre in the vehicle frame [m]."""
+    size: Size
     """Full lengths along x, y, z [m]."""
 
 
 class FrictionCurve(Spec):
-    """Unity's WheelFrictionCurve: force / load over slip."""
+    """Friction curve as Unity's WheelFrictionCurve: force divided by load over slip."""
 
-    extremum_slip: float = Field(gt=0)
-    extremum_value: float = Field(gt=0)
-    asymptote_slip: float = Field(gt=0)
-    asymptote_value: float = Field(ge=0)
-    stiffness: float = Field(ge=0)
-    """Factor of both values."""
+    extremum_slip: float = Field(ge=1e-4, le=100)
+    extremum_value: float = Field(ge=1e-4, le=100)
+    asymptote_slip: float = Field(ge=1e-4, le=100)
+    asymptote_value: float = Field(ge=0, le=100)
+    stiffness: float = Field(ge=0, le=100)
+    """Factor for both values."""
     initial_slope: float = Field(ge=0, le=3)
-    """Slope at 0 in units of extremum_value / extremum_slip; 1.5 makes a natural spline, 3 the curve 1 - (1 - s)^3."""
+    """Slope at 0 in units of extremum_value / extremum_slip; 1.5: a natural spline, 3: the curve 1 - (1 - s)^3."""
 
     @model_validator(mode="after")
-    def _in_order(self) -> FrictionCurve:
+    def _check_order(self) -> FrictionCurve:
         if self.asymptote_slip <= self.extremum_slip:
             raise ValueError(
                 f"asymptote_slip {self.asymptote_slip} must be greater than extremum_slip {self.extremum_slip}"
@@ -64,7 +78,7 @@ class FrictionCurve(Spec):
 
     @property
     def numbers(self) -> tuple[float, float, float, float, float]:
-        """As the wheel model takes it: slips, values with the stiffness in them, initial slope."""
+        """Parameters of the wheel model: slips, values multiplied by the stiffness, initial slope."""
         k = self.stiffness
         return (
             self.extremum_slip,
@@ -76,98 +90,179 @@ class FrictionCurve(Spec):
 
 
 class SuspensionSpec(Spec):
-    """Spring and damper of one wheel (report, table 9)."""
+    """Spring and damper of each wheel (report, table 9)."""
 
-    distance: float = Field(gt=0)
-    """Whole travel [m]."""
+    distance: float = Field(ge=1e-4, le=10)
+    """Total travel [m]."""
     target_position: float = Field(ge=0, le=1)
-    """Where in that travel the static load is carried: 0 fully compressed ... 1 fully extended, as Unity."""
-    stiffness: float = Field(gt=0)
+    """Position of the static equilibrium in that travel, as in Unity: 0 fully compressed ... 1 fully extended."""
+    stiffness: float = Field(ge=0.01, le=1e9)
     """[N/m]."""
-    damping: float = Field(ge=0)
+    damping: float = Field(ge=0, le=1e7)
     """[N s/m]."""
-    bump_stiffness: float = Field(gt=0)
-    """Of the stop at full compression [N/m]."""
-    substeps: int = Field(ge=1)
-    """PhysX moves a wheel this many times within one step of the body; see `look_ahead`."""
+    bump_stiffness: float = Field(ge=0.01, le=1e9)
+    """Stiffness of the stop at full compression [N/m]."""
+    substeps: int = Field(ge=1, le=1000)
+    """Number of substeps of a wheel within one step of the body in PhysX; see `look_ahead`."""
 
     def look_ahead(self, dt: float) -> float:
-        """Mean time [s], within a step of `dt`, at which PhysX's substeps (0, dt/n, 2 dt/n ...) read the spring."""
+        """Mean time [s] within a step of `dt` at which the substeps of PhysX (0, dt/n, 2 dt/n ...) read the spring."""
         return dt * (self.substeps - 1) / (2 * self.substeps)
 
     @property
     def compression_max(self) -> float:
-        """From the target position [m]."""
+        """Largest compression from the target position [m]."""
         return (1.0 - self.target_position) * self.distance
 
     @property
     def droop_max(self) -> float:
-        """From the target position [m]."""
+        """Largest extension from the target position [m]."""
         return self.target_position * self.distance
 
 
 class RegularisationSpec(Spec):
-    """Figures that keep slip finite at low speed and a standing car still."""
+    """Parameters that keep the slip finite at low speed and hold a car at rest."""
 
-    active_slip_offset: float = Field(gt=0)
-    """Added to the slip ratio's denominator of a driven or braked wheel [m/s]."""
-    passive_slip_minimum: float = Field(gt=0)
-    """Least denominator of the slip ratio of a wheel that rolls freely [m/s]."""
-    slip_angle_offset: float = Field(gt=0)
-    """Added to the slip angle's denominator [m/s]."""
-    hold_speed: float = Field(ge=0)
-    """Below it a locked wheel holds its place like a spring instead of creeping [m/s]."""
-    hold_frequency: float = Field(gt=0, le=60)
-    """Natural frequency of that spring with the car on it [Hz]."""
+    active_slip_offset: float = Field(ge=1e-6, le=1e3)
+    """Added to the denominator of the slip ratio of a driven or braked wheel [m/s]."""
+    passive_slip_minimum: float = Field(ge=1e-6, le=1e3)
+    """Minimum of the denominator of the slip ratio of a free wheel [m/s]."""
+    slip_angle_offset: float = Field(ge=1e-6, le=1e3)
+    """Added to the denominator of the slip angle [m/s]."""
+    hold_speed: float = Field(ge=0, le=1e3)
+    """Below this speed a locked wheel is held in place by a spring, so that it does not creep [m/s]."""
+    hold_frequency: float = Field(ge=0.01, le=60)
+    """Natural frequency of the car on these springs [Hz]."""
 
 
 class WheelSpec(Spec):
     """The four equal wheels (report, table 9)."""
 
-    mass: float = Field(gt=0)
-    """[kg]; the moment of inertia is that of a solid disc, as in PhysX."""
-    radius: float = Field(gt=0)
+    mass: float = Field(ge=1e-4, le=1e3)
+    """[kg]. The moment of inertia is that of a solid disc, as in PhysX."""
+    radius: Length
     """[m]."""
-    width: float = Field(gt=0)
+    width: Length
     """[m]."""
-    damping_rate: float = Field(ge=0)
-    """Torque against the spin [N m s/rad] (Unity calls the unit kg m^2/s)."""
-    force_height: float
-    """Unity's force application point distance, above the wheel's base [m]."""
-    collider_center: float
-    """Height of the collider above the wheel's place at the target position [m]; it is droop_max in every Unity rig."""
+    damping_rate: float = Field(ge=0, le=1e4)
+    """Resisting torque per spin [N m s/rad] (kg m^2/s in Unity)."""
+    force_height: Offset
+    """Height of the point where the force acts above the base of the wheel (Unity: force app point distance) [m]."""
+    collider_center: Offset
+    """Height of the collider above the wheel at the target position [m]; equal to droop_max in Unity."""
     suspension: SuspensionSpec
     forward_friction: FrictionCurve
     sideways_friction: FrictionCurve
     regularisation: RegularisationSpec
 
+    @model_validator(mode="after")
+    def _has_a_collider(self) -> WheelSpec:
+        if self.suspension.compression_max > 0.99 * self.radius:
+            raise ValueError(
+                f"the suspension can be compressed by {self.suspension.compression_max:g} m; it must be less than 0.99 "
+                f"times the radius of a wheel, {self.radius:g} m"
+            )
+        return self
+
+
+class AxleSpec(Spec):
+    """Functions of the two wheels of an axle."""
+
+    is_steered: bool
+    """The wheels are turned by the steering actuator."""
+    is_driven: bool
+    """A motor drives each wheel."""
+    is_braked: bool
+    """A brake holds each wheel at zero throttle."""
+
+
+class FrontAxleSpec(AxleSpec):
+    """The front axle: steered and braked by default."""
+
+    is_steered: bool = True
+    is_driven: bool = False
+    is_braked: bool = True
+
+
+class RearAxleSpec(AxleSpec):
+    """The rear axle: driven and braked by default."""
+
+    is_steered: bool = False
+    is_driven: bool = True
+    is_braked: bool = True
+
+
+class AxlesSpec(Spec):
+    """Drive layout: which axles are steered, driven and braked (report, table 1: rear wheel drive)."""
+
+    front: FrontAxleSpec = FrontAxleSpec()
+    rear: RearAxleSpec = RearAxleSpec()
+
+    @model_validator(mode="after")
+    def _check_layout(self) -> AxlesSpec:
+        if not (self.front.is_driven or self.rear.is_driven):
+            raise ValueError("no axle is driven; set is_driven: true for front, rear or both")
+        if not self.front.is_steered or self.rear.is_steered:
+            raise ValueError(
+                "only the front axle can be steered; set front.is_steered: true and rear.is_steered: false"
+            )
+        return self
+
+
+def _named(cameras: dict[str, CameraSpec]) -> dict[str, CameraSpec]:
+    if len(cameras) > MAX_CAMERAS:
+        raise ValueError(f"a vehicle can have at most {MAX_CAMERAS} cameras")
+    for name in cameras:
+        if not name.isidentifier() or len(name) > 100:
+            raise ValueError(f"a name is letters, digits and '_', such as front, not '{name[:100]}'")
+        if name in SensorSuiteSpec.model_fields:
+            raise ValueError(f"'{name}' is a sensor; a camera needs another name")
+    return cameras
+
 
 class VehicleSpec(Spec):
-    """A four-wheeled car, front wheels steered, rear wheels driven.
+    """A four-wheeled car with two axles.
 
     The vehicle frame is the centre of the rear axle at wheel-centre height: x forward, y left, z up.
     """
 
     title: str
-    """For people."""
+    """Title for menus and lists."""
     summary: dict[str, str] = Field(default_factory=dict)
-    """What the car is built of, for people (report, table 1)."""
-    size: Vector
+    """Components of the car, as text (report, table 1)."""
+    size: Size
     """Overall length, width, height [m]."""
-    wheelbase: float = Field(gt=0)
+    wheelbase: Length
     """[m]."""
-    track: float = Field(gt=0)
-    """Between the centres of left and right wheels [m]."""
+    track: Length
+    """Distance between the centres of left and right wheels [m]."""
     body: RigidBodySpec
-    platforms: list[BoxSpec]
-    """Colliders of the acrylic platforms, from the lowest up."""
-    lidar_collider: BoxSpec
+    platforms: Annotated[list[ColliderSpec], Field(min_length=1, max_length=100)]
+    """Colliders of the platforms, lowest first."""
+    lidar_collider: ColliderSpec
     wheels: WheelSpec
+    axles: AxlesSpec = AxlesSpec()
     steering: SteeringSpec
     drivetrain: DrivetrainSpec
     lights: LightsSpec
     sensors: SensorSuiteSpec
-    cameras: dict[str, CameraSpec] = Field(default_factory=dict)
+    cameras: Annotated[dict[str, CameraSpec], AfterValidator(_named)] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _stands(self) -> VehicleSpec:
+        boxes: dict[tuple[str | int, ...], ColliderSpec] = {("lidar_collider",): self.lidar_collider}
+        boxes |= {("platforms", i): box for i, box in enumerate(self.platforms)}
+        errors: list[Rule] = [
+            (place, f"reaches below the ground at z = {-self.ride_height:g} m")
+            for place, box in boxes.items()
+            if box.position[2] - box.size[2] / 2 < -self.ride_height - 1e-6
+        ]
+        x, y, _ = self.body.center_of_mass
+        if not (0.0 <= x <= self.wheelbase and abs(y) <= self.track / 2):
+            errors.append((("body", "center_of_mass"), "must be between the wheels; otherwise the car falls over"))
+        if errors:
+            raise RuleError(errors)
+        return self
 
     @property
     def hubs(self) -> tuple[Vector, Vector, Vector, Vector]:
@@ -177,10 +272,10 @@ class VehicleSpec(Spec):
 
     @property
     def ride_height(self) -> float:
-        """Height of the vehicle frame above the ground when the car stands [m]."""
+        """Height of the vehicle frame above the ground at rest [m]."""
         return self.wheels.radius
 
 
 def load_vehicle(name: str) -> VehicleSpec:
-    """The vehicle of that name, or of that file. Raises `SpecError` with all faults."""
+    """The vehicle with that name or in that file. Raises `SpecError` with all errors."""
     return read("vehicle", name, VehicleSpec)

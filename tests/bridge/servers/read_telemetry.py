@@ -3,6 +3,9 @@
 Takes a list of {"year": ..., "data": {...}} as JSON on stdin and writes what it read as JSON to stdout.
 """
 
+# Runs in the environment of a devkit server.
+# pyright: reportMissingImports=false, reportArgumentType=false
+
 import base64
 import gzip
 import json

@@ -3,6 +3,9 @@
 It wants a sign of life every second, as Engine.IO of either version understands that.
 """
 
+# Runs in the environment of a devkit server.
+# pyright: reportMissingImports=false, reportArgumentType=false
+
 import sys
 import time
 

@@ -1,13 +1,13 @@
-// A gamepad of the standard mapping: left stick steers, triggers drive, buttons switch the lamps.
+// Gamepad input in the standard mapping: the left stick steers, the triggers drive, buttons switch the lamps.
 import { Headlights, Indicators } from '../messages'
 import type { Driver } from './driver'
 
-/** A stick at rest is not quite at 0. */
+/** Dead zone of a stick. */
 const DEAD = 0.08
-/** Browsers tell no change of a stick: look this often [ms]. */
+/** Polling period [ms]; browsers send no events when a stick moves. */
 const PERIOD = 16
 
-/** Standard mapping: button -> what a press does. */
+/** Button index in the standard mapping -> its action. */
 const BUTTONS: Record<number, (driver: Driver) => void> = {
   0: (driver) => driver.toggleHeadlights(Headlights.LOW), // A, cross
   1: (driver) => driver.toggleIndicators(Indicators.HAZARD), // B, circle
@@ -18,16 +18,16 @@ const BUTTONS: Record<number, (driver: Driver) => void> = {
 const REVERSE_TRIGGER = 6
 const THROTTLE_TRIGGER = 7
 
-/** Listens from now on, to the first gamepad that is plugged in. */
+/** Polls the first connected gamepad with the standard mapping. */
 export function listenToGamepad(driver: Driver): void {
   let timer = 0
   let pressed = new Set<number>()
 
-  function look(): void {
+  function poll(): void {
     const pad = navigator.getGamepads().find((each) => each?.mapping === 'standard')
     if (!pad || document.hidden || !document.hasFocus()) return
     const throttle = (pad.buttons[THROTTLE_TRIGGER]?.value ?? 0) - (pad.buttons[REVERSE_TRIGGER]?.value ?? 0)
-    const steering = live(-(pad.axes[0] ?? 0)) // a stick to the left is negative
+    const steering = withoutDeadZone(-(pad.axes[0] ?? 0)) // the axis of the stick is positive to the right
     if (throttle !== driver.pad.throttle || steering !== driver.pad.steering) {
       Object.assign(driver.pad, { throttle, steering })
       driver.change()
@@ -38,7 +38,7 @@ export function listenToGamepad(driver: Driver): void {
   }
 
   window.addEventListener('gamepadconnected', () => {
-    if (timer === 0) timer = window.setInterval(look, PERIOD)
+    if (timer === 0) timer = window.setInterval(poll, PERIOD)
   })
   window.addEventListener('gamepaddisconnected', () => {
     if (navigator.getGamepads().some(Boolean)) return
@@ -48,8 +48,8 @@ export function listenToGamepad(driver: Driver): void {
   })
 }
 
-/** Of a stick: 0 in its dead zone, from there on to 1. */
-function live(value: number): number {
+/** Rescales the value of a stick: 0 in the dead zone, then linear up to 1. */
+function withoutDeadZone(value: number): number {
   const size = Math.max(0, Math.abs(value) - DEAD) / (1 - DEAD)
   return size === 0 ? 0 : Math.sign(value) * Math.min(1, size)
 }

@@ -1,66 +1,66 @@
-// The keyboard of the report's table 12: keys held down drive, other keys do something once.
+// Keyboard input (report, table 12): held keys drive, other keys run an action once.
 import type { Driver } from './driver'
-import { deedOf } from './keys'
-import type { Deed } from './keys'
+import type { KeyAction } from './keys'
+import { actionOf } from './keys'
 
-/** Where keys are letters, or turn a choice, and not commands. */
+/** Elements that need the keys themselves; keys do not drive while one has the focus. */
 const FIELDS = 'input, select, textarea, dialog, [contenteditable]'
 
-/** Held deed -> what it pushes. */
-const PUSHES = {
+/** Actions of held keys -> axis and sign of the input. */
+const HELD_ACTIONS = {
   forward: ['throttle', 1],
   reverse: ['throttle', -1],
   left: ['steering', 1],
   right: ['steering', -1],
 } as const
 
-/** Listens from now on; `once` is called for keys that do something once. */
-export function listenToKeyboard(driver: Driver, once: (deed: Deed) => void): void {
-  const held = new Map<string, keyof typeof PUSHES>()
+/** Handles keyboard events; calls `onAction` for keys that are not held. */
+export function listenToKeyboard(driver: Driver, onAction: (action: KeyAction) => void): void {
+  const held = new Map<string, keyof typeof HELD_ACTIONS>()
 
-  function push(): void {
+  function update(): void {
     driver.keys.throttle = driver.keys.steering = 0
-    for (const deed of new Set(held.values())) {
-      const [axis, sign] = PUSHES[deed]
+    for (const action of new Set(held.values())) {
+      const [axis, sign] = HELD_ACTIONS[action]
       driver.keys[axis] += sign
     }
     driver.change()
   }
 
-  /** Nothing is held any more: what is let go elsewhere is not told to this page. */
-  function letGo(): void {
+  /** Releases all keys: the page gets no keyup event for a key that is released elsewhere. */
+  function releaseAll(): void {
     held.clear()
     driver.stop()
   }
 
   window.addEventListener('keydown', (event) => {
-    if (event.key === 'Meta') return letGo() // a key let go while it is down is never told
+    if (event.key === 'Meta') return releaseAll() // while Meta is down, browsers send no keyup events
     if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing) return
     const field = event.target instanceof HTMLElement ? event.target.closest<HTMLElement>(FIELDS) : null
     if (field) {
-      if (event.key === 'Escape') field.blur() // keys drive again
+      if (event.key === 'Escape') field.blur() // return the focus, so that keys drive
       return
     }
-    const deed = deedOf(event)
-    if (!deed) return
+    const action = actionOf(event)
+    if (!action) return
     event.preventDefault()
     if (event.repeat) return
-    if (!isPush(deed)) return once(deed)
-    held.set(event.code, deed)
-    push()
+    if (!isHeld(action)) return onAction(action)
+    held.set(event.code, action)
+    update()
   })
   window.addEventListener('keyup', (event) => {
-    if (held.delete(event.code)) push()
+    if (held.delete(event.code)) update()
   })
-  window.addEventListener('blur', letGo)
+  window.addEventListener('blur', releaseAll)
   document.addEventListener('visibilitychange', () => {
-    if (document.hidden) letGo()
+    if (document.hidden) releaseAll()
   })
   document.addEventListener('focusin', (event) => {
-    if (held.size > 0 && event.target instanceof Element && event.target.closest(FIELDS)) letGo()
+    if (held.size > 0 && event.target instanceof Element && event.target.closest(FIELDS)) releaseAll()
   })
 }
 
-function isPush(deed: Deed): deed is keyof typeof PUSHES {
-  return deed in PUSHES
+function isHeld(action: KeyAction): action is keyof typeof HELD_ACTIONS {
+  return action in HELD_ACTIONS
 }

@@ -1,6 +1,6 @@
-// Which key does what: the one table for the keyboard and for the help. Keys are named by their place on the keyboard.
+// The table of keys and actions, for the keyboard handler and for the help. Keys are identified by their position.
 
-export type Deed =
+export type KeyAction =
   | 'forward'
   | 'reverse'
   | 'left'
@@ -16,6 +16,13 @@ export type Deed =
   | 'mode'
   | 'menu'
   | 'hud'
+  | 'log'
+  | 'minimap'
+  | 'trails'
+  | 'measure'
+  | 'full-screen'
+  | 'screenshot'
+  | 'edit'
   | 'help'
   | 'close'
   | 'pause'
@@ -23,48 +30,57 @@ export type Deed =
   | 'reset'
 
 export interface Key {
-  deed: Deed
-  /** KeyboardEvent.code of each key that does it; with Shift where `isShifted`. */
+  action: KeyAction
+  /** KeyboardEvent.code of each key for this action; with Shift if `isShifted`. */
   codes: readonly string[]
   isShifted?: boolean
-  says: string
+  description: string
 }
 
-/** In the order in which the help shows them. */
+/** The keys by group, in the order of the help. */
 export const KEYS: Record<string, readonly Key[]> = {
   Drive: [
-    { deed: 'forward', codes: ['KeyW', 'ArrowUp'], says: 'Drive forward' },
-    { deed: 'reverse', codes: ['KeyS', 'ArrowDown'], says: 'Drive in reverse' },
-    { deed: 'left', codes: ['KeyA', 'ArrowLeft'], says: 'Steer left' },
-    { deed: 'right', codes: ['KeyD', 'ArrowRight'], says: 'Steer right' },
+    { action: 'forward', codes: ['KeyW', 'ArrowUp'], description: 'Drive forward' },
+    { action: 'reverse', codes: ['KeyS', 'ArrowDown'], description: 'Drive in reverse' },
+    { action: 'left', codes: ['KeyA', 'ArrowLeft'], description: 'Steer left' },
+    { action: 'right', codes: ['KeyD', 'ArrowRight'], description: 'Steer right' },
   ],
   Lamps: [
-    { deed: 'low-beam', codes: ['KeyG'], says: 'Headlights, low beam' },
-    { deed: 'high-beam', codes: ['KeyH'], says: 'Headlights, high beam' },
-    { deed: 'left-indicator', codes: ['KeyL'], says: 'Left turn indicator' },
-    { deed: 'right-indicator', codes: ['KeyR'], says: 'Right turn indicator' },
-    { deed: 'hazard', codes: ['KeyE'], says: 'Hazard indicators' },
+    { action: 'low-beam', codes: ['KeyG'], description: 'Headlights, low beam' },
+    { action: 'high-beam', codes: ['KeyH'], description: 'Headlights, high beam' },
+    { action: 'left-indicator', codes: ['KeyL'], description: 'Left turn indicator' },
+    { action: 'right-indicator', codes: ['KeyR'], description: 'Right turn indicator' },
+    { action: 'hazard', codes: ['KeyE'], description: 'Hazard indicators' },
   ],
   View: [
-    { deed: 'camera', codes: ['KeyC'], says: 'Next camera' },
-    { deed: 'scene-light', codes: ['KeyB'], says: 'Scene light on or off' },
-    { deed: 'menu', codes: ['KeyM'], says: 'Menu' },
-    { deed: 'hud', codes: ['KeyU'], says: 'HUD' },
-    { deed: 'help', codes: ['F1'], says: 'This help, also ?' },
-    { deed: 'close', codes: ['Escape'], says: 'Close help, HUD, menu' },
+    { action: 'camera', codes: ['KeyC'], description: 'Next camera' },
+    { action: 'scene-light', codes: ['KeyB'], description: 'Scene light on or off' },
+    { action: 'menu', codes: ['KeyM'], description: 'Menu' },
+    { action: 'hud', codes: ['KeyU'], description: 'HUD' },
+    { action: 'log', codes: ['KeyO'], description: 'Log' },
+    { action: 'minimap', codes: ['KeyQ'], description: 'Small map' },
+    { action: 'trails', codes: ['KeyT'], description: 'Driven lines' },
+    { action: 'measure', codes: ['KeyX'], description: 'Measure a distance' },
+    { action: 'full-screen', codes: ['KeyF'], description: 'Full screen' },
+    { action: 'screenshot', codes: ['KeyI'], description: 'Screenshot of the view' },
+    { action: 'edit', codes: ['KeyJ'], description: 'Edit mode' },
+    { action: 'help', codes: ['F1'], description: 'This help, also ?' },
+    { action: 'close', codes: ['Escape'], description: 'Close what is open' },
   ],
   Simulation: [
-    { deed: 'mode', codes: ['KeyK'], says: 'Driving mode: Manual or Autonomous' },
-    { deed: 'vehicle', codes: ['KeyV'], says: 'Next vehicle' },
-    { deed: 'pause', codes: ['KeyP'], says: 'Pause or resume' },
-    { deed: 'step', codes: ['KeyN'], says: 'Run one tick, then pause' },
-    { deed: 'reset', codes: ['Backspace'], isShifted: true, says: 'Reset the simulation' },
+    { action: 'mode', codes: ['KeyK'], description: 'Driving mode: Manual or Autonomous' },
+    { action: 'vehicle', codes: ['KeyV'], description: 'Next vehicle' },
+    { action: 'pause', codes: ['KeyP'], description: 'Pause or resume' },
+    { action: 'step', codes: ['KeyN'], description: 'Run one tick, then pause' },
+    { action: 'reset', codes: ['Backspace'], isShifted: true, description: 'Reset the simulation' },
   ],
 }
 
-/** What the key of an event does, if anything. */
-export function deedOf(event: KeyboardEvent): Deed | undefined {
+/** The action of a keyboard event, if any. */
+export function actionOf(event: KeyboardEvent): KeyAction | undefined {
   if (event.key === '?') return 'help'
-  const key = Object.values(KEYS).flat().find(({ codes }) => codes.includes(event.code))
-  return key?.isShifted && !event.shiftKey ? undefined : key?.deed
+  const key = Object.values(KEYS)
+    .flat()
+    .find(({ codes }) => codes.includes(event.code))
+  return key?.isShifted && !event.shiftKey ? undefined : key?.action
 }

@@ -1,25 +1,38 @@
-// The line in the toolbar while there is no connection; the page keeps its last picture meanwhile.
+// The message in the toolbar while there is no connection (the page keeps the last image) or the physics cannot go on.
+import { type Actions, sentence } from '../actions'
 import type { Store } from '../store'
 import { h, setText } from './element'
 
-/** A connection that comes at once is not worth a line [ms]. */
-const PATIENCE = 400
+/** Delay before the first message [ms]; most connections open sooner. */
+const DELAY = 400
 
-export function banner(store: Store): HTMLElement {
+export function banner(store: Store, actions: Actions): HTMLElement {
   const text = h('span')
   const spinner = h('i', { class: 'spinner' })
-  const line = h('div', { class: 'banner', testid: 'banner', role: 'alert', hidden: true }, spinner, text)
+  const reset = h('button', { testid: 'banner-reset', onclick: () => void actions.reset() }, 'Reset')
+  const line = h('div', { class: 'banner', testid: 'banner', role: 'alert', hidden: true }, spinner, text, reset)
   let timer = 0
   store.link.watch((link) => {
     window.clearTimeout(timer)
+    spinner.hidden = link === 'open'
+    reset.hidden = link !== 'open'
     if (link === 'open') {
       line.hidden = true
       return
     }
-    line.title = store.lost.value
-    setText(text, link === 'connecting' ? 'Connecting to the simulator…' : `Reconnecting… ${store.lost.value}`)
+    line.title = store.connectionError.value
+    setText(
+      text,
+      link === 'connecting' ? 'Connecting to the simulator…' : `Reconnecting… ${store.connectionError.value}`,
+    )
     if (link === 'lost') line.hidden = false
-    else timer = window.setTimeout(() => (line.hidden = false), PATIENCE)
+    else timer = window.setTimeout(() => (line.hidden = false), DELAY)
+  })
+  store.status.watch((status) => {
+    if (store.link.value !== 'open') return
+    line.hidden = !status?.error
+    line.title = status?.error ?? ''
+    setText(text, sentence(status?.error ?? ''))
   })
   return line
 }

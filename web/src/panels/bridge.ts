@@ -1,33 +1,37 @@
-// The bridge in the menu: IP address, port, the Connection button and its status.
+// The bridge section of the menu: IP address, port, connection button and status.
 import { sentence } from '../actions'
 import type { Connection } from '../connection'
 import type { BridgeStatus } from '../messages'
 import type { Store } from '../store'
 import { h, setText } from './element'
-import { row, section, state } from './fields'
+import { row, state } from './fields'
 
 const DEFAULTS = { host: '127.0.0.1', port: '4567' }
-const WORDS = { closed: 'Disconnected', connecting: 'Connecting…', connected: 'Connected' }
+const HINT = 'Start your devkit script first. It listens at this address; port 4567 is the default.'
+const STATES = { closed: 'Disconnected', connecting: 'Connecting…', connected: 'Connected' }
 
-export function bridge(store: Store, connection: Connection): HTMLElement {
+/** `showPrograms` shows programs that connect to the simulator. */
+export function bridge(store: Store, connection: Connection, showPrograms: () => void): HTMLElement {
   const typed = { ...DEFAULTS }
-  const host = h('input', { testid: 'ip', placeholder: DEFAULTS.host, oninput: keep, ...FIELD })
+  const host = h('input', { testid: 'ip', placeholder: DEFAULTS.host, oninput: saveInput, ...FIELD })
   const digits = { inputmode: 'numeric' }
-  const port = h('input', { testid: 'port', placeholder: DEFAULTS.port, oninput: keep, ...digits, ...FIELD })
+  const port = h('input', { testid: 'port', placeholder: DEFAULTS.port, oninput: saveInput, ...digits, ...FIELD })
   const connect = h('button', { testid: 'connect', class: 'primary', type: 'submit' }, 'Connect')
   const disconnect = h('button', { testid: 'disconnect', type: 'button', onclick: () => void end() }, 'Disconnect')
   const status = state('bridge-status')
-  const fault = h('p', { class: 'fault', testid: 'bridge-fault', id: 'bridge-fault', role: 'alert', hidden: true })
-  let refused = ''
+  const error = h('p', { class: 'error', testid: 'bridge-error', id: 'bridge-error', role: 'alert', hidden: true })
+  const hint = h('p', { class: 'muted' }, HINT)
+  const script = h('p', { class: 'note', testid: 'bridge-script', hidden: true })
+  let refusal = ''
 
-  function keep(): void {
+  function saveInput(): void {
     typed.host = host.value
     typed.port = port.value
     refuse('')
   }
 
-  function refuse(words: string, field?: HTMLInputElement): void {
-    refused = words
+  function refuse(message: string, field?: HTMLInputElement): void {
+    refusal = message
     for (const each of [host, port]) each.setAttribute('aria-invalid', String(each === field))
     show(store.status.value?.bridge)
     field?.focus()
@@ -36,20 +40,20 @@ export function bridge(store: Store, connection: Connection): HTMLElement {
   async function start(event: Event): Promise<void> {
     event.preventDefault()
     const address = host.value.trim()
-    if (!address) return refuse('The IP address is empty. The default is 127.0.0.1, this machine.', host)
+    if (!address) return refuse('The IP address is empty. The default is 127.0.0.1 (this machine).', host)
     if (/[\s/:]/.test(address.replace(/^\[.*\]$|^[0-9a-f:]+$/i, '')))
-      return refuse('Only the address, please, without http:// and without the port, for example 192.168.0.12.', host)
+      return refuse('Enter only the address, without http:// and without the port. Example: 192.168.0.12.', host)
     if (!/^\d+$/.test(port.value.trim()))
-      return refuse('The port is a number from 1 to 65535. The default is 4567.', port)
+      return refuse('The port must be a number from 1 to 65535. The default is 4567.', port)
     const number = Number(port.value)
-    if (number < 1 || number > 65535) return refuse(`Port ${number} does not exist: ports go from 1 to 65535.`, port)
+    if (number < 1 || number > 65535) return refuse(`Port ${number} is out of range. Use 1 to 65535.`, port)
     refuse('')
     connect.disabled = true
     if (document.activeElement instanceof HTMLInputElement) document.activeElement.blur()
     try {
       await connection.request({ type: 'ConnectBridge', host: address, port: number })
-    } catch (words) {
-      refuse(sentence(words))
+    } catch (reason) {
+      refuse(sentence(reason))
     }
     show(store.status.value?.bridge)
   }
@@ -58,8 +62,8 @@ export function bridge(store: Store, connection: Connection): HTMLElement {
     refuse('')
     try {
       await connection.request({ type: 'DisconnectBridge' })
-    } catch (words) {
-      refuse(sentence(words))
+    } catch (reason) {
+      refuse(sentence(reason))
     }
   }
 
@@ -67,16 +71,20 @@ export function bridge(store: Store, connection: Connection): HTMLElement {
     const now = bridge?.state ?? 'closed'
     const isOpen = now !== 'closed'
     connect.disabled = isOpen || store.link.value !== 'open'
+    connect.hidden = isOpen
     disconnect.hidden = !isOpen
     host.disabled = port.disabled = isOpen
-    const at = bridge && isOpen ? parted(bridge.address) : typed
+    const at = bridge && isOpen ? splitAddress(bridge.address) : typed
     if (host.value !== at.host) host.value = at.host
     if (port.value !== at.port) port.value = at.port
-    setText(status, WORDS[now])
+    setText(status, STATES[now])
     status.dataset.state = now
-    const words = refused || (bridge && now !== 'connected' && bridge.fault ? sentence(bridge.fault) : '')
-    setText(fault, words)
-    fault.hidden = !words
+    const text = refusal || (bridge && now !== 'connected' && bridge.error ? sentence(bridge.error) : '')
+    setText(error, text)
+    error.hidden = !text
+    setText(script, [bridge?.devkit && sentence(bridge.devkit), bridge?.note].filter(Boolean).join(' '))
+    script.hidden = Boolean(text) || !script.textContent
+    hint.hidden = Boolean(text) || !script.hidden // one text at a time in this place
   }
 
   store.status.watch((status) => show(status?.bridge))
@@ -85,15 +93,17 @@ export function bridge(store: Store, connection: Connection): HTMLElement {
     Object.assign(typed, DEFAULTS)
     refuse('')
   })
-  return section(
-    'Bridge',
+  const programs = h('button', { class: 'quiet', testid: 'programs', onclick: showPrograms }, 'Python, ROS, C++…')
+  return h(
+    'section',
+    { class: 'section' },
+    h('div', { class: 'heading' }, h('h2', {}, 'Bridge'), programs),
     h(
       'form',
       { class: 'bridge', novalidate: true, onsubmit: (event: Event) => void start(event) },
-      h('div', { class: 'address' }, named('IP Address', host), named('Port Number', port)),
-      row(connect, status),
-      disconnect,
-      fault,
+      h('div', { class: 'address' }, labelledField('IP Address', host), labelledField('Port Number', port)),
+      row(h('div', {}, connect, disconnect), status),
+      h('div', { class: 'below' }, hint, error, script),
     ),
   )
 }
@@ -103,14 +113,14 @@ const FIELD = {
   autocomplete: 'off',
   autocapitalize: 'off',
   spellcheck: 'false',
-  'aria-describedby': 'bridge-fault',
+  'aria-describedby': 'bridge-error',
 }
 
-function named(label: string, field: HTMLElement): HTMLElement {
+function labelledField(label: string, field: HTMLElement): HTMLElement {
   return h('label', { class: 'named' }, h('span', {}, label), field)
 }
 
-function parted(address: string): { host: string; port: string } {
+function splitAddress(address: string): { host: string; port: string } {
   const end = address.lastIndexOf(':')
   return { host: address.slice(0, end), port: address.slice(end + 1) }
 }

@@ -1,11 +1,11 @@
-// Elements of the page in a line: h('button', { class: 'quiet', onclick: ... }, 'Menu').
+// Creates DOM elements: h('button', { class: 'quiet', onclick: ... }, 'Menu').
 
 export type Child = Node | string | null | undefined | false
 
-/** Attributes as HTML writes them; `on...` are listeners; true is an empty attribute; false, null, undefined none. */
+/** HTML attributes; `on...` are event listeners; true is an empty attribute; false, null and undefined are omitted. */
 export type Attributes = Record<string, string | number | boolean | null | undefined | ((event: never) => void)>
 
-/** A new element. `testid` becomes data-testid. */
+/** Creates an element. `testid` becomes data-testid. */
 export function h<Tag extends keyof HTMLElementTagNameMap>(
   tag: Tag,
   attributes: Attributes = {},
@@ -21,7 +21,7 @@ export function h<Tag extends keyof HTMLElementTagNameMap>(
   return element
 }
 
-/** An icon of one path on a 24 x 24 grid, in the colour of the text. */
+/** Creates an icon from a path on a 24 x 24 grid, in the colour of the text. */
 export function icon(path: string): SVGSVGElement {
   const svg = document.createElementNS('http://www.w3.org/2000/svg', 'svg')
   svg.setAttribute('viewBox', '0 0 24 24')
@@ -33,7 +33,7 @@ export function icon(path: string): SVGSVGElement {
   return svg
 }
 
-/** Sets the text where it is another, which spares the browser a layout and a reader the repetition. */
+/** Sets the text if it differs, so that unchanged text causes no layout and no announcement by a screen reader. */
 export function setText(element: HTMLElement, text: string): void {
   if (element.textContent !== text) element.textContent = text
 }

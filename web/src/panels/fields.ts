@@ -1,34 +1,35 @@
-// Parts of which panels are made: rows with a button and its state, choices, switches.
-import { h } from './element'
-import type { Attributes, Child } from './element'
+// Building blocks of panels: rows with a button and its state, selections, button groups.
 
-/** A titled group of a panel. */
+import type { Attributes, Child } from './element'
+import { h } from './element'
+
+/** A section with a title. */
 export function section(title: string, ...children: Child[]): HTMLElement {
   return h('section', { class: 'section' }, h('h2', {}, title), ...children)
 }
 
-/** A button with what it switched beside it. */
+/** A button with its state beside it. */
 export function row(button: HTMLElement, state: HTMLElement): HTMLElement {
   return h('div', { class: 'row' }, button, state)
 }
 
-/** Live text beside a button, which a screen reader tells when it changes. */
+/** A text that a screen reader announces when it changes. */
 export function state(testid: string): HTMLElement {
   return h('span', { class: 'state', testid, role: 'status' })
 }
 
-/** A labelled field or choice, one line. */
+/** A label and a field in one line. */
 export function labelled(label: string, field: HTMLElement): HTMLElement {
   return h('label', { class: 'labelled' }, h('span', {}, label), field)
 }
 
-/** A choice of a few named things; `choose` is called when the person picked one. */
+/** A drop-down list; calls `choose` when the user selects an option. */
 export function choice(
   testid: string,
   choose: (value: string) => void,
   attributes: Attributes = {},
 ): HTMLSelectElement {
-  let isPointed = false // picked with the mouse: hand the keyboard back to driving
+  let isPointed = false // after a selection with the mouse, keys drive again
   const select = h('select', {
     testid,
     onpointerdown: () => (isPointed = true),
@@ -42,25 +43,25 @@ export function choice(
   return select
 }
 
-/** Puts these options (value -> words) into a choice, if they are others than before. */
+/** Sets the options (value -> label) of a drop-down list if they changed. */
 export function setOptions(select: HTMLSelectElement, options: Record<string, string>): void {
   const key = JSON.stringify(options)
   if (select.dataset.options === key) return
   select.dataset.options = key
   const value = select.value
-  select.replaceChildren(...Object.entries(options).map(([name, words]) => h('option', { value: name }, words)))
+  select.replaceChildren(...Object.entries(options).map(([name, label]) => h('option', { value: name }, label)))
   if (value in options) select.value = value
 }
 
-/** A choice that shows all its options side by side. `choose` is called when the person picked one. */
+/** A group of buttons, one per option; calls `choose` when the user selects one. */
 export function segments<T extends string>(
   testid: string,
   label: string,
-  options: readonly (readonly [value: T, words: string])[],
+  options: readonly (readonly [value: T, label: string])[],
   choose: (value: T) => void,
 ): { element: HTMLElement; show: (value: string) => void } {
-  const buttons = options.map(([value, words]) =>
-    h('button', { type: 'button', value, 'aria-pressed': 'false', onclick: () => choose(value) }, words),
+  const buttons = options.map(([value, label]) =>
+    h('button', { type: 'button', value, 'aria-pressed': 'false', onclick: () => choose(value) }, label),
   )
   return {
     element: h('div', { class: 'segments', role: 'group', 'aria-label': label, testid }, ...buttons),

@@ -1,6 +1,7 @@
-// The help: every key, mouse, touch and gamepad, over the page.
-import { KEYS } from '../driving/keys'
+// The help dialog: all keys, mouse, touch and gamepad controls.
+
 import type { Key } from '../driving/keys'
+import { KEYS } from '../driving/keys'
 import { h } from './element'
 
 const NAMES: Record<string, string> = {
@@ -14,14 +15,20 @@ const NAMES: Record<string, string> = {
 
 const OTHERS: Record<string, readonly [string, string][]> = {
   'Mouse and touch': [
-    ['Click', 'Buttons and fields'],
-    ['Wheel', "Zoom in the Bird's Eye and in Orbit"],
-    ['Drag', 'Turn in Orbit'],
-    ['Pads', 'Left steers, right drives, on a touch screen'],
+    ['Click', 'Use buttons and fields'],
+    ['Wheel', 'Zoom; up is nearer'],
+    ['Drag', 'Rotate the Orbit camera'],
+    ['Touch pads', 'Steer (left) and drive (right)'],
+  ],
+  'Edit mode': [
+    ['Drag', 'Move a vehicle or a box; its handle turns it'],
+    ['Arrows, [ ]', 'Move and turn; with Shift in small steps'],
+    ['Delete', 'Remove the selected box'],
+    ['Ctrl Z, ⇧ Ctrl Z', 'Undo, redo'],
   ],
   Gamepad: [
     ['Left stick', 'Steer'],
-    ['Triggers', 'Right drives forward, left in reverse'],
+    ['Triggers', 'Drive forward (right) or in reverse (left)'],
     ['A, Y', 'Low beam, high beam'],
     ['LB, RB, B', 'Left, right, hazard indicators'],
   ],
@@ -40,7 +47,7 @@ export function help(): { element: HTMLDialogElement; toggle: () => void } {
       class: 'help',
       testid: 'help-dialog',
       'aria-label': 'Keys and controls',
-      onclick: (event: MouseEvent) => event.target === element && element.close(), // beside it
+      onclick: (event: MouseEvent) => event.target === element && element.close(), // a click outside the content
       onkeydown: (event: KeyboardEvent) => {
         if (event.key !== '?' && event.key !== 'F1') return
         event.preventDefault()
@@ -62,25 +69,33 @@ export function help(): { element: HTMLDialogElement; toggle: () => void } {
 }
 
 function lists(layout: Layout | undefined): HTMLElement[] {
-  const keys = Object.entries(KEYS).map(([title, all]) => list(title, all.map((key) => [caps(key, layout), key.says])))
+  const keys = Object.entries(KEYS).map(([title, all]) =>
+    list(
+      title,
+      all.map((key) => [caps(key, layout), key.description]),
+    ),
+  )
   const others = Object.entries(OTHERS).map(([title, all]) =>
-    list(title, all.map(([name, says]) => [[h('kbd', { class: 'wide' }, name)], says])),
+    list(
+      title,
+      all.map(([name, description]) => [[h('kbd', { class: 'wide' }, name)], description]),
+    ),
   )
   return [...keys, ...others]
 }
 
 function list(title: string, rows: readonly [HTMLElement[], string][]): HTMLElement {
-  const parts = rows.flatMap(([keys, says]) => [h('dt', {}, ...keys), h('dd', {}, says)])
+  const parts = rows.flatMap(([keys, description]) => [h('dt', {}, ...keys), h('dd', {}, description)])
   return h('section', {}, h('h3', {}, title), h('dl', {}, ...parts))
 }
 
-/** The caps of a key as this keyboard has them. */
+/** Labels of a key on the keyboard of the user. */
 function caps(key: Key, layout: Layout | undefined): HTMLElement[] {
   const codes = key.isShifted ? ['Shift', ...key.codes] : key.codes
   return codes.map((code) => h('kbd', {}, NAMES[code] ?? layout?.get(code)?.toUpperCase() ?? code.replace(/^Key/, '')))
 }
 
-/** What is printed on the keys, where the browser tells. */
+/** The keyboard layout, if the browser supports it. */
 async function layoutMap(): Promise<Layout | undefined> {
   const { keyboard } = navigator as { keyboard?: { getLayoutMap?: () => Promise<Layout> } }
   try {

@@ -1,42 +1,43 @@
-// The last seconds of all signals, side by side in columns that grow, and drop their older half when full.
-import { SIGNALS } from './signals'
-import type { Moment } from './hud_rows'
+// The recent history of all plotted scalars, in columns that drop their older half when they are full.
 
-/** Rows that are kept at least, and how close in simulated time two may be [s]: 30 s and a little. */
+import type { HudState } from './hud_rows'
+import { SIGNALS } from './signals'
+
+/** Minimum number of rows that are kept, and minimum simulated time between rows [s]: 30 s in total. */
 const KEPT = 2048
 const SPACING = 0.015
 
 export class History {
-  /** Of each row [s]. */
+  /** Simulated time of each row [s]. */
   readonly times = new Float64Array(2 * KEPT)
   readonly columns: ReadonlyMap<string, Float64Array>
-  /** Rows that are filled. */
+  /** Number of rows. */
   length = 0
 
   constructor() {
     this.columns = new Map([...SIGNALS.keys()].map((id) => [id, new Float64Array(2 * KEPT)]))
   }
 
-  /** Adds the moment, unless the last one is about as old; what lies in the future of it is forgotten. */
-  add(moment: Moment): void {
-    const time = moment.frame?.time
-    if (time === undefined || !moment.vehicle) return
+  /** Adds a row, unless the last one is too recent. Clears the history if time went back. */
+  add(state: HudState): void {
+    const time = state.frame?.time
+    if (time === undefined || !state.vehicle) return
     const last = this.times[this.length - 1] ?? -Infinity
     if (this.length > 0 && time < last) this.length = 0
     else if (this.length > 0 && time < last + SPACING) return
     if (this.length === this.times.length) this.halve()
     this.times[this.length] = time
-    for (const [id, column] of this.columns) column[this.length] = SIGNALS.get(id)!.of(moment, moment.vehicle)
+    for (const [id, column] of this.columns) column[this.length] = SIGNALS.get(id)?.of(state) ?? NaN
     this.length += 1
   }
 
-  /** The first row that is not older than that. */
+  /** Index of the first row at or after `time` [s]. */
   since(time: number): number {
     let low = 0
     let high = this.length
     while (low < high) {
       const middle = (low + high) >> 1
-      if (this.times[middle]! < time) low = middle + 1
+      if (this.times[middle] < time) low = middle + 1
       else high = middle
     }
     return low

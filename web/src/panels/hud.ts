@@ -1,35 +1,35 @@
-// The HUD: what the vehicle does and measures, and how the simulation runs (report, table 13, and more).
+// The head-up display (HUD): state and sensors of the vehicle, and state of the simulation (report, table 13).
 import '../hud.css'
 import type { Connection } from '../connection'
 import type { Store } from '../store'
 import { h } from './element'
 import { choice } from './fields'
 import { History } from './history'
+import type { HudState } from './hud_rows'
 import { TEXTS } from './hud_rows'
-import type { Moment } from './hud_rows'
-import { dashboard, row, sensors, simulation } from './hud_sections'
 import type { Rows, Section } from './hud_sections'
-import { recall, remember } from './memory'
+import { dashboard, sensors, signalRow, simulation } from './hud_sections'
 import { plot } from './plot'
 import { polar } from './polar'
+import { loadPreference, savePreference } from './preferences'
 import { previews } from './previews'
-import { Whereabouts } from './whereabouts'
+import { VehicleEvents } from './vehicle_events'
 
-/** Texts change so often [Hz]: faster cannot be read. */
+/** Refresh rate of the texts [Hz]. */
 const RATE = 12
-/** Seconds of simulated time that the plots can show. */
+/** Selectable time spans of the plots [s, simulated]. */
 const WINDOWS = [10, 20, 30]
 
-/** The panel; shows and hides itself with `store.isHudOpen`, and does nothing while it is hidden. */
+/** The HUD panel. It follows `store.isHudOpen`, and is not updated while it is hidden. */
 export function hud(store: Store, connection: Connection): HTMLElement {
   const history = new History()
-  const whereabouts = new Whereabouts()
+  const vehicleEvents = new VehicleEvents()
   const rows: Rows = new Map()
   const sections = [
-    dashboard(rows, whereabouts),
-    sensors(rows),
-    lidar(rows),
+    dashboard(rows, vehicleEvents),
     cameras(store),
+    sensors(rows),
+    lidar(rows, store),
     simulation(rows),
     plots(history),
   ]
@@ -41,23 +41,23 @@ export function hud(store: Store, connection: Connection): HTMLElement {
 
   const refresh = () => {
     if (!store.isHudOpen.value || document.hidden) return
-    const moment = momentOf(store)
-    for (const [id, write] of rows) write(TEXTS[id](moment))
-    for (const section of sections) if (isUnfolded(section.element)) section.refresh(moment)
+    const state = hudState(store)
+    for (const [id, write] of rows) write(TEXTS[id](state))
+    for (const section of sections) if (isExpanded(section.element)) section.refresh(state)
   }
 
   let time = 0
   store.frame.watch((frame) => {
     if (!frame) return
-    if (frame.time < time) whereabouts.forgetAfter(frame.time)
+    if (frame.time < time) vehicleEvents.dropAfter(frame.time)
     time = frame.time
-    if (store.isHudOpen.value) history.add(momentOf(store))
+    if (store.isHudOpen.value) history.add(hudState(store))
   })
-  store.events.watch((events) => whereabouts.add(events))
+  store.events.watch((events) => vehicleEvents.add(events))
   store.vehicle.watch(() => history.clear())
   store.scene.watch(() => {
     history.clear()
-    whereabouts.clear()
+    vehicleEvents.clear()
   })
 
   const subscribe = () => {
@@ -83,7 +83,7 @@ export function hud(store: Store, connection: Connection): HTMLElement {
   return element
 }
 
-function momentOf(store: Store): Moment {
+function hudState(store: Store): HudState {
   const frame = store.frame.value
   const name = store.vehicle.value
   return {
@@ -92,30 +92,31 @@ function momentOf(store: Store): Moment {
     vehicle: frame?.vehicles[name] ?? null,
     scene: store.scene.value?.vehicles[name] ?? null,
     scan: store.scans.get(name) ?? null,
+    bearing: store.bearing.value,
     status: store.status.value,
     frameRate: store.frameRate.value,
     viewer: store.welcome.value?.name ?? '',
   }
 }
 
-/** A section that folds away; the page remembers which are folded. */
-function folding(id: string, title: string, extras: HTMLElement[], ...content: HTMLElement[]): HTMLDetailsElement {
+/** A collapsible section; the page saves its state. */
+function collapsible(id: string, title: string, extras: HTMLElement[], ...content: HTMLElement[]): HTMLDetailsElement {
   const details = h(
     'details',
-    { class: `hud-section hud-${id}`, open: recall(`hud.${id}`) !== 'folded' },
+    { class: `hud-section hud-${id}`, open: loadPreference(`hud.${id}`) !== 'collapsed' },
     h('summary', {}, h('h2', {}, title), ...extras),
     ...content,
   )
-  details.addEventListener('toggle', () => remember(`hud.${id}`, details.open ? 'open' : 'folded'))
+  details.addEventListener('toggle', () => savePreference(`hud.${id}`, details.open ? 'open' : 'collapsed'))
   return details
 }
 
-function isUnfolded(element: HTMLElement): boolean {
+function isExpanded(element: HTMLElement): boolean {
   return !(element instanceof HTMLDetailsElement) || element.open
 }
 
-/** Every other time: what is drawn costs more than texts. */
-function seldom<Argument>(refresh: (argument: Argument) => void): (argument: Argument) => void {
+/** Calls `refresh` every second time: drawing costs more than text. */
+function everyOther<Argument>(refresh: (argument: Argument) => void): (argument: Argument) => void {
   let isDue = false
   return (argument) => {
     isDue = !isDue
@@ -123,34 +124,52 @@ function seldom<Argument>(refresh: (argument: Argument) => void): (argument: Arg
   }
 }
 
-function lidar(rows: Rows): Section {
-  const plan = polar()
-  const hint = 'What a beam that turns with the scan rate measures at the present instant; "inf" where there is nothing'
+function lidar(rows: Rows, store: Store): Section {
+  const plan = polar((bearing) => (store.bearing.value = bearing))
   const figures = h(
     'dl',
     { class: 'lidar-figures' },
-    row(rows, 'lidar', 'LIDAR Measurement', hint),
+    signalRow(rows, 'lidar'),
+    h('label', {}, h('span', {}, 'Bearing [°]'), bearingField(store)),
     h('div', {}, h('dt', {}, 'Nearest'), plan.nearest),
     h('div', {}, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
   )
-  const element = folding('lidar', 'LIDAR', [], h('div', { class: 'lidar-split' }, plan.element, figures))
-  return { element, refresh: seldom(plan.refresh) }
+  const element = collapsible('lidar', 'LIDAR', [], h('div', { class: 'lidar-split' }, plan.element, figures))
+  return { element, refresh: everyOther(plan.refresh) }
+}
+
+/** The bearing of the measurement in degrees, left positive. */
+function bearingField(store: Store): HTMLElement {
+  const title = 'Direction of the measurement: 0 is ahead, left is positive. A click on the plot sets it, too'
+  const limits = { min: -180, max: 180, step: 1 }
+  const field = h('input', { testid: 'hud-bearing', type: 'number', title, ...limits })
+  field.addEventListener('input', () => {
+    if (field.value) store.bearing.value = (Number(field.value) * Math.PI) / 180
+  })
+  store.bearing.watch((bearing) => {
+    const degrees = String(Math.round((bearing * 180) / Math.PI))
+    if (document.activeElement !== field) field.value = degrees
+  })
+  return field
 }
 
 function cameras(store: Store): Section {
-  const pictures = previews(store)
-  return { element: folding('cameras', 'Cameras', [], pictures.element), refresh: pictures.refresh }
+  const images = previews(store)
+  return { element: collapsible('cameras', 'Cameras', [], images.element), refresh: images.refresh }
 }
 
 function plots(history: History): Section {
   const both = [plot('plot-a', ['speed', 'throttle']), plot('plot-b', ['yaw-rate', 'steering'])]
-  const label = { 'aria-label': 'Time shown', title: 'Simulated time shown' }
-  const window = choice('hud-plot-window', (seconds) => remember('plot-window', seconds), label)
+  const label = { 'aria-label': 'Time span', title: 'Time span of the plots, in simulated time' }
+  const window = choice('hud-plot-window', (seconds) => savePreference('plot-window', seconds), label)
   window.append(...WINDOWS.map((seconds) => h('option', { value: seconds }, `${seconds} s`)))
-  const kept = recall('plot-window')
+  const kept = loadPreference('plot-window')
   window.value = WINDOWS.includes(Number(kept)) ? String(kept) : '10'
-  const element = folding('plots', 'Plots', [window], ...both.map((one) => one.element))
+  const element = collapsible('plots', 'Plots', [window], ...both.map((one) => one.element))
   let turn = 0
-  const refresh = () => both[(turn = 1 - turn)]!.refresh(history, Number(window.value))
+  const refresh = () => {
+    turn = 1 - turn
+    both[turn].refresh(history, Number(window.value))
+  }
   return { element, refresh }
 }

@@ -1,25 +1,31 @@
-// What the HUD's rows say: texts of a moment, as pure functions, in the report's units (table 13).
-import type { BridgeStatus, Frame, LidarScan, Status, VehicleFrame, VehicleScene } from '../messages'
+// The texts of the HUD rows as pure functions of the state, in the units of the report (table 13).
+import type { HudRow } from '../channels'
+import { HUD_ROWS } from '../channels'
+import type { BridgeStatus, Frame, LidarScan, Pose, Status, VehicleFrame, VehicleScene } from '../messages'
 
-/** All that a row may look at; null is what has not come yet. */
-export interface Moment {
+/** The input of all rows; null means not received yet. */
+export interface HudState {
   frame: Frame | null
-  /** Name of the vehicle that is watched. */
+  /** Name of the selected vehicle. */
   name: string
   vehicle: VehicleFrame | null
   scene: VehicleScene | null
   scan: LidarScan | null
+  /** Direction of the LIDAR measurement in the vehicle frame [rad], left positive. */
+  bearing: number
   status: Status | null
-  /** Pictures of the page in a second [Hz]. */
+  /** Frame rate of the 3D view [Hz]. */
   frameRate: number
-  /** What others call this page. */
+  /** Name of this client. */
   viewer: string
 }
 
-/** Stands where there is no value. */
+const TURN = 2 * Math.PI
+
+/** Shown if there is no value. */
 export const NONE = '–'
 
-/** With so many decimals, never "-0.00"; what is no number is said in words. */
+/** Formats with a fixed number of decimals, never "-0.00"; "inf" and NONE for values that are not finite. */
 export function fixed(value: number | null | undefined, decimals = 2): string {
   if (value === null || value === undefined || Number.isNaN(value)) return NONE
   if (!Number.isFinite(value)) return value > 0 ? 'inf' : '-inf'
@@ -31,38 +37,39 @@ export function fixed(value: number | null | undefined, decimals = 2): string {
 /** Seconds as HH:MM:SS. */
 export function clock(seconds: number): string {
   if (!Number.isFinite(seconds)) return NONE
-  const whole = Math.max(0, Math.floor(seconds + 1e-9)) // ticks are sums of decimal fractions
+  const whole = Math.max(0, Math.floor(seconds + 1e-9)) // tick times have rounding errors
   const parts = [whole / 3600, (whole / 60) % 60, whole % 60]
   return parts.map((part) => String(Math.floor(part)).padStart(2, '0')).join(':')
 }
 
-/** R when the mean speed of the rear wheels, rounded to 0.1 rpm, is negative; else D. */
+/** R if the mean speed of the rear wheels, rounded to 0.1 rpm, is negative; else D. */
 export function gear(vehicle: VehicleFrame): 'D' | 'R' {
   const spin = vehicle.wheels.angular_velocity
   const rpm = (((spin[2] ?? 0) + (spin[3] ?? 0)) / 2) * (30 / Math.PI)
   return Math.round(rpm * 10) < 0 ? 'R' : 'D'
 }
 
-/** Steering angle [rad] with the sign of the report: right turns are positive. */
-export function steering(vehicle: VehicleFrame): number {
-  return -vehicle.steering
+/** Yaw of the LIDAR in the vehicle frame [rad]. */
+export function yawOf(lidar: Pose | null | undefined): number {
+  const [w = 1, x = 0, y = 0, z = 0] = lidar?.orientation ?? []
+  return Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 }
 
-/** Index of the ray that a beam which turns once a scan looks along at that time. */
-export function presentRay(scan: LidarScan, time: number): number {
-  const count = scan.ranges.length
-  const turns = (time - scan.time) * scan.scan_rate
-  const ray = Math.floor((turns - Math.floor(turns)) * count + 1e-6)
-  return Number.isFinite(ray) && count > 0 ? ray % count : 0
+/** Index of the ray nearest to an angle [rad] in the axes of the sensor; -1 outside the field of view. */
+export function rayAt({ ranges, angle_min, angle_increment }: LidarScan, angle: number): number {
+  const step = Math.abs(angle_increment)
+  const offset = (angle - angle_min) * Math.sign(angle_increment)
+  const ray = Math.round((offset - TURN * Math.floor((offset + 0.5 * step) / TURN)) / step)
+  return ray < ranges.length ? Math.max(0, ray) : -1
 }
 
-/** What that beam measures [m]; infinite where there is nothing, or nothing that can be measured. */
-export function presentRange(scan: LidarScan | null, time: number): number {
-  const range = scan?.ranges[presentRay(scan, time)]
-  return range !== undefined && Number.isFinite(range) ? range : Infinity
+/** Range [m] at a bearing [rad, left positive] of the vehicle: infinite without a return, NaN without a ray. */
+export function rangeAt({ scan, scene, bearing }: Pick<HudState, 'scan' | 'scene' | 'bearing'>): number {
+  const range = scan?.ranges[rayAt(scan, bearing - yawOf(scene?.lidar))]
+  return range === undefined ? NaN : Number.isFinite(range) ? range : Infinity
 }
 
-/** Index of the nearest return, -1 where there is none. */
+/** Index of the nearest return; -1 if there is none. */
 export function nearestRay(scan: LidarScan): number {
   let nearest = -1
   scan.ranges.forEach((range, ray) => {
@@ -71,12 +78,62 @@ export function nearestRay(scan: LidarScan): number {
   return nearest
 }
 
-type Text = (moment: Moment) => string
+/** The value of a signal; null if the vehicle has none. The LIDAR scan is sent separately from the Frame. */
+export type Value = number | bigint | boolean | ArrayLike<number> | ArrayLike<bigint> | null
 
-const ofVehicle =
-  (text: (vehicle: VehicleFrame) => string): Text =>
-  ({ vehicle }) =>
-    vehicle ? text(vehicle) : NONE
+/** Returns a function that reads the signal at that path of a VehicleFrame. */
+export function reader(signal: string): (state: HudState) => Value {
+  const [channel, ...fields] = signal.split('.')
+  const isLidar = channel === 'lidar'
+  return (state) => {
+    // biome-ignore lint/suspicious/noExplicitAny: the paths come from the same source as the messages
+    let value: any = isLidar ? state.scan : state.vehicle?.[channel as keyof VehicleFrame]
+    for (const field of fields) value = value?.[field]
+    return value ?? null
+  }
+}
+
+/** The number at that index of a value, or the value itself; NaN if there is none. */
+export function element(value: Value, index = 0): number {
+  if (value === null) return NaN
+  return Number(typeof value === 'object' ? value[index] : value)
+}
+
+type Text = (state: HudState) => string
+
+/** A number and its unit. */
+const withUnit = (text: string, unit: string) => `${text}${unit === '%' || unit === '' ? unit : ` ${unit}`}`
+
+/** How the text of a row is made, by its format. */
+const FORMATS: Record<Exclude<HudRow['format'], 'vector'>, (value: Value, row: HudRow, state: HudState) => string> = {
+  number: (value, row) => withUnit(fixed(element(value) * row.scale, row.decimals), row.unit),
+  turn: (value, row) => {
+    const text = fixed(element(value) * row.scale, row.decimals)
+    const arrow = Number(text) > 0 ? '← ' : Number(text) < 0 ? '→ ' : ''
+    return withUnit(arrow + text, row.unit)
+  },
+  magnitude: (value, row) => withUnit(fixed(Math.abs(element(value)) * row.scale, row.decimals), row.unit),
+  list: (value) => `[${Array.from(value as ArrayLike<bigint>).join(', ')}]`,
+  mode: (value) => (value ? 'Autonomous' : 'Manual'),
+  gear: (_, __, { vehicle }) => (vehicle ? gear(vehicle) : NONE),
+  beam: (_, row, state) => withUnit(fixed(rangeAt(state), row.decimals), row.unit),
+}
+
+function textOf(row: HudRow): Text {
+  const read = reader(row.signal)
+  return (state) => {
+    const value = read(state)
+    if (row.format === 'vector' || value === null) return NONE
+    return FORMATS[row.format](value, row, state)
+  }
+}
+
+type SignalRow = keyof typeof HUD_ROWS
+const SIGNAL_TEXTS = Object.fromEntries(Object.entries(HUD_ROWS).map(([id, row]) => [id, textOf(row)])) as Record<
+  SignalRow,
+  Text
+>
+
 const ofStatus =
   (text: (status: Status) => string): Text =>
   ({ status }) =>
@@ -85,25 +142,18 @@ const ofBridge = (text: (bridge: BridgeStatus) => string): Text => ofStatus((sta
 
 const BRIDGE = { closed: 'Disconnected', connecting: 'Connecting', connected: 'Connected' } as const
 
-/** Each row's text, by the name of the row. */
+/** The text of each row, by the id of the row: rows of the signals, and of the simulation. */
 export const TEXTS = {
+  ...SIGNAL_TEXTS,
   time: ({ frame }) => (frame ? clock(frame.time) : NONE),
   'frame-rate': ({ frameRate }) => `${fixed(frameRate, 0)} Hz`,
-  mode: ofVehicle((vehicle) => (vehicle.is_autonomous ? 'Autonomous' : 'Manual')),
-  gear: ofVehicle(gear),
-  speed: ofVehicle((vehicle) => `${fixed(Math.abs(vehicle.velocity[0] ?? NaN))} m/s`),
-  throttle: ofVehicle((vehicle) => `${fixed(Math.abs(vehicle.throttle) * 100)}%`),
-  steering: ofVehicle((vehicle) => `${fixed(steering(vehicle))} rad`),
-  encoders: ofVehicle((vehicle) => `[${[...vehicle.encoders.ticks].join(', ')}]`),
-  lidar: ({ frame, scan }) => `${fixed(presentRange(scan, frame?.time ?? 0))} m`,
   rtf: ofStatus((status) => `${fixed(status.real_time_factor)} ×`),
-  viewers: ofStatus((status) => String(status.viewers)),
-  driver: ({ status, name, viewer }) => driver(status, name, viewer),
+  viewers: ofStatus((status) => String(status.clients)),
+  driver: (state) => driver(state),
   bridge: ofBridge(({ state }) => BRIDGE[state]),
   telemetry: ofBridge(({ telemetry_rate }) => `${fixed(telemetry_rate, 1)} Hz`),
   commands: ofBridge(({ command_rate }) => `${fixed(command_rate, 1)} Hz`),
   'round-trip': ofBridge(({ round_trip }) => (round_trip === null ? NONE : `${fixed(round_trip * 1000, 1)} ms`)),
-  collisions: ofVehicle((vehicle) => String(vehicle.collision_count)),
 } satisfies Record<string, Text>
 
 export type Row = keyof typeof TEXTS
@@ -113,39 +163,23 @@ export interface VectorRow {
   label: string
   unit: string
   title: string
-  values: (vehicle: VehicleFrame) => Float64Array
+  values: (state: HudState) => Value
 }
 
-export const VECTORS: Record<string, VectorRow> = {
-  position: {
-    label: 'Position',
-    unit: 'm',
-    title: 'IPS: x, y, z of the rear axle centre in the map',
-    values: (vehicle) => vehicle.ips.position,
-  },
-  orientation: {
-    label: 'Orientation',
-    unit: 'rad',
-    title: 'IMU: roll, pitch, yaw in (-π, π]; x forward, y left, z up',
-    values: (vehicle) => vehicle.imu.euler,
-  },
-  'angular-velocity': {
-    label: 'Angular velocity',
-    unit: 'rad/s',
-    title: 'IMU: about x, y, z of the sensor; left turns are positive',
-    values: (vehicle) => vehicle.imu.angular_velocity,
-  },
-  'linear-acceleration': {
-    label: 'Linear acceleration',
-    unit: 'm/s²',
-    title: 'IMU: along x, y, z of the sensor, without gravity unless the vehicle asks for it',
-    values: (vehicle) => vehicle.imu.linear_acceleration,
-  },
-}
+export const VECTORS: Record<string, VectorRow> = Object.fromEntries(
+  Object.entries(HUD_ROWS as Record<string, HudRow>)
+    .filter(([, row]) => row.format === 'vector')
+    .map(([id, row]) => [id, { ...row, values: reader(row.signal) }]),
+)
 
-function driver(status: Status | null, name: string, viewer: string): string {
-  const driver = status?.drivers[name]
+/** Rows of single values in the section of the sensors. */
+export const SENSOR_ROWS = (Object.keys(HUD_ROWS) as SignalRow[]).filter((id) => HUD_ROWS[id].section === 'sensors')
+
+function driver({ status, vehicle, name, viewer }: HudState): string {
   if (!status) return NONE
-  if (!driver) return 'Nobody'
+  const { state, command_rate } = status.bridge
+  if (vehicle?.is_autonomous && state === 'connected' && command_rate > 0) return 'Script'
+  const driver = status.drivers[name]
+  if (!driver) return 'None'
   return driver === viewer ? 'You' : driver
 }

@@ -1,20 +1,28 @@
-// The HUD's parts that are made of rows: what the vehicle does, what it measures, how the simulation runs.
+// The HUD sections that consist of rows: vehicle, sensors, simulation.
+import type { HudRow } from '../channels'
+import { HUD_ROWS } from '../channels'
 import { h, setText } from './element'
-import { clock, fixed, NONE, steering, VECTORS } from './hud_rows'
-import type { Moment, Row } from './hud_rows'
-import { lamps } from './lamps'
-import type { Whereabouts } from './whereabouts'
+import type { HudState, Row } from './hud_rows'
+import { clock, element as elementOf, fixed, NONE, reader, SENSOR_ROWS, VECTORS } from './hud_rows'
+import { telltales } from './telltales'
+import type { VehicleEvents } from './vehicle_events'
 
 export interface Section {
   element: HTMLElement
-  /** Shows the moment, where a text of a row is not all. */
-  refresh: (moment: Moment) => void
+  /** Updates everything except the texts of the rows. */
+  refresh: (state: HudState) => void
 }
 
-/** How each row's text is written. */
+/** Functions that write the text of each row. */
 export type Rows = Map<Row, (text: string) => void>
 
-/** A label and its value, which `rows` then writes. */
+/** Creates the row of a signal, with the label and the tooltip of the registry. */
+export function signalRow(rows: Rows, id: Row & keyof typeof HUD_ROWS): HTMLElement {
+  const { label, title }: HudRow = HUD_ROWS[id]
+  return row(rows, id, label, title)
+}
+
+/** Creates a label and its value, and registers the value in `rows`. */
 export function row(rows: Rows, id: Row, label: string, title = ''): HTMLElement {
   const number = new Text()
   const unit = new Text()
@@ -27,15 +35,15 @@ export function row(rows: Rows, id: Row, label: string, title = ''): HTMLElement
   return h('div', { class: `fact fact-${id}`, title: title || null }, h('dt', {}, label), value)
 }
 
-/** Changes a text in place, which leaves no old node behind. */
+/** Changes a text in place, without a new node. */
 function write(place: Text, text: string): void {
   if (place.data !== text) place.data = text
 }
 
-/** What follows the number of a text, if anything. */
+/** The unit at the end of a text. */
 const UNIT = / ?(%|m\/s|rad|Hz|ms|m|×)$/
 
-/** A bar from the middle to both sides. */
+/** A bar that extends from the middle to both sides. */
 function bar(): { element: HTMLElement; set: (share: number) => void } {
   const filled = h('span', { class: 'bar-filled' })
   return {
@@ -47,64 +55,56 @@ function bar(): { element: HTMLElement; set: (share: number) => void } {
   }
 }
 
-const STEERING = 'Right turns are positive, as in the report; messages have left turns positive'
-
-/** Time, speed, gear, what the actuators do, lamps, notices. */
-export function dashboard(rows: Rows, whereabouts: Whereabouts): Section {
-  const throttle = bar()
-  const wheel = bar()
-  const lights = lamps()
+/** Time, speed, gear, actuators, lamps, road and collisions. */
+export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
+  const throttleBar = bar()
+  const steeringBar = bar()
+  const lights = telltales()
   const road = h('dd', { class: 'badge', testid: 'hud-offroad' })
-  const touched = h('span', { class: 'touched', testid: 'hud-last-collision' })
-  const bumps = row(rows, 'collisions', 'Collisions')
-  bumps.append(touched)
+  const lastCollision = h('span', { class: 'last-collision', testid: 'hud-last-collision' })
+  const collisions = signalRow(rows, 'collisions')
+  collisions.append(lastCollision)
   const element = h(
     'section',
     { class: 'dashboard', 'aria-label': 'Vehicle' },
     h(
       'dl',
       { class: 'strip' },
-      row(rows, 'time', 'Simulation Time', 'Since the last reset, HH:MM:SS'),
-      row(rows, 'frame-rate', 'Frame Rate', 'Pictures of this page in a second'),
-      row(rows, 'rtf', 'Real Time', 'Simulated seconds per second of the clock on the wall'),
+      row(rows, 'time', 'Simulation Time', 'Simulated time since the last reset, HH:MM:SS'),
+      row(rows, 'frame-rate', 'Frame Rate', 'Frames per second of the 3D view'),
+      row(rows, 'rtf', 'Real Time', 'Simulated seconds per second of wall time'),
     ),
-    h(
-      'dl',
-      { class: 'motion' },
-      row(rows, 'speed', 'Speed', 'Magnitude of the forward velocity of the rear axle centre'),
-      row(rows, 'gear', 'Gear', 'D: drive, R: reverse, by the rear wheels'),
-      row(rows, 'mode', 'Driving Mode', 'Manual: a person drives; Autonomous: a script'),
-    ),
+    h('dl', { class: 'motion' }, signalRow(rows, 'speed'), signalRow(rows, 'gear'), signalRow(rows, 'mode')),
     h(
       'dl',
       { class: 'actuators' },
-      withBar(row(rows, 'throttle', 'Throttle', 'Its magnitude; the bar shows reverse to the left'), throttle),
-      withBar(row(rows, 'steering', 'Steering', STEERING), wheel),
+      withBar(signalRow(rows, 'throttle'), throttleBar),
+      withBar(signalRow(rows, 'steering'), steeringBar),
     ),
     h(
       'div',
-      { class: 'tell-tales' },
+      { class: 'telltales' },
       lights.element,
       h('dl', {}, h('div', { class: 'fact' }, h('dt', {}, 'Road'), road)),
     ),
-    h('dl', { class: 'bumps' }, bumps),
+    h('dl', { class: 'collisions' }, collisions),
   )
   return {
     element,
-    refresh(moment) {
-      const { vehicle, scene, name } = moment
-      throttle.set(vehicle?.throttle ?? 0)
-      wheel.set(vehicle ? steering(vehicle) / (scene?.steering_limit ?? 0.5236) : 0)
+    refresh(state) {
+      const { vehicle, scene, name } = state
+      throttleBar.set(vehicle?.throttle ?? 0)
+      steeringBar.set(vehicle ? -vehicle.steering / (scene?.steering_limit ?? 0.5236) : 0) // to the left for left turns
       lights.refresh(vehicle)
-      const isOff = whereabouts.isOffRoad(name)
+      const isOff = vehicleEvents.isOffRoad(name)
       road.dataset.state = !vehicle ? 'unknown' : isOff ? 'off' : 'on'
       setText(road, !vehicle ? NONE : isOff ? 'Off road' : 'On road')
-      const last = whereabouts.lastCollision(name)
+      const last = vehicleEvents.lastCollision(name)
       const count = vehicle?.collision_count ?? 0
-      bumps.dataset.state = count > 0 ? 'some' : 'none'
-      const isTold = last !== null && count > 0
-      setText(touched, isTold ? `${last.other}, ${fixed(last.impulse)} N s` : '')
-      touched.title = isTold ? `The last one, at ${clock(last.time)}` : ''
+      collisions.dataset.state = count > 0 ? 'some' : 'none'
+      const isShown = last !== null && count > 0
+      setText(lastCollision, isShown ? `${last.other}, ${fixed(last.impulse)} N s` : '')
+      lastCollision.title = isShown ? `Last collision, at ${clock(last.time)}` : ''
     },
   }
 }
@@ -114,46 +114,49 @@ function withBar(element: HTMLElement, bar: { element: HTMLElement }): HTMLEleme
   return element
 }
 
-/** Encoders, IPS and IMU: numbers in columns. */
+/** Encoders, IPS and IMU. */
 export function sensors(rows: Rows): Section {
   const vectors = Object.entries(VECTORS).map(([id, vector]) => ({ ...vector, ...vectorRow(id, vector.label, vector) }))
+  const others = SENSOR_ROWS.map((id) => ({ element: signalRow(rows, id), row: HUD_ROWS[id] as HudRow }))
+  const optional = others.filter(({ row }) => row.optional).map((one) => ({ ...one, read: reader(one.row.signal) }))
   const heads = ['x', 'y', 'z'].map((axis) => h('span', { class: `axis axis-${axis}` }, axis))
   const element = h(
     'section',
     { class: 'sensors', 'aria-label': 'Sensors' },
     h('div', { class: 'vector heads', 'aria-hidden': 'true' }, h('span', {}), ...heads),
     h('dl', {}, ...vectors.map((vector) => vector.element)),
-    h('dl', {}, row(rows, 'encoders', 'Encoder Ticks', 'Of the left and the right rear wheel')),
+    h('dl', {}, ...others.map((one) => one.element)),
   )
   return {
     element,
-    refresh({ vehicle }) {
+    refresh(state) {
       for (const { values, cells } of vectors) {
-        const numbers = vehicle ? values(vehicle) : null
-        cells.forEach((cell, i) => write(cell, fixed(numbers?.[i])))
+        const value = values(state)
+        for (const [i, cell] of cells.entries()) write(cell, fixed(elementOf(value, i)))
       }
+      for (const { element, read } of optional) element.hidden = read(state) === null
     },
   }
 }
 
-/** Reads as "[x, y, z] m", looks like columns. */
+/** Three numbers in columns; its text content is "[x, y, z] m". */
 function vectorRow(id: string, label: string, { unit, title }: { unit: string; title: string }) {
   const cells = [0, 1, 2].map(() => new Text())
-  const mark = (text: string) => h('span', { class: 'unseen' }, text)
+  const hidden = (text: string) => h('span', { class: 'visually-hidden' }, text)
   const value = h(
     'dd',
     { testid: `hud-${id}` },
-    mark('['),
-    ...cells.flatMap((text, i) => [i > 0 && mark(', '), h('span', { class: 'cell' }, text)]),
-    mark('] '),
+    hidden('['),
+    ...cells.flatMap((text, i) => [i > 0 && hidden(', '), h('span', { class: 'cell' }, text)]),
+    hidden('] '),
     h('span', { class: 'unit' }, unit),
   )
   return { cells, element: h('div', { class: 'vector', title }, h('dt', {}, label), value) }
 }
 
-/** Who is there, and how the connection to a script stands. */
+/** Bridge, driver and number of clients. */
 export function simulation(rows: Rows): Section {
-  const fault = h('p', { class: 'fault', testid: 'hud-bridge-fault', hidden: true })
+  const error = h('p', { class: 'error', testid: 'hud-bridge-error', hidden: true })
   const bridge = row(rows, 'bridge', 'Bridge')
   const element = h(
     'section',
@@ -162,13 +165,13 @@ export function simulation(rows: Rows): Section {
       'dl',
       {},
       bridge,
-      row(rows, 'round-trip', 'Round trip', 'Telemetry sent to command received, the median'),
-      row(rows, 'telemetry', 'Telemetry', 'Messages sent to the script in a second'),
-      row(rows, 'commands', 'Commands', 'Messages received from the script in a second'),
-      row(rows, 'driver', 'Driver', 'Who holds the wheel of this vehicle'),
-      row(rows, 'viewers', 'Viewers', 'Pages and clients that watch'),
+      row(rows, 'round-trip', 'Round trip', 'Median time from sending telemetry to receiving the command'),
+      row(rows, 'telemetry', 'Telemetry', 'Messages per second to the script'),
+      row(rows, 'commands', 'Commands', 'Messages per second from the script'),
+      row(rows, 'driver', 'Driver', 'The client that drives this vehicle'),
+      row(rows, 'viewers', 'Clients', 'Number of connected pages and programs'),
     ),
-    fault,
+    error,
   )
   return {
     element,
@@ -176,9 +179,9 @@ export function simulation(rows: Rows): Section {
       const state = status?.bridge.state ?? 'closed'
       bridge.dataset.state = state
       bridge.title = status ? `Devkit script at ${status.bridge.address}` : ''
-      const text = state === 'connected' ? '' : (status?.bridge.fault ?? '')
-      fault.hidden = text === ''
-      setText(fault, text)
+      const text = state === 'connected' ? '' : (status?.bridge.error ?? '')
+      error.hidden = text === ''
+      setText(error, text)
     },
   }
 }

@@ -1,4 +1,4 @@
-// Paths of icons on a 24 x 24 grid, for `icon`.
+// Icon paths on a 24 x 24 grid, for `icon`.
 
 export const MENU = 'M4 7h16M4 12h16M4 17h16'
 export const HUD = 'M4 19a8 8 0 1 1 16 0M12 19l4-6'
@@ -7,3 +7,12 @@ export const RIGHT_INDICATOR = 'M13.5 5.5 20.5 12l-7 6.5V15H4V9h9.5z'
 export const HAZARD = 'M12 4 2.5 20h19zM12 10l-4 6.7h8z'
 export const LOW_BEAM = 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7l-6 2M8 11.5l-6 2M8.5 16l-6 2'
 export const HIGH_BEAM = 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7H3M8 12H2M9 17H3'
+export const EDIT = 'M4 20l1-5L16 4l4 4L9 19zM14 6l4 4'
+export const ADD = 'M12 5v14M5 12h14'
+export const REMOVE = 'M5 7h14M10 7V4h4v3M7 7l1 13h8l1-13M10 11v5M14 11v5'
+export const TURN_LEFT = 'M5 5v5h5M5.5 10a7.5 7.5 0 1 1-1 5'
+export const TURN_RIGHT = 'M19 5v5h-5M18.5 10a7.5 7.5 0 1 0 1 5'
+export const UNDO = 'M8 5 3.5 9.5 8 14M4 9.5h10a5 5 0 0 1 0 10h-3'
+export const REDO = 'M16 5l4.5 4.5L16 14M20 9.5H10a5 5 0 0 0 0 10h3'
+export const SAVE = 'M12 4v11M7 10.5l5 5 5-5M4 19.5h16'
+export const DETAILS = 'M4 7h9M17 7h3M4 17h3M11 17h9M15 5v4M9 15v4'

@@ -1,13 +1,16 @@
-// The menu: the report's table 13 from top to bottom, then scenario, time and picture.
-import { sentence } from '../actions'
+// The menu: the controls of the report (table 13), then time, scenario and view.
+
 import type { Actions } from '../actions'
+import { sentence } from '../actions'
 import type { Connection } from '../connection'
 import type { Quality, Store } from '../store'
 import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
-import { chosenTheme, setTheme } from './theme'
+import { clock } from './hud_rows'
 import type { Theme } from './theme'
+import { savedTheme, setTheme } from './theme'
+import { tools } from './tools'
 
 const QUALITIES: Record<Quality, string> = {
   auto: 'Automatic',
@@ -16,7 +19,9 @@ const QUALITIES: Record<Quality, string> = {
   ultra: 'Ultra',
   stream: 'Stream',
 }
-/** As fast as possible. */
+/** Largest number of ticks that the simulator runs in one step. */
+const MAX_TICKS = 10000
+/** Speed: as fast as possible. */
 const MAX = 'max'
 const SPEEDS = [
   ['0.25', '¼'],
@@ -32,15 +37,16 @@ const THEMES = [
   ['dark', 'Dark'],
 ] as const
 
-export function menu(store: Store, connection: Connection, actions: Actions): HTMLElement {
+export function menu(store: Store, connection: Connection, actions: Actions, showPrograms: () => void): HTMLElement {
   const panel = h(
     'aside',
     { class: 'panel menu', id: 'menu', testid: 'menu', 'aria-label': 'Menu' },
-    bridge(store, connection),
+    bridge(store, connection, showPrograms),
     simulator(store, actions),
     time(store, actions),
     scenario(store, connection),
-    picture(store),
+    view(store),
+    tools(store, actions),
   )
   store.isMenuOpen.watch((isOpen) => (panel.hidden = !isOpen))
   return panel
@@ -79,34 +85,50 @@ function simulator(store: Store, actions: Actions): HTMLElement {
   return section(
     'Simulator',
     vehicleField,
-    row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), clock(store)),
+    row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store)),
     row(modeButton, mode),
     row(h('button', { testid: 'camera', onclick: () => actions.nextCamera() }, 'Camera'), camera),
     row(lightButton, light),
   )
 }
 
-/** Simulated time, which Reset brings to 0. */
-function clock(store: Store): HTMLElement {
+/** Simulated time; Reset sets it to 0. */
+function timeText(store: Store): HTMLElement {
   const text = h('span', { class: 'state', testid: 'time' })
   store.frame.watch((frame) => {
-    const seconds = Math.floor(frame?.time ?? 0)
-    const parts = [Math.floor(seconds / 3600), Math.floor(seconds / 60) % 60, seconds % 60]
-    setText(text, parts.map((part) => String(part).padStart(2, '0')).join(':'))
+    setText(text, clock(frame?.time ?? 0))
   })
   return text
 }
 
 function time(store: Store, actions: Actions): HTMLElement {
   const pause = h('button', { testid: 'pause', onclick: () => actions.togglePause() }, 'Pause')
-  const most = 10000
-  const words = { 'aria-label': 'Ticks of a step' }
-  const ticks = h('input', { testid: 'ticks', type: 'number', min: 1, max: most, value: 1, ...words })
-  const wanted = () => Math.min(most, Math.max(1, Math.round(Number(ticks.value)) || 1))
-  const run = () => void actions.step(wanted())
-  const step = h('button', { testid: 'step', title: 'Run that many ticks, then pause (N: one)', onclick: run }, 'Step')
+  const error = h('p', { class: 'error', testid: 'ticks-error', id: 'ticks-error', role: 'alert', hidden: true })
+  const label = { 'aria-label': 'Number of ticks per step', 'aria-describedby': 'ticks-error' }
+  const enter = (event: KeyboardEvent) => event.key === 'Enter' && run()
+  const listeners = { oninput: () => refuse(''), onkeydown: enter }
+  const ticks = h('input', { testid: 'ticks', inputmode: 'numeric', value: 1, ...listeners, ...label })
+
+  function refuse(text: string): void {
+    showText(error, text)
+    ticks.setAttribute('aria-invalid', String(text !== ''))
+  }
+
+  function run(): void {
+    const text = ticks.value.trim()
+    const isValid = /^\d+$/.test(text) && Number(text) >= 1 && Number(text) <= MAX_TICKS
+    refuse(isValid ? '' : `Enter a whole number of ticks from 1 to ${MAX_TICKS}.`)
+    if (isValid) void actions.step(Number(text))
+    else ticks.focus()
+  }
+
+  const step = h(
+    'button',
+    { testid: 'step', title: 'Run this number of ticks, then pause (key N: one tick)', onclick: run },
+    'Step',
+  )
   const speed = segments('speed', 'Speed', SPEEDS, (value) => {
-    void actions.ask({ type: 'SetSpeed', factor: value === MAX ? null : Number(value) })
+    void actions.request({ type: 'SetSpeed', factor: value === MAX ? null : Number(value) })
   })
   store.status.watch((status) => {
     if (!status) return
@@ -116,25 +138,25 @@ function time(store: Store, actions: Actions): HTMLElement {
   })
   return section(
     'Time',
-    h('div', { class: 'steps' }, pause, step, ticks, h('span', { class: 'muted' }, 'ticks')),
+    h('div', { class: 'steps' }, pause, step, ticks, h('span', { class: 'muted' }, 'ticks'), error),
     h('div', { class: 'labelled' }, h('span', {}, 'Speed'), speed.element),
   )
 }
 
 function scenario(store: Store, connection: Connection): HTMLElement {
   const note = h('p', { class: 'note', testid: 'note', role: 'status', hidden: true })
-  const fault = h('p', { class: 'fault', testid: 'scenario-fault', role: 'alert', hidden: true })
+  const error = h('p', { class: 'error', testid: 'scenario-error', role: 'alert', hidden: true })
   const select = choice('scenario', (name) => void load(name), { 'aria-label': 'Scenario' })
   let isLoading = false
 
   async function load(name: string): Promise<void> {
     isLoading = select.disabled = true
-    tell(fault, '')
-    tell(note, `Loading ${store.welcome.value?.scenarios[name] ?? name}…`)
+    showText(error, '')
+    showText(note, `Loading ${store.welcome.value?.scenarios[name] ?? name}…`)
     try {
       await connection.request({ type: 'LoadScenario', name })
-    } catch (words) {
-      tell(fault, sentence(words))
+    } catch (reason) {
+      showText(error, sentence(reason))
     }
     isLoading = select.disabled = false
     show()
@@ -147,24 +169,24 @@ function scenario(store: Store, connection: Connection): HTMLElement {
     setOptions(select, isKnown ? known : { [scene.scenario]: scene.title, ...known })
     if (isLoading) return
     if (scene) select.value = scene.scenario
-    const doing = store.status.value?.note
-    tell(note, doing ? sentence(doing) : '')
+    const activity = store.status.value?.note
+    showText(note, activity ? sentence(activity) : '')
   }
 
   store.welcome.watch(show)
   store.scene.watch(show)
-  store.status.watch((status) => (status?.note ? tell(note, sentence(status.note)) : show()))
-  return section('Scenario', select, note, fault)
+  store.status.watch((status) => (status?.note ? showText(note, sentence(status.note)) : show()))
+  return section('Scenario', select, note, error)
 }
 
-function tell(element: HTMLElement, words: string): void {
-  setText(element, words)
-  element.hidden = !words
+function showText(element: HTMLElement, text: string): void {
+  setText(element, text)
+  element.hidden = !text
 }
 
-function picture(store: Store): HTMLElement {
+function view(store: Store): HTMLElement {
   const quality = choice('quality', (value) => (store.quality.value = value as Quality), {
-    title: 'Who draws the scene: this page, or, as a stream of pictures, the simulator',
+    title: 'Quality of the 3D view. Stream: the simulator renders it and sends images',
   })
   setOptions(quality, QUALITIES)
   store.quality.watch((value) => (quality.value = value))
@@ -175,11 +197,11 @@ function picture(store: Store): HTMLElement {
     setTheme(value)
     theme.show(value)
   })
-  theme.show(chosenTheme())
+  theme.show(savedTheme())
   return section(
-    'Picture',
+    'View',
     labelled('Quality', quality),
-    labelled('LIDAR in the scene', scan),
+    labelled('Show LIDAR scan', scan),
     h('div', { class: 'labelled' }, h('span', {}, 'Theme'), theme.element),
   )
 }

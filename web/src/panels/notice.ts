@@ -1,17 +1,15 @@
-// Short calm lines at the bottom: collisions, leaving the road, and what else the person is told.
+// Short notices at the bottom of the page: collisions, road departures, results of actions.
 import { sentence } from '../actions'
-import type { Event } from '../messages'
+import { describe, type Level } from '../log'
 import type { Store } from '../store'
 import { h } from './element'
 
-/** How long a line stays [ms]. */
-const STAY = 5000
-/** The same within that time is counted on the line that is there. */
-const MOST = 3
+/** How long a notice is shown [ms]. A repeated event is counted on the notice that is shown. */
+const DURATION = 5000
+/** Maximum number of notices. */
+const MAX_NOTICES = 3
 
-type Tone = 'plain' | 'warn' | 'good'
-
-interface Line {
+interface Notice {
   element: HTMLElement
   times: HTMLElement
   count: number
@@ -20,46 +18,39 @@ interface Line {
 
 export function notices(store: Store): HTMLElement {
   const list = h('div', { class: 'notices', testid: 'notices', role: 'status', 'aria-live': 'polite' })
-  const lines = new Map<string, Line>()
+  const notices_ = new Map<string, Notice>()
 
-  function tell(text: string, tone: Tone, isCounted: boolean): void {
-    let line = lines.get(text)
-    if (line) {
-      window.clearTimeout(line.timer)
-      if (isCounted) line.times.textContent = `× ${++line.count}`
+  function show(text: string, severity: Level, isCounted: boolean): void {
+    let notice = notices_.get(text)
+    if (notice) {
+      window.clearTimeout(notice.timer)
+      if (isCounted) notice.times.textContent = `× ${++notice.count}`
     } else {
       const times = h('span', { class: 'times' })
-      const element = h('div', { class: 'notice', 'data-tone': tone, onclick: () => end(text) }, text, times)
-      line = { element, times, count: 1, timer: 0 }
-      lines.set(text, line)
+      const element = h('div', { class: 'notice', 'data-severity': severity, onclick: () => remove(text) }, text, times)
+      notice = { element, times, count: 1, timer: 0 }
+      notices_.set(text, notice)
       list.append(element)
-      if (lines.size > MOST) end(lines.keys().next().value!)
+      const [oldest = ''] = notices_.keys()
+      if (notices_.size > MAX_NOTICES) remove(oldest)
     }
-    line.timer = window.setTimeout(() => end(text), STAY)
+    notice.timer = window.setTimeout(() => remove(text), DURATION)
   }
 
-  function end(text: string): void {
-    window.clearTimeout(lines.get(text)?.timer)
-    lines.get(text)?.element.remove()
-    lines.delete(text)
+  function remove(text: string): void {
+    window.clearTimeout(notices_.get(text)?.timer)
+    notices_.get(text)?.element.remove()
+    notices_.delete(text)
   }
 
   store.notice.watch((text) => {
-    if (text) tell(sentence(text), 'plain', false)
+    if (text) show(sentence(text), 'info', false)
+  })
+  store.warning.watch((text) => {
+    if (text) show(sentence(text), 'warning', false)
   })
   store.events.watch((events) => {
-    for (const event of events) tell(...words(event), true)
+    for (const event of events) show(...describe(event), true)
   })
   return list
-}
-
-function words(event: Event): [string, Tone] {
-  switch (event.type) {
-    case 'Collision':
-      return [`${event.vehicle} hit ${event.other}`, 'warn']
-    case 'OffRoad':
-      return [`${event.vehicle} left the road`, 'warn']
-    case 'BackOnRoad':
-      return [`${event.vehicle} is back on the road`, 'good']
-  }
 }

@@ -1,4 +1,4 @@
-// Two signals of one's choice over the last seconds of simulated time.
+// A plot of two selectable scalars over the last seconds of simulated time.
 import uPlot from 'uplot'
 import 'uplot/dist/uPlot.min.css'
 
@@ -7,13 +7,13 @@ import { h, setText } from './element'
 import { choice } from './fields'
 import type { History } from './history'
 import { fixed } from './hud_rows'
-import { recall, remember } from './memory'
+import { loadPreference, savePreference } from './preferences'
 import { niceTicks, tickText } from './scales'
 import { SIGNALS } from './signals'
 
 export interface Plot {
   element: HTMLElement
-  /** Draws what the history holds of the last `seconds`. */
+  /** Draws the last `seconds` of the history. */
   refresh: (history: History, seconds: number) => void
 }
 
@@ -22,7 +22,7 @@ const COLOURS = ['plot-1', 'plot-2'] as const
 const HEIGHT = 92
 const AXIS = 40
 
-/** One of the two: what was chosen, what is drawn of it, and where the latest value is shown. */
+/** One of the two scalars: its selection, its drawn values, and the element with its latest value. */
 interface Trace {
   select: HTMLSelectElement
   now: HTMLElement
@@ -30,7 +30,7 @@ interface Trace {
   values: (number | null)[]
 }
 
-/** `key`: under which the choice is remembered. */
+/** `key` is the name under which the selection is saved; `first` are the defaults. */
 export function plot(key: string, first: readonly [string, string]): Plot {
   const traces = first.map((id, i) => trace(`${key}.${i}`, id, i))
   const canvas = h('div', { class: 'plot-canvas', role: 'img', 'aria-label': 'Signals over time' })
@@ -40,7 +40,7 @@ export function plot(key: string, first: readonly [string, string]): Plot {
     h('div', { class: 'plot-legend' }, ...traces.map((trace) => trace.select.parentElement)),
     canvas,
   )
-  const colours = { 'plot-1': '', 'plot-2': '', 'grid': '', 'muted': '' }
+  const colours = { 'plot-1': '', 'plot-2': '', grid: '', muted: '' }
   const ages: number[] = []
   let chart: uPlot | null = null
   let seconds = 0
@@ -49,31 +49,31 @@ export function plot(key: string, first: readonly [string, string]): Plot {
     chart?.redraw(false)
   })
 
-  const build = (width: number) => {
-    chart?.destroy()
-    chart = new uPlot(options(width, traces, colours, () => seconds), [[], [], []], canvas)
-  }
   return {
     element,
     refresh(history, window) {
       const width = canvas.clientWidth
       if (width === 0) return
-      if (!chart) build(width)
-      else if (chart.width !== width) chart.setSize({ width, height: HEIGHT })
+      chart ??= new uPlot(
+        options(width, traces, colours, () => seconds),
+        [[], [], []],
+        canvas,
+      )
+      if (chart.width !== width) chart.setSize({ width, height: HEIGHT })
       seconds = window
       take(history, window, ages, traces)
-      chart!.setData([ages, traces[0]!.values, traces[1]!.values] as uPlot.AlignedData)
+      chart.setData([ages, traces[0].values, traces[1].values] as uPlot.AlignedData)
     },
   }
 }
 
-/** Copies the last seconds out of the history; what is no number becomes a gap. */
+/** Copies the last seconds from the history; values that are not finite become gaps. */
 function take(history: History, window: number, ages: number[], traces: Trace[]): void {
   const end = history.length
   const now = history.times[end - 1] ?? 0
   const start = end === 0 ? 0 : history.since(now - window)
   ages.length = end - start
-  for (let row = start; row < end; row++) ages[row - start] = history.times[row]! - now
+  for (let row = start; row < end; row++) ages[row - start] = history.times[row] - now
   for (const { select, values, now: text } of traces) {
     const column = history.columns.get(select.value)
     values.length = end - start
@@ -85,25 +85,24 @@ function take(history: History, window: number, ages: number[], traces: Trace[])
   }
   traces.forEach((trace, i) => {
     const scalar = SIGNALS.get(trace.select.value)
-    const other = traces[1 - i]!
+    const other = traces[1 - i]
     const isShared = scalar && scalar.unit === SIGNALS.get(other.select.value)?.unit
     trace.ticks = niceTicks(isShared ? [...trace.values, ...other.values] : trace.values, scalar?.span ?? 1)
   })
 }
 
 function trace(key: string, first: string, i: number): Trace {
-  const label = { 'aria-label': `Signal ${i + 1}`, title: 'What is plotted' }
-  const select = choice('hud-signal', (id) => remember(key, id), label)
+  const label = { 'aria-label': `Signal ${i + 1}`, title: 'Plotted signal' }
+  const select = choice('hud-signal', (id) => savePreference(key, id), label)
   const groups = new Map<string, HTMLOptGroupElement>()
   select.append(h('option', { value: NOTHING }, 'None'))
   for (const [id, { group, label }] of SIGNALS) {
-    if (!groups.has(group)) {
-      groups.set(group, h('optgroup', { label: group }))
-      select.append(groups.get(group)!)
-    }
-    groups.get(group)!.append(h('option', { value: id }, label))
+    const list = groups.get(group) ?? h('optgroup', { label: group })
+    if (!groups.has(group)) select.append(list)
+    groups.set(group, list)
+    list.append(h('option', { value: id }, label))
   }
-  const kept = recall(key)
+  const kept = loadPreference(key)
   select.value = kept !== null && (kept === NOTHING || SIGNALS.has(kept)) ? kept : first
   const now = h('output', { class: 'plot-now' })
   h('label', { class: 'plot-trace', style: `--trace: var(--${COLOURS[i]})` }, select, now)
@@ -116,10 +115,10 @@ function options(
   colours: Record<(typeof COLOURS)[number] | 'grid' | 'muted', string>,
   seconds: () => number,
 ): uPlot.Options {
-  const font = '10.5px system-ui, sans-serif'
+  const font = '13px system-ui, sans-serif'
   const range = (i: number) => (): uPlot.Range.MinMax => {
-    const ticks = traces[i]!.ticks
-    return [ticks[0]!, ticks[ticks.length - 1]!]
+    const ticks = traces[i].ticks
+    return [ticks[0], ticks[ticks.length - 1]]
   }
   const axis = (i: number): uPlot.Axis => ({
     scale: `y${i}`,
@@ -127,15 +126,15 @@ function options(
     size: AXIS,
     gap: 4,
     font,
-    stroke: () => colours[COLOURS[i]!],
+    stroke: () => colours[COLOURS[i]],
     grid: i === 0 ? { stroke: () => colours.grid, width: 1 } : { show: false },
     ticks: { show: false },
-    splits: () => (traces[i]!.select.value === NOTHING ? [] : traces[i]!.ticks),
+    splits: () => (traces[i].select.value === NOTHING ? [] : traces[i].ticks),
     values: (_, splits) => splits.map((value) => tickText(value, (splits[1] ?? 1) - (splits[0] ?? 0))),
   })
   const line = (i: number): uPlot.Series => ({
     scale: `y${i}`,
-    stroke: () => colours[COLOURS[i]!],
+    stroke: () => colours[COLOURS[i]],
     width: 1.5,
     points: { show: false },
   })
@@ -153,7 +152,7 @@ function options(
     series: [{}, line(0), line(1)],
     axes: [
       {
-        size: 18,
+        size: 20,
         gap: 2,
         font,
         stroke: () => colours.muted,

@@ -1,41 +1,41 @@
-// What the vehicle's own cameras see: their pictures as they come, with rate and age.
+// Previews of the cameras of the vehicle, with the rate and age of their images.
 import type { Picture } from '../messages'
 import type { Store } from '../store'
 import { h, setText } from './element'
+import type { HudState } from './hud_rows'
 import { fixed } from './hud_rows'
-import type { Moment } from './hud_rows'
 
 export interface Previews {
   element: HTMLElement
-  /** Draws pictures that are new, and tells of those that are missing. */
-  refresh: (moment: Moment) => void
+  /** Draws new images, and shows why images are missing. */
+  refresh: (state: HudState) => void
 }
 
-/** The rate is that of pictures over so long a time [ms]. */
+/** Window over which the rate is measured [ms]. */
 const WINDOW = 2000
-/** A picture that is older than this [s] is drawn pale. */
-const STALE = 1
+/** An image that is older than this [s] is shown as stale. */
+const STALE_AGE = 1
 
-/** Those of the report; a vehicle may have more. */
+/** The cameras of the report, always shown; a vehicle may have more. */
 const ALWAYS = ['front', 'rear']
 
 export function previews(store: Store): Previews {
   const element = h('div', { class: 'previews' })
   const all = new Map<string, Preview>()
-  const hang = (camera: string) => {
+  const add = (camera: string) => {
     const preview = new Preview(camera)
     all.set(camera, preview)
     element.append(preview.element)
   }
-  ALWAYS.forEach(hang)
+  ALWAYS.forEach(add)
   return {
     element,
-    refresh(moment) {
-      for (const camera of moment.scene?.cameras ?? []) if (!all.has(camera)) hang(camera)
+    refresh(state) {
+      for (const camera of state.scene?.cameras ?? []) if (!all.has(camera)) add(camera)
       for (const [camera, preview] of all) {
-        const isThere = moment.scene?.cameras.includes(camera) ?? true
-        preview.element.hidden = !isThere && !ALWAYS.includes(camera)
-        preview.refresh(moment, isThere, store.pictures.get(`${moment.name}/${camera}`) ?? null)
+        const isMounted = state.scene?.cameras.includes(camera) ?? true
+        preview.element.hidden = !isMounted && !ALWAYS.includes(camera)
+        preview.refresh(state, isMounted, store.cameraImages.get(`${state.name}/${camera}`) ?? null)
       }
     },
   }
@@ -54,7 +54,7 @@ class Preview {
 
   constructor(camera: string) {
     const name = camera.charAt(0).toUpperCase() + camera.slice(1)
-    this.title = `${name} camera preview: rate, and age in simulated time. Press to enlarge`
+    this.title = `${name} camera, with image rate and age in simulated time. Click to enlarge`
     this.view = h(
       'button',
       { class: 'preview-view', title: this.title, 'aria-pressed': 'false', onclick: () => this.enlarge() },
@@ -65,18 +65,18 @@ class Preview {
     this.element = h('figure', { class: 'preview', testid: `hud-${camera}-camera` }, this.view, caption)
   }
 
-  refresh(moment: Moment, isThere: boolean, picture: Picture | null): void {
+  refresh(state: HudState, isMounted: boolean, image: Picture | null): void {
     const now = performance.now()
-    if (picture && picture !== this.shown && !this.isDrawing) {
+    if (image && image !== this.shown && !this.isDrawing) {
       this.arrivals.push(now)
-      void this.draw(picture)
+      void this.draw(image)
     }
-    while (this.arrivals.length > 0 && this.arrivals[0]! < now - WINDOW) this.arrivals.shift()
-    if (!picture) this.shown = null
-    const age = picture && moment.frame ? Math.max(0, moment.frame.time - picture.time) : 0
+    while (this.arrivals.length > 0 && this.arrivals[0] < now - WINDOW) this.arrivals.shift()
+    if (!image) this.shown = null
+    const age = image && state.frame ? Math.max(0, state.frame.time - image.time) : 0
     this.canvas.style.visibility = this.shown ? 'visible' : 'hidden'
-    this.element.dataset.state = this.shown ? (age > STALE ? 'stale' : 'live') : 'none'
-    const text = this.shown ? '' : missing(isThere, moment.status?.cameras_fault ?? '')
+    this.element.dataset.state = this.shown ? (age > STALE_AGE ? 'stale' : 'live') : 'none'
+    const text = this.shown ? '' : statusText(isMounted, state.status?.cameras_error ?? '')
     setText(this.state, text)
     this.view.title = text || this.title
     setText(this.figures, this.shown ? `${fixed(this.rate(), 0)} Hz · ${ageText(age)}` : '')
@@ -88,10 +88,10 @@ class Preview {
     return last > first ? ((this.arrivals.length - 1) * 1000) / (last - first) : 0
   }
 
-  private async draw(picture: Picture): Promise<void> {
+  private async draw(image: Picture): Promise<void> {
     this.isDrawing = true
     try {
-      const bitmap = await createImageBitmap(new Blob([picture.jpeg.slice()], { type: 'image/jpeg' }))
+      const bitmap = await createImageBitmap(new Blob([image.jpeg.slice()], { type: 'image/jpeg' }))
       if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
         ;[this.canvas.width, this.canvas.height] = [bitmap.width, bitmap.height]
         this.view.style.setProperty('--aspect', `${bitmap.width} / ${bitmap.height}`)
@@ -99,9 +99,9 @@ class Preview {
       this.canvas.getContext('2d')?.drawImage(bitmap, 0, 0)
       bitmap.close()
     } catch {
-      // A picture that cannot be read is passed over; the next one comes soon.
+      // Skip an image that cannot be decoded; the next one follows soon.
     } finally {
-      this.shown = picture
+      this.shown = image
       this.isDrawing = false
     }
   }
@@ -112,12 +112,12 @@ class Preview {
   }
 }
 
-function missing(isThere: boolean, fault: string): string {
-  if (!isThere) return 'no such camera'
-  return fault ? `no pictures: ${fault}` : 'starting…'
+function statusText(isMounted: boolean, error: string): string {
+  if (!isMounted) return 'not on this vehicle'
+  return error ? `no images: ${error}` : 'starting…'
 }
 
-/** The age of a picture [s], in steps that can be read. */
+/** The age of an image [s] as text, rounded to 10 ms so that it stays readable. */
 function ageText(age: number): string {
   return age < 1 ? `${Math.round(age * 100) * 10} ms` : `${age < 100 ? age.toFixed(1) : Math.round(age)} s`
 }

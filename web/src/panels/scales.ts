@@ -1,13 +1,13 @@
-// Round numbers for axes.
+// Round numbers for the ticks of axes.
 
-/** The least of 1, 2, 5 times a power of ten that is not less than `value`. */
+/** The smallest of 1, 2, 5 times a power of ten that is at least `value`. */
 export function niceStep(value: number): number {
   const power = 10 ** Math.floor(Math.log10(value))
   const steps = [1, 2, 5, 10].map((factor) => factor * power)
   return steps.find((step) => step >= value * (1 - 1e-9)) ?? 10 * power
 }
 
-/** Three to five round numbers, the first and last of them around all finite `values`, which span `span` at least. */
+/** Three to five round numbers that enclose all finite `values` and span at least `span`. */
 export function niceTicks(values: readonly (number | null)[], span: number): number[] {
   let low = Infinity
   let high = -Infinity
@@ -25,7 +25,7 @@ export function niceTicks(values: readonly (number | null)[], span: number): num
   return Array.from({ length: last - first + 1 }, (_, i) => (first + i) * step)
 }
 
-/** A number of an axis, with as many decimals as its step asks for. */
+/** Formats a tick with the number of decimals that `step` needs. */
 export function tickText(value: number, step: number): string {
   if (value === 0) return '0'
   if (Math.abs(value) >= 1e5) return value.toExponential(0)

@@ -1,26 +1,17 @@
-// Dark or light, as the system says or as the person chose.
+// The theme: dark, light, or that of the system.
+import { loadPreference, savePreference } from './preferences'
 
 export type Theme = 'system' | 'light' | 'dark'
 
-const KEY = 'autodrive.theme'
-
-/** What was chosen before, in this browser. */
-export function chosenTheme(): Theme {
-  try {
-    const theme = localStorage.getItem(KEY)
-    return theme === 'light' || theme === 'dark' ? theme : 'system'
-  } catch {
-    return 'system' // a browser that keeps nothing
-  }
+/** The saved theme. */
+export function savedTheme(): Theme {
+  const theme = loadPreference('theme')
+  return theme === 'light' || theme === 'dark' ? theme : 'system'
 }
 
 export function setTheme(theme: Theme): void {
   showTheme(theme)
-  try {
-    localStorage.setItem(KEY, theme)
-  } catch {
-    // a browser that keeps nothing: the choice holds for this page
-  }
+  savePreference('theme', theme)
 }
 
 export function showTheme(theme: Theme): void {

@@ -1,45 +1,50 @@
-// The bar on top: Menu, title, how the simulation runs, help, HUD.
+// The toolbar: Menu, title, connection banner, state of the simulation, help, HUD.
+
+import type { Actions } from '../actions'
+import type { Observable } from '../observable'
 import type { Store } from '../store'
-import type { Signal } from '../signal'
 import { banner } from './banner'
 import { h, icon, setText } from './element'
-import { HUD, MENU } from './icons'
+import { EDIT, HUD, MENU } from './icons'
 
-export function toolbar(store: Store, showHelp: () => void): HTMLElement {
-  const words = { 'aria-label': 'Help', title: 'Keys and controls (?)' }
+export function toolbar(store: Store, actions: Actions, showHelp: () => void): HTMLElement {
+  const label = { 'aria-label': 'Help', title: 'Keys and controls (?)' }
   return h(
     'header',
     { class: 'toolbar' },
     opener('menu', 'Menu', MENU, 'M', store.isMenuOpen),
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
-    banner(store),
+    banner(store, actions),
     run(store),
-    h('button', { class: 'round', testid: 'help', onclick: showHelp, ...words }, '?'),
+    opener('edit', 'Edit', EDIT, 'J', store.isEditing),
+    h('button', { class: 'round', testid: 'help', onclick: showHelp, ...label }, '?'),
     opener('hud', 'HUD', HUD, 'U', store.isHudOpen),
   )
 }
 
-/** The button that shows and hides a panel. */
-function opener(id: string, label: string, path: string, key: string, isOpen: Signal<boolean>): HTMLElement {
+/** A button that shows and hides a panel. */
+function opener(id: string, label: string, path: string, key: string, isOpen: Observable<boolean>): HTMLElement {
   const button = h(
     'button',
     {
       testid: `${id}-button`,
       'aria-controls': id,
+      'aria-label': label,
       title: `${label} (${key})`,
       onclick: () => (isOpen.value = !isOpen.value),
     },
     icon(path),
-    label,
+    h('span', {}, label),
   )
   isOpen.watch((value) => button.setAttribute('aria-expanded', String(value)))
   return button
 }
 
-/** Whether simulated time runs, and how fast. */
+/** Real-time factor, or "Paused". */
 function run(store: Store): HTMLElement {
   const factor = h('output', { testid: 'real-time-factor' })
-  const running = h('span', { title: 'Simulated seconds per second that were reached' }, 'Real time ', factor)
+  const label = h('span', { class: 'run-label' }, 'Real time ')
+  const running = h('span', { title: 'Simulated seconds per second of wall time (measured)' }, label, factor)
   const paused = h('b', { testid: 'paused' }, 'Paused')
   store.status.watch((status) => {
     running.hidden = !status || status.is_paused

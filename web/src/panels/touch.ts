@@ -1,16 +1,29 @@
-// Driving with the fingers: a pad that steers, a pad that drives, and the lamps; shown where the pointer is a finger.
-import { Headlights, Indicators } from '../messages'
-import type { Driver, Wish } from '../driving/driver'
+// Touch controls: a pad for steering, a pad for throttle, and lamp buttons; shown on touch screens.
+
+import type { DriveInput, Driver } from '../driving/driver'
 import type { Lights } from '../messages'
+import { Headlights, Indicators } from '../messages'
 import type { Store } from '../store'
 import { h, icon } from './element'
 import { HAZARD, HIGH_BEAM, LEFT_INDICATOR, LOW_BEAM, RIGHT_INDICATOR } from './icons'
 
 export function touch(driver: Driver, store: Store): HTMLElement {
   const beam = (label: string, path: string, which: Headlights) =>
-    lamp(store, label, path, (lights) => lights.headlights === which, () => driver.toggleHeadlights(which))
+    lamp(
+      store,
+      label,
+      path,
+      (lights) => lights.headlights === which,
+      () => driver.toggleHeadlights(which),
+    )
   const side = (label: string, path: string, which: Indicators) =>
-    lamp(store, label, path, (lights) => lights.indicators === which, () => driver.toggleIndicators(which))
+    lamp(
+      store,
+      label,
+      path,
+      (lights) => lights.indicators === which,
+      () => driver.toggleIndicators(which),
+    )
   return h(
     'div',
     { class: 'touch', testid: 'touch' },
@@ -28,7 +41,7 @@ export function touch(driver: Driver, store: Store): HTMLElement {
   )
 }
 
-/** A button that switches a lamp and shows whether it is on. */
+/** A button that switches a lamp and shows its state. */
 function lamp(
   store: Store,
   label: string,
@@ -45,12 +58,12 @@ function lamp(
   return button
 }
 
-/** A pad with a knob that follows the finger along one direction and returns when it is let go. */
-function pad(driver: Driver, axis: keyof Wish, label: string): HTMLElement {
+/** A pad with a knob that follows the finger along one axis and returns to the centre on release. */
+function pad(driver: Driver, axis: keyof DriveInput, label: string): HTMLElement {
   const knob = h('i', { class: 'knob' })
   const element = h('div', { class: `pad ${axis}`, testid: `pad-${axis}`, 'aria-label': label }, knob)
 
-  /** `value` [-1, 1], up or left positive. */
+  /** `value` in [-1, 1]; up and left are positive. */
   function set(value: number): void {
     driver.touch[axis] = value
     knob.style.setProperty('--offset', String(-value))

@@ -1,17 +1,16 @@
-// The triangles of an asset in one detail, as few draws as possible: one for each picture.
+// Merges the surfaces of an asset at one level of detail into one geometry for each texture.
 import { BufferAttribute, BufferGeometry, Matrix3, Vector3 } from 'three'
-
+import type { Asset, Detail, Surface, Vector } from './glb'
 import { LAMPS } from './lamps'
-import type { Asset, Detail, Surface } from './glb'
-import type { Rig } from './rig'
+import type { Skeleton } from './skeleton'
 
-export interface Piece {
+export interface MeshPart {
   geometry: BufferGeometry
-  /** Number of the asset's picture, -1: none. */
-  picture: number
+  /** Index into `Asset.images`; -1: no texture. */
+  image: number
 }
 
-/** Level ground, all of whose normals are up; other things without gloss; all else. */
+/** Kinds of surfaces for the shader: horizontal ground, other matt surfaces, glossy surfaces. */
 const FLAT = 0
 const MATT = 1
 const SHINY = 2
@@ -21,31 +20,43 @@ interface Part {
   node: number
 }
 
-/** Pieces of the asset; what a moving asset consists of is never level ground. */
-export function pieces(asset: Asset, rig: Rig, detail: Detail, isMoving: boolean): Piece[] {
+/** The geometry of an asset by texture. A moving asset has no ground surfaces. `paint`: linear RGB instead of its own. */
+export function meshParts(
+  asset: Asset,
+  skeleton: Skeleton,
+  detail: Detail,
+  isMoving: boolean,
+  paint: Vector | null = null,
+): MeshPart[] {
   const parts = new Map<number, Part[]>()
   asset.nodes.forEach(({ surfaces }, node) => {
     for (const surface of surfaces[detail] ?? []) {
-      const own = parts.get(surface.picture)
+      const own = parts.get(surface.image)
       if (own) own.push({ surface, node })
-      else parts.set(surface.picture, [{ surface, node }])
+      else parts.set(surface.image, [{ surface, node }])
     }
   })
-  return [...parts].map(([picture, own]) => ({ picture, geometry: merged(asset, rig, own, isMoving) }))
+  return [...parts].map(([image, own]) => ({ image, geometry: mergeSurfaces(asset, skeleton, own, isMoving, paint) }))
 }
 
-/** Positions and bones alone, of all surfaces: for shadow maps. */
-export function outline(asset: Asset, rig: Rig, detail: Detail): BufferGeometry | null {
+/** Positions and bones of all surfaces, for shadow maps; null if the asset lacks that level of detail. */
+export function shadowGeometry(asset: Asset, skeleton: Skeleton, detail: Detail): BufferGeometry | null {
   const parts = asset.nodes.flatMap(({ surfaces }, node) =>
     (surfaces[detail] ?? []).map((surface) => ({ surface, node })),
   )
   if (parts.length === 0) return null
-  const geometry = merged(asset, rig, parts, true)
+  const geometry = mergeSurfaces(asset, skeleton, parts, true, null)
   for (const name of ['normal', 'color', 'emission', 'uv', 'finish']) geometry.deleteAttribute(name)
   return geometry
 }
 
-function merged(asset: Asset, rig: Rig, parts: readonly Part[], isMoving: boolean): BufferGeometry {
+function mergeSurfaces(
+  asset: Asset,
+  skeleton: Skeleton,
+  parts: readonly Part[],
+  isMoving: boolean,
+  paint: Vector | null,
+): BufferGeometry {
   const vertices = parts.reduce((sum, { surface }) => sum + surface.positions.length / 3, 0)
   const count = parts.reduce((sum, { surface }) => sum + surface.indices.length, 0)
   const position = new Float32Array(3 * vertices)
@@ -61,19 +72,25 @@ function merged(asset: Asset, rig: Rig, parts: readonly Part[], isMoving: boolea
   let first = 0
   let at = 0
   for (const { surface, node } of parts) {
-    const place = rig.placeOf[node]
+    const place = skeleton.restPoseOf[node]
     const lamp = asset.nodes[node].lamp
     const own = surface.positions.length / 3
-    const rigged = [rig.boneOf[node], lamp ? 1 + LAMPS.indexOf(lamp) : 0]
+    const skinned = [skeleton.boneOf[node], lamp ? 1 + LAMPS.indexOf(lamp) : 0]
     const finished = [surface.roughness, surface.metallic, kindOf(surface, isMoving)]
     turn.setFromMatrix4(place)
     for (let i = 0; i < own; i++) {
-      point.fromArray(surface.positions, 3 * i).applyMatrix4(place).toArray(position, 3 * (first + i))
-      point.fromArray(surface.normals, 3 * i).applyMatrix3(turn).toArray(normal, 3 * (first + i))
-      color.set(surface.color, 3 * (first + i))
+      point
+        .fromArray(surface.positions, 3 * i)
+        .applyMatrix4(place)
+        .toArray(position, 3 * (first + i))
+      point
+        .fromArray(surface.normals, 3 * i)
+        .applyMatrix3(turn)
+        .toArray(normal, 3 * (first + i))
+      color.set(surface.isPaint && paint ? paint : surface.color, 3 * (first + i))
       emission.set(surface.emission, 3 * (first + i))
       finish.set(finished, 3 * (first + i))
-      bones.set(rigged, 2 * (first + i))
+      bones.set(skinned, 2 * (first + i))
     }
     if (surface.uvs) uv.set(surface.uvs, 2 * first)
     for (let i = 0; i < surface.indices.length; i++) indices[at + i] = surface.indices[i] + first

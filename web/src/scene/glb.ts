@@ -1,9 +1,9 @@
-// The simulator's .glb files: named nodes with surfaces in three details, joints and lamps (render/glb.py).
+// Reads the .glb files of the simulator: nodes with surfaces in three levels of detail, joints and lamps.
 
 export type Detail = 'full' | 'reduced' | 'shadow'
 export type Vector = [number, number, number]
 
-/** How a node moves by a signal of its vehicle; see render/asset.py. */
+/** How a node moves with a signal of its vehicle. */
 export interface Joint {
   kind: 'hinge' | 'slide' | 'crank'
   signal: string
@@ -18,14 +18,16 @@ export interface Surface {
   uvs: Float32Array | null
   indices: Uint16Array | Uint32Array
   color: Vector
+  /** Whether the page may paint it in the colour of the vehicle. */
+  isPaint: boolean
   emission: Vector
   roughness: number
   metallic: number
-  /** Number of the picture in `Asset.pictures`, -1: none. */
-  picture: number
+  /** Index into `Asset.images`; -1: no texture. */
+  image: number
 }
 
-/** A rigid piece; `parent` is the index of a node listed before, -1: none. Quaternion xyzw. */
+/** A rigid part. `parent` is the index of an earlier node, or -1. The quaternion is xyzw. */
 export interface Node {
   name: string
   parent: number
@@ -38,55 +40,92 @@ export interface Node {
 
 export interface Asset {
   nodes: Node[]
-  /** sRGB, to be turned into textures. */
-  pictures: ImageBitmap[]
+  /** Textures (sRGB). */
+  images: ImageBitmap[]
 }
 
 const MAGIC = 0x46546c67
 const FLOAT = 5126
 const UINT16 = 5123
 
-/** The file is ours: its tree is as glTF 2.0 says. */
-type Tree = Record<string, any>
+/** The parts of the glTF 2.0 tree that are read. The files come from the simulator, so they are not validated. */
+interface Tree {
+  nodes: TreeNode[]
+  meshes?: Mesh[]
+  images?: { bufferView: number; mimeType: string }[]
+  textures?: { source: number }[]
+  materials: Material[]
+  accessors: { bufferView: number; type: 'SCALAR' | 'VEC2' | 'VEC3'; componentType: number; count: number }[]
+  bufferViews: { byteOffset: number; byteLength: number }[]
+}
 
-/** The asset at that address; throws an Error with the address if it cannot be had. */
+interface TreeNode {
+  name: string
+  children?: number[]
+  mesh?: number
+  translation?: Vector
+  rotation?: [number, number, number, number]
+  extras?: { detail?: Detail; joint?: Joint; lamp?: string }
+}
+
+interface Mesh {
+  primitives: {
+    attributes: { POSITION: number; NORMAL: number; TEXCOORD_0?: number }
+    indices: number
+    material: number
+  }[]
+}
+
+interface Material {
+  extras?: { paint?: boolean }
+  pbrMetallicRoughness: {
+    baseColorFactor: [...Vector, number]
+    baseColorTexture?: { index: number }
+    roughnessFactor: number
+    metallicFactor: number
+  }
+  emissiveFactor?: Vector
+  extensions?: { KHR_materials_emissive_strength?: { emissiveStrength: number } }
+}
+
+/** Loads an asset; throws an Error with the URL if that fails. */
 export async function loadAsset(url: URL): Promise<Asset> {
   const answer = await fetch(url)
   if (!answer.ok) throw new Error(`${url.pathname}: ${answer.status} ${answer.statusText}`)
   return readAsset(await answer.arrayBuffer())
 }
 
-/** The asset of a file's content. */
+/** Reads an asset from the contents of a file. */
 export async function readAsset(data: ArrayBuffer): Promise<Asset> {
   const view = new DataView(data)
-  if (view.getUint32(0, true) !== MAGIC) throw new Error('not a file of binary glTF')
+  if (view.getUint32(0, true) !== MAGIC) throw new Error('not a binary glTF file')
   const length = view.getUint32(12, true)
   const tree: Tree = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 20, length)))
   const binary = 28 + length
-  const pictures = ((tree.images ?? []) as Tree[]).map((image) => {
+  const images = (tree.images ?? []).map((image) => {
     const at = tree.bufferViews[image.bufferView]
     const bytes = new Uint8Array(data, binary + at.byteOffset, at.byteLength)
     return createImageBitmap(new Blob([bytes], { type: image.mimeType }), { colorSpaceConversion: 'none' })
   })
-  return { nodes: nodes(tree, data, binary), pictures: await Promise.all(pictures) }
+  return { nodes: nodes(tree, data, binary), images: await Promise.all(images) }
 }
 
 function nodes(tree: Tree, data: ArrayBuffer, binary: number): Node[] {
-  const surfaces = ((tree.meshes ?? []) as Tree[]).map((mesh) => meshSurfaces(mesh, tree, data, binary))
-  const written: Tree[] = tree.nodes
+  const surfaces = (tree.meshes ?? []).map((mesh) => meshSurfaces(mesh, tree, data, binary))
+  const written = tree.nodes
   const parents = new Map<number, number>()
-  written.forEach((node, i) => (node.children ?? []).forEach((child: number) => parents.set(child, i)))
+  for (const [i, node] of written.entries()) for (const child of node.children ?? []) parents.set(child, i)
   const own: Node[] = []
   const indexOf = new Map<number, number>()
   written.forEach((node, i) => {
-    // the first is the root, which turns z-up to glTF's y-up: we stay with z
+    // the first node converts z-up to the y-up of glTF; the scene stays z-up
     if (i === 0 || node.extras?.detail) return
     indexOf.set(i, own.length)
     const details: Node['surfaces'] = {}
     if (node.mesh !== undefined) details.full = surfaces[node.mesh]
     for (const child of node.children ?? []) {
-      const detail = written[child].extras?.detail as Detail | undefined
-      if (detail) details[detail] = surfaces[written[child].mesh]
+      const { extras, mesh } = written[child]
+      if (extras?.detail && mesh !== undefined) details[extras.detail] = surfaces[mesh]
     }
     own.push({
       name: node.name,
@@ -101,30 +140,33 @@ function nodes(tree: Tree, data: ArrayBuffer, binary: number): Node[] {
   return own
 }
 
-function meshSurfaces(mesh: Tree, tree: Tree, data: ArrayBuffer, binary: number): Surface[] {
+function meshSurfaces(mesh: Mesh, tree: Tree, data: ArrayBuffer, binary: number): Surface[] {
   const values = (number: number): Float32Array | Uint16Array | Uint32Array => {
     const accessor = tree.accessors[number]
     const view = tree.bufferViews[accessor.bufferView]
-    const size = { SCALAR: 1, VEC2: 2, VEC3: 3 }[accessor.type as 'SCALAR' | 'VEC2' | 'VEC3']
-    const Values = { [FLOAT]: Float32Array, [UINT16]: Uint16Array }[accessor.componentType as number] ?? Uint32Array
+    const size = { SCALAR: 1, VEC2: 2, VEC3: 3 }[accessor.type]
+    const Values = { [FLOAT]: Float32Array, [UINT16]: Uint16Array }[accessor.componentType] ?? Uint32Array
     return new Values(data, binary + view.byteOffset, accessor.count * size)
   }
-  return (mesh.primitives as Tree[]).map((primitive) => {
+  return mesh.primitives.map((primitive) => {
     const material = tree.materials[primitive.material]
     const finish = material.pbrMetallicRoughness
     const strength = material.extensions?.KHR_materials_emissive_strength?.emissiveStrength ?? 1
     const uvs = primitive.attributes.TEXCOORD_0
     const texture = finish.baseColorTexture
+    const [red, green, blue] = finish.baseColorFactor
+    const [er, eg, eb] = material.emissiveFactor ?? [0, 0, 0]
     return {
       positions: values(primitive.attributes.POSITION) as Float32Array,
       normals: values(primitive.attributes.NORMAL) as Float32Array,
       uvs: uvs === undefined ? null : (values(uvs) as Float32Array),
       indices: values(primitive.indices) as Uint16Array | Uint32Array,
-      color: finish.baseColorFactor.slice(0, 3),
-      emission: (material.emissiveFactor ?? [0, 0, 0]).map((factor: number) => factor * strength),
+      color: [red, green, blue],
+      isPaint: material.extras?.paint ?? false,
+      emission: [er * strength, eg * strength, eb * strength],
       roughness: finish.roughnessFactor,
       metallic: finish.metallicFactor,
-      picture: texture ? tree.textures[texture.index].source : -1,
+      image: texture ? (tree.textures?.[texture.index].source ?? -1) : -1,
     }
   })
 }

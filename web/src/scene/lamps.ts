@@ -1,18 +1,17 @@
-// Which lamps burn and what they throw, as numbers for the shaders. The formulas are those of render/lighting.py.
+// Lamps of vehicles as uniforms for the shaders. The formulas are those of render/lighting.py.
 import { Matrix4, Vector3 } from 'three'
-
-import { Headlights, TailLights } from '../messages'
 import type { Lights, VehicleScene } from '../messages'
+import { Headlights, TailLights } from '../messages'
 
 const KINDS = ['head', 'high_beam', 'front_indicator', 'rear_indicator', 'tail', 'reverse']
 
-/** Every lamp of a vehicle, in the order of `actuators.lights.LAMPS`. */
+/** The lamps of a vehicle, in the order of `actuators.lights.LAMPS`. */
 export const LAMPS = KINDS.flatMap((kind) => [`${kind}_left`, `${kind}_right`])
 
-/** The first of them throw far. */
+/** The first ones are headlights. */
 const HEADLIGHTS = 4
 
-/** Room for lamps in the shaders (WebGL promises 224 uniforms), and for headlights with shadows, which come first. */
+/** Number of lamps in the shaders (WebGL guarantees 224 uniforms), and of headlights with shadows, which come first. */
 export const LAMP_SLOTS = 32
 export const BEAM_SLOTS = 4
 
@@ -26,9 +25,9 @@ interface Beam {
   cutoff: number
 }
 
-/** A lamp when fully lit, in vehicle axes. */
+/** A lamp at full brightness, in the vehicle frame. */
 export interface Lamp {
-  place: Vector3
+  position: Vector3
   aim: Vector3
   up: Vector3
   color: Vector3
@@ -48,7 +47,7 @@ export function lampsOf(vehicle: VehicleScene, beams: Record<string, Beam>): Lam
     const c = Math.cos(beam.pitch)
     const s = Math.sin(beam.pitch)
     return {
-      place: new Vector3(...own.position).add(new Vector3(0.006 * ahead, 0, 0)),
+      position: new Vector3(...own.position).add(new Vector3(0.006 * ahead, 0, 0)),
       aim: new Vector3(ahead * c, 0, -s),
       up: new Vector3(ahead * s, 0, c),
       color: new Vector3(...own.color).multiplyScalar(beam.intensity),
@@ -61,8 +60,8 @@ export function lampsOf(vehicle: VehicleScene, beams: Record<string, Beam>): Lam
   })
 }
 
-/** How brightly each of `LAMPS` burns, 0 to 1. */
-export function lampLevels(lights: Lights, into: Float32Array): void {
+/** Writes the brightness of each of `LAMPS`, 0 to 1. */
+export function lampBrightness(lights: Lights, into: Float32Array): void {
   const low = lights.headlights === Headlights.OFF ? 0 : 1
   const high = lights.headlights === Headlights.HIGH ? 1 : 0
   const left = lights.left_indicator ? 1 : 0
@@ -72,13 +71,13 @@ export function lampLevels(lights: Lights, into: Float32Array): void {
   into.set([low, low, high, high, left, right, left, right, tail, tail, reverse, reverse])
 }
 
-/** The lamps that burn, in map axes: what the shaders read. */
-export class Burning {
-  readonly place = new Float32Array(4 * LAMP_SLOTS) // position, range
+/** The lamps that are on, in the map frame, as arrays for the shaders. */
+export class ActiveLamps {
+  readonly position = new Float32Array(4 * LAMP_SLOTS) // position, range
   readonly aim = new Float32Array(4 * LAMP_SLOTS) // direction, cosine of the outer cone
   readonly color = new Float32Array(4 * LAMP_SLOTS) // intensity [cd], sharpness of the cone
-  readonly up = new Float32Array(4 * LAMP_SLOTS) // up, and how sharply it ends above (0: not at all)
-  /** Headlights with shadows, all headlights, all lamps: so many of the first slots. */
+  readonly up = new Float32Array(4 * LAMP_SLOTS) // up, and the sharpness of the cutoff above the beam (0: no cutoff)
+  /** Number of headlights with shadows, of all headlights and of all lamps; each group is at the start of the arrays. */
   beams = 0
   heads = 0
   lamps = 0
@@ -87,13 +86,13 @@ export class Burning {
     this.beams = this.heads = this.lamps = 0
   }
 
-  /** Adds a lamp of a vehicle; first all that cast shadows, then other headlights, then the rest. */
+  /** Adds a lamp: first the headlights with shadows, then other headlights, then the rest. False if all slots are used. */
   add(lamp: Lamp, root: Matrix4, level: number): boolean {
     if (this.lamps === LAMP_SLOTS) return false
     const slot = 4 * this.lamps++
     if (lamp.isHeadlight) this.heads = this.lamps
-    point.copy(lamp.place).applyMatrix4(root).toArray(this.place, slot)
-    this.place[slot + 3] = lamp.range
+    point.copy(lamp.position).applyMatrix4(root).toArray(this.position, slot)
+    this.position[slot + 3] = lamp.range
     point.copy(lamp.aim).transformDirection(root).toArray(this.aim, slot)
     this.aim[slot + 3] = lamp.cosOuter
     point.copy(lamp.color).multiplyScalar(level).toArray(this.color, slot)
@@ -103,16 +102,16 @@ export class Burning {
     return true
   }
 
-  /** Clip space of that headlight's shadow map from the map frame. */
+  /** Writes the transform from the map frame to the clip space of the shadow map of a headlight. */
   matrix(slot: number, into: Matrix4): Matrix4 {
     const cos = this.aim[4 * slot + 3]
     const tangent = (1.05 * Math.sqrt(1 - cos * cos)) / cos
     const near = 0.03
-    const far = this.place[4 * slot + 3]
+    const far = this.position[4 * slot + 3]
     aim.fromArray(this.aim, 4 * slot)
     up.fromArray(this.up, 4 * slot)
     side.crossVectors(up, aim)
-    point.fromArray(this.place, 4 * slot)
+    point.fromArray(this.position, 4 * slot)
     const [x, y, z] = [-side.dot(point), -up.dot(point), -aim.dot(point)]
     look.set(side.x, side.y, side.z, x, up.x, up.y, up.z, y, aim.x, aim.y, aim.z, z, 0, 0, 0, 1)
     const depth = (far + near) / (far - near)

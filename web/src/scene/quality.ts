@@ -1,21 +1,21 @@
-// What is spent on a picture, and how that follows what the machine can do.
+// Quality profiles of the 3D view, and their choice by measured frame times.
 import type { Quality } from '../store'
 
 export interface Profile {
   name: 'light' | 'low' | 'high' | 'ultra'
-  /** Pixels of the picture for one of the page, at most. */
+  /** Maximum number of image pixels per CSS pixel. */
   pixelRatio: number
-  /** Of each pixel (MSAA). */
+  /** Samples per pixel (MSAA). */
   samples: number
-  /** Edges of the shadow maps [pixels]: of all that stands still, of all vehicles, of a headlight (0: none). */
+  /** Size of the shadow maps [pixels]: static objects, vehicles, one headlight (0: no shadows). */
   stillMap: number
   casterMap: number
   beamMap: number
-  /** Soft edge of shadows [texels]; 1: a plain one, 0: no shadows. */
+  /** Width of the soft edge of shadows [texels]; 1: hard shadows, 0: no shadows. */
   softness: number
-  /** Vehicles farther than this from the eye are drawn in the reduced detail [m]. */
+  /** Distance from the camera beyond which vehicles have reduced detail [m]. */
   fullDetail: number
-  /** Without gloss, for software GL. */
+  /** No reflections, for software rendering. */
   isLightweight: boolean
   anisotropy: number
 }
@@ -39,63 +39,63 @@ export const PROFILES: Record<Profile['name'], Profile> = {
   },
 }
 
-const STEPS: Profile['name'][] = ['light', 'low', 'high']
+const AUTO_PROFILES: Profile['name'][] = ['light', 'low', 'high']
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|microsoft basic|software/i
 
-/** A picture that takes longer than this is too slow, and with less than that there is room for more [ms]. */
+/** Frame times above which the profile is lowered, and below which it may be raised [ms]. */
 const SLOW = 28
 const FAST = 18
-/** Even the light profile draws fewer pictures than this: the simulator does it better [Hz]. */
-const HOPELESS = 8
-/** Times after which a profile is judged [s]. */
-const PATIENCE = 2.5
-const LAST_PATIENCE = 5
-const TRUST = 60
+/** Below this frame rate in the lowest profile the simulator renders the scene [Hz]. */
+const MIN_RATE = 8
+/** Times after which the profile is lowered, replaced by remote rendering, or raised [s]. */
+const LOWER_AFTER = 2.5
+const REMOTE_AFTER = 5
+const RAISE_AFTER = 60
 
 export function isSoftware(renderer: string): boolean {
   return SOFTWARE.test(renderer)
 }
 
-/** Chooses the profile; 'auto' by how long pictures take. */
+/** Chooses the profile: as selected, or by measured frame times for 'auto'. */
 export class QualityChoice {
   private step: number
   private times: number[] = []
   private since = 0
-  private wasLifted = false
+  private wasRaised = false
 
   constructor(private readonly isSoftware: boolean) {
-    this.step = isSoftware ? 0 : STEPS.length - 1
+    this.step = isSoftware ? 0 : AUTO_PROFILES.length - 1
   }
 
   profile(quality: Quality): Profile {
-    if (quality === 'auto' || quality === 'stream') return PROFILES[STEPS[this.step]]
+    if (quality === 'auto' || quality === 'stream') return PROFILES[AUTO_PROFILES[this.step]]
     return PROFILES[quality === 'low' && this.isSoftware ? 'light' : quality]
   }
 
-  /** Forgets what was measured: something else took time. */
+  /** Discards the measurements, after something else took time. */
   restart(now: number): void {
     this.times = []
     this.since = now
   }
 
-  /** Takes the duration of a picture [s] at `now` [s]; whether another profile, or none of them, is better. */
-  measure(duration: number, now: number): 'stay' | 'change' | 'hopeless' {
+  /** Adds a frame time [s] measured at `now` [s]; returns whether the profile changed, or all are too slow. */
+  measure(duration: number, now: number): 'stay' | 'change' | 'too-slow' {
     this.times.push(1000 * duration)
     const enough = duration > 0.5 ? 3 : 6
-    if (now - this.since < PATIENCE || this.times.length < enough) return 'stay'
+    if (now - this.since < LOWER_AFTER || this.times.length < enough) return 'stay'
     const median = this.times.slice().sort((a, b) => a - b)[this.times.length >> 1]
-    if (median > SLOW && this.step > 0) return this.go(-1, now)
-    if (median > 1000 / HOPELESS && now - this.since > LAST_PATIENCE) return 'hopeless'
-    const canRise = !this.isSoftware && !this.wasLifted && this.step < STEPS.length - 1
-    if (canRise && median < FAST && now - this.since > TRUST) {
-      this.wasLifted = true
-      return this.go(1, now)
+    if (median > SLOW && this.step > 0) return this.changeBy(-1, now)
+    if (median > 1000 / MIN_RATE && now - this.since > REMOTE_AFTER) return 'too-slow'
+    const canRaise = !this.isSoftware && !this.wasRaised && this.step < AUTO_PROFILES.length - 1
+    if (canRaise && median < FAST && now - this.since > RAISE_AFTER) {
+      this.wasRaised = true
+      return this.changeBy(1, now)
     }
     if (this.times.length > 240) this.times = this.times.slice(-120)
     return 'stay'
   }
 
-  private go(steps: number, now: number): 'change' {
+  private changeBy(steps: number, now: number): 'change' {
     this.step += steps
     this.restart(now)
     return 'change'

@@ -1,4 +1,4 @@
-// The LIDAR's scan of the watched vehicle in the scene: points where its rays ended, and a faint fan.
+// The LIDAR scan of the selected vehicle in the scene: its points and a transparent fan.
 import {
   BufferAttribute,
   BufferGeometry,
@@ -14,17 +14,17 @@ import {
 } from 'three'
 
 import type { LidarScan, Pose } from '../messages'
-import { quaternion, type Motion, type Placed } from './motion'
+import { type MotionInterpolator, type PlacedObject, quaternion } from './motion'
 
 const COLOR = 'vec3(0.30, 0.86, 1.0)'
-/** Of a point on the screen [pixels of the page]. */
+/** Diameter of a point [CSS pixels]. */
 const SIZE = 5
 
 const VERTEX = /* glsl */ `
 uniform float size;
 void main() {
   gl_Position = projectionMatrix * viewMatrix * vec4(position, 1.0);
-  gl_Position.z -= 0.0004 * gl_Position.w;  // in front of what it lies on
+  gl_Position.z -= 0.0004 * gl_Position.w;  // in front of the surface it lies on
   gl_PointSize = size;
 }
 `
@@ -37,27 +37,27 @@ void main() {
   pixel = vec4(${COLOR}, brightness * smoothstep(1.0, 0.6, far));
 }
 `
-/** The fan fades within this distance [m]: else it would tint the whole picture. */
-const FAN = 0.9
-const VEIL_VERTEX = /* glsl */ `
+/** Radius within which the fan fades out [m]; a larger one would tint the whole image. */
+const FAN_RADIUS = 0.9
+const FAN_VERTEX = /* glsl */ `
 out vec3 place;
 void main() {
   place = position;
   gl_Position = projectionMatrix * viewMatrix * vec4(position, 1.0);
 }
 `
-const VEIL_FRAGMENT = /* glsl */ `
+const FAN_FRAGMENT = /* glsl */ `
 uniform vec3 center;
 uniform float brightness;
 in vec3 place;
 out vec4 pixel;
 void main() {
-  float near = 1.0 - min(distance(place, center) / ${FAN.toFixed(3)}, 1.0);
+  float near = 1.0 - min(distance(place, center) / ${FAN_RADIUS.toFixed(3)}, 1.0);
   pixel = vec4(${COLOR}, 0.12 * near * near * brightness);
 }
 `
-/** How much of it is left by night, when eyes are used to the dark. */
-const BY_NIGHT = 0.55
+/** Brightness at night, relative to day. */
+const NIGHT_BRIGHTNESS = 0.55
 
 export class ScanView {
   readonly group = new Group()
@@ -65,22 +65,22 @@ export class ScanView {
   private readonly fan = new BufferGeometry()
   private readonly brightness = { value: 1 }
   private readonly center = new Vector3()
-  private readonly dot = new ShaderMaterial({
+  private readonly pointMaterial = new ShaderMaterial({
     ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3 },
     ...{ uniforms: { size: { value: SIZE }, brightness: this.brightness } },
     ...{ transparent: true, depthWrite: false },
   })
-  private readonly veil = new ShaderMaterial({
-    ...{ vertexShader: VEIL_VERTEX, fragmentShader: VEIL_FRAGMENT, glslVersion: GLSL3 },
+  private readonly fanMaterial = new ShaderMaterial({
+    ...{ vertexShader: FAN_VERTEX, fragmentShader: FAN_FRAGMENT, glslVersion: GLSL3 },
     ...{ uniforms: { center: { value: this.center }, brightness: this.brightness } },
     ...{ transparent: true, depthWrite: false, side: DoubleSide },
   })
-  private drawn: LidarScan | null = null
+  private shown: LidarScan | null = null
 
   constructor() {
     for (const [thing, order] of [
-      [new Mesh(this.fan, this.veil), 20],
-      [new Points(this.points, this.dot), 21],
+      [new Mesh(this.fan, this.fanMaterial), 20],
+      [new Points(this.points, this.pointMaterial), 21],
     ] as const) {
       thing.frustumCulled = false
       thing.renderOrder = order
@@ -89,30 +89,30 @@ export class ScanView {
   }
 
   set pixelRatio(ratio: number) {
-    this.dot.uniforms.size.value = Math.max(SIZE * ratio, 2)
+    this.pointMaterial.uniforms.size.value = Math.max(SIZE * ratio, 2)
   }
 
-  /** Draws that scan of the vehicle from where its sensor, at `mount` in vehicle axes, was. */
-  show(scan: LidarScan | null, vehicle: string, mount: Pose | null, motion: Motion): void {
-    this.brightness.value = motion.moment.isDay ? 1 : BY_NIGHT
+  /** Shows a scan from the poses of the vehicle during the scan; `mount` is the sensor pose in the vehicle frame. */
+  show(scan: LidarScan | null, vehicle: string, mount: Pose | null, motion: MotionInterpolator): void {
+    this.brightness.value = motion.state.isDay ? 1 : NIGHT_BRIGHTNESS
     this.group.visible = false
     if (!scan || !mount) return
     this.group.visible = true
-    if (scan === this.drawn) return
+    if (scan === this.shown) return
     const begin = motion.poseAt(vehicle, scan.time - scan.scan_time * (scan.time_increment > 0 ? 1 : 0), first)
     const end = motion.poseAt(vehicle, scan.time, last)
     if (!begin || !end) return
-    this.drawn = scan
-    this.lay(scan, mount, begin, end)
+    this.shown = scan
+    this.update(scan, mount, begin, end)
   }
 
-  /** Forgets the scan. */
+  /** Removes the scan. */
   clear(): void {
-    this.drawn = null
+    this.shown = null
     this.group.visible = false
   }
 
-  private lay(scan: LidarScan, mount: Pose, begin: Placed, end: Placed): void {
+  private update(scan: LidarScan, mount: Pose, begin: PlacedObject, end: PlacedObject): void {
     const n = scan.ranges.length
     const points = attribute(this.points, n)
     const fan = attribute(this.fan, 3 * n)
@@ -142,6 +142,11 @@ export class ScanView {
       points.setXYZ(hits++, hit.x, hit.y, hit.z)
       isOpen = true
     }
+    const isCircle = n * Math.abs(scan.angle_increment) > 2 * Math.PI - 0.5 * Math.abs(scan.angle_increment)
+    if (isCircle && isOpen && hits > 1 && Number.isFinite(scan.ranges[0])) {
+      fan.setXYZ(corners++, center.x, center.y, center.z)
+      for (const i of [hits - 1, 0]) fan.setXYZ(corners++, points.getX(i), points.getY(i), points.getZ(i))
+    }
     this.center.copy(center)
     this.points.setDrawRange(0, hits)
     this.fan.setDrawRange(0, corners)
@@ -149,11 +154,11 @@ export class ScanView {
   }
 
   dispose(): void {
-    for (const part of [this.points, this.fan, this.dot, this.veil]) part.dispose()
+    for (const part of [this.points, this.fan, this.pointMaterial, this.fanMaterial]) part.dispose()
   }
 }
 
-/** The geometry's positions, with room for so many. */
+/** The positions of a geometry with at least `count` points. */
 function attribute(geometry: BufferGeometry, count: number): BufferAttribute {
   const known = geometry.getAttribute('position') as BufferAttribute | undefined
   if (known && known.count >= count) return known
@@ -164,9 +169,9 @@ function attribute(geometry: BufferGeometry, count: number): BufferAttribute {
   return made
 }
 
-const first: Placed = { position: new Vector3(), orientation: new Quaternion() }
-const last: Placed = { position: new Vector3(), orientation: new Quaternion() }
-const pose: Placed = { position: new Vector3(), orientation: new Quaternion() }
+const first: PlacedObject = { position: new Vector3(), orientation: new Quaternion() }
+const last: PlacedObject = { position: new Vector3(), orientation: new Quaternion() }
+const pose: PlacedObject = { position: new Vector3(), orientation: new Quaternion() }
 const turn = new Quaternion()
 const center = new Vector3()
 const hit = new Vector3()

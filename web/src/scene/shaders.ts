@@ -1,17 +1,18 @@
-// How things look: sun with shadow, sky, headlights with shadows, small lamps. The formulas of the simulator's cameras
-// (render/shaders), so that both pictures agree; glTF 2.0, appendix B.
-import { BONES } from './rig'
+// Shaders of the scene: sun with shadows, sky, headlights with shadows, other lamps. The formulas are those of the
+// simulator cameras (render/shaders), so that both images agree; see glTF 2.0, appendix B.
+
 import { BEAM_SLOTS, LAMP_SLOTS } from './lamps'
+import { BONES } from './skeleton'
 
 export const CASTER_TILES = 4
 export const CASTER_SLOTS = CASTER_TILES * CASTER_TILES
 
 const LIGHT = /* glsl */ `
 uniform vec3 sun_direction, sun_color, zenith, horizon, floor_glow;
-uniform vec2 exposure;  // of light, of what glows
+uniform vec2 exposure;  // of reflected light, of emitted light
 `
 
-/** Khronos PBR Neutral without its toe, which blackens the night; then the sRGB transfer function. */
+/** Khronos PBR Neutral tone mapping without its toe, which darkens night scenes; then the sRGB transfer function. */
 const TONE = /* glsl */ `
 vec3 shown(vec3 c) {
   float peak = max(c.r, max(c.g, c.b)), low = 0.76, d = 1.0 - low;
@@ -19,13 +20,13 @@ vec3 shown(vec3 c) {
   vec3 pressed = mix(c * (bright / max(peak, 1e-4)), vec3(bright), 1.0 - 1.0 / (0.15 * (peak - bright) + 1.0));
   c = clamp(peak < low ? c : pressed, 0.0, 1.0);
 #ifdef LIGHTWEIGHT
-  vec3 s1 = sqrt(c), s2 = sqrt(s1), s3 = sqrt(s2);  // a fit, within 0.003
+  vec3 s1 = sqrt(c), s2 = sqrt(s1), s3 = sqrt(s2);  // approximation, error below 0.003
   return clamp(0.662002687 * s1 + 0.684122060 * s2 - 0.323583601 * s3 - 0.0225411470 * c, 0.0, 1.0);
 #else
   return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
 #endif
 }
-// Against bands in the night: noise of less than a level.
+// Dithering with less than one level, against banding at night.
 vec3 dithered(vec3 c) {
 #ifdef LIGHTWEIGHT
   return c;
@@ -35,9 +36,9 @@ vec3 dithered(vec3 c) {
 }
 `
 
-/** RIGGED: each vertex moves with a bone of its vehicle. Three.js declares position, normal, uv and the matrices. */
+/** SKINNED: each vertex moves with one bone. Three.js declares position, normal, uv and the matrices. */
 const BONE = /* glsl */ `
-#ifdef RIGGED
+#ifdef SKINNED
 uniform mat4 bone_poses[${BONES}];
 in vec2 bones;  // bone, lamp
 #define PLACE bone_poses[int(bones.x)]
@@ -61,8 +62,8 @@ export const SCENE_VERTEX = /* glsl */ `
 ${LIGHT}
 ${BONE}
 uniform mat3 sun_from_map;
-#ifdef RIGGED
-uniform float glows[13];  // 0: what glows always; 1 ... 12: the lamps
+#ifdef SKINNED
+uniform float glows[13];  // 0: always on; 1 ... 12: the lamps
 #endif
 in vec3 color, emission, finish;
 out vec3 place, facing, in_sun;
@@ -75,7 +76,7 @@ void main() {
   mat4 pose = PLACE;
   place = (pose * vec4(position, 1.0)).xyz;
   facing = mat3(pose) * normal;
-#ifdef RIGGED
+#ifdef SKINNED
   own_emission = emission * glows[int(bones.y)];
 #else
   own_emission = emission;
@@ -83,7 +84,7 @@ void main() {
   own_color = color;
   own_finish = finish;
   own_uv = uv;
-  in_sun = sun_from_map * (place + 0.004 * facing);  // moved off the surface, against speckled shadows
+  in_sun = sun_from_map * (place + 0.004 * facing);  // offset from the surface, against shadow acne
 #ifdef LIGHTWEIGHT
   from_sky = 0.31831 * mix(floor_glow, 0.5 * (zenith + horizon), facing.z * 0.5 + 0.5);
   from_sun = 0.31831 * clamp(dot(facing, sun_direction), 0.0, 1.0) * sun_color;
@@ -92,19 +93,19 @@ void main() {
 }
 `
 
-/** TEXTURED; SHADOWS: edge of the soft shadows in texels, 0: none; LIGHTWEIGHT: no gloss, for software GL. */
+/** TEXTURED; SHADOWS: width of soft shadow edges [texels], 0: none; LIGHTWEIGHT: no reflections (software GL). */
 export const SCENE_FRAGMENT = /* glsl */ `
 precision highp sampler2DShadow;
 ${LIGHT}
 uniform int is_day;
-uniform sampler2D picture;
+uniform sampler2D surface_image;
 uniform sampler2DShadow still_map, caster_map, beam_map;
-uniform vec4 still_scale, still_offset;         // where in_sun lies in the shadow map of all that stands still
+uniform vec4 still_scale, still_offset;         // from in_sun to the shadow map of static objects
 uniform int caster_count;
-uniform vec4 caster_offset[${CASTER_SLOTS}];    // the same for each vehicle's own tile of the other shadow map
-uniform vec4 caster_tile[${CASTER_SLOTS}];      // tile's corner, its size, size of a texel
-uniform vec4 caster_place[${CASTER_SLOTS}];     // x, y of the vehicle's middle, cosine and sine of its yaw
-uniform vec4 caster_half;                       // half length, half width of a vehicle, scale of its tile, of its depth
+uniform vec4 caster_offset[${CASTER_SLOTS}];    // likewise for the tile of each vehicle
+uniform vec4 caster_tile[${CASTER_SLOTS}];      // corner and size of the tile, size of a texel
+uniform vec4 caster_place[${CASTER_SLOTS}];     // x, y of the vehicle centre, cosine and sine of its yaw
+uniform vec4 caster_half;                       // half length and width of a vehicle, scale of its tile and depth
 uniform int beam_count, head_count, lamp_count;
 uniform vec4 lamp_place[${LAMP_SLOTS}], lamp_aim[${LAMP_SLOTS}], lamp_color[${LAMP_SLOTS}], lamp_up[${LAMP_SLOTS}];
 uniform mat4 beam_from_map[${BEAM_SLOTS}];
@@ -121,7 +122,7 @@ float shadow(sampler2DShadow map, vec3 at, float texel) {
 #if SHADOWS < 2
   return texture(map, at);
 #else
-  // a disc of taps, turned from pixel to pixel
+  // samples on a disc, rotated for each pixel
   float angle = 6.2831853 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
   float sum = 0.0, radius = texel * float(SHADOWS);
   for (int i = 0; i < 12; i++) {
@@ -144,14 +145,14 @@ float sunlit() {
     vec4 tile = caster_tile[i];
     at = in_sun * caster_half.zzw + caster_offset[i].xyz;
     vec2 off = abs(at.xy - 0.5);
-    if (max(off.x, off.y) < 0.48 && at.z < 1.0)  // the rim would be smoothed with the next tile
+    if (max(off.x, off.y) < 0.48 && at.z < 1.0)  // filtering at the border would read the next tile
       lit = min(lit, shadow(caster_map, vec3(tile.xy + at.xy * tile.z, at.z), tile.w));
   }
   return lit;
 #endif
 }
 
-// How much of the sky a point near vehicles sees: less below and beside them.
+// Ambient occlusion by vehicles: the visible fraction of the sky below them, and near the ground beside them.
 float openness() {
   float open = 1.0;
   for (int i = 0; i < caster_count; i++) {
@@ -159,7 +160,9 @@ float openness() {
     vec2 d = place.xy - other.xy;
     if (dot(d, d) > 0.15) continue;
     vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - caster_half.xy, 0.0);
-    open *= 1.0 - 0.75 * exp(-dot(outside, outside) * 700.0);
+    float far = dot(outside, outside);
+    far += clamp((far - 2e-4) * 5e3, 0.0, 1.0) * place.z * place.z;  // not on the vehicle itself
+    open *= 1.0 - 0.75 * exp(-far * 700.0);
   }
   return open;
 }
@@ -182,7 +185,7 @@ vec3 reflected(Finish f, vec3 n, vec3 v, vec3 l) {
   return f.diffuse * (nl * 0.31831);
 }
 
-// Irradiance [cd/m^2] of what faces lamp i from distance d along l (KHR_lights_punctual).
+// Irradiance [cd/m^2] from lamp i on a surface that faces it; l is the direction to it (KHR_lights_punctual).
 vec3 lamp_light(int i, out vec3 l) {
   vec3 to = lamp_place[i].xyz - place;
   float d2 = max(dot(to, to), 1e-4), range = lamp_place[i].w, r2 = d2 / (range * range);
@@ -195,7 +198,7 @@ vec3 lamp_light(int i, out vec3 l) {
 void main() {
   vec3 color = own_color;
 #ifdef TEXTURED
-  color *= texture(picture, own_uv).rgb;
+  color *= texture(surface_image, own_uv).rgb;
 #endif
   float open = openness(), lit = is_day == 1 ? sunlit() : 1.0;
   float roughness = own_finish.x, metallic = own_finish.y;
@@ -236,11 +239,11 @@ void main() {
 #ifdef BEAM_SHADOWS
     if (i < beam_count) {
       vec4 at = beam_from_map[i] * vec4(place + 0.004 * n, 1.0);
-      at.xyz /= max(at.w, 1e-4);  // behind the lamp there is no light anyway
+      at.xyz /= max(at.w, 1e-4);  // points behind the lamp get no light
       arriving *= shadow(beam_map, at.xyz, beam_texel);
     }
 #endif
-    // asphalt and grass throw light back to where it comes from: Lommel and Seeliger's law for rough ground
+    // rough ground (asphalt, grass) is retroreflective: Lommel-Seeliger law
     if (is_flat) light += f.diffuse * 0.31831 * arriving * l.z / (l.z + v.z + 0.02) * step(0.0, l.z);
     else light += reflected(f, n, v, l) * arriving;
   }
@@ -262,7 +265,7 @@ void main() {
 }
 `
 
-/** Bright at the horizon, deeper towards the zenith. */
+/** The colour changes from the horizon to the zenith. */
 export const SKY_FRAGMENT = /* glsl */ `
 ${LIGHT}
 in vec3 ray;

@@ -1,7 +1,9 @@
-// Shadow maps as in render/shadows.py: of all that stands still, of each vehicle, and of what stands in a headlight.
+// Shadow maps as in render/shadows.py: of static objects, of each vehicle, and of each headlight.
+
+import type { IUniform, WebGLRenderer } from 'three'
 import {
   Box3,
-  BufferGeometry,
+  type BufferGeometry,
   Camera,
   DepthTexture,
   DoubleSide,
@@ -11,7 +13,7 @@ import {
   Matrix3,
   Matrix4,
   NearestFilter,
-  Object3D,
+  type Object3D,
   RedFormat,
   Scene,
   ShaderMaterial,
@@ -20,22 +22,21 @@ import {
   Vector4,
   WebGLRenderTarget,
 } from 'three'
-import type { IUniform, WebGLRenderer } from 'three'
 
-import { BEAM_SLOTS, type Burning } from './lamps'
+import { type ActiveLamps, BEAM_SLOTS } from './lamps'
 import type { Profile } from './quality'
 import { CASTER_SLOTS, CASTER_TILES, DEPTH_FRAGMENT, DEPTH_VERTEX } from './shaders'
 
-/** Draws depths a little farther than they are, against speckles; both sides, as thin things cast shadows too. */
+/** Material for depth maps: with an offset against shadow acne, and two-sided, because thin parts cast shadows too. */
 export function depthMaterial(bones: IUniform<Float32Array> | null): ShaderMaterial {
   return new ShaderMaterial({
     ...{ vertexShader: DEPTH_VERTEX, fragmentShader: DEPTH_FRAGMENT, glslVersion: GLSL3, side: DoubleSide },
-    ...{ defines: bones ? { RIGGED: 1 } : {}, uniforms: bones ? { bone_poses: bones } : {} },
+    ...{ defines: bones ? { SKINNED: 1 } : {}, uniforms: bones ? { bone_poses: bones } : {} },
     ...{ polygonOffset: true, polygonOffsetFactor: 1.5, polygonOffsetUnits: 2, colorWrite: false },
   })
 }
 
-/** Rows x, y across the light and z away from the sun: sun axes from map axes. */
+/** Rotation from the map frame to the sun frame: x and y across the light, z away from the sun. */
 export function sunAxes(direction: readonly number[]): Matrix3 {
   const z = new Vector3(...direction).negate()
   const x = new Vector3(0, 0, 1).cross(z).normalize()
@@ -56,19 +57,19 @@ export class Shadows {
     beam_from_map: { value: new Float32Array(16 * BEAM_SLOTS) },
     beam_texel: { value: 0 },
   }
-  /** What casts shadows and stands still. */
-  readonly still = new Scene()
-  /** Whether something in it has moved. */
-  isStillOld = true
+  /** Static shadow casters. */
+  readonly staticScene = new Scene()
+  /** Whether a static object has moved since its map was drawn. */
+  isStaticMapOutdated = true
   private isPrepared = false
   private readonly targets: Record<'still' | 'caster' | 'beam', WebGLRenderTarget | null>
-  private readonly eye = new Camera()
+  private readonly lightCamera = new Camera()
 
-  /** `sun`: axes; `extent` [m]: how far a vehicle reaches from its origin. */
+  /** `sun` is the rotation from `sunAxes`; `extent` is the radius of the largest vehicle about its origin [m]. */
   constructor(
     private readonly profile: Profile,
     private readonly sun: Matrix3,
-    private readonly sunHeight: number,
+    private sunHeight: number,
     private readonly extent: number,
   ) {
     const { stillMap, casterMap, beamMap, softness, isLightweight } = profile
@@ -84,10 +85,17 @@ export class Shadows {
     const half = this.uniforms.caster_half.value
     half.z = 0.5 / extent
     half.w = 1 / (2 * extent + 0.6)
-    this.eye.matrixAutoUpdate = this.eye.matrixWorldAutoUpdate = false
+    this.lightCamera.matrixAutoUpdate = this.lightCamera.matrixWorldAutoUpdate = false
   }
 
-  /** Makes the maps, so that shaders can read even those that nothing is drawn into. */
+  /** Sets the direction towards the sun. */
+  setSun(direction: readonly number[]): void {
+    this.sun.copy(sunAxes(direction))
+    this.sunHeight = direction[2]
+    this.isStaticMapOutdated = true
+  }
+
+  /** Clears all maps once, because the shaders also sample maps into which nothing is drawn. */
   prepare(renderer: WebGLRenderer): void {
     if (this.isPrepared) return
     this.isPrepared = true
@@ -98,23 +106,23 @@ export class Shadows {
     }
   }
 
-  /** The maps are lost, for example with the context. */
-  forget(): void {
+  /** Redraws all maps, after the WebGL context was lost. */
+  invalidate(): void {
     this.isPrepared = false
-    this.isStillOld = true
+    this.isStaticMapOutdated = true
   }
 
-  /** What the sun sees of all that stands still, if anything has moved. */
-  drawStill(renderer: WebGLRenderer): void {
+  /** Draws the shadow map of static objects if one of them has moved. */
+  drawStatic(renderer: WebGLRenderer): void {
     const { still } = this.targets
-    if (!still || !this.isStillOld) return
-    this.isStillOld = false
-    this.still.updateMatrixWorld()
+    if (!still || !this.isStaticMapOutdated) return
+    this.isStaticMapOutdated = false
+    this.staticScene.updateMatrixWorld()
     const box = new Box3()
-    const top = sunBox(this.still, this.sun, box)
+    const top = sunBox(this.staticScene, this.sun, box)
     if (box.isEmpty()) box.set(new Vector3(9, 9, 9), new Vector3(10, 10, 10))
     box.expandByScalar(0.02)
-    box.max.z += Math.max(top, 0) / this.sunHeight + 0.2 // as far as shadows fall
+    box.max.z += Math.max(top, 0) / this.sunHeight + 0.2 // the length of the longest shadow
     const size = box.getSize(new Vector3())
     const scale = this.uniforms.still_scale.value.set(1 / size.x, 1 / size.y, 1 / size.z, 1 / this.profile.stillMap)
     const offset = this.uniforms.still_offset.value
@@ -124,10 +132,10 @@ export class Shadows {
     still.scissorTest = false
     renderer.setRenderTarget(still)
     renderer.clear(false, true, false)
-    renderer.render(this.still, this.eye)
+    renderer.render(this.staticScene, this.lightCamera)
   }
 
-  /** A tile of its own for each vehicle. */
+  /** Draws each vehicle into its own tile. */
   drawCasters(renderer: WebGLRenderer, vehicles: readonly { root: Matrix4; caster: Object3D }[]): void {
     const { caster } = this.targets
     if (!caster) return
@@ -136,34 +144,37 @@ export class Shadows {
     const scale = new Vector3(half.z, half.z, half.w)
     vehicles.forEach(({ root, caster: thing }, slot) => {
       const low = center.setFromMatrixPosition(root).applyMatrix3(this.sun).subScalar(this.extent)
-      low.multiply(scale).negate().toArray(this.uniforms.caster_offset.value, 4 * slot)
+      low
+        .multiply(scale)
+        .negate()
+        .toArray(this.uniforms.caster_offset.value, 4 * slot)
       const [row, column] = [Math.floor(slot / CASTER_TILES), slot % CASTER_TILES]
       const size = 1 / CASTER_TILES
       this.uniforms.caster_tile.value.set([column * size, row * size, size, 1 / caster.width], 4 * slot)
       this.aim(scale, low)
-      this.into(renderer, caster, column * edge, row * edge, edge)
-      renderer.render(thing, this.eye)
+      this.beginTile(renderer, caster, column * edge, row * edge, edge)
+      renderer.render(thing, this.lightCamera)
     })
   }
 
-  /** A tile for each headlight that casts shadows; a vehicle does not stand in its own light. */
-  drawBeams(renderer: WebGLRenderer, burning: Burning, others: readonly Object3D[]): void {
+  /** Draws a tile for each headlight with shadows; the vehicle of the headlight casts no shadow in it. */
+  drawBeams(renderer: WebGLRenderer, activeLamps: ActiveLamps, casters: readonly Object3D[]): void {
     const { beam } = this.targets
     if (!beam) return
     const edge = beam.width / 2
-    for (let slot = 0; slot < burning.beams; slot++) {
+    for (let slot = 0; slot < activeLamps.beams; slot++) {
       const [x, y] = [slot % 2, Math.floor(slot / 2)]
-      burning.matrix(slot, this.eye.projectionMatrix)
-      this.eye.projectionMatrixInverse.copy(this.eye.projectionMatrix).invert()
-      this.into(renderer, beam, x * edge, y * edge, edge)
-      renderer.render(this.still, this.eye)
-      for (const other of others) renderer.render(other, this.eye)
+      activeLamps.matrix(slot, this.lightCamera.projectionMatrix)
+      this.lightCamera.projectionMatrixInverse.copy(this.lightCamera.projectionMatrix).invert()
+      this.beginTile(renderer, beam, x * edge, y * edge, edge)
+      renderer.render(this.staticScene, this.lightCamera)
+      for (const caster of casters) renderer.render(caster, this.lightCamera)
       tile.set(0.25, 0, 0, 0.25 + 0.5 * x, 0, 0.25, 0, 0.25 + 0.5 * y, 0, 0, 0.5, 0.5, 0, 0, 0, 1)
-      tile.multiply(this.eye.projectionMatrix).toArray(this.uniforms.beam_from_map.value, 16 * slot)
+      tile.multiply(this.lightCamera.projectionMatrix).toArray(this.uniforms.beam_from_map.value, 16 * slot)
     }
   }
 
-  private into(renderer: WebGLRenderer, map: WebGLRenderTarget, x: number, y: number, edge: number): void {
+  private beginTile(renderer: WebGLRenderer, map: WebGLRenderTarget, x: number, y: number, edge: number): void {
     map.viewport.set(x, y, edge, edge)
     map.scissor.set(x, y, edge, edge)
     map.scissorTest = true
@@ -171,15 +182,15 @@ export class Shadows {
     renderer.clear(false, true, false)
   }
 
-  /** Looks along the sun at where sun axes * scale + offset lies in [0, 1]. */
+  /** Points the camera along the sun at the box where (sun frame * scale + offset) is in [0, 1]. */
   private aim(scale: { x: number; y: number; z: number }, offset: { x: number; y: number; z: number }): void {
-    const s = this.sun.elements // column by column
+    const s = this.sun.elements // column-major
     const rows = [0, 1, 2].map((row) => [s[row], s[row + 3], s[row + 6]])
     const [a, b, c] = rows.map((row, i) => row.map((value) => 2 * [scale.x, scale.y, scale.z][i] * value))
     const [x, y, z] = [2 * offset.x - 1, 2 * offset.y - 1, 2 * offset.z - 1]
-    const clip = this.eye.projectionMatrix
+    const clip = this.lightCamera.projectionMatrix
     clip.set(a[0], a[1], a[2], x, b[0], b[1], b[2], y, c[0], c[1], c[2], z, 0, 0, 0, 1)
-    this.eye.projectionMatrixInverse.copy(clip).invert()
+    this.lightCamera.projectionMatrixInverse.copy(clip).invert()
   }
 
   dispose(): void {
@@ -197,7 +208,7 @@ function target(edge: number, isPlain: boolean): WebGLRenderTarget {
   return new WebGLRenderTarget(edge, edge, { depthTexture, format: RedFormat, generateMipmaps: false })
 }
 
-/** Grows the box by everything below, in sun axes; how high it reaches in the map [m]. */
+/** Expands the box in the sun frame by all descendants of `root`; returns their maximum height in the map [m]. */
 function sunBox(root: Object3D, sun: Matrix3, box: Box3): number {
   let top = 0
   root.traverse((thing) => {

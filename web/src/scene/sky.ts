@@ -1,6 +1,7 @@
-// The sky: a triangle over the whole picture, behind everything.
-import { BufferAttribute, BufferGeometry, GLSL3, LessEqualDepth, Matrix4, Mesh, ShaderMaterial } from 'three'
+// The sky: one triangle that covers the image behind all objects.
+
 import type { Camera, IUniform } from 'three'
+import { BufferAttribute, BufferGeometry, GLSL3, LessEqualDepth, Matrix4, Mesh, ShaderMaterial } from 'three'
 
 import { SKY_FRAGMENT, SKY_VERTEX } from './shaders'
 
@@ -19,10 +20,10 @@ export class Sky {
     })
     this.mesh = new Mesh(this.geometry, this.material)
     this.mesh.frustumCulled = false
-    this.mesh.renderOrder = 10 // what hides it was drawn before
+    this.mesh.renderOrder = 10 // after the objects, so that hidden pixels are not shaded
   }
 
-  /** Looks as that camera does. */
+  /** Sets the view directions from a camera. */
   prepare(camera: Camera): void {
     this.mapFromClip.multiplyMatrices(camera.matrixWorld, camera.projectionMatrixInverse)
   }

@@ -1,82 +1,84 @@
-// A vehicle to be drawn: its bones, its lamps and its surfaces in two details, all moved by one set of matrices.
-import { BufferGeometry, Group, Matrix4, Mesh, ShaderMaterial, Vector3 } from 'three'
-import type { IUniform, Object3D } from 'three'
+// A vehicle in the scene: bones, lamps and meshes in two levels of detail.
 
-import { outline, pieces } from './geometry'
-import type { Asset } from './glb'
-import { type Burning, type Lamp, lampLevels, LAMPS } from './lamps'
+import type { IUniform, Object3D } from 'three'
+import { type BufferGeometry, Group, Matrix4, Mesh, type ShaderMaterial, Vector3 } from 'three'
+
+import { meshParts, shadowGeometry } from './geometry'
+import type { Asset, Vector } from './glb'
+import { type ActiveLamps, LAMPS, type Lamp, lampBrightness } from './lamps'
 import type { VehicleMotion } from './motion'
 import type { Profile } from './quality'
-import { BONES, Rig, type Signals } from './rig'
 import { depthMaterial } from './shadows'
+import { BONES, type JointValues, Skeleton } from './skeleton'
 
 const WHEELS = ['front_left', 'front_right', 'rear_left', 'rear_right']
-/** A lamp reaches its brightness in about this time [s]. */
-const SWITCHING = 0.025
+/** Time constant of a lamp [s]. */
+const SWITCH_TIME = 0.025
 
 export class VehicleModel {
-  /** The vehicle frame in the map. */
+  /** Transform from the vehicle frame to the map. */
   readonly root = new Matrix4()
-  /** What is drawn into shadow maps. */
+  /** The mesh for shadow maps. */
   caster: Object3D = new Group()
-  /** How far it reaches from its origin [m]. */
+  /** Radius of the vehicle about its origin [m]. */
   readonly reach: number
-  /** Middle of it in its own axes, and half its length and width as they shade the ground [m]. */
+  /** Centre in the vehicle frame, and half extents of the area of ambient occlusion [m]. */
   readonly middle = new Vector3()
   readonly half = new Vector3()
-  /** How brightly each of `LAMPS` burns. */
+  /** Brightness of each of `LAMPS`, 0 to 1. */
   readonly levels = new Float32Array(LAMPS.length)
   private readonly wanted = new Float32Array(LAMPS.length)
-  private readonly rig: Rig
+  private readonly skeleton: Skeleton
   private readonly uniforms = {
     bone_poses: { value: new Float32Array(16 * BONES) },
     glows: { value: new Float32Array(1 + LAMPS.length) },
   }
-  private readonly signals: Signals = {}
+  private readonly jointValues: JointValues = {}
   private full: Mesh[] = []
   private reduced: Mesh[] = []
-  private readonly rubbish: { dispose(): void }[] = []
+  private readonly disposables: { dispose(): void }[] = []
 
   constructor(
     private readonly asset: Asset,
     readonly lamps: readonly Lamp[],
+    private readonly paint: Vector | null,
   ) {
-    this.rig = new Rig(asset.nodes)
+    this.skeleton = new Skeleton(asset.nodes)
     this.uniforms.glows.value[0] = 1
     this.reach = this.measure()
   }
 
-  /** What is drawn, made for that profile. */
+  /** Builds the meshes for a profile. */
   build(profile: Profile, material: (bones: Record<string, IUniform>) => ShaderMaterial): Group {
     const group = new Group()
     const own = material(this.uniforms)
     const meshes = (detail: 'full' | 'reduced'): Mesh[] =>
-      pieces(this.asset, this.rig, detail, true).map(({ geometry }) => this.mesh(geometry, own))
+      meshParts(this.asset, this.skeleton, detail, true, this.paint).map(({ geometry }) => this.mesh(geometry, own))
     if (profile.fullDetail > 0) this.full = meshes('full')
     if (profile.fullDetail < Infinity) this.reduced = meshes('reduced')
     const all = [...this.full, ...this.reduced]
     if (all.length > 0) group.add(...all)
-    // the proxy is enough for a plain shadow; a soft and fine one shows what the car is made of
-    const shade = outline(this.asset, this.rig, profile.softness > 1 ? 'reduced' : 'shadow')
+    // a hard shadow needs only the simplified mesh; a soft one shows more detail
+    const shadow = shadowGeometry(this.asset, this.skeleton, profile.softness > 1 ? 'reduced' : 'shadow')
     const depth = depthMaterial(this.uniforms.bone_poses)
-    this.rubbish.push(depth)
-    if (shade) this.caster = this.mesh(shade, depth)
+    this.disposables.push(depth)
+    if (shadow) this.caster = this.mesh(shadow, depth)
     return group
   }
 
-  /** Puts it where it is at this moment, `dt` [s] after the last. */
+  /** Updates pose, joints and lamps, `dt` [s] after the last update. */
   update(motion: VehicleMotion, dt: number, isNear: boolean): void {
     this.root.compose(motion.position, motion.orientation, ONE)
-    const { signals } = this
-    signals.steering = 0.5 * (motion.steering[0] + motion.steering[1])
+    const { jointValues } = this
+    jointValues.steering = 0.5 * (motion.steering[0] + motion.steering[1])
     WHEELS.forEach((wheel, i) => {
-      signals[`steering_${wheel}`] = motion.steering[i]
-      signals[`spin_${wheel}`] = motion.spin[i]
-      signals[`compression_${wheel}`] = motion.compression[i]
+      jointValues[`steering_${wheel}`] = motion.steering[i]
+      jointValues[`spin_${wheel}`] = motion.spin[i]
+      jointValues[`compression_${wheel}`] = motion.compression[i]
     })
-    this.rig.pose(this.root, signals, this.uniforms.bone_poses.value)
-    lampLevels(motion.frame.lights, this.wanted)
-    const share = -Math.expm1(-dt / SWITCHING)
+    this.skeleton.pose(this.root, jointValues, this.uniforms.bone_poses.value)
+    lampBrightness(motion.frame.lights, this.wanted)
+    const share = -Math.expm1(-dt / SWITCH_TIME)
     this.levels.forEach((level, i) => {
       const next = level + share * (this.wanted[i] - level)
       this.levels[i] = Math.abs(next - this.wanted[i]) < 0.01 ? this.wanted[i] : next
@@ -87,10 +89,10 @@ export class VehicleModel {
     for (const mesh of this.reduced) mesh.visible = !isFull
   }
 
-  /** Adds the lamps that burn: those that throw far, or the others. */
-  light(burning: Burning, isFar: boolean): void {
+  /** Adds the lamps that are on: the headlights if `isFar`, else the others. */
+  light(activeLamps: ActiveLamps, isFar: boolean): void {
     this.lamps.forEach((lamp, i) => {
-      if (lamp.isHeadlight === isFar && this.levels[i] > 0) burning.add(lamp, this.root, this.levels[i])
+      if (lamp.isHeadlight === isFar && this.levels[i] > 0) activeLamps.add(lamp, this.root, this.levels[i])
     })
   }
 
@@ -98,7 +100,7 @@ export class VehicleModel {
     return point.setFromMatrixPosition(this.root).distanceTo(eye)
   }
 
-  /** x, y of its middle, cosine and sine of its yaw. */
+  /** Writes x, y of the centre, cosine and sine of the yaw. */
   footprint(into: Float32Array, at: number): void {
     const e = this.root.elements
     const level = Math.max(Math.hypot(e[0], e[1]), 1e-6)
@@ -107,23 +109,24 @@ export class VehicleModel {
   }
 
   dispose(): void {
-    for (const thing of this.rubbish) thing.dispose()
+    for (const thing of this.disposables) thing.dispose()
   }
 
   private mesh(geometry: BufferGeometry, material: ShaderMaterial): Mesh {
     const mesh = new Mesh(geometry, material)
-    mesh.frustumCulled = false // its bones carry it elsewhere
-    this.rubbish.push(geometry)
+    mesh.frustumCulled = false // its bounding sphere does not follow the bones
+    this.disposables.push(geometry)
     return mesh
   }
 
-  /** Size of what casts its shadow, at rest; how far that reaches. */
+  /** Computes centre and half extents from the shadow mesh at rest; returns its radius [m]. */
   private measure(): number {
-    const shade = outline(this.asset, this.rig, 'shadow') ?? outline(this.asset, this.rig, 'full')
-    if (!shade) return 0
+    const shadow =
+      shadowGeometry(this.asset, this.skeleton, 'shadow') ?? shadowGeometry(this.asset, this.skeleton, 'full')
+    if (!shadow) return 0
     const poses = new Float32Array(16 * BONES)
-    this.rig.pose(new Matrix4(), {}, poses)
-    const [positions, bones] = [shade.getAttribute('position'), shade.getAttribute('bones')]
+    this.skeleton.pose(new Matrix4(), {}, poses)
+    const [positions, bones] = [shadow.getAttribute('position'), shadow.getAttribute('bones')]
     const low = new Vector3(Infinity, Infinity, Infinity)
     const high = low.clone().negate()
     let reach = 0

@@ -1,148 +1,222 @@
-// The 3D view of the page: what the store holds, drawn at the rate of the screen.
-import type { Quality, Store } from '../store'
+// The 3D view of the page: draws the contents of the store at the refresh rate of the screen.
+import { Vector3 } from 'three'
+
 import type { Frame, Scene } from '../messages'
+import type { Store } from '../store'
+import type { Trails } from '../trails'
+import { sceneUrl } from './assets'
+import { EditCamera } from './edit_camera'
 import { type Asset, loadAsset } from './glb'
-import { Motion } from './motion'
-import { Painter } from './painter'
+import { drawLabels, Labels } from './labels'
+import { MotionInterpolator } from './motion'
+import { showPreview } from './preview'
 import { type Profile, QualityChoice } from './quality'
+import { RemoteImage } from './remote_image'
+import { Renderer } from './renderer'
 import { ScanView } from './scan'
-import { StreamView } from './stream'
-import { birdHeight, Viewpoints } from './viewpoints'
+import { TrailView } from './trail_view'
+import { Viewpoints } from './viewpoints'
 import { World } from './world'
+import { lensZoomOf, wheelClicks, zoomCamera } from './zoom'
 
 export interface SceneStats {
-  /** Draw calls and triangles of the latest picture, shadow maps and all. */
+  /** Draw calls and triangles of the latest image, including shadow maps. */
   calls: number
   triangles: number
-  /** What draws, in the words of its driver. */
-  renderer: string
+  /** Name of the WebGL renderer, as reported by its driver. */
+  driver: string
   profile: string
 }
 
 export interface SceneView {
   stats(): SceneStats
+  /** Where a point of the map [m] is on the screen [CSS pixels]; null if it is behind the camera. */
+  screenPoint(x: number, y: number, z: number): [x: number, y: number] | null
+  /** The point of the ground (z = 0) at a place of the screen [CSS pixels]; null above the horizon. */
+  groundPoint(x: number, y: number): [x: number, y: number] | null
+  /** The present image with the labels of the vehicles, as a PNG file; null if there is none. */
+  picture(): Promise<Blob | null>
   resize(): void
   dispose(): void
 }
 
-/** Draws the store's scene on that canvas until disposed of. */
-export function showScene(canvas: HTMLCanvasElement, store: Store): SceneView {
-  return new View(canvas, store)
+/** Draws the scene of the store on the canvas until `dispose` is called. */
+export function showScene(canvas: HTMLCanvasElement, store: Store, trails: Trails): SceneView {
+  return new View(canvas, store, trails)
 }
 
-const QUALITIES: readonly Quality[] = ['auto', 'low', 'high', 'ultra', 'stream']
-/** A click of the mouse wheel, in the units of its event [pixels]. */
-const CLICK = 100
-const NO_WEBGL = 'This browser offers no WebGL: only the simulator can draw the scene.'
-const TOO_SLOW = 'This computer draws slowly: the simulator draws the scene.'
+/** The controls of the orbit listen to the same event, but zoom by another factor. */
+const WHEEL = { passive: false, capture: true }
+/** Aspect ratio of the images of the simulator; they fill the canvas and are cut at two edges. */
+const STREAM_ASPECT = 16 / 9
+/** Time between two images that the page draws while it waits for the first one of the simulator [s]. */
+const WAITING_PERIOD = 0.5
+const NO_WEBGL = 'WebGL is not available in this browser. The simulator renders the scene.'
+const TOO_SLOW = 'This computer renders slowly. The simulator renders the scene.'
 
 class View implements SceneView {
-  private readonly painter: Painter | null
-  private readonly motion = new Motion()
+  private readonly renderer: Renderer | null
+  private readonly motion = new MotionInterpolator()
   private readonly viewpoints: Viewpoints
+  private readonly editCamera: EditCamera
   private readonly scan = new ScanView()
-  private readonly stream: StreamView
+  private readonly labels: Labels
+  private readonly trailView = new TrailView()
+  private readonly remote: RemoteImage
   private readonly choice: QualityChoice
   private readonly assets = new Map<string, Asset>()
-  private readonly ends: (() => void)[] = []
+  private readonly cleanups: (() => void)[] = []
   private scene: Scene | null = null
   private world: World | null = null
   private profile: Profile
   private before = 0
-  private pictures = 0
+  private images = 0
   private counted = 0
   private turned = 0
   private animation = 0
+  /** Draws the latest image once more. */
+  private draw = (): void => {}
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly store: Store,
+    private readonly trails: Trails,
   ) {
-    this.painter = Painter.on(canvas)
-    this.choice = new QualityChoice(this.painter?.isSoftware ?? true)
-    const wanted = QUALITIES.find((quality) => quality === new URLSearchParams(location.search).get('quality'))
-    if (wanted) store.quality.value = wanted
+    this.renderer = Renderer.create(canvas)
+    this.choice = new QualityChoice(this.renderer?.isSoftware ?? true)
     this.profile = this.choice.profile(store.quality.value)
-    this.viewpoints = new Viewpoints(canvas)
-    this.stream = new StreamView(canvas)
-    this.stream.onPicture = () => this.pictures++
-    if (!this.painter) this.giveUp(NO_WEBGL)
+    this.viewpoints = new Viewpoints(canvas, store.orbit)
+    this.labels = new Labels(canvas)
+    this.editCamera = new EditCamera(canvas)
+    this.remote = new RemoteImage(canvas)
+    this.remote.onImage = () => this.countStreamed()
+    if (!this.renderer) this.useRemoteView(NO_WEBGL)
     this.listen()
     this.resize()
-    this.animation = requestAnimationFrame(this.draw)
+    this.animation = requestAnimationFrame(this.drawFrame)
   }
 
   stats(): SceneStats {
     const isStream = this.store.quality.value === 'stream'
-    const { calls, triangles, renderer } = this.painter ?? { calls: 0, triangles: 0, renderer: 'none' }
-    return { calls, triangles, renderer, profile: isStream ? 'stream' : this.profile.name }
+    const { calls, triangles, driver } = this.renderer ?? { calls: 0, triangles: 0, driver: 'none' }
+    return { calls, triangles, driver, profile: isStream ? 'stream' : this.profile.name }
+  }
+
+  screenPoint(x: number, y: number, z: number): [x: number, y: number] | null {
+    const { camera } = this.viewpoints
+    const at = point.set(x, y, z).applyMatrix4(camera.matrixWorldInverse)
+    if (at.z > -camera.near) return null
+    at.applyMatrix4(camera.projectionMatrix)
+    const { left, top, width, height } = this.canvas.getBoundingClientRect()
+    return [left + 0.5 * width * (1 + at.x), top + 0.5 * height * (1 - at.y)]
+  }
+
+  groundPoint(x: number, y: number): [x: number, y: number] | null {
+    const { camera } = this.viewpoints
+    const { left, top, width, height } = this.canvas.getBoundingClientRect()
+    const to = point.set((2 * (x - left)) / width - 1, 1 - (2 * (y - top)) / height, 0.5).unproject(camera)
+    const eye = camera.position
+    const share = eye.z / (eye.z - to.z)
+    return share > 0 && Number.isFinite(share) ? [eye.x + share * (to.x - eye.x), eye.y + share * (to.y - eye.y)] : null
+  }
+
+  async picture(): Promise<Blob | null> {
+    const { canvas, renderer, remote, profile } = this
+    const isStream = this.isStreamed
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight]
+    const picture = document.createElement('canvas')
+    const context = picture.getContext('2d')
+    const image = isStream ? remote.image : canvas
+    if (!context || (!isStream && (!renderer || !this.world))) return null
+    if (!isStream) {
+      // at the resolution of the screen, even if the view has a lower one; the browser clears the canvas later
+      if (profile.pixelRatio < 1) renderer?.resize(width, height, { ...profile, pixelRatio: 1 })
+      this.draw()
+    }
+    ;[picture.width, picture.height] = [image.width, image.height]
+    if (picture.width === 0 || picture.height === 0) return null
+    context.drawImage(image, 0, 0)
+    if (!isStream) drawLabels(context, this.labels.all, image.width / width)
+    if (profile.pixelRatio < 1) this.resize()
+    return new Promise((done) => picture.toBlob(done, 'image/png'))
   }
 
   resize(): void {
-    this.stream.resize()
+    this.remote.resize()
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight]
-    if (!this.painter || width === 0 || height === 0) return
-    this.painter.resize(width, height, this.profile)
+    if (width === 0 || height === 0) return
     this.viewpoints.camera.aspect = width / height
-    this.scan.pixelRatio = this.painter.ratio
-    if (this.world) this.world.height = height * this.painter.ratio
+    if (!this.renderer) return
+    this.renderer.resize(width, height, this.profile)
+    this.scan.pixelRatio = this.renderer.ratio
+    if (this.world) this.world.height = height * this.renderer.ratio
   }
 
   dispose(): void {
     cancelAnimationFrame(this.animation)
-    for (const end of this.ends) end()
+    for (const cleanup of this.cleanups) cleanup()
     this.world?.dispose()
     this.scan.dispose()
+    this.labels.dispose()
+    this.trailView.dispose()
     this.viewpoints.dispose()
-    this.stream.dispose()
-    this.painter?.dispose()
+    this.editCamera.dispose()
+    this.remote.dispose()
+    this.renderer?.dispose()
   }
 
-  // -- what is watched -------------------------------------------------------------------------------------------
+  // -- scene and assets --------------------------------------------------------------------------------------------
 
   private listen(): void {
     const { store, canvas } = this
-    this.ends.push(
-      store.scene.watch((scene) => void this.enter(scene)),
-      store.frame.watch((frame) => frame && this.take(frame)),
+    this.cleanups.push(
+      store.scene.watch((scene) => void this.showScene(scene)),
+      store.frame.watch((frame) => frame && this.addFrame(frame)),
       store.quality.watch(() => this.setQuality()),
-      store.rendered.watch((picture) => picture && store.quality.value === 'stream' && this.stream.show(picture)),
+      store.rendered.watch((image) => image && store.quality.value === 'stream' && this.remote.show(image)),
     )
     const wheel = (event: WheelEvent) => this.zoom(event)
-    canvas.addEventListener('wheel', wheel, { passive: false })
+    canvas.addEventListener('wheel', wheel, WHEEL)
     const size = new ResizeObserver(() => this.resize())
     size.observe(canvas)
-    this.ends.push(
-      () => canvas.removeEventListener('wheel', wheel),
+    this.cleanups.push(
+      () => canvas.removeEventListener('wheel', wheel, WHEEL),
       () => size.disconnect(),
     )
-    // a hidden tab is not a slow one
+    // hidden pages draw no frames, so their times must not count
     const shown = () => this.choice.restart(performance.now() / 1000)
     document.addEventListener('visibilitychange', shown)
-    this.ends.push(() => document.removeEventListener('visibilitychange', shown))
-    const restored = () => this.world?.redraw()
+    this.cleanups.push(() => document.removeEventListener('visibilitychange', shown))
+    const restored = () => this.world?.invalidateShadows()
     canvas.addEventListener('webglcontextrestored', restored)
-    this.ends.push(() => canvas.removeEventListener('webglcontextrestored', restored))
+    this.cleanups.push(() => canvas.removeEventListener('webglcontextrestored', restored))
   }
 
-  private take(frame: Frame): void {
-    // the first Frame of a scenario follows its Scene
-    if (this.store.scene.value) this.motion.take(frame, performance.now() / 1000)
+  private addFrame(frame: Frame): void {
+    // a Frame before the first Scene cannot be drawn
+    const scene = this.store.scene.value
+    if (!scene) return
+    this.motion.add(frame, performance.now() / 1000)
+    this.trails.add(frame, (vehicle) => scene.vehicles[vehicle]?.wheel_radius ?? 0)
   }
 
-  /** Loads what the Scene names and shows it. */
-  private async enter(scene: Scene | null): Promise<void> {
+  /** Loads the assets of the Scene, then shows it. */
+  private async showScene(scene: Scene | null): Promise<void> {
+    const isEdited = scene !== null && this.scene?.scenario === scene.scenario
+    if (!isEdited) this.trails.reset()
     this.scene = scene
+    if (this.store.quality.value === 'stream') this.startStream()
     this.motion.clear()
     this.scan.clear()
-    this.viewpoints.restart()
-    if (!scene || !this.painter) return
+    this.labels.show(scene)
+    if (!isEdited) this.viewpoints.restart()
+    if (!scene || !this.renderer) return
     try {
       await this.load(scene)
-    } catch (fault) {
-      this.store.notice.value = `The scene cannot be drawn: ${(fault as Error).message}`
+    } catch (error) {
+      this.store.warning.value = `The scene could not be loaded: ${(error as Error).message}`
     }
-    // another may have come while this one was loaded
+    // another Scene may have arrived in the meantime
     if (this.scene === scene) this.build()
   }
 
@@ -151,34 +225,27 @@ class View implements SceneView {
     const wanted = new Set([scene.model, ...vehicles, ...Object.values(scene.objects)])
     for (const address of this.assets.keys()) if (!wanted.has(address)) this.assets.delete(address)
     const missing = [...wanted].filter((address) => !this.assets.has(address))
-    const loaded = await Promise.all(missing.map((address) => loadAsset(this.address(address))))
-    missing.forEach((address, i) => this.assets.set(address, loaded[i]))
+    const loaded = await Promise.all(missing.map((address) => loadAsset(sceneUrl(address))))
+    for (const [i, address] of missing.entries()) this.assets.set(address, loaded[i])
   }
 
-  private address(relative: string): URL {
-    const url = new URL(relative, document.baseURI)
-    const token = new URLSearchParams(location.search).get('token')
-    if (token) url.searchParams.set('token', token)
-    return url
-  }
-
-  /** Makes the world anew, for this scene and profile. */
+  /** Builds the world for the current scene and profile. */
   private build(): void {
     this.world?.dispose()
     this.world = null
     const { scene } = this
     if (!scene || !this.assets.has(scene.model)) return
     this.world = new World(scene, this.assets, this.profile)
-    this.world.stage.add(this.scan.group)
+    this.world.scene.add(this.scan.group, this.trailView.mesh)
     this.resize()
     this.choice.restart(performance.now() / 1000)
   }
 
   private setQuality(): void {
     const quality = this.store.quality.value
-    if (quality !== 'stream' && !this.painter) this.store.notice.value = NO_WEBGL
-    this.stream.isShown = quality === 'stream'
-    if (quality === 'stream') this.viewpoints.controls.enabled = false
+    if (quality !== 'stream' && !this.renderer) this.store.warning.value = NO_WEBGL
+    if (quality === 'stream') this.startStream()
+    else this.store.isStreamStarting.value = false // its last image stays until the page has drawn one
     const profile = this.choice.profile(quality)
     this.choice.restart(performance.now() / 1000)
     if (quality === 'stream' || profile === this.profile) return
@@ -187,62 +254,100 @@ class View implements SceneView {
     this.resize()
   }
 
-  private giveUp(notice: string): void {
-    this.store.notice.value = notice
+  /** Whether images of the simulator are shown. */
+  private get isStreamed(): boolean {
+    return this.store.quality.value === 'stream' && this.remote.hasImage
+  }
+
+  private startStream(): void {
+    this.remote.start()
+    this.store.isStreamStarting.value = true
+  }
+
+  private countStreamed(): void {
+    this.images++
+    if (this.store.isStreamStarting.value) this.store.isStreamStarting.value = false
+  }
+
+  private useRemoteView(notice: string): void {
+    this.store.warning.value = notice
+    this.store.fallbackQuality = 'stream'
     this.store.quality.value = 'stream'
   }
 
   private zoom(event: WheelEvent): void {
-    const { store } = this
-    if (store.camera.value !== "Bird's Eye" || !store.scene.value) return
+    if (this.store.isEditing.value) return // the camera of Edit mode zooms
     event.preventDefault()
-    const lines = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? 1 : CLICK / 3
-    this.turned -= (event.deltaY * lines) / CLICK
-    const clicks = Math.trunc(this.turned)
-    if (clicks === 0) return
+    event.stopImmediatePropagation()
+    const { store } = this
+    // Bird's Eye moves in whole steps
+    this.turned += wheelClicks(event)
+    const clicks = store.camera.value === "Bird's Eye" ? Math.trunc(this.turned) : this.turned
     this.turned -= clicks
-    store.birdHeight.value = birdHeight(store.scene.value, store.birdHeight.value, clicks)
+    if (clicks !== 0) zoomCamera(store, clicks)
   }
 
   // -- drawing ---------------------------------------------------------------------------------------------------
 
-  private readonly draw = (milliseconds: number): void => {
-    this.animation = requestAnimationFrame(this.draw)
+  private readonly drawFrame = (milliseconds: number): void => {
+    this.animation = requestAnimationFrame(this.drawFrame)
     const now = milliseconds / 1000
     const dt = Math.max(0, now - this.before)
+    const isWaiting = this.store.quality.value === 'stream' && !this.remote.hasImage
+    if (isWaiting && dt < WAITING_PERIOD) return
     this.before = now
     if (document.hidden) return
     this.count(now)
-    if (this.store.quality.value === 'stream' || !this.painter) return
-    if (this.paint(now, Math.min(dt, 0.25)) && this.store.quality.value === 'auto') this.judge(dt, now)
+    if (this.render(now, Math.min(dt, 0.25))) {
+      this.remote.hide()
+      if (this.store.quality.value === 'auto') this.judge(dt, now)
+    }
+    this.store.imageCount.value += 1
   }
 
-  private paint(now: number, dt: number): boolean {
-    const { painter, world, scene, store, motion, viewpoints } = this
-    if (!painter || !world || !scene || motion.isEmpty) return false
-    const moment = motion.advance(performance.now() / 1000)
-    const watched = moment.vehicles.has(store.vehicle.value) ? store.vehicle.value : [...moment.vehicles.keys()][0]
-    const car = moment.vehicles.get(watched)
-    if (!car) return false
-    const vehicle = scene.vehicles[watched]
-    viewpoints.update(store.camera.value, scene, car, dt, store.birdHeight.value, vehicle.half_length)
-    const scan = store.isScanShown.value ? (store.scans.get(watched) ?? null) : null
-    this.scan.show(scan, watched, vehicle.lidar, motion)
-    painter.paint(world, viewpoints.camera, moment, watched, dt)
-    this.pictures++
+  /** Moves cameras, scan, labels and driven lines, and draws; returns whether an image was drawn. */
+  private render(now: number, dt: number): boolean {
+    const { renderer, world, scene, store, motion, viewpoints } = this
+    if (!scene || motion.isEmpty) return false
+    const state = motion.advance(performance.now() / 1000)
+    const followed = state.vehicles.has(store.vehicle.value) ? store.vehicle.value : [...state.vehicles.keys()][0]
+    const vehicle = state.vehicles.get(followed)
+    if (!vehicle) return false
+    const spec = scene.vehicles[followed]
+    const isStream = this.isStreamed
+    const zoom = lensZoomOf(store) * (isStream ? Math.max(1, viewpoints.camera.aspect / STREAM_ASPECT) : 1)
+    const view = { height: store.birdHeight.value, halfLength: spec.half_length, zoom }
+    viewpoints.update(store.camera.value, scene, vehicle, dt, view)
+    if (store.isEditing.value && !isStream) {
+      viewpoints.controls.enabled = false
+      this.editCamera.update(viewpoints.camera, vehicle.position)
+      showPreview(state, store.preview.value, scene)
+    } else this.editCamera.close()
+    up.set(0, 1, 0).applyQuaternion(viewpoints.camera.quaternion)
+    this.labels.update(state.vehicles, followed, (x, y, z) => this.screenPoint(x, y, z), up)
+    if (isStream || !renderer || !world) return false
+    const scan = store.isScanShown.value ? (store.scans.get(followed) ?? null) : null
+    this.scan.show(scan, followed, spec.lidar, motion)
+    this.trailView.update(scene, this.trails, store.areTrailsShown.value, state.isDay)
+    this.draw = () => renderer.render(world, viewpoints.camera, state, followed, 0)
+    renderer.render(world, viewpoints.camera, state, followed, dt)
+    this.images++
     return now > 0
   }
 
   private count(now: number): void {
     if (now - this.counted < 0.5) return
-    this.store.frameRate.value = this.pictures / (now - this.counted)
+    this.store.frameRate.value = this.images / (now - this.counted)
     this.counted = now
-    this.pictures = 0
+    this.images = 0
   }
 
   private judge(duration: number, now: number): void {
     const verdict = this.choice.measure(duration, now)
-    if (verdict === 'hopeless') this.giveUp(TOO_SLOW)
+    if (verdict === 'too-slow') this.useRemoteView(TOO_SLOW)
     else if (verdict === 'change') this.setQuality()
   }
 }
+
+const point = new Vector3()
+const up = new Vector3()

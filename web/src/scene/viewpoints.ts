@@ -1,118 +1,152 @@
-// From where people look at the scene: the scene cameras of render/viewpoints.py, and a free orbit.
+// Cameras of the 3D view: the scene cameras of cameras/viewpoints.py, and a free orbit.
 import { Euler, Matrix4, PerspectiveCamera, Quaternion, Vector3 } from 'three'
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js'
 
 import type { Scene } from '../messages'
-import type { Camera } from '../store'
-import type { Placed } from './motion'
+import type { Observable } from '../observable'
+import type { Camera, Orbit } from '../store'
+import type { PlacedObject } from './motion'
+import { ORBIT_DISTANCE } from './zoom'
 
 const DEGREE = Math.PI / 180
+
+/** Scene cameras as described by a Scene: lengths [m], angles [degree], times [s]. */
+interface Lens {
+  field_of_view: number
+  near: number
+  far: number
+}
+interface DriversEye extends Lens {
+  position: [number, number, number]
+  pitch: number
+}
+interface GodsEye extends Omit<Lens, 'field_of_view'> {
+  position: [number, number, number]
+  zoom: number
+  turn_time: number
+  zoom_time: number
+}
 const UP = new Vector3(0, 0, 1)
-/** Three.js cameras look along -z with y up; ours along x with z up. */
+/** Rotation from the axes of a three.js camera (looks along -z, y up) to ours (looks along x, z up). */
 const CAMERA = new Quaternion().setFromRotationMatrix(
   new Matrix4().makeBasis(new Vector3(0, -1, 0), UP, new Vector3(-1, 0, 0)),
 )
-/** How the orbit begins: behind and above, a little to the side [m, rad]. */
-const ORBIT = { distance: 1.15, elevation: 0.5, aside: 0.45, lowest: 0.15, farthest: 12 }
-/** What the orbit looks at, over the centre of the rear axle in the middle of the car [m]. */
-const ORBIT_AHEAD = 0.07
-const ORBIT_ABOVE = 0.05
+/** Standard place of the orbit [m, rad]: behind and above, a little to the side. */
+const ORBIT = { distance: 1.15, elevation: 0.5, aside: 0.45 }
+/** Smaller changes of the orbit [rad, m] are rounding errors. */
+const ORBIT_PRECISION = 1e-6
+/** Target of the orbit, relative to the centre of the rear axle [m]. */
+const ORBIT_TARGET_AHEAD = 0.07
+const ORBIT_TARGET_HEIGHT = 0.05
 
 export class Viewpoints {
   readonly camera = new PerspectiveCamera(60, 16 / 9, 0.01, 1000)
   readonly controls: OrbitControls
-  private readonly orbit = new PerspectiveCamera(60, 16 / 9, 0.02, 1000)
-  private god: { pan: number; tilt: number; zoom: number } | null = null
-  private isOrbiting = false
+  private readonly orbitCamera = new PerspectiveCamera(60, 16 / 9, 0.02, 1000)
+  private godState: { pan: number; tilt: number; zoom: number } | null = null
+  private placed: Orbit | null = null
 
-  constructor(canvas: HTMLElement) {
-    this.orbit.up.copy(UP)
-    this.controls = new OrbitControls(this.orbit, canvas)
+  /** `orbit`: the place of the Orbit camera, changed by the user here or elsewhere. */
+  constructor(
+    canvas: HTMLElement,
+    private readonly orbit: Observable<Orbit | null>,
+  ) {
+    this.orbitCamera.up.copy(UP)
+    this.controls = new OrbitControls(this.orbitCamera, canvas)
     this.controls.enabled = false
     this.controls.enablePan = false
     this.controls.enableDamping = true
     this.controls.dampingFactor = 0.12
-    this.controls.minDistance = ORBIT.lowest
-    this.controls.maxDistance = ORBIT.farthest
+    ;[this.controls.minDistance, this.controls.maxDistance] = ORBIT_DISTANCE
     this.controls.maxPolarAngle = 0.5 * Math.PI - 0.02
   }
 
-  /** Another scenario, or the world was reset: nothing follows what was. */
+  /** Restarts the cameras that depend on earlier poses, after another scenario was loaded. */
   restart(): void {
-    this.god = null
-    this.isOrbiting = false
+    this.godState = null
   }
 
-  /** Moves the camera to where it is `dt` [s] later; `height` [m] of the Bird's Eye, `halfLength` [m] of the car. */
-  update(name: Camera, scene: Scene, car: Placed, dt: number, height: number, halfLength: number): void {
-    const eye = scene.scene_cameras[name]
+  /** Advances the camera by `dt` [s]; `height` [m] of the Bird's Eye, `halfLength` [m] of the vehicle. */
+  update(
+    name: Camera,
+    scene: Scene,
+    vehicle: PlacedObject,
+    dt: number,
+    { height, halfLength, zoom }: { height: number; halfLength: number; zoom: number },
+  ): void {
     this.controls.enabled = name === 'Orbit'
-    if (name !== "God's Eye") this.god = null
-    if (name === 'Orbit') this.follow(car)
-    else if (name === "Driver's Eye") this.drive(eye, car)
-    else if (name === "Bird's Eye") this.fly(eye, car, height)
-    else this.watch(eye, car, dt, halfLength)
+    if (name !== "God's Eye") this.godState = null
+    if (name === 'Orbit') this.orbitVehicle(vehicle)
+    else if (name === "Driver's Eye") this.driversEye(scene.scene_cameras[name] as DriversEye, vehicle)
+    else if (name === "Bird's Eye") this.birdsEye(scene.scene_cameras[name] as unknown as Lens, vehicle, height)
+    else this.godsEye(scene.scene_cameras[name] as GodsEye, vehicle, dt, halfLength)
+    this.camera.zoom = zoom
     this.camera.updateProjectionMatrix()
     this.camera.updateMatrixWorld()
   }
 
-  private see(fieldOfView: number, near: number, far: number): void {
+  private setLens(fieldOfView: number, near: number, far: number): void {
     this.camera.fov = fieldOfView
     this.camera.near = near
     this.camera.far = far
   }
 
-  private look(pan: number, tilt: number): void {
+  private setDirection(pan: number, tilt: number): void {
     this.camera.quaternion.setFromEuler(euler.set(0, tilt, pan, 'ZYX')).multiply(CAMERA)
   }
 
-  private drive(eye: Record<string, any>, car: Placed): void {
-    this.see(eye.field_of_view, eye.near, eye.far)
-    this.camera.position.fromArray(eye.position).applyQuaternion(car.orientation).add(car.position)
-    this.look(0, eye.pitch * DEGREE)
-    this.camera.quaternion.premultiply(car.orientation)
+  private driversEye(spec: DriversEye, vehicle: PlacedObject): void {
+    this.setLens(spec.field_of_view, spec.near, spec.far)
+    this.camera.position.fromArray(spec.position).applyQuaternion(vehicle.orientation).add(vehicle.position)
+    this.setDirection(0, spec.pitch * DEGREE)
+    this.camera.quaternion.premultiply(vehicle.orientation)
   }
 
-  private fly(eye: Record<string, any>, car: Placed, height: number): void {
-    this.see(eye.field_of_view, eye.near, eye.far)
-    this.camera.position.set(car.position.x, car.position.y, height)
-    this.look(0, 0.5 * Math.PI)
+  private birdsEye(spec: Lens, vehicle: PlacedObject, height: number): void {
+    this.setLens(spec.field_of_view, spec.near, spec.far)
+    this.camera.position.set(vehicle.position.x, vehicle.position.y, height)
+    this.setDirection(0, 0.5 * Math.PI)
   }
 
-  private watch(eye: Record<string, any>, car: Placed, dt: number, halfLength: number): void {
-    this.camera.position.fromArray(eye.position)
-    const to = way.subVectors(car.position, this.camera.position)
+  private godsEye(spec: GodsEye, vehicle: PlacedObject, dt: number, halfLength: number): void {
+    this.camera.position.fromArray(spec.position)
+    const to = offset.subVectors(vehicle.position, this.camera.position)
     const level = Math.hypot(to.x, to.y)
-    const before = this.god
-    const pan = level > 1e-9 ? Math.atan2(to.y, to.x) : (before?.pan ?? 0) // straight below: any will do
+    const before = this.godState
+    const pan = level > 1e-9 ? Math.atan2(to.y, to.x) : (before?.pan ?? 0) // undefined if the vehicle is exactly below
     const tilt = Math.atan2(-to.z, level)
-    const zoom = Math.min((eye.zoom * Math.atan2(halfLength, to.length())) / DEGREE, 170)
-    const god = (this.god ??= { pan, tilt, zoom })
-    const turned = -Math.expm1(-dt / eye.turn_time)
-    const turn = pan - god.pan
-    god.pan += turned * (turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI)))
-    god.tilt += turned * (tilt - god.tilt)
-    god.zoom -= Math.expm1(-dt / eye.zoom_time) * (zoom - god.zoom)
-    this.see(god.zoom, eye.near, eye.far)
-    this.look(god.pan, god.tilt)
+    const zoom = Math.min((spec.zoom * Math.atan2(halfLength, to.length())) / DEGREE, 170)
+    const state = before ?? { pan, tilt, zoom }
+    this.godState = state
+    const turned = -Math.expm1(-dt / spec.turn_time)
+    const turn = pan - state.pan
+    state.pan += turned * (turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI)))
+    state.tilt += turned * (tilt - state.tilt)
+    state.zoom -= Math.expm1(-dt / spec.zoom_time) * (zoom - state.zoom)
+    this.setLens(state.zoom, spec.near, spec.far)
+    this.setDirection(state.pan, state.tilt)
   }
 
-  private follow(car: Placed): void {
-    const target = way.set(ORBIT_AHEAD, 0, ORBIT_ABOVE).applyQuaternion(car.orientation).add(car.position)
-    if (this.isOrbiting) {
-      this.orbit.position.add(target).sub(this.controls.target)
-    } else {
-      const heading = euler.setFromQuaternion(car.orientation, 'ZYX').z + Math.PI - ORBIT.aside
-      const level = ORBIT.distance * Math.cos(ORBIT.elevation)
-      const above = ORBIT.distance * Math.sin(ORBIT.elevation)
-      this.orbit.position.set(level * Math.cos(heading), level * Math.sin(heading), above).add(target)
-      this.isOrbiting = true
-    }
+  private orbitVehicle(vehicle: PlacedObject): void {
+    const target = offset
+      .set(ORBIT_TARGET_AHEAD, 0, ORBIT_TARGET_HEIGHT)
+      .applyQuaternion(vehicle.orientation)
+      .add(vehicle.position)
+    const { position, fov, near, far } = this.orbitCamera
+    this.orbit.value ??= behind(vehicle)
+    if (this.orbit.value === this.placed) position.add(target).sub(this.controls.target)
+    else position.copy(target).add(fromOrbit(this.orbit.value))
     this.controls.target.copy(target)
     this.controls.update()
-    this.see(this.orbit.fov, this.orbit.near, this.orbit.far)
-    this.camera.position.copy(this.orbit.position)
-    this.camera.quaternion.copy(this.orbit.quaternion)
+    const before = this.orbit.value
+    const now = toOrbit(target.subVectors(position, target))
+    const turned = Math.abs(Math.sin(0.5 * (now.azimuth - before.azimuth)))
+    const moved = Math.max(turned, Math.abs(now.elevation - before.elevation), Math.abs(now.distance - before.distance))
+    this.placed = moved > ORBIT_PRECISION ? now : before
+    if (this.placed !== before) this.orbit.value = this.placed
+    this.setLens(fov, near, far)
+    this.camera.position.copy(position)
+    this.camera.quaternion.copy(this.orbitCamera.quaternion)
   }
 
   dispose(): void {
@@ -120,12 +154,22 @@ export class Viewpoints {
   }
 }
 
-/** The Bird's Eye's height [m] after so many clicks of the mouse wheel, up positive, within the limits. */
-export function birdHeight(scene: Scene, height: number, clicks: number): number {
-  const eye = scene.scene_cameras["Bird's Eye"]
-  const next = Math.round((height + eye.step * clicks) * 1e6) / 1e6
-  return Math.min(Math.max(next, eye.lowest), eye.highest)
+/** The standard orbit of a vehicle. */
+function behind(vehicle: PlacedObject): Orbit {
+  const heading = euler.setFromQuaternion(vehicle.orientation, 'ZYX').z
+  return { azimuth: heading + Math.PI - ORBIT.aside, elevation: ORBIT.elevation, distance: ORBIT.distance }
+}
+
+function fromOrbit({ azimuth, elevation, distance }: Orbit): Vector3 {
+  const level = distance * Math.cos(elevation)
+  return around.set(level * Math.cos(azimuth), level * Math.sin(azimuth), distance * Math.sin(elevation))
+}
+
+function toOrbit({ x, y, z }: Vector3): Orbit {
+  const level = Math.hypot(x, y)
+  return { azimuth: Math.atan2(y, x), elevation: Math.atan2(z, level), distance: Math.hypot(level, z) }
 }
 
 const euler = new Euler()
-const way = new Vector3()
+const offset = new Vector3()
+const around = new Vector3()

@@ -1,46 +1,51 @@
-// The world as three.js draws it: map, vehicles and boxes of a Scene, their light and their shadows.
+// The three.js scene: the map, vehicles and objects of a Scene, with lights and shadows.
+
+import type { Camera, IUniform, WebGLRenderer } from 'three'
 import {
-  BufferGeometry,
+  type BufferGeometry,
+  Color,
   GLSL3,
   InstancedMesh,
   LinearFilter,
   LinearMipmapLinearFilter,
   LinearMipmapNearestFilter,
+  type Matrix3,
   Matrix4,
   Mesh,
   RepeatWrapping,
-  Scene as Stage,
   ShaderMaterial,
   SRGBColorSpace,
   Texture,
+  Scene as ThreeScene,
   Vector2,
   Vector3,
 } from 'three'
-import type { Camera, IUniform, WebGLRenderer } from 'three'
 
 import type { Scene } from '../messages'
-import type { Asset } from './glb'
-import { pieces, outline } from './geometry'
-import { Halos } from './halos'
-import { BEAM_SLOTS, Burning, lampsOf } from './lamps'
-import type { Moment } from './motion'
+import { hasSeveralVehicles, vehicleColour } from '../vehicle_colours'
+import { daylight } from './daylight'
+import { meshParts, shadowGeometry } from './geometry'
+import type { Asset, Vector } from './glb'
+import { LampGlare } from './lamp_glare'
+import { ActiveLamps, BEAM_SLOTS, lampsOf } from './lamps'
+import type { WorldState } from './motion'
 import type { Profile } from './quality'
-import { Rig } from './rig'
 import { CASTER_SLOTS, SCENE_FRAGMENT, SCENE_VERTEX } from './shaders'
 import { depthMaterial, Shadows, sunAxes } from './shadows'
+import { Skeleton } from './skeleton'
 import { Sky } from './sky'
 import { VehicleModel } from './vehicle'
 
-/** Assets by the address that the Scene names. */
+/** Assets by their URL in the Scene. */
 export type Assets = ReadonlyMap<string, Asset>
 
-interface Crowd {
+interface InstanceGroup {
   names: string[]
   meshes: InstancedMesh[]
 }
 
 export class World {
-  readonly stage = new Stage()
+  readonly scene = new ThreeScene()
   private readonly light = {
     sun_direction: { value: new Vector3() },
     sun_color: { value: new Vector3() },
@@ -54,118 +59,124 @@ export class World {
     head_count: { value: 0 },
     lamp_count: { value: 0 },
   }
-  private readonly burning = new Burning()
+  private readonly activeLamps = new ActiveLamps()
   private readonly places = { caster_place: { value: new Float32Array(4 * CASTER_SLOTS) } }
   private readonly shadows: Shadows
+  private readonly sunFromMap: { value: Matrix3 }
+  private sun = ''
   private readonly shared: Record<string, IUniform>
   private readonly vehicles = new Map<string, VehicleModel>()
-  private readonly crowds: Crowd[] = []
+  private readonly groups: InstanceGroup[] = []
   private readonly sky: Sky
-  private readonly halos: Halos
-  private readonly rubbish: { dispose(): void }[] = []
+  private readonly glare: LampGlare
+  private readonly disposables: { dispose(): void }[] = []
 
   constructor(
-    private readonly scene: Scene,
+    private readonly description: Scene,
     assets: Assets,
     private readonly profile: Profile,
   ) {
-    for (const [name, { model }] of Object.entries(scene.vehicles)) {
-      const lamps = lampsOf(scene.vehicles[name], scene.light_table.beams)
-      this.vehicles.set(name, new VehicleModel(asset(assets, model), lamps))
+    for (const [name, { model }] of Object.entries(description.vehicles)) {
+      const lamps = lampsOf(description.vehicles[name], description.light_table.beams)
+      const paint = hasSeveralVehicles(description) ? new Color(vehicleColour(description, name)).toArray() : null
+      this.vehicles.set(name, new VehicleModel(asset(assets, model), lamps, paint as Vector | null))
     }
     const models = [...this.vehicles.values()]
     const extent = Math.max(0.05, ...models.map((model) => model.reach))
-    const sun: number[] = scene.light_table.day.sun_direction
+    const sun: number[] = description.light_table.day.sun_direction
     this.shadows = new Shadows(profile, sunAxes(sun), sun[2], 1.05 * extent)
     this.shadows.uniforms.caster_half.value.setX(Math.max(0, ...models.map((model) => model.half.x)))
     this.shadows.uniforms.caster_half.value.setY(Math.max(0, ...models.map((model) => model.half.y)))
     const lamps = {
-      lamp_place: { value: this.burning.place },
-      lamp_aim: { value: this.burning.aim },
-      lamp_color: { value: this.burning.color },
-      lamp_up: { value: this.burning.up },
+      lamp_place: { value: this.activeLamps.position },
+      lamp_aim: { value: this.activeLamps.aim },
+      lamp_color: { value: this.activeLamps.color },
+      lamp_up: { value: this.activeLamps.up },
     }
-    const axes = { sun_from_map: { value: sunAxes(sun) } }
+    this.sunFromMap = { value: sunAxes(sun) }
+    const axes = { sun_from_map: this.sunFromMap }
     this.shared = { ...this.light, ...this.shadows.uniforms, ...this.places, ...lamps, ...axes }
     this.sky = new Sky(this.shared)
-    this.halos = new Halos(models.length)
-    this.stage.add(this.sky.mesh, this.halos.points)
-    this.addMap(asset(assets, scene.model))
-    for (const model of models) this.stage.add(model.build(profile, (bones) => this.material(null, bones)))
+    this.glare = new LampGlare(models.length)
+    this.scene.add(this.sky.mesh, this.glare.points)
+    this.addMap(asset(assets, description.model))
+    for (const model of models) this.scene.add(model.build(profile, (bones) => this.material(null, bones)))
     this.addObjects(assets)
   }
 
-  /** Of the picture [pixels]. */
+  /** Height of the image [pixels]. */
   set height(pixels: number) {
-    this.halos.height = pixels
+    this.glare.height = pixels
   }
 
-  /** Puts everything where it is; `watched` is the vehicle whose headlights cast shadows, `dt` [s] since the last. */
-  update(moment: Moment, watched: string, eye: Vector3, dt: number): void {
-    this.setLight(moment.isDay)
-    for (const [name, motion] of moment.vehicles) {
-      this.vehicles.get(name)?.update(motion, dt, eye.distanceTo(motion.position) < this.profile.fullDetail)
+  /** Updates all poses and lamps, `dt` [s] after the last update. The headlights of `followed` cast shadows. */
+  update(state: WorldState, followed: string, cameraPosition: Vector3, dt: number): void {
+    this.setLight(state)
+    for (const [name, motion] of state.vehicles) {
+      this.vehicles.get(name)?.update(motion, dt, cameraPosition.distanceTo(motion.position) < this.profile.fullDetail)
     }
-    for (const crowd of this.crowds) this.place(crowd, moment)
-    this.setLamps(moment.isDay, watched)
-    this.halos.update([...this.vehicles.values()], moment.isDay)
+    for (const group of this.groups) this.place(group, state)
+    this.setLamps(state.isDay, followed)
+    this.glare.update([...this.vehicles.values()], state.isDay)
   }
 
-  /** Draws the shadow maps of this moment. */
-  drawShadows(renderer: WebGLRenderer, eye: Vector3, watched: string): void {
+  /** Draws the shadow maps for the current state. */
+  drawShadows(renderer: WebGLRenderer, cameraPosition: Vector3, followed: string): void {
     this.shadows.prepare(renderer)
     const models = [...this.vehicles.values()]
-    const casters = models.sort((a, b) => a.distanceTo(eye) - b.distanceTo(eye)).slice(0, CASTER_SLOTS)
-    casters.forEach((model, slot) => model.footprint(this.places.caster_place.value, 4 * slot))
+    const casters = models
+      .sort((a, b) => a.distanceTo(cameraPosition) - b.distanceTo(cameraPosition))
+      .slice(0, CASTER_SLOTS)
+    for (const [slot, model] of casters.entries()) model.footprint(this.places.caster_place.value, 4 * slot)
     this.light.caster_count.value = casters.length
     if (this.light.is_day.value === 1) {
-      this.shadows.drawStill(renderer)
+      this.shadows.drawStatic(renderer)
       this.shadows.drawCasters(renderer, casters)
     } else {
-      const own = this.vehicles.get(watched)
+      const own = this.vehicles.get(followed)
       const others = casters.filter((model) => model !== own).map((model) => model.caster)
-      this.shadows.drawBeams(renderer, this.burning, others)
+      this.shadows.drawBeams(renderer, this.activeLamps, others)
     }
   }
 
-  /** What a camera needs before it looks. */
+  /** Prepares the sky for a camera. */
   prepare(camera: Camera): void {
     this.sky.prepare(camera)
   }
 
-  /** The maps are lost, for example with the context. */
-  redraw(): void {
-    this.shadows.forget()
+  /** Redraws the shadow maps, after the WebGL context was lost. */
+  invalidateShadows(): void {
+    this.shadows.invalidate()
   }
 
   dispose(): void {
     this.shadows.dispose()
     this.sky.dispose()
-    this.halos.dispose()
+    this.glare.dispose()
     for (const model of this.vehicles.values()) model.dispose()
-    for (const thing of this.rubbish) thing.dispose()
+    for (const thing of this.disposables) thing.dispose()
   }
 
-  // -- parts -----------------------------------------------------------------------------------------------------
+  // -- materials and objects ---------------------------------------------------------------------------------------
 
-  private material(picture: Texture | null, bones: Record<string, IUniform> | null): ShaderMaterial {
+  private material(texture: Texture | null, bones: Record<string, IUniform> | null): ShaderMaterial {
     const { softness, isLightweight, beamMap } = this.profile
     const defines: Record<string, number> = { SHADOWS: softness }
-    if (bones) defines.RIGGED = 1
-    if (picture) defines.TEXTURED = 1
+    if (bones) defines.SKINNED = 1
+    if (texture) defines.TEXTURED = 1
     if (isLightweight) defines.LIGHTWEIGHT = 1
     if (beamMap > 0) defines.BEAM_SHADOWS = 1
-    const uniforms = { ...this.shared, ...bones, picture: { value: picture } }
+    const uniforms = { ...this.shared, ...bones, surface_image: { value: texture } }
     const material = new ShaderMaterial({
       ...{ vertexShader: SCENE_VERTEX, fragmentShader: SCENE_FRAGMENT, glslVersion: GLSL3, defines, uniforms },
     })
-    this.rubbish.push(material)
+    this.disposables.push(material)
     return material
   }
 
   private textures(model: Asset): Texture[] {
-    return model.pictures.map((picture) => {
-      const texture = new Texture(picture)
+    return model.images.map((image) => {
+      const texture = new Texture(image)
       texture.flipY = false
       texture.colorSpace = SRGBColorSpace
       texture.wrapS = texture.wrapT = RepeatWrapping
@@ -173,79 +184,85 @@ export class World {
       texture.magFilter = LinearFilter
       texture.anisotropy = this.profile.anisotropy
       texture.needsUpdate = true
-      this.rubbish.push(texture)
+      this.disposables.push(texture)
       return texture
     })
   }
 
   private keep(geometry: BufferGeometry): BufferGeometry {
-    this.rubbish.push(geometry)
+    this.disposables.push(geometry)
     return geometry
   }
 
   private addMap(model: Asset): void {
-    const rig = new Rig(model.nodes)
+    const skeleton = new Skeleton(model.nodes)
     const textures = this.textures(model)
-    for (const { geometry, picture } of pieces(model, rig, 'full', false)) {
-      this.stage.add(new Mesh(this.keep(geometry), this.material(textures[picture] ?? null, null)))
+    for (const { geometry, image } of meshParts(model, skeleton, 'full', false)) {
+      this.scene.add(new Mesh(this.keep(geometry), this.material(textures[image] ?? null, null)))
     }
-    const shade = outline(model, rig, 'shadow')
-    if (shade) this.shadows.still.add(new Mesh(this.keep(shade), this.keepDepth()))
+    const shadow = shadowGeometry(model, skeleton, 'shadow')
+    if (shadow) this.shadows.staticScene.add(new Mesh(this.keep(shadow), this.keepDepth()))
   }
 
   private keepDepth(): ShaderMaterial {
     const material = depthMaterial(null)
-    this.rubbish.push(material)
+    this.disposables.push(material)
     return material
   }
 
   private addObjects(assets: Assets): void {
-    const objects = Object.entries(this.scene.objects)
-    for (const address of new Set(Object.values(this.scene.objects))) {
+    const objects = Object.entries(this.description.objects)
+    for (const address of new Set(Object.values(this.description.objects))) {
       const names = objects.filter(([, model]) => model === address).map(([name]) => name)
       const model = asset(assets, address)
-      const rig = new Rig(model.nodes)
+      const skeleton = new Skeleton(model.nodes)
       const textures = this.textures(model)
-      const crowd: Crowd = { names, meshes: [] }
-      for (const { geometry, picture } of pieces(model, rig, 'full', true)) {
-        const material = this.material(textures[picture] ?? null, null)
+      const group: InstanceGroup = { names, meshes: [] }
+      for (const { geometry, image } of meshParts(model, skeleton, 'full', true)) {
+        const material = this.material(textures[image] ?? null, null)
         const mesh = new InstancedMesh(this.keep(geometry), material, names.length)
-        crowd.meshes.push(mesh)
-        this.stage.add(mesh)
+        group.meshes.push(mesh)
+        this.scene.add(mesh)
       }
-      const shade = outline(model, rig, 'shadow')
-      if (shade) {
-        const mesh = new InstancedMesh(this.keep(shade), this.keepDepth(), names.length)
-        crowd.meshes.push(mesh)
-        this.shadows.still.add(mesh)
+      const shadow = shadowGeometry(model, skeleton, 'shadow')
+      if (shadow) {
+        const mesh = new InstancedMesh(this.keep(shadow), this.keepDepth(), names.length)
+        group.meshes.push(mesh)
+        this.shadows.staticScene.add(mesh)
       }
-      for (const mesh of crowd.meshes) {
+      for (const mesh of group.meshes) {
         mesh.frustumCulled = false
-        this.rubbish.push(mesh)
+        this.disposables.push(mesh)
       }
-      this.crowds.push(crowd)
+      this.groups.push(group)
     }
   }
 
-  private place({ names, meshes }: Crowd, moment: Moment): void {
+  private place({ names, meshes }: InstanceGroup, state: WorldState): void {
     let isMoved = false
     names.forEach((name, i) => {
-      const placed = moment.objects.get(name)
+      const placed = state.objects.get(name)
       if (!placed) return
       pose.compose(placed.position, placed.orientation, ONE)
       meshes[0].getMatrixAt(i, before)
-      pose.elements.forEach((value, k) => (pose.elements[k] = Math.fround(value)))
+      for (const [k, value] of pose.elements.entries()) pose.elements[k] = Math.fround(value)
       if (pose.equals(before)) return
       isMoved = true
       for (const mesh of meshes) mesh.setMatrixAt(i, pose)
     })
     if (!isMoved) return
-    this.shadows.isStillOld = true
+    this.shadows.isStaticMapOutdated = true
     for (const mesh of meshes) mesh.instanceMatrix.needsUpdate = true
   }
 
-  private setLight(isDay: boolean): void {
-    const look = this.scene.light_table[isDay ? 'day' : 'night']
+  private setLight({ isDay, timeOfDay }: WorldState): void {
+    const look = daylight(this.description.light_table, isDay, timeOfDay)
+    const sun = String(look.sun_direction)
+    if (isDay && sun !== this.sun) {
+      this.sun = sun
+      this.shadows.setSun(look.sun_direction)
+      this.sunFromMap.value.copy(sunAxes(look.sun_direction))
+    }
     for (const name of ['sun_direction', 'sun_color', 'zenith', 'horizon', 'floor_glow'] as const) {
       this.light[name].value.fromArray(look[name])
     }
@@ -253,21 +270,21 @@ export class World {
     this.light.is_day.value = isDay ? 1 : 0
   }
 
-  /** By day lamps light nothing that could be seen. */
-  private setLamps(isDay: boolean, watched: string): void {
-    const { burning } = this
-    burning.clear()
+  /** Collects the lamps that are on; by day their light is not visible. */
+  private setLamps(isDay: boolean, followed: string): void {
+    const { activeLamps } = this
+    activeLamps.clear()
     if (!isDay) {
-      const own = this.vehicles.get(watched)
+      const own = this.vehicles.get(followed)
       const others = [...this.vehicles.values()].filter((model) => model !== own)
-      own?.light(burning, true)
-      if (this.profile.beamMap > 0) burning.beams = Math.min(burning.lamps, BEAM_SLOTS)
-      for (const model of others) model.light(burning, true)
-      for (const model of own ? [own, ...others] : others) model.light(burning, false)
+      own?.light(activeLamps, true)
+      if (this.profile.beamMap > 0) activeLamps.beams = Math.min(activeLamps.lamps, BEAM_SLOTS)
+      for (const model of others) model.light(activeLamps, true)
+      for (const model of own ? [own, ...others] : others) model.light(activeLamps, false)
     }
-    this.light.beam_count.value = burning.beams
-    this.light.head_count.value = burning.heads
-    this.light.lamp_count.value = burning.lamps
+    this.light.beam_count.value = activeLamps.beams
+    this.light.head_count.value = activeLamps.heads
+    this.light.lamp_count.value = activeLamps.lamps
   }
 }
 

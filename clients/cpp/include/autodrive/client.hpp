@@ -1,5 +1,5 @@
 /// \file
-/// A client of the simulator's native protocol: reads Frames, drives, and moves time step by step.
+/// Client of the native protocol: reads Frames, sends commands, and steps a paused simulation.
 #pragma once
 
 #include <chrono>
@@ -18,21 +18,21 @@ namespace detail {
 class Connection;
 }
 
-/// The simulator refused; `what` is its words.
+/// The simulator refused a request; `what` is its message.
 struct Refused : std::runtime_error {
-    /// With the simulator's words.
-    explicit Refused(const std::string& words) : std::runtime_error(words) {}
+    /// With the message of the simulator.
+    explicit Refused(const std::string& message) : std::runtime_error(message) {}
 };
 
-/// What a client is sent.
+/// What the simulator sends to a client.
 struct Subscription {
-    std::optional<double> frame_rate;  ///< Frames a second of wall time at most [Hz]; none: each tick; 0: no Frames
-    bool scans = true;                 ///< whether the LIDARs' scans come
-    double picture_rate = 0.0;         ///< pictures of each camera a second of wall time at most [Hz]; 0: none
+    std::optional<double> frame_rate;  ///< maximum rate of Frames in wall time [Hz]; none: each tick; 0: no Frames
+    bool scans = true;                 ///< whether LIDAR scans are sent
+    double picture_rate = 0.0;         ///< maximum rate of images of each camera in wall time [Hz]; 0: none
 };
 
-/// One connection; for one thread. Every call throws `Refused` with the simulator's words where it will not, and
-/// `boost::system::system_error` where the connection fails or nothing comes for `timeout`.
+/// A connection to a simulator, for use by one thread. Every call throws `Refused` if the simulator refuses, and
+/// `boost::system::system_error` if the connection fails or there is no answer within `timeout`.
 ///
 ///     autodrive::Client simulator("127.0.0.1", 8730);
 ///     simulator.pause();
@@ -41,57 +41,56 @@ struct Subscription {
 ///     }
 class Client {
 public:
-    /// Connects, and waits until the simulator has told what there is. `token` is needed where the simulator asks for one;
-    /// no answer within `timeout` is an error.
+    /// Connects, and waits for the Welcome and the Scene. `token` is the access token, if the simulator needs one.
     explicit Client(const std::string& host = "127.0.0.1", unsigned short port = 8730, const std::string& token = "",
                     const Subscription& subscription = {},
                     std::chrono::milliseconds timeout = std::chrono::seconds(10));
-    ~Client();  ///< Ends the connection.
-    /// Takes the connection over.
+    ~Client();  ///< Closes the connection.
+    /// Moves the connection.
     Client(Client&&) noexcept;
-    /// Takes the connection over.
+    /// Moves the connection.
     Client& operator=(Client&&) noexcept;
 
-    /// The next Frame of the stream. While it was not asked for, the simulator kept the latest, not a backlog.
+    /// Waits for the next Frame. Frames that were not read in time are dropped; the latest one is kept.
     Frame next();
 
-    /// Drives a vehicle in autonomous mode. A command is good for half a second of simulated time: send it again.
+    /// Drives a vehicle in autonomous mode. A command is valid for 0.5 s of simulated time, so it must be repeated.
     void drive(const std::string& vehicle, const Command& command);
 
-    /// While paused: so many ticks of simulated time, the first with these commands; the Frame after them.
+    /// Runs a paused simulation for some ticks with these commands, and returns the Frame after them.
     Frame step(int ticks = 1, const std::map<std::string, Command>& commands = {});
 
-    Frame pause();   ///< Stops simulated time.
-    Frame resume();  ///< Lets it run.
-    Frame reset();   ///< Brings the initial state back.
+    Frame pause();   ///< Pauses the simulation.
+    Frame resume();  ///< Resumes the simulation.
+    Frame reset();   ///< Restores the initial state.
 
-    /// Puts a vehicle, at rest, at x, y [m] with a heading [rad].
+    /// Moves a vehicle to x, y [m] and a heading [rad], at rest.
     Frame teleport(const std::string& vehicle, double x, double y, double yaw = 0.0);
 
-    /// Any request of the protocol; the Frame after it.
+    /// Sends any operation of the protocol, and returns the Frame after it.
     Frame request(const Json& request);
 
-    /// The latest picture of a camera ("front", "rear"); none before the first, or where none are subscribed to.
+    /// The latest image of a camera ("front", "rear"); null before the first one, or without a subscription.
     const Picture* picture(const std::string& vehicle, const std::string& camera) const {
         const auto found = pictures_.find({vehicle, camera});
         return found == pictures_.end() ? nullptr : &found->second;
     }
 
-    const Json& welcome() const { return welcome_; }  ///< The simulator's greeting.
-    const Json& scene() const { return scene_; }      ///< What there is to draw.
-    const Json& status() const { return status_; }    ///< Pause, speed, drivers, bridge; null before the first.
+    const Json& welcome() const { return welcome_; }  ///< The Welcome message.
+    const Json& scene() const { return scene_; }      ///< The Scene message: vehicles, map and objects.
+    const Json& status() const { return status_; }    ///< The latest Status: pause, speed, drivers, bridge; null before the first one.
 
 private:
     void send(const Json& message);
     Json receive();
-    void take(const Json& message);
-    void show(const Json& told);
+    void handle(const Json& message);
+    void set_frame(const Json& json);
 
     std::unique_ptr<detail::Connection> connection_;
     std::int64_t next_id_ = 1;
     Json welcome_, scene_, status_;
     Frame frame_;
-    bool fresh_ = false;
+    bool is_new_ = false;
     std::map<std::string, LidarScan> scans_;
     std::map<std::pair<std::string, std::string>, Picture> pictures_;
 };

@@ -1,11 +1,11 @@
 /// \file
-/// Header-only, or with what is slow to compile in a library: AUTODRIVE_COMPILED, which CMake's target
-/// autodrive::compiled defines, says that the latter is linked.
+/// Selects header-only or compiled use. The CMake target autodrive::compiled defines AUTODRIVE_COMPILED and links the
+/// static library with the functions that compile slowly.
 #pragma once
 
 #ifdef AUTODRIVE_COMPILED
 #define AUTODRIVE_INLINE
 #else
-/// What stands before functions that are defined in impl/.
+/// Prefix of functions that are defined in impl/.
 #define AUTODRIVE_INLINE inline
 #endif

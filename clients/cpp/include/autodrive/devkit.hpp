@@ -1,6 +1,6 @@
 /// \file
-/// A driving script for the AutoDRIVE devkits' protocol: the script is the server, the simulator (this one or the
-/// original one) connects to it. Typed state in, typed command out, one callback.
+/// Server of the devkit protocol for driving scripts: a simulator, this one or the original one, connects to the script.
+/// A callback receives the typed state of a vehicle and returns its typed command.
 #pragma once
 
 #include <exception>
@@ -14,7 +14,7 @@
 
 namespace autodrive::devkit {
 
-/// The server that a driving script is.
+/// The server of a driving script.
 ///
 ///     autodrive::devkit::Server server;
 ///     server.on_state([](const autodrive::devkit::State& state) {
@@ -25,34 +25,35 @@ namespace autodrive::devkit {
 ///     });
 ///     server.run(4567);
 ///
-/// One thread, the one that calls `run`: it sleeps while nothing comes. What a callback throws ends `run`, which throws
-/// it on.
+/// It uses only the thread that calls `run`, which sleeps between messages. An exception of a callback ends `run` and is
+/// rethrown by it.
 class Server {
 public:
-    /// State of a vehicle in, its command out.
+    /// Computes the command of a vehicle from its state.
     using Drive = std::function<Command(const State&)>;
-    /// A whole message in, a whole message out, every value a text; an empty object says nothing.
+    /// Computes an answer from a complete message; all values are texts. An empty object is not sent.
     using Respond = std::function<Json(const Json& telemetry)>;
-    /// Hears of a value that cannot be read: "V1 Throttle: 'fast' is not a number".
-    using Complain = std::function<void(const std::string& fault)>;
+    /// Receives the error of a malformed value, for example "V1 Throttle: 'fast' is not a number".
+    using OnError = std::function<void(const std::string& error)>;
 
-    /// Drives a vehicle, by its name "V1", "V2", ...; "" is the only one of the simulator of 2020.
+    /// Sets the callback of a vehicle, by its name "V1", "V2", ...; "" is the vehicle of the 2020 simulator.
     void on_state(Drive drive, const std::string& vehicle = "V1") {
         drivers_[vehicle] = Driver{vehicle.empty() ? "" : vehicle + " ", std::move(drive), State{}};
     }
 
-    /// Answers the plain messages, for traffic lights and all that has no type here; called after the drivers.
+    /// Sets the callback for complete messages, for example for traffic lights; called after those of the vehicles.
     void on_message(Respond respond) { respond_ = std::move(respond); }
 
-    /// Hears of what cannot be read; its last value stands. Left out, each fault is told once, on the standard error.
-    void on_fault(Complain complain) { complain_ = std::move(complain); }
+    /// Sets the callback for malformed values, which keep their last value. By default, each error is printed once to
+    /// standard error.
+    void on_error(OnError callback) { on_error_ = std::move(callback); }
 
-    /// Serves until `stop`, SIGINT or SIGTERM. Throws `boost::system::system_error` where it cannot listen, and what a
-    /// callback throws. `host` "0.0.0.0" serves other machines too; `port` 0 takes a free one; `listening` is told it.
+    /// Serves until `stop`, SIGINT or SIGTERM. Throws `boost::system::system_error` if it cannot listen, and exceptions of
+    /// callbacks. The host "0.0.0.0" accepts other machines too; port 0 selects a free port, passed to `listening`.
     void run(unsigned short port = 4567, const std::string& host = "127.0.0.1",
              const std::function<void(unsigned short)>& listening = {});
 
-    /// Ends `run`; from any thread or callback.
+    /// Ends `run`; can be called from any thread or callback.
     void stop() {
         const std::lock_guard lock(mutex_);
         if (end_) end_();
@@ -66,15 +67,15 @@ private:
     };
 
     std::string answer(std::string_view event);
-    void complain(const std::string& fault);
+    void report(const std::string& error);
 
     std::map<std::string, Driver> drivers_;
     Respond respond_;
-    Complain complain_;
-    std::set<std::string> told_;  // faults, by what they are about
-    std::exception_ptr fault_;
+    OnError on_error_;
+    std::set<std::string> reported_;  // keys with errors
+    std::exception_ptr exception_;
     std::mutex mutex_;
-    std::function<void()> end_;  // while it runs
+    std::function<void()> end_;  // set while `run` is running
 };
 
 }  // namespace autodrive::devkit

@@ -1,5 +1,5 @@
 /// \file
-/// The Frame and its readings, as the native protocol has them. SI and radians; x forward, y left, z up; left turns
+/// The Frame and its readings in the native protocol. SI units and radians; x forward, y left, z up; left turns are
 /// positive. See `docs/protocol.md`.
 #pragma once
 
@@ -12,97 +12,97 @@
 #include <string>
 #include <vector>
 
-/// The simulator's own protocol.
+/// Native protocol of the simulator.
 namespace autodrive {
 
-/// JSON, by nlohmann.
+/// JSON of the library nlohmann::json.
 using Json = nlohmann::json;
 
 /// Position [m] and orientation in the map frame.
 struct Pose {
     Eigen::Vector3d position = Eigen::Vector3d::Zero();               ///< in the map [m]
-    Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< from the body's axes to the map's
+    Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< rotation from body axes to map axes
 };
 
-/// Rear wheels, left then right; never wrap.
+/// Rear wheels, left and right; the values do not wrap.
 struct EncoderReading {
-    double time = 0.0;                                 ///< when it was read [s]
-    std::int64_t left_ticks = 0;                       ///< of the left rear wheel
-    std::int64_t right_ticks = 0;                      ///< of the right rear wheel
+    double time = 0.0;                                 ///< sample time [s]
+    std::int64_t left_ticks = 0;                       ///< left rear wheel
+    std::int64_t right_ticks = 0;                      ///< right rear wheel
     Eigen::Vector2d angles = Eigen::Vector2d::Zero();  ///< left and right [rad]
 };
 
-/// Inertial data in the sensor's axes; the acceleration is without gravity unless the vehicle's file says otherwise.
+/// Inertial data in sensor axes; the acceleration excludes gravity unless the vehicle file says otherwise.
 struct ImuReading {
-    double time = 0.0;                                                ///< when it was read [s]
-    Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< of the sensor in the map
+    double time = 0.0;                                                ///< sample time [s]
+    Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< rotation from sensor axes to map axes
     Eigen::Vector3d euler = Eigen::Vector3d::Zero();                  ///< roll, pitch, yaw in (-pi, pi] [rad]
     Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();       ///< [rad/s]
     Eigen::Vector3d linear_acceleration = Eigen::Vector3d::Zero();    ///< [m/s^2]
 };
 
-/// Ray i looks along angle_min + i angle_increment [rad], left positive. -inf: too near, inf: nothing there (REP 117).
+/// Ray i has the angle angle_min + i angle_increment [rad], left positive. -inf: too near, inf: no echo (REP 117).
 struct LidarScan {
-    double time = 0.0;                ///< of the last ray [s]
+    double time = 0.0;                ///< time of the last ray [s]
     std::vector<double> ranges;       ///< [m]
     std::vector<double> intensities;  ///< one for each range
-    double angle_min = 0.0;           ///< of the first ray [rad]
-    double angle_increment = 0.0;     ///< from ray to ray [rad]
-    double range_min = 0.0;           ///< what is nearer is too near [m]
-    double range_max = 0.0;           ///< what is further is not seen [m]
+    double angle_min = 0.0;           ///< angle of the first ray [rad]
+    double angle_increment = 0.0;     ///< angle between rays [rad]
+    double range_min = 0.0;           ///< minimum range [m]
+    double range_max = 0.0;           ///< maximum range [m]
     double scan_rate = 0.0;           ///< [Hz]
-    double scan_time = 0.0;           ///< from scan to scan [s]
-    double time_increment = 0.0;      ///< from ray to ray [s]
+    double scan_time = 0.0;           ///< time between scans [s]
+    double time_increment = 0.0;      ///< time between rays [s]
 };
 
-/// A vehicle at the time of its Frame.
+/// State of a vehicle at the time of its Frame.
 struct VehicleFrame {
-    Pose pose;                                                    ///< of the rear axle's middle: ground truth
-    Eigen::Vector3d velocity = Eigen::Vector3d::Zero();           ///< in the vehicle's axes [m/s]
-    Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();   ///< in the vehicle's axes [rad/s]
+    Pose pose;                                                    ///< ground truth of the rear axle centre
+    Eigen::Vector3d velocity = Eigen::Vector3d::Zero();           ///< in vehicle axes [m/s]
+    Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();   ///< in vehicle axes [rad/s]
     double throttle = 0.0;                                        ///< feedback [-1, 1]
     double steering = 0.0;                                        ///< feedback [rad]
-    EncoderReading encoders;                                      ///< of the rear wheels
-    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< as the indoor positioning system has it [m]
+    EncoderReading encoders;                                      ///< wheel encoders
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< reading of the indoor positioning system [m]
     ImuReading imu;                  ///< inertial data
-    std::optional<LidarScan> lidar;  ///< the latest; none before the first
+    std::optional<LidarScan> lidar;  ///< latest scan; none before the first one
     int headlights = 0;              ///< 0 off, 1 low, 2 high beam
     int indicators = 0;              ///< 0 off, 1 left, 2 right, 3 hazard
-    bool is_autonomous = false;      ///< whether a script drives
-    std::int64_t collision_count = 0;  ///< since reset
+    bool is_autonomous = false;      ///< whether a script may drive
+    std::int64_t collision_count = 0;  ///< since the last reset
 };
 
-/// A collision, a vehicle that left the road, or that came back.
+/// A collision, a road departure, or a return to the road.
 struct Event {
     std::string type;  ///< "Collision", "OffRoad" or "BackOnRoad"
     double time = 0.0;    ///< [s]
-    std::string vehicle;  ///< whose
-    std::string other;    ///< of a collision: what was hit
-    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< where [m]
+    std::string vehicle;  ///< name of the vehicle
+    std::string other;    ///< name of the other object in a collision
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< position [m]
 };
 
-/// The world after a tick.
+/// State of the world after a tick.
 struct Frame {
-    double time = 0.0;                             ///< since reset [s]
-    std::int64_t tick = 0;                         ///< since reset
-    std::map<std::string, VehicleFrame> vehicles;  ///< by their names, "V1", ...
-    std::map<std::string, Pose> objects;           ///< movable things
-    std::vector<Event> events;                     ///< all since the Frame before
-    bool scene_light = true;                       ///< day, or night
+    double time = 0.0;                             ///< time since the last reset [s]
+    std::int64_t tick = 0;                         ///< since the last reset
+    std::map<std::string, VehicleFrame> vehicles;  ///< by name: "V1", ...
+    std::map<std::string, Pose> objects;           ///< movable objects
+    std::vector<Event> events;                     ///< since the previous Frame
+    bool scene_light = true;                       ///< true: day, false: night
 };
 
-/// A picture of a sensor camera, as it came.
+/// An image of a sensor camera, not decoded.
 struct Picture {
-    double time = 0.0;               ///< when it was taken [s]
-    std::vector<std::uint8_t> jpeg;  ///< for the decoder of your choice
+    double time = 0.0;               ///< time of exposure [s]
+    std::vector<std::uint8_t> jpeg;  ///< JPEG data
 };
 
-/// What a driver wants of a vehicle.
+/// Command to a vehicle.
 struct Command {
     double throttle = 0.0;          ///< [-1, 1], forward positive; 0 brakes
     double steering = 0.0;          ///< [-1, 1] of the steering limit, left positive
-    std::optional<int> headlights;  ///< 0 off, 1 low, 2 high beam; none: as they are
-    std::optional<int> indicators;  ///< 0 off, 1 left, 2 right, 3 hazard; none: as they are
+    std::optional<int> headlights;  ///< 0 off, 1 low, 2 high beam; none: unchanged
+    std::optional<int> indicators;  ///< 0 off, 1 left, 2 right, 3 hazard; none: unchanged
 };
 
 }  // namespace autodrive

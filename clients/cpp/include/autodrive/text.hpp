@@ -1,5 +1,5 @@
 /// \file
-/// The texts of the devkits' messages: numbers, base64, and base64 of gzip. The locale has no say in them.
+/// Text formats of the devkit protocol: numbers, base64, and base64 of gzip. Independent of the locale.
 #pragma once
 
 #include <array>
@@ -13,24 +13,24 @@
 
 #include "autodrive/config.hpp"
 
-/// The texts of the devkits' messages.
+/// Text formats of the devkit protocol.
 namespace autodrive::text {
 
-/// Numbers that are separated by blanks or line ends; "inf" and "nan" in any case. What is no number is an error:
-/// `std::invalid_argument`.
+/// Numbers separated by blanks or line ends; "inf" and "nan" in any case. Throws `std::invalid_argument` for other
+/// text.
 inline std::vector<double> numbers(std::string_view text) {
     std::vector<double> found;
     const char* at = text.data();
     const char* const end = at + text.size();
-    const auto is_gap = [](char c) { return c == ' ' || c == '\n' || c == '\t' || c == '\r'; };
+    const auto is_separator = [](char c) { return c == ' ' || c == '\n' || c == '\t' || c == '\r'; };
     while (true) {
-        while (at != end && is_gap(*at)) ++at;
+        while (at != end && is_separator(*at)) ++at;
         if (at == end) return found;
         double value = 0.0;
-        const auto [next, fault] = std::from_chars(at, end, value);
-        if (fault != std::errc{} || (next != end && !is_gap(*next))) {
+        const auto [next, error] = std::from_chars(at, end, value);
+        if (error != std::errc{} || (next != end && !is_separator(*next))) {
             const char* word_end = at;
-            while (word_end != end && word_end != at + 40 && !is_gap(*word_end)) ++word_end;
+            while (word_end != end && word_end != at + 40 && !is_separator(*word_end)) ++word_end;
             throw std::invalid_argument("'" + std::string(at, word_end) + "' is not a number");
         }
         found.push_back(value);
@@ -38,16 +38,16 @@ inline std::vector<double> numbers(std::string_view text) {
     }
 }
 
-/// A number with six decimals. What is not finite is an error: `std::invalid_argument`.
+/// A number with six decimals. Throws `std::invalid_argument` if it is not finite.
 inline std::string fixed(double value) {
     std::array<char, 400> text{};  // the largest double has 309 digits before the point
     if (!std::isfinite(value)) throw std::invalid_argument("a command must be a finite number");
-    const auto [end, fault] = std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::fixed, 6);
-    static_cast<void>(fault);  // it fits
+    const auto [end, error] = std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::fixed, 6);
+    static_cast<void>(error);  // it fits
     return {text.data(), end};
 }
 
-/// The bytes that a base64 text stands for. A text that is none is an error: `std::invalid_argument`.
+/// Decodes base64. Throws `std::invalid_argument` if the text is malformed.
 inline std::vector<std::uint8_t> base64(std::string_view text) {
     static constexpr auto values = [] {
         std::array<std::uint8_t, 256> table{};
@@ -62,29 +62,29 @@ inline std::vector<std::uint8_t> base64(std::string_view text) {
     const std::size_t whole = text.size() / 4, rest = text.size() % 4;
     std::vector<std::uint8_t> bytes(whole * 3 + (rest ? rest - 1 : 0));
     std::uint8_t* to = bytes.data();
-    std::uint32_t strange = rest == 1 ? 0x80 : 0;  // a letter that base64 has not sets a bit which none of its own has
+    std::uint32_t invalid = rest == 1 ? 0x80 : 0;  // bit 7 is set by characters that are not base64
     for (std::size_t at = 0; at < whole * 4; at += 4) {
         const std::uint32_t a = value(at), b = value(at + 1), c = value(at + 2), d = value(at + 3);
-        strange |= a | b | c | d;
+        invalid |= a | b | c | d;
         *to++ = static_cast<std::uint8_t>(a << 2 | b >> 4);
         *to++ = static_cast<std::uint8_t>(b << 4 | c >> 2);
         *to++ = static_cast<std::uint8_t>(c << 6 | d);
     }
     if (rest > 1) {
         const std::uint32_t a = value(whole * 4), b = value(whole * 4 + 1), c = rest == 3 ? value(whole * 4 + 2) : 0;
-        strange |= a | b | c;
+        invalid |= a | b | c;
         *to++ = static_cast<std::uint8_t>(a << 2 | b >> 4);
         if (rest == 3) *to++ = static_cast<std::uint8_t>(b << 4 | c >> 2);
     }
-    if (strange & 0x80) throw std::invalid_argument("this is not base64");
+    if (invalid & 0x80) throw std::invalid_argument("invalid base64");
     return bytes;
 }
 
-/// What was compressed with gzip (RFC 1952; one member without optional fields but a name, as Python and .NET write
-/// it). Damaged or more than 16 MB is an error: `std::invalid_argument`.
+/// Decompresses gzip (RFC 1952; one member without optional fields except a name, as written by Python and .NET).
+/// Throws `std::invalid_argument` if the data is damaged or larger than 16 MB.
 std::string gunzip(const std::vector<std::uint8_t>& data);
 
-/// A LIDAR's values: plain text, or base64 of gzip of text, as since 2025.
+/// Values of a LIDAR: plain text, or base64 of gzip of text (since 2025).
 inline std::vector<double> scan(std::string_view text) {
     return text.substr(0, 3) == "H4s" ? numbers(gunzip(base64(text))) : numbers(text);
 }

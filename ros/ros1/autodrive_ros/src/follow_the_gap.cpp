@@ -1,10 +1,11 @@
-// Drives where the way is free, by the LIDAR alone; where there is none it goes back, and turns.
+// Drives into the largest gap that the LIDAR sees; if there is none, reverses and turns.
 //
-//   roslaunch autodrive_ros follow_the_gap.launch      (with the simulator on: autodrive run mini_map --mode autonomous)
+// Start the simulator first: autodrive run mini_map --mode autonomous
+// Then the bridge, and:      roslaunch autodrive_ros follow_the_gap.launch
 //
-// At each scan: for some headings, how far could the car go that way before it touched something? The best of them,
-// where a turn costs a little, is steered at; the shorter the way, the slower the car. (What is lower than the LIDAR,
-// like a single construction box, it does not see.)
+// For each scan, the free distance is computed for a set of headings. The car steers to the heading with the longest
+// one, minus a cost of turning, and slows down if it is short. Objects below the scan plane, for example a single
+// construction box, are not seen.
 
 #include <algorithm>
 #include <cmath>
@@ -16,23 +17,23 @@
 
 namespace {
 
-constexpr double kHalfWidth = 0.19;        // of the way that it wants [m]; it is 0.175 m wide, and its tail cuts corners
-constexpr double kStop = 0.25;             // free way at which it stands [m]; the bumper is 0.08 m ahead of the LIDAR
-constexpr double kGo = 0.6;                // ... and at which it goes on again [m]
-constexpr double kTail = 0.4;             // free way behind the LIDAR to go back [m]; the bumper is 0.2 m behind it
-constexpr double kSlow = 1.0;              // ... and at which it need not be slow [m]
-constexpr double kSight = 2.0;             // further away nothing matters [m]
-constexpr double kTurnCosts = 0.3;         // free way that a turn by one radian must gain [m]
-constexpr double kGain = 2.0;              // steering angle by heading: it must turn before it is there
+constexpr double kHalfWidth = 0.19;        // of the free path [m]; the car is 0.175 m wide, and its tail cuts corners
+constexpr double kStop = 0.25;             // free distance at which the car reverses [m]; the bumper is 0.08 m ahead of the LIDAR
+constexpr double kGo = 0.6;                // free distance at which it drives forward again [m]
+constexpr double kTail = 0.4;             // free distance behind the LIDAR needed to reverse [m]; the bumper is 0.2 m behind it
+constexpr double kSlow = 1.0;              // free distance for full speed [m]
+constexpr double kSight = 2.0;             // longest free distance that is considered [m]
+constexpr double kTurnCosts = 0.3;         // free distance that a turn by one radian must gain [m]
+constexpr double kGain = 2.0;              // steering angle by heading: larger than 1, to turn early
 constexpr double kSteeringLimit = 0.5236;  // [rad]
 constexpr double kDegree = M_PI / 180.0;
 
 struct Point {
-  double x, y;  // from the LIDAR, x ahead, y to the left [m]
+  double x, y;  // in the LIDAR frame, x forward, y left [m]
 };
 
-/// What the scan has hit. The first ray looks straight ahead and the next further to the left, whatever the angles of
-/// the scan's own frame, which is turned on this car.
+/// The points of a scan. The first ray points straight ahead, the next one further left. The angles of the message are
+/// not used: with profiles before 2025, its frame points backwards.
 std::vector<Point> hits(const sensor_msgs::LaserScan& scan) {
   std::vector<Point> points;
   for (std::size_t i = 0; i < scan.ranges.size(); ++i) {
@@ -44,8 +45,8 @@ std::vector<Point> hits(const sensor_msgs::LaserScan& scan) {
   return points;
 }
 
-/// How far the car could go straight on in that heading [rad, left positive].
-double free_way(const std::vector<Point>& points, double heading) {
+/// Free distance in a heading [rad, left positive].
+double free_distance(const std::vector<Point>& points, double heading) {
   const double c = std::cos(heading), s = std::sin(heading);
   double free = kSight;
   for (const auto& [x, y] : points) {
@@ -66,18 +67,18 @@ class Driver {
  private:
   void drive(const sensor_msgs::LaserScan& scan) {
     const std::vector<Point> points = hits(scan);
-    double best = 0.0, gain = -1.0;
+    double best = 0.0, best_score = -1.0;
     for (double heading = -70.0 * kDegree; heading <= 70.0 * kDegree; heading += 2.0 * kDegree) {
-      const double worth = free_way(points, heading) - kTurnCosts * std::abs(heading);
-      if (worth > gain) best = heading, gain = worth;
+      const double score = free_distance(points, heading) - kTurnCosts * std::abs(heading);
+      if (score > best_score) best = heading, best_score = score;
     }
-    const double way = free_way(points, best);
-    is_stuck_ = way < (is_stuck_ ? kGo : kStop);
+    const double distance = free_distance(points, best);
+    is_stuck_ = distance < (is_stuck_ ? kGo : kStop);
     std_msgs::Float32 throttle, steering;
-    throttle.data = speed_ * std::clamp(way / kSlow, 0.4, 1.0);
+    throttle.data = speed_ * std::clamp(distance / kSlow, 0.4, 1.0);
     steering.data = left_ * std::clamp(kGain * best / kSteeringLimit, -1.0, 1.0);
-    if (is_stuck_) {  // back, with the wheels the other way; a throttle of 0 brakes
-      throttle.data = free_way(points, M_PI) > kTail ? -0.5 * speed_ : 0.0;
+    if (is_stuck_) {  // reverse with opposite steering; a throttle of 0 brakes
+      throttle.data = free_distance(points, M_PI) > kTail ? -0.5 * speed_ : 0.0;
       steering.data = best < 0.0 ? left_ : -left_;
     }
     throttle_.publish(throttle);
@@ -88,8 +89,8 @@ class Driver {
   ros::Publisher throttle_, steering_;
   ros::Subscriber scan_;
   bool is_stuck_ = false;
-  double left_;   // sign of a steering command to the left: -1 with the names of 2020 and 2022
-  double speed_;  // throttle where the way is free
+  double left_;   // sign of a steering command to the left: -1 with profiles before 2025
+  double speed_;  // throttle at full speed
 };
 
 }  // namespace

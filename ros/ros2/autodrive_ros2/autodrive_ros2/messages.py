@@ -1,4 +1,4 @@
-"""The plain messages of `autodrive.ros` as those of ROS 2."""
+"""Converts messages of `autodrive.ros` to ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CODES = {
     "int64": "q",
     "uint64": "Q",
 }
-"""Element of a sequence -> its `array.array`, which rclpy takes without looking at each element."""
+"""Element type of a sequence -> type code of `array.array`, which rclpy accepts without checking each element."""
 
 SEQUENCE = re.compile(r"sequence<([^,>]+)(?:, \d+)?>")
 ARRAY = re.compile(r"(.+)\[\d+\]")
@@ -35,7 +35,7 @@ ARRAY = re.compile(r"(.+)\[\d+\]")
 
 @cache
 def message_type(name: str) -> type:
-    """The class of, for example, 'sensor_msgs/LaserScan'. Raises ImportError where it is not installed."""
+    """Class of a message type, for example 'sensor_msgs/LaserScan'. Raises ImportError if it is not installed."""
     package, _, kind = name.partition("/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), kind)
@@ -44,13 +44,13 @@ def message_type(name: str) -> type:
 
 
 def build(message: Message) -> Any:
-    """It as a ROS message; fields that it does not name have their defaults."""
-    return _maker(message.type)(message.fields)
+    """A ROS message; fields that are not given keep their defaults."""
+    return _builder(message.type)(message.fields)
 
 
 @cache
-def _maker(name: str) -> Callable[[Fields], Any]:
-    """Makes messages of that type of their fields; what is in a type is looked up once."""
+def _builder(name: str) -> Callable[[Any], Any]:
+    """A function that builds messages of a type from fields; the type is inspected once."""
     kind = message_type(name)
     if name == "builtin_interfaces/Time":
         return lambda time: kind(sec=time.sec, nanosec=time.nanosec)
@@ -68,13 +68,13 @@ def _maker(name: str) -> Callable[[Fields], Any]:
 
 
 def _converter(type_: str) -> Callable[[Any], Any]:
-    """What makes a value of a field of that type."""
+    """A function that converts a value to a field type."""
     if match := ARRAY.fullmatch(type_):
         return np.asarray if match[1] in CODES else list
     if match := SEQUENCE.fullmatch(type_):
         return _sequence(match[1])
     if "/" in type_:
-        return _maker(type_)
+        return _builder(type_)
     return {"float": float, "double": float, "boolean": bool, "string": str}.get(type_, int)
 
 

@@ -1,6 +1,8 @@
-"""Drives by a gamepad: sensor_msgs/Joy in, ackermann_msgs/AckermannDriveStamped out, while a button is held."""
+"""Gamepad teleoperation: converts sensor_msgs/Joy to ackermann_msgs/AckermannDriveStamped while a button is held."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import rclpy
 from ackermann_msgs.msg import AckermannDriveStamped
@@ -8,27 +10,29 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import Joy
 
+from autodrive.ros import nigel
+
 
 class TeleopJoy(Node):
-    """Its axes are those of an Xbox pad under joy_node: the left stick drives, the right one steers, LB is held."""
+    """The defaults fit an Xbox pad with joy_node: the left stick drives, the right one steers, LB is held."""
 
     def __init__(self) -> None:
         super().__init__("teleop_joy")
 
-        def parameter(name: str, default: int | float | str) -> int | float | str:
+        def parameter(name: str, default: Any) -> Any:
             return self.declare_parameter(name, default).value
 
         self._axes = parameter("axis_speed", 1), parameter("axis_steering", 3)
         self._button = parameter("button_hold", 4)
-        self._limits = parameter("speed_limit", 0.44), parameter("steering_limit", 0.5236)
+        self._limits = parameter("speed_limit", nigel.SPEED_LIMIT), parameter("steering_limit", nigel.STEERING_LIMIT)
         self._is_held = False
         self._out = self.create_publisher(
             AckermannDriveStamped, f"autodrive/{parameter('vehicle', 'nigel_1')}/drive", 10
         )
-        self.create_subscription(Joy, "joy", self.take, 10)
+        self.create_subscription(Joy, "joy", self.on_joy, 10)
 
-    def take(self, joy: Joy) -> None:
-        """Drive; once the button is let go, stop, and leave the wheel to others."""
+    def on_joy(self, joy: Joy) -> None:
+        """Drive; when the button is released, stop once and leave the vehicle to other drivers."""
         was_held, self._is_held = self._is_held, self._button < len(joy.buttons) and bool(joy.buttons[self._button])
         if not (self._is_held or was_held):
             return
@@ -41,7 +45,7 @@ class TeleopJoy(Node):
 
 
 def main() -> None:
-    """Until Ctrl-C."""
+    """Run until Ctrl-C."""
     rclpy.init()
     try:
         rclpy.spin(TeleopJoy())

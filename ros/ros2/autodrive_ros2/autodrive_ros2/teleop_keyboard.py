@@ -1,4 +1,4 @@
-"""Drives by keys in a terminal: w and s throttle, a and d steering, q steers straight, e lets roll, x both."""
+"""Keyboard teleoperation: w and s throttle, a and d steering, q steering 0, e throttle 0, x both 0."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ KEYS = {
     "e": ("throttle", None),
     "x": (None, None),
 }
-"""Key -> what it changes (None: both), and by how much (None: to 0)."""
+"""Key -> the value that it changes (None: both), and by how much (None: to 0)."""
 
 HELP = "w/s throttle, a/d steering, q straight, e no throttle, x both, Ctrl-C ends\n"
 
 
 class TeleopKeyboard(Node):
-    """Publishes the two commands ten times a second, also unchanged: the bridge stops who falls silent."""
+    """Publishes both commands at 10 Hz, also unchanged ones: the bridge stops a vehicle without commands."""
 
     def __init__(self) -> None:
         super().__init__("teleop_keyboard")
@@ -40,10 +40,10 @@ class TeleopKeyboard(Node):
         self._out = {
             name: self.create_publisher(Float32, f"autodrive/{vehicle}/{name}_command", 10) for name in self.values
         }
-        self.create_timer(0.1, self.tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(0.1, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def press(self, key: str) -> None:
-        """Change what that key changes."""
+        """Apply a key."""
         if key not in KEYS:
             return
         name, change = KEYS[key]
@@ -53,16 +53,16 @@ class TeleopKeyboard(Node):
         sys.stdout.write(f"\rthrottle {self.values['throttle']:+.1f}  steering {self.values['steering']:+.1f} ")
         sys.stdout.flush()
 
-    def tell(self) -> None:
-        """Publish both."""
+    def publish(self) -> None:
+        """Publish both commands."""
         self._out["throttle"].publish(Float32(data=self.values["throttle"]))
         self._out["steering"].publish(Float32(data=self._sign * self.values["steering"]))
 
 
 def main() -> None:
-    """Until Ctrl-C."""
+    """Run until Ctrl-C."""
     if not sys.stdin.isatty():
-        sys.exit("teleop_keyboard: keys come from a terminal: run it in one, not from a launch file")
+        sys.exit("teleop_keyboard: needs a terminal for its keys; do not start it from a launch file")
     rclpy.init()
     node = TeleopKeyboard()
     before = termios.tcgetattr(sys.stdin)

@@ -1,4 +1,6 @@
-"""Starts the bridge to a simulator, and RViz: ros2 launch autodrive_ros2 bringup_graphics.launch.py."""
+"""Starts the bridge and RViz: ros2 launch autodrive_ros2 bringup_graphics.launch.py."""
+# pyright: reportAttributeAccessIssue=false
+# `launch` is the ROS package; pyright takes it for this folder
 
 from pathlib import Path
 
@@ -11,6 +13,6 @@ HEADLESS = Path(get_package_share_directory("autodrive_ros2")) / "launch" / "bri
 
 
 def generate_launch_description() -> LaunchDescription:
-    """As bringup_headless, whose arguments it takes, with `rviz` true."""
+    """bringup_headless with `rviz` true; it accepts the same arguments."""
     source = PythonLaunchDescriptionSource(str(HEADLESS))
     return LaunchDescription([IncludeLaunchDescription(source, launch_arguments={"rviz": "true"}.items())])

@@ -1,4 +1,6 @@
-"""Starts the bridge to a simulator, and RViz where asked: ros2 launch autodrive_ros2 bringup_headless.launch.py."""
+"""Starts the bridge, and RViz if requested: ros2 launch autodrive_ros2 bringup_headless.launch.py."""
+# pyright: reportAttributeAccessIssue=false
+# `launch` is the ROS package; pyright takes it for this folder
 
 import tempfile
 from pathlib import Path
@@ -13,22 +15,22 @@ from launch_ros.actions import Node
 SHARE = Path(get_package_share_directory("autodrive_ros2"))
 
 ARGUMENTS = {
-    "namespace": ("", "before the names of all topics and services but /tf, /tf_static and /clock"),
+    "namespace": ("", "prefix of all topics and services except /tf, /tf_static and /clock"),
     "mode": (
         "direct",
-        "'direct': a client of our simulator; 'devkit': the server that any AutoDRIVE simulator connects to",
+        "'direct': a client of this simulator; 'devkit': a server that any AutoDRIVE simulator connects to",
     ),
-    "host": ("127.0.0.1", "direct: the simulator's address; devkit: the address to listen at"),
-    "port": ("0", "0: the usual one, 8730 (direct) or 4567 (devkit)"),
+    "host": ("127.0.0.1", "direct: address of the simulator; devkit: address to listen at"),
+    "port": ("0", "0: the default, 8730 (direct) or 4567 (devkit)"),
     "params_file": (str(SHARE / "config" / "autodrive_bridge.yaml"), "parameters of the bridge"),
-    "use_sim_time": ("true", "whether RViz lives in simulated time; the bridge itself makes that time"),
+    "use_sim_time": ("true", "whether RViz uses simulated time, which the bridge publishes"),
     "rviz": ("false", "whether RViz is started"),
-    "rviz_config": (str(SHARE / "rviz" / "autodrive.rviz"), "what RViz shows"),
+    "rviz_config": (str(SHARE / "rviz" / "autodrive.rviz"), "configuration of RViz"),
 }
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The arguments, and what starts."""
+    """Launch arguments and nodes."""
     arguments = [
         DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
     ]
@@ -60,7 +62,7 @@ def _nodes(context: object) -> list[Node]:
 
 
 def _within(namespace: str, config: Path) -> str:
-    """That file of RViz, with the namespace before its topics."""
+    """A copy of the RViz file with the namespace prepended to its topics."""
     if not namespace.strip("/"):
         return str(config)
     root = "/" + namespace.strip("/")

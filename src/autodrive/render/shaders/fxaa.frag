@@ -1,10 +1,10 @@
-// Fast approximate anti-aliasing (T. Lottes, 2009): smooths along edges of brightness, which is drawn as alpha.
+// Fast approximate anti-aliasing (T. Lottes, 2009): smooths along edges of brightness, which is stored in alpha.
 uniform sampler2D drawn;
 uniform vec2 texel;
 out vec4 pixel;
 float luma(ivec2 at) { return texelFetch(drawn, at, 0).a; }
 void main() {
-    ivec2 c = clamp(ivec2(gl_FragCoord.xy), ivec2(1), textureSize(drawn, 0) - 2);  // neighbours are within the picture
+    ivec2 c = clamp(ivec2(gl_FragCoord.xy), ivec2(1), textureSize(drawn, 0) - 2);  // keeps all neighbours inside the image
     float nw = luma(c + ivec2(-1, -1)), ne = luma(c + ivec2(1, -1)), sw = luma(c + ivec2(-1, 1)), se = luma(c + ivec2(1, 1));
     vec4 own = texelFetch(drawn, ivec2(gl_FragCoord.xy), 0);
     float low = min(own.a, min(min(nw, ne), min(sw, se))), high = max(own.a, max(max(nw, ne), max(sw, se)));

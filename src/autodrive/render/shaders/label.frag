@@ -1,4 +1,4 @@
-// What each pixel shows.
+// Semantic label of each pixel.
 in vec3 place, facing, in_sun;
 flat in vec3 own_color, own_emission;
 flat in vec4 own_finish;

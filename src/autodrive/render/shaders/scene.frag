@@ -1,8 +1,8 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
-// FLAT: level ground; it and what is MATT has no gloss. QUICK: lamps cause no gloss. What reaches this draw: STILL: shadows of what stands still; CASTERS, BEAMS, LAMPS: so many
-// vehicles' shadows, headlights and other lamps.
+// FLAT: level ground. FLAT and MATT have no gloss. QUICK: lamps cause no gloss. STILL: shadows of static meshes reach this
+// draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows, headlights and other lamps that reach it.
 layout(std140) uniform Frame { FRAME_FIELDS };
-layout(std140) uniform Sight { mat4 clip_from_map; vec4 eye; };
+layout(std140) uniform Camera { mat4 clip_from_map; vec4 eye; };
 
 uniform sampler2DArray textures;
 uniform sampler2DShadow still_map, caster_map, beam_map;
@@ -51,13 +51,13 @@ float sunlit() {
     vec3 at, off;
 #ifdef STILL
     at = in_sun * still_scale.xyz + still_offset.xyz;
-    lit = shadow(still_map, at, vec2(still_scale.w));  // beyond its edge the map goes on empty
+    lit = shadow(still_map, at, vec2(still_scale.w));  // outside the map there is no shadow
 #endif
     for (int i = 0; i < CASTERS; i++) {
         vec4 tile = caster_tile[casters[i]];
         at = in_sun * caster_half.zzw + caster_offset[casters[i]].xyz;
         off = abs(at - 0.5);
-        bool inside = max(off.x, off.y) < 0.48 &&  // the rim would be smoothed with the next tile
+        bool inside = max(off.x, off.y) < 0.48 &&  // filtering at the border would read the next tile
                        at.z < 1.0 && tile.w > 0.0;
         float own = shadow(caster_map, vec3(tile.xy + at.xy * tile.z, at.z), vec2(tile.w));
         lit = min(lit, inside ? own : 1.0);
@@ -65,7 +65,7 @@ float sunlit() {
     return lit;
 }
 
-// How much of the sky a point near vehicles sees: less below and beside them.
+// Share of the sky that is visible at a point: less below vehicles and near the ground beside them.
 float openness() {
     float open = 1.0;
     for (int i = 0; i < CASTERS; i++) {
@@ -73,6 +73,7 @@ float openness() {
         vec2 d = place.xy - other.xy;
         vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - caster_half.xy, 0.0);
         float far = dot(outside, outside);
+        far += clamp((far - 2e-4) * 5e3, 0.0, 1.0) * place.z * place.z;  // not on the vehicle itself
         open *= caster_tile[casters[i]].w > 0.0 ? 1.0 - 0.75 * exp(-far * 700.0) : 1.0;
     }
     return open;
@@ -103,7 +104,7 @@ vec3 lamp_reflected(Finish f, vec3 n, vec3 v, vec3 l) {
 #endif
 }
 
-// Irradiance [cd/m^2] of what faces lamp i from distance d along l (KHR_lights_punctual).
+// Irradiance [cd/m^2] of a surface that faces lamp i; l: direction to the lamp (KHR_lights_punctual).
 vec3 lamp_light(int i, out vec3 l) {
     vec3 to = lamp_place[i].xyz - place;
     float d2 = max(dot(to, to), 1e-4), range = lamp_place[i].w, r2 = d2 / (range * range);
@@ -123,7 +124,7 @@ void main() {
     vec3 color = own_color;
 #ifdef TEXTURED
     vec3 texel = texture(textures, vec3(own_uv, own_finish.z)).rgb;
-    color *= texel * texel;  // pictures are stored as square roots of linear values
+    color *= texel * texel;  // textures are stored as square roots of linear values
 #endif
     float roughness = own_finish.x, metallic = own_finish.y;
     Finish f;
@@ -155,12 +156,12 @@ void main() {
         int b = beams[i];
         vec3 arriving = lamp_light(b, l);
         vec4 at = beam_from_map[b] * vec4(place + 0.004 * n, 1.0);
-        at.xyz /= max(at.w, 1e-4);  // behind the lamp there is no light anyway
+        at.xyz /= max(at.w, 1e-4);  // behind the lamp there is no light
         float above_axis = dot(-l, beam_up[b].xyz);
         arriving *= clamp(0.5 - above_axis * beam_up[b].w, 0.0, 1.0);
         arriving *= shadow(beam_map, at.xyz, vec2(BEAM_TEXEL));
 #ifdef FLAT
-        // asphalt and grass throw light back to where it comes from: Lommel and Seeliger's law for rough ground
+        // asphalt and grass reflect light back to its source: law of Lommel and Seeliger for rough ground
         light += f.diffuse * 0.31831 * arriving * l.z / (l.z + v.z + 0.02);
 #else
         light += lamp_reflected(f, n, v, l) * arriving;

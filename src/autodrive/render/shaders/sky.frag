@@ -1,4 +1,4 @@
-// The sky: bright at the horizon, deeper towards the zenith.
+// The sky: bright at the horizon, darker towards the zenith.
 in vec3 ray;
 flat in vec3 low, high;
 out vec4 pixel;

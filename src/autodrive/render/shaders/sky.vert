@@ -1,4 +1,4 @@
-// A triangle that covers the viewport, at the far end of everything, and the way that its corners look.
+// A triangle that covers the viewport at the far plane, with the view direction of its corners.
 layout(std140) uniform Frame { FRAME_FIELDS };
 uniform mat4 map_from_clip;
 out vec3 ray;

@@ -1,5 +1,5 @@
-// Highlights as in Khronos PBR Neutral tone mapping, without its toe, which blackens the night; then the sRGB transfer
-// function (a fit by square roots, within 0.003).
+// Highlights as in Khronos PBR Neutral tone mapping, without its toe, which would make nights black; then the sRGB
+// transfer function (approximated by square roots, error below 0.003).
 vec3 shown(vec3 c) {
     float peak = max(c.r, max(c.g, c.b)), low = 0.76, d = 1.0 - low;
     float bright = 1.0 - d * d / (peak + d - low);

@@ -14,7 +14,7 @@ namespace autodrive {
 
 namespace detail {
 
-/// A WebSocket whose every act ends within a time.
+/// A WebSocket connection; every operation has a timeout.
 class Connection {
 public:
     Connection(const std::string& host, unsigned short port, const std::string& token, std::chrono::milliseconds timeout)
@@ -24,42 +24,42 @@ public:
         const std::string number = std::to_string(port);
         run([&](auto done) {
             boost::beast::get_lowest_layer(socket_).async_connect(resolver.resolve(host, number),
-                                                                  [done](Error fault, const auto&) { done(fault); });
+                                                                  [done](Error error, const auto&) { done(error); });
         });
         boost::beast::get_lowest_layer(socket_).socket().set_option(boost::asio::ip::tcp::no_delay(true));
         socket_.set_option(websocket::stream_base::decorator([](websocket::request_type& request) {
-            request.set(boost::beast::http::field::sec_websocket_protocol, "autodrive.v1");
+            request.set(boost::beast::http::field::sec_websocket_protocol, "autodrive.v2");
         }));
         socket_.read_message_max(std::size_t{1} << 26);
         socket_.binary(true);
         run([&](auto done) {
             socket_.async_handshake(host + ":" + number, token.empty() ? "/ws" : "/ws?token=" + escaped(token),
-                                    [done](Error fault) { done(fault); });
+                                    [done](Error error) { done(error); });
         });
     }
 
     void send(const std::vector<std::uint8_t>& bytes) {
         run([&](auto done) {
-            socket_.async_write(boost::asio::buffer(bytes), [done](Error fault, std::size_t) { done(fault); });
+            socket_.async_write(boost::asio::buffer(bytes), [done](Error error, std::size_t) { done(error); });
         });
     }
 
-    /// The next message, until the one after it.
+    /// The next message; valid until the next call.
     std::pair<const std::uint8_t*, std::size_t> receive() {
         buffer_.consume(buffer_.size());
-        run([&](auto done) { socket_.async_read(buffer_, [done](Error fault, std::size_t) { done(fault); }); });
+        run([&](auto done) { socket_.async_read(buffer_, [done](Error error, std::size_t) { done(error); }); });
         return {static_cast<const std::uint8_t*>(buffer_.cdata().data()), buffer_.size()};
     }
 
 private:
     using Error = boost::beast::error_code;
 
-    /// Begins something asynchronous and waits for its end, at most `timeout_`.
-    template <typename Begin>
-    void run(Begin begin) {
+    /// Starts an asynchronous operation and waits for its end, at most `timeout_`.
+    template <typename Start>
+    void run(Start start) {
         Error result = boost::asio::error::would_block;
         boost::beast::get_lowest_layer(socket_).expires_after(timeout_);
-        begin([&result](Error fault) { result = fault; });
+        start([&result](Error error) { result = error; });
         context_.restart();
         context_.run();
         boost::beast::get_lowest_layer(socket_).expires_never();
@@ -91,11 +91,11 @@ private:
 AUTODRIVE_INLINE Client::Client(const std::string& host, unsigned short port, const std::string& token,
                                 const Subscription& subscription, std::chrono::milliseconds timeout)
     : connection_(std::make_unique<detail::Connection>(host, port, token, timeout)) {
-    send({{"type", "Hello"}, {"protocol", 1}, {"name", "C++"}});
-    Json wish = {{"type", "Subscribe"}, {"scans", subscription.scans}, {"picture_rate", subscription.picture_rate}};
-    wish["frame_rate"] = subscription.frame_rate ? Json(*subscription.frame_rate) : Json();
-    send(wish);
-    while (welcome_.is_null() || scene_.is_null()) take(receive());
+    send({{"type", "Hello"}, {"protocol", 2}, {"name", "C++"}});
+    Json subscribe = {{"type", "Subscribe"}, {"scans", subscription.scans}, {"picture_rate", subscription.picture_rate}};
+    subscribe["frame_rate"] = subscription.frame_rate ? Json(*subscription.frame_rate) : Json();
+    send(subscribe);
+    while (welcome_.is_null() || scene_.is_null()) handle(receive());
 }
 
 AUTODRIVE_INLINE Client::~Client() = default;
@@ -103,8 +103,8 @@ AUTODRIVE_INLINE Client::Client(Client&&) noexcept = default;
 AUTODRIVE_INLINE Client& Client::operator=(Client&&) noexcept = default;
 
 AUTODRIVE_INLINE Frame Client::next() {
-    while (!fresh_) take(receive());
-    fresh_ = false;
+    while (!is_new_) handle(receive());
+    is_new_ = false;
     return frame_;
 }
 
@@ -113,9 +113,9 @@ AUTODRIVE_INLINE void Client::drive(const std::string& vehicle, const Command& c
 }
 
 AUTODRIVE_INLINE Frame Client::step(int ticks, const std::map<std::string, Command>& commands) {
-    Json told = Json::object();
-    for (const auto& [vehicle, command] : commands) told[vehicle] = wire::command(command);
-    return request({{"type", "Step"}, {"ticks", ticks}, {"commands", told}});
+    Json json = Json::object();
+    for (const auto& [vehicle, command] : commands) json[vehicle] = wire::command(command);
+    return request({{"type", "Step"}, {"ticks", ticks}, {"commands", json}});
 }
 
 AUTODRIVE_INLINE Frame Client::pause() { return request({{"type", "Pause"}}); }
@@ -128,16 +128,16 @@ AUTODRIVE_INLINE Frame Client::teleport(const std::string& vehicle, double x, do
 
 AUTODRIVE_INLINE Frame Client::request(const Json& request) {
     const std::int64_t id = next_id_++;
-    send({{"type", "Please"}, {"id", id}, {"request", request}});
+    send({{"type", "Request"}, {"id", id}, {"operation", request}});
     while (true) {
         const Json message = receive();
         if (message.value("id", Json()) == id) {
-            if (message.at("type") == "Fault") throw Refused(message.at("text").get<std::string>());
-            show(message.at("frame"));
-            fresh_ = false;
+            if (message.at("type") == "Error") throw Refused(message.at("text").get<std::string>());
+            set_frame(message.at("frame"));
+            is_new_ = false;
             return frame_;
         }
-        take(message);
+        handle(message);
     }
 }
 
@@ -148,10 +148,10 @@ AUTODRIVE_INLINE Json Client::receive() {
     return detail::Unpacker(bytes, size).value();
 }
 
-AUTODRIVE_INLINE void Client::take(const Json& message) {
+AUTODRIVE_INLINE void Client::handle(const Json& message) {
     const std::string& type = message.at("type").get_ref<const std::string&>();
     if (type == "Frame") {
-        show(message);
+        set_frame(message);
     } else if (type == "Scan") {
         scans_[message.at("vehicle")] = wire::scan(message.at("scan"));
     } else if (type == "Picture") {
@@ -164,14 +164,14 @@ AUTODRIVE_INLINE void Client::take(const Json& message) {
         pictures_.clear();
     } else if (type == "Welcome") {
         welcome_ = message;
-    } else if (type == "Fault") {
+    } else if (type == "Error") {
         throw Refused(message.at("text").get<std::string>());
     }
 }
 
-AUTODRIVE_INLINE void Client::show(const Json& told) {
-    frame_ = wire::frame(told);
-    fresh_ = true;
+AUTODRIVE_INLINE void Client::set_frame(const Json& json) {
+    frame_ = wire::frame(json);
+    is_new_ = true;
     for (auto& [name, vehicle] : frame_.vehicles)
         if (const auto scan = scans_.find(name); scan != scans_.end()) vehicle.lidar = scan->second;
 }

@@ -24,10 +24,10 @@ namespace http = beast::http;
 using Tcp = asio::ip::tcp;
 using Error = beast::error_code;
 
-/// Engine.IO over WebSocket with one simulator, from its HTTP request to its end.
+/// Engine.IO session with one simulator over WebSocket, from the HTTP request to the end of the connection.
 class Session : public std::enable_shared_from_this<Session> {
 public:
-    /// Answers a message; an empty text says nothing.
+    /// Returns the answer to a message; an empty text is not sent.
     using Answer = std::function<std::string(std::string_view event)>;
 
     Session(Tcp::socket socket, Answer answer)
@@ -36,16 +36,16 @@ public:
     void start() {
         Error ignored;
         beast::get_lowest_layer(socket_).socket().set_option(Tcp::no_delay(true), ignored);
-        beast::get_lowest_layer(socket_).expires_after(patience);
+        beast::get_lowest_layer(socket_).expires_after(handshake_timeout);
         request_parser_.emplace();
         http::async_read(socket_.next_layer(), buffer_, *request_parser_,
-                         [self = shared_from_this()](Error fault, std::size_t) {
-                             if (!fault) self->welcome(self->request_parser_->release());
+                         [self = shared_from_this()](Error error, std::size_t) {
+                             if (!error) self->welcome(self->request_parser_->release());
                          });
     }
 
 private:
-    static constexpr std::chrono::seconds patience{10};
+    static constexpr std::chrono::seconds handshake_timeout{10};
     static constexpr std::chrono::seconds ping_interval{25};
     static constexpr std::size_t message_limit = std::size_t{1} << 24;
 
@@ -55,13 +55,13 @@ private:
             refuse(request);
             return;
         }
-        // Engine.IO 3 says so, and its server opens the namespace; the original simulator claims 4 and speaks 3
+        // with Engine.IO 3 the server opens the namespace; the original simulator announces version 4 but uses 3
         is_engine_io_3_ = target.find("EIO=3") != std::string::npos;
         beast::get_lowest_layer(socket_).expires_never();
         socket_.read_message_max(message_limit);
         socket_.text(true);
-        socket_.async_accept(request, [self = shared_from_this()](Error fault) {
-            if (fault) return;
+        socket_.async_accept(request, [self = shared_from_this()](Error error) {
+            if (error) return;
             self->send(R"(0{"sid":"autodrive","upgrades":[],"pingInterval":25000,"pingTimeout":20000,"maxPayload":16777216})");
             if (self->is_engine_io_3_) self->send("40");
             self->ping_later();
@@ -80,24 +80,24 @@ private:
     }
 
     void listen() {
-        socket_.async_read(buffer_, [self = shared_from_this()](Error fault, std::size_t) {
-            if (fault) {
+        socket_.async_read(buffer_, [self = shared_from_this()](Error error, std::size_t) {
+            if (error) {
                 self->close();
                 return;
             }
             const auto data = self->buffer_.cdata();
-            self->take({static_cast<const char*>(data.data()), data.size()});
+            self->handle({static_cast<const char*>(data.data()), data.size()});
             self->buffer_.consume(self->buffer_.size());
             self->listen();
         });
     }
 
-    void take(std::string_view packet) {
+    void handle(std::string_view packet) {
         const auto begins = [packet](const char* start) { return packet.rfind(start, 0) == 0; };
-        if (begins("42")) {  // an event, with a number if it wants to be acknowledged
+        if (begins("42")) {  // an event, with a number if an acknowledgement is requested
             const std::size_t body = packet.find('[');
             if (body == std::string_view::npos) return;
-            if (std::string said = answer_(packet.substr(body)); !said.empty()) send(std::move(said));
+            if (std::string text = answer_(packet.substr(body)); !text.empty()) send(std::move(text));
             if (body > 2) send("43" + std::string(packet.substr(2, body - 2)) + "[]");
         } else if (begins("40") && !is_engine_io_3_) {
             send(R"(40{"sid":"autodrive"})");
@@ -108,26 +108,26 @@ private:
 
     void ping_later() {
         timer_.expires_after(ping_interval);
-        timer_.async_wait([self = shared_from_this()](Error fault) {
-            if (fault) return;
+        timer_.async_wait([self = shared_from_this()](Error error) {
+            if (error) return;
             self->send("2");
             self->ping_later();
         });
     }
 
     void send(std::string packet) {
-        waiting_.push_back(std::move(packet));
-        if (waiting_.size() == 1) write_next();
+        queue_.push_back(std::move(packet));
+        if (queue_.size() == 1) write_next();
     }
 
     void write_next() {
-        socket_.async_write(asio::buffer(waiting_.front()), [self = shared_from_this()](Error fault, std::size_t) {
-            if (fault) {
+        socket_.async_write(asio::buffer(queue_.front()), [self = shared_from_this()](Error error, std::size_t) {
+            if (error) {
                 self->close();
                 return;
             }
-            self->waiting_.pop_front();
-            if (!self->waiting_.empty()) self->write_next();
+            self->queue_.pop_front();
+            if (!self->queue_.empty()) self->write_next();
         });
     }
 
@@ -136,18 +136,18 @@ private:
         beast::get_lowest_layer(socket_).close();
     }
 
-    beast::websocket::stream<beast::tcp_stream, false> socket_;  // what is sent is compressed already
+    beast::websocket::stream<beast::tcp_stream, false> socket_;  // without compression: scans and images are compressed already
     asio::steady_timer timer_;
     Answer answer_;
     beast::flat_buffer buffer_;
     std::optional<http::request_parser<http::string_body>> request_parser_;
-    std::deque<std::string> waiting_;
+    std::deque<std::string> queue_;
     bool is_engine_io_3_ = false;
 };
 
 inline void accept(Tcp::acceptor& acceptor, const Session::Answer& answer) {
-    acceptor.async_accept([&acceptor, answer](Error fault, Tcp::socket socket) {
-        if (!fault) std::make_shared<Session>(std::move(socket), answer)->start();
+    acceptor.async_accept([&acceptor, answer](Error error, Tcp::socket socket) {
+        if (!error) std::make_shared<Session>(std::move(socket), answer)->start();
         if (acceptor.is_open()) accept(acceptor, answer);
     });
 }
@@ -159,23 +159,23 @@ AUTODRIVE_INLINE void Server::run(unsigned short port, const std::string& host,
     detail::asio::io_context context(1);
     detail::Tcp::acceptor acceptor(context, {detail::asio::ip::make_address(host), port});
     detail::asio::signal_set signals(context, SIGINT, SIGTERM);
-    signals.async_wait([this](detail::Error fault, int) {
-        if (!fault) stop();
+    signals.async_wait([this](detail::Error error, int) {
+        if (!error) stop();
     });
     detail::accept(acceptor, [this](std::string_view event) { return answer(event); });
-    const auto end_by = [this](std::function<void()> end) {
+    const auto set_end = [this](std::function<void()> end) {
         const std::lock_guard lock(mutex_);
         end_ = std::move(end);
     };
-    end_by([&context] { context.stop(); });
+    set_end([&context] { context.stop(); });
     try {
         if (listening) listening(acceptor.local_endpoint().port());
         context.run();
     } catch (...) {
-        fault_ = std::current_exception();
+        exception_ = std::current_exception();
     }
-    end_by({});
-    if (const auto fault = std::exchange(fault_, nullptr)) std::rethrow_exception(fault);
+    set_end({});
+    if (const auto exception = std::exchange(exception_, nullptr)) std::rethrow_exception(exception);
 }
 
 AUTODRIVE_INLINE std::string Server::answer(std::string_view event) {
@@ -184,24 +184,24 @@ AUTODRIVE_INLINE std::string Server::answer(std::string_view event) {
     try {
         Json message = Json::object();
         for (auto& [name, driver] : drivers_) {
-            for (const std::string& fault : read(*telemetry, driver.prefix, driver.state)) complain(fault);
+            for (const std::string& error : read(*telemetry, driver.prefix, driver.state)) report(error);
             write(driver.drive(driver.state), driver.prefix, message);
         }
         if (respond_)
             for (const auto& [key, value] : respond_(telemetry->json()).items()) message[key] = value;
         return message.empty() ? "" : "42" + Json::array({"Bridge", message}).dump();
     } catch (...) {
-        fault_ = std::current_exception();
+        exception_ = std::current_exception();
         stop();
         return "";
     }
 }
 
-AUTODRIVE_INLINE void Server::complain(const std::string& fault) {
-    if (complain_)
-        complain_(fault);
-    else if (told_.insert(fault.substr(0, fault.find(':'))).second)
-        std::cerr << "autodrive: cannot read " << fault << std::endl;
+AUTODRIVE_INLINE void Server::report(const std::string& error) {
+    if (on_error_)
+        on_error_(error);
+    else if (reported_.insert(error.substr(0, error.find(':'))).second)
+        std::cerr << "autodrive: cannot read " << error << std::endl;
 }
 
 }  // namespace autodrive::devkit

@@ -7,12 +7,12 @@
 
 namespace autodrive::wire {
 
-/// An array of the wire: a MessagePack extension of little-endian values, 1 for float64 and 2 for int64.
+/// Reads an array: a MessagePack extension of little-endian values, type 1 for float64 and 2 for int64.
 template <typename Value, int code>
 std::vector<Value> array(const Json& json) {
     const auto& binary = json.get_binary();
     if (!binary.has_subtype() || binary.subtype() != code || binary.size() % sizeof(Value))
-        throw std::runtime_error("an array of the wire has another type than expected");
+        throw std::runtime_error("an array of the message has an unexpected type");
     std::vector<Value> values(binary.size() / sizeof(Value));
     std::memcpy(values.data(), binary.data(), binary.size());
     return values;
@@ -23,7 +23,7 @@ inline std::vector<double> doubles(const Json& json) { return array<double, 1>(j
 template <int size>
 Eigen::Matrix<double, size, 1> vector(const Json& json) {
     const auto values = doubles(json);
-    if (values.size() != size) throw std::runtime_error("a vector of the wire has another length than expected");
+    if (values.size() != size) throw std::runtime_error("a vector of the message has an unexpected length");
     return Eigen::Map<const Eigen::Matrix<double, size, 1>>(values.data());
 }
 
@@ -67,11 +67,11 @@ inline Frame frame(const Json& json) {
     frame.time = json.at("time");
     frame.tick = json.at("tick");
     frame.scene_light = json.at("scene_light");
-    for (const auto& [name, told] : json.at("vehicles").items()) frame.vehicles[name] = vehicle(told);
-    for (const auto& [name, told] : json.at("objects").items()) frame.objects[name] = pose(told.at("pose"));
-    for (const Json& told : json.at("events"))
-        frame.events.push_back({told.at("type"), told.at("time"), told.at("vehicle"), told.value("other", ""),
-                                vector<3>(told.at("position"))});
+    for (const auto& [name, value] : json.at("vehicles").items()) frame.vehicles[name] = vehicle(value);
+    for (const auto& [name, value] : json.at("objects").items()) frame.objects[name] = pose(value.at("pose"));
+    for (const Json& event : json.at("events"))
+        frame.events.push_back({event.at("type"), event.at("time"), event.at("vehicle"), event.value("other", ""),
+                                vector<3>(event.at("position"))});
     return frame;
 }
 

@@ -9,13 +9,13 @@
 
 namespace autodrive::detail {
 
-/// MessagePack to JSON. nlohmann's own reader takes a picture byte by byte, which is ten times as slow.
+/// Converts MessagePack to JSON. The reader of nlohmann::json copies binary data byte by byte, ten times slower.
 class Unpacker {
 public:
     Unpacker(const std::uint8_t* at, std::size_t size) : at_(at), end_(at + size) {}
 
     Json value(int depth = 0) {
-        if (depth > 100) throw std::runtime_error("MessagePack is nested too deeply");
+        if (depth > 100) throw std::runtime_error("MessagePack data is nested too deeply");
         const std::uint8_t code = *take(1);
         if (code < 0x80) return code;
         if (code < 0x90) return map(code & 0x0f, depth);
@@ -50,18 +50,18 @@ public:
             case 0xdd: return array(number<std::uint32_t>(), depth);
             case 0xde: return map(number<std::uint16_t>(), depth);
             case 0xdf: return map(number<std::uint32_t>(), depth);
-            default: throw std::runtime_error("MessagePack has no code " + std::to_string(code));
+            default: throw std::runtime_error("unknown MessagePack code " + std::to_string(code));
         }
     }
 
 private:
     const std::uint8_t* take(std::size_t size) {
-        if (size > static_cast<std::size_t>(end_ - at_)) throw std::runtime_error("MessagePack ends too early");
+        if (size > static_cast<std::size_t>(end_ - at_)) throw std::runtime_error("MessagePack data is incomplete");
         at_ += size;
         return at_ - size;
     }
 
-    /// Big-endian on the wire.
+    /// Reads a big-endian number.
     template <typename Number>
     Number number() {
         const std::uint8_t* from = take(sizeof(Number));

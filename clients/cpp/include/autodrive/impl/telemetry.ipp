@@ -20,7 +20,7 @@ AUTODRIVE_INLINE Json Telemetry::json() const {
     return all;
 }
 
-/// What every simulator sends: texts without escapes. Nothing is copied. False: it is something else.
+/// Parses texts without escapes, as sent by all simulators, without copying. False for other JSON.
 AUTODRIVE_INLINE bool Telemetry::take_plain(std::string_view text) {
     const auto skip = [&](char wanted) {
         while (!text.empty() && (text[0] == ' ' || text[0] == '\n' || text[0] == '\r' || text[0] == '\t'))
@@ -47,7 +47,7 @@ AUTODRIVE_INLINE bool Telemetry::take_plain(std::string_view text) {
     return skip('}') && skip(']') && text.empty() && !fields_.empty();
 }
 
-/// Any JSON. Numbers become texts; what is neither says nothing.
+/// Parses any JSON. Numbers become texts; null, arrays and objects are skipped.
 AUTODRIVE_INLINE bool Telemetry::take_json(std::string_view text) {
     const Json event = Json::parse(text.begin(), text.end(), nullptr, false);
     if (!event.is_array() || event.size() != 2 || event[0] != "Bridge" || !event[1].is_object()) return false;
@@ -60,19 +60,19 @@ AUTODRIVE_INLINE bool Telemetry::take_json(std::string_view text) {
 }
 
 AUTODRIVE_INLINE std::vector<std::string> read(const Telemetry& telemetry, const std::string& prefix, State& state) {
-    std::vector<std::string> faults;
+    std::vector<std::string> errors;
     const auto field = [&](const char* key, auto&& take) {
-        const auto told = telemetry.find(prefix + key);
-        if (!told) return;
+        const auto text = telemetry.find(prefix + key);
+        if (!text) return;
         try {
-            take(*told);
-        } catch (const std::invalid_argument& fault) {
-            faults.push_back(prefix + key + ": " + fault.what());
+            take(*text);
+        } catch (const std::invalid_argument& error) {
+            errors.push_back(prefix + key + ": " + error.what());
         }
     };
     const auto numbers = [&](const char* key, double* to, std::size_t count) {
-        field(key, [&](std::string_view told) {
-            const std::vector<double> read = text::numbers(told);
+        field(key, [&](std::string_view text) {
+            const std::vector<double> read = text::numbers(text);
             if (read.size() != count)
                 throw std::invalid_argument(std::to_string(read.size()) + " numbers instead of " + std::to_string(count));
             std::copy(read.begin(), read.end(), to);
@@ -89,11 +89,11 @@ AUTODRIVE_INLINE std::vector<std::string> read(const Telemetry& telemetry, const
     numbers("Angular Velocity", state.angular_velocity.data(), 3);
     numbers("Linear Acceleration", state.linear_acceleration.data(), 3);
     numbers("LIDAR Scan Rate", &state.lidar_scan_rate, 1);
-    field("LIDAR Range Array", [&](std::string_view told) { state.lidar_ranges = text::scan(told); });
-    field("LIDAR Intensity Array", [&](std::string_view told) { state.lidar_intensities = text::scan(told); });
-    field("Front Camera Image", [&](std::string_view told) { state.front_camera_jpeg = text::base64(told); });
-    field("Rear Camera Image", [&](std::string_view told) { state.rear_camera_jpeg = text::base64(told); });
-    return faults;
+    field("LIDAR Range Array", [&](std::string_view text) { state.lidar_ranges = text::scan(text); });
+    field("LIDAR Intensity Array", [&](std::string_view text) { state.lidar_intensities = text::scan(text); });
+    field("Front Camera Image", [&](std::string_view text) { state.front_camera_jpeg = text::base64(text); });
+    field("Rear Camera Image", [&](std::string_view text) { state.rear_camera_jpeg = text::base64(text); });
+    return errors;
 }
 
 AUTODRIVE_INLINE void write(const Command& command, const std::string& prefix, Json& message) {
@@ -101,6 +101,7 @@ AUTODRIVE_INLINE void write(const Command& command, const std::string& prefix, J
     if (command.steering) message[prefix + "Steering"] = text::fixed(*command.steering);
     if (command.headlights) message[prefix + "Headlights"] = std::to_string(*command.headlights);
     if (command.indicators) message[prefix + "Indicators"] = std::to_string(*command.indicators);
+    if (command.steering && !command.reset) message[prefix + "Steering Sign"] = "right";  // only this simulator reads it
     if (command.reset) message[prefix + "Reset"] = *command.reset ? "True" : "False";
 }
 

@@ -1,0 +1,1 @@
+"""Assets: named nodes with surfaces, materials and textures, and their files (glTF, PNG)."""

@@ -1,0 +1,82 @@
+"""Which devkit generation a script has: chosen by the user, or detected from its commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from autodrive.bridge.engineio import Dialect
+from autodrive.protocol.devkit_profile import (
+    PROFILES,
+    DevkitSettings,
+    LidarFormat,
+    Profile,
+    detect_profile,
+    is_ambiguous,
+)
+
+NOTE = (
+    "The keys of 2022 and 2023 are the same; this script is taken for one of 2023, whose positive steering turns left. "
+    "If the car turns the wrong way, restart with --devkit-profile 2022 or --devkit-steering right."
+)
+
+
+class Detection:
+    """The profile of a script, and what tells it; it serves all connections of a bridge, one after another."""
+
+    def __init__(self, settings: DevkitSettings) -> None:
+        self.settings = settings
+        self.note = ""
+        """What the user should know about the choice; empty if it is certain."""
+        self._lidar: LidarFormat = settings.lidar or PROFILES[settings.profile or "2023"].lidar
+        self.begin(None)
+
+    def begin(self, dialect: Dialect | None) -> None:
+        """Start with a new connection. The format of scans that the last script could read is tried first."""
+        self._dialect = dialect
+        self._profile = PROFILES[self.settings.profile] if self.settings.profile else None
+        self._has_commands = False
+        self.note = ""
+        if dialect is Dialect.RAW and self.settings.lidar is None:
+            self._lidar = "text"  # no C++ devkit reads gzip
+
+    @property
+    def profile(self) -> Profile | None:
+        """The profile of the script; None before it is detected."""
+        return self._profile and replace(self.settings.applied_to(self._profile), lidar=self._lidar)
+
+    def lidar(self, attempt: int) -> LidarFormat:
+        """Format of the scan of a message; while it is not known what the script reads, it alternates."""
+        is_known = self.settings.lidar is not None or self._has_commands or self._dialect is Dialect.RAW
+        if is_known or attempt % 2 == 0:
+            return self._lidar
+        return "text" if self._lidar == "gzip" else "gzip"
+
+    def observe(self, commands: Mapping[str, object]) -> bool:
+        """Read the keys of a command message; whether they change the choice.
+
+        Later keys may change 2023 to 2025, and text to gzip, nothing else.
+        """
+        found = detect_profile(commands)
+        if found is None:
+            return False
+        before = self._profile, self._lidar, self._has_commands
+        if self.settings.profile is None and (
+            self._profile is None or (self._profile.name, found.name) == ("2023", "2025")
+        ):
+            self._profile = found
+        if self.settings.lidar is None and (not self._has_commands or found.lidar == "gzip"):
+            self._lidar = found.lidar
+        self._has_commands = True
+        is_chosen = self.settings.profile is not None or self.settings.steering is not None
+        self.note = NOTE if self._profile is PROFILES["2023"] and is_ambiguous(commands) and not is_chosen else ""
+        return before != (self._profile, self._lidar, True)
+
+    def __str__(self) -> str:
+        """The choice in one line; empty before there is one."""
+        if (profile := self.profile) is None:
+            return ""
+        how = "chosen" if self.settings.profile else "detected"
+        key = "V1 Throttle" if profile.is_prefixed else "Throttle"
+        steering = f"positive steering turns {profile.steering}, its feedback is positive to the {profile.feedback}"
+        return f"devkit {profile.name} ({how}): keys '{key}', LIDAR as {profile.lidar}, {steering}, {self._dialect}"

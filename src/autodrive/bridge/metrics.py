@@ -1,0 +1,74 @@
+"""Bridge metrics: counters, round-trip times, rate-limited warnings."""
+
+from __future__ import annotations
+
+import logging
+import math
+import statistics
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from autodrive.bridge.engineio import Dialect
+from autodrive.protocol.log_throttle import LogThrottle
+
+WARNING_INTERVAL = 10.0
+"""Minimum time between two warnings of the same kind [s]."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class Counters:
+    """Totals since the bridge was created; `dialect`, `profile`, `devkit` and `note` describe the latest connection."""
+
+    dialect: Dialect | None = None
+    profile: str | None = None
+    """Devkit generation; None before it is detected."""
+    devkit: str = ""
+    """Devkit generation, keys, formats and signs in one line; empty before it is detected."""
+    note: str = ""
+    """What the user should know about that choice; empty if it is certain."""
+    connections: int = 0
+    """Connections to a server that accepted telemetry."""
+    reconnects: int = 0
+    """Connections after the first."""
+    telemetry_sent: int = 0
+    commands_received: int = 0
+    resends: int = 0
+    """Telemetry messages that were sent again after a timeout."""
+    refused_values: int = 0
+    """Command values that are not finite numbers or address an unknown vehicle."""
+    bad_packets: int = 0
+    oversized: int = 0
+    """Telemetry messages that were not sent: even without images they exceeded the limit of the server."""
+    round_trip: float = math.nan
+    """Median of the last 256 times from a telemetry message to the next command [s]; nan before the first."""
+
+
+class Metrics:
+    """Counters and warnings of one bridge; written by the thread of the bridge, read by any thread."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.counters = Counters()
+        self.error = ""
+        """Why the last attempt to connect failed; empty while connected, and before the first attempt."""
+        self._round_trips: deque[float] = deque(maxlen=256)
+        self._throttle = LogThrottle(WARNING_INTERVAL, clock)
+
+    def add_round_trip(self, seconds: float) -> None:
+        """Add a time from a telemetry message to the next command [s]."""
+        self._round_trips.append(seconds)
+
+    def snapshot(self) -> Counters:
+        """A copy of the current counters."""
+        trips = list(self._round_trips)
+        return replace(self.counters, round_trip=statistics.median(trips) if trips else math.nan)
+
+    def warn(self, kind: str, text: str) -> None:
+        """Log a warning, unless one of that kind was logged within the last `WARNING_INTERVAL`."""
+        if not self._throttle.admits(kind):
+            return
+        suppressed = self._throttle.take_suppressed(kind)
+        log.warning("devkit bridge: %s%s", text, f" ({suppressed} similar warnings suppressed)" if suppressed else "")

@@ -1,0 +1,130 @@
+"""Renders an image of a vehicle, module, map or scenario: `autodrive show NAME --3d FILE.png`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from autodrive.assets.asset import Asset, AssetNode, Label, Material, MeshSurface
+from autodrive.cache import write_file
+from autodrive.cameras.viewpoints import orbit
+from autodrive.compile import Compiled, compile_scenario
+from autodrive.maps.draw import module_alone
+from autodrive.maps.map import Map, load_map
+from autodrive.maps.solids import BoxPlacement
+from autodrive.meshes import store
+from autodrive.protocol.png import encode_png
+from autodrive.render.render_state import RenderState
+from autodrive.render.renderer import Renderer
+from autodrive.render.scene import RenderScene
+from autodrive.scenario import load_scenario
+from autodrive.sensors.camera_view import View
+from autodrive.specs import Kind
+from autodrive.transforms import quaternion_from_yaw, rotation_from_quaternion
+from autodrive.vehicles.spec import VehicleSpec, load_vehicle
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SIZE = 1600, 1000
+"""Size of the image [pixels]; it is rendered at twice this size and scaled down, for smooth edges."""
+FIELD_OF_VIEW_DEG = 28.0
+"""Vertical [degree]; narrow, for little perspective distortion."""
+
+
+def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) -> None:
+    """Write an image as PNG. Raises `SpecError`, and `GlUnavailable` if there is no OpenGL."""
+    if kind == "vehicle":
+        spec = load_vehicle(name)
+        scene, state = _vehicle_scene(spec)
+        view = framed(_vehicle_box(spec), 32.0, 22.0, 2 * SIZE[0], 2 * SIZE[1])
+    else:
+        if kind == "scenario":
+            compiled = compile_scenario(load_scenario(name))
+            map_, scene, state = compiled.map, store.scene_of(compiled), _initial_state(compiled)
+        else:
+            map_ = module_alone(name) if kind == "module" else load_map(name)
+            scene, state = _map_scene(map_)
+        view = framed(_map_box(map_), -62.0, 38.0, 2 * SIZE[0], 2 * SIZE[1])
+    state.header["is_day"] = is_day
+    with Renderer(scene, "gpu") as renderer:
+        write_file(path, encode_png(_halved(renderer.draw(state, [view])[0].rgba[..., :3])))
+
+
+def framed(box: NDArray[np.float64], azimuth_deg: float, elevation_deg: float, width: int, height: int) -> View:
+    """View from a direction that shows a whole box, given by its minimum and maximum corner [m], shape (2, 3)."""
+    x, y, z = middle = box.mean(axis=0).tolist()
+    ahead = orbit((x, y, z), 1.0, azimuth_deg, elevation_deg, FIELD_OF_VIEW_DEG).view(width, height)
+    right, down, forward = np.reshape(rotation_from_quaternion(ahead.orientation), (3, 3)).T
+    k = ahead.intrinsics
+    corners = np.array([(x, y, z) for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]]) - middle
+    across = np.maximum(np.abs(corners @ right) * k.fx / k.cx, np.abs(corners @ down) * k.fy / k.cy)
+    distance = 1.04 * float(np.max(across - corners @ forward))
+    far = orbit((x, y, z), distance, azimuth_deg, elevation_deg, FIELD_OF_VIEW_DEG)
+    return replace(far, near=0.02 * distance).view(width, height)
+
+
+# -- contents of the image -------------------------------------------------------------------------------------
+
+
+def _vehicle_scene(spec: VehicleSpec) -> tuple[RenderScene, RenderState]:
+    """A vehicle on a light floor."""
+    edge = 12.0
+    floor = MeshSurface(
+        Material("studio", (0.62, 0.63, 0.65), roughness=0.9),
+        np.array([(-edge, -edge, 0), (edge, -edge, 0), (edge, edge, 0), (-edge, edge, 0)], np.float32),
+        np.tile(np.array([0, 0, 1], np.float32), (4, 1)),
+        np.array([(0, 1, 2), (0, 2, 3)], np.uint32),
+        Label.GROUND,
+    )
+    studio = Asset("studio", (AssetNode("floor", surfaces={"full": (floor,)}),))
+    state = RenderState.empty(1, 0)
+    state.vehicles["position"][0] = 0.0, 0.0, spec.ride_height
+    state.vehicles["orientation"][0, 0] = 1.0
+    return RenderScene(studio, [store.vehicle(spec)], [], [spec.lights]), state
+
+
+def _map_scene(map_: Map) -> tuple[RenderScene, RenderState]:
+    """A map with its boxes, without vehicles."""
+    state = RenderState.empty(0, len(map_.boxes))
+    _place_boxes(state, map_.boxes)
+    return RenderScene(store.ground(map_), [], [store.box(box.size) for box in map_.boxes], []), state
+
+
+def _initial_state(compiled: Compiled) -> RenderState:
+    """The initial state of a scenario."""
+    state = RenderState.empty(len(compiled.vehicles), len(compiled.boxes))
+    places = compiled.spec.vehicles
+    for row, (name, spec) in zip(state.vehicles, compiled.vehicles.items(), strict=True):
+        row["position"] = places[name].x, places[name].y, spec.ride_height
+        row["orientation"] = quaternion_from_yaw(places[name].yaw)
+    _place_boxes(state, compiled.boxes)
+    return state
+
+
+def _place_boxes(state: RenderState, boxes: Sequence[BoxPlacement]) -> None:
+    for row, box in zip(state.objects, boxes, strict=True):
+        row["position"], row["orientation"] = box.position, quaternion_from_yaw(box.yaw)
+
+
+def _vehicle_box(spec: VehicleSpec) -> NDArray[np.float64]:
+    """Bounding box of a vehicle on the floor [m]."""
+    length, width, _ = spec.size
+    middle, top = 0.5 * spec.wheelbase, 0.21
+    return np.array([(middle - 0.5 * length, -0.5 * width, 0.0), (middle + 0.5 * length, 0.5 * width, top)])
+
+
+def _map_box(map_: Map) -> NDArray[np.float64]:
+    x0, y0, x1, y1 = map_.bounds
+    return np.array([(x0, y0, 0.0), (x1, y1, 0.1)])
+
+
+def _halved(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Half the size: each pixel is the mean of four."""
+    height, width, _ = image.shape
+    parts = image.reshape(height // 2, 2, width // 2, 2, 3)
+    return np.round(parts.mean(axis=(1, 3))).astype(np.uint8)

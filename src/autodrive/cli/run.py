@@ -1,0 +1,276 @@
+"""The command `run`: options, signal handling, status line, browser, summary on stdout."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from autodrive.pace import MAX_SPEED, MIN_SPEED
+from autodrive.protocol.devkit_profile import Handshake, Keys, LidarFormat, Side
+from autodrive.protocol.ports import DEVKIT_PORT, PORT
+
+if TYPE_CHECKING:
+    from autodrive.run.options import DrivingMode, RunOptions
+    from autodrive.run.runner import Run, StopRequest
+    from autodrive.run.summary import Summary
+
+
+class Mode(StrEnum):
+    """Whether a person or a script drives."""
+
+    manual = "manual"
+    autonomous = "autonomous"
+
+
+class Profile(StrEnum):
+    """Devkit generation."""
+
+    y2020 = "2020"
+    y2022 = "2022"
+    y2023 = "2023"
+    y2025 = "2025"
+
+
+def run(
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario (see: autodrive list scenarios), or path of its YAML file.")
+    ] = "mini_map",
+    headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page; only print the status.")] = False,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page; 0.0.0.0: all interfaces.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help=f"Port of the page.  [default: {PORT}, or the next free port]"),
+    ] = None,
+    token: Annotated[
+        str | None,
+        typer.Option(help="Access token.  [default: generated if --host lets other machines connect]"),
+    ] = None,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ORIGIN", help="Let pages of that origin connect, e.g. https://lab.example.org; repeatable."
+        ),
+    ] = None,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser if there is a display.")
+    ] = True,
+    devkit: Annotated[
+        str, typer.Option(metavar="HOST:PORT", help="Connect to the devkit script at that address.")
+    ] = "",
+    devkit_profile: Annotated[
+        Profile | None, typer.Option(help="Devkit generation of the script.  [default: detected]")
+    ] = None,
+    devkit_steering: Annotated[
+        Side | None,
+        typer.Option(help="Where a positive steering command of the script turns.  [default: as in the profile]"),
+    ] = None,
+    devkit_feedback: Annotated[
+        Side | None,
+        typer.Option(help="Where a positive steering angle points for the script.  [default: as in the profile]"),
+    ] = None,
+    devkit_lidar: Annotated[
+        LidarFormat | None,
+        typer.Option(help="Format of LIDAR scans for the script.  [default: what its commands tell that it can read]"),
+    ] = None,
+    devkit_keys: Annotated[
+        Keys | None,
+        typer.Option(help="Keys of the messages: 'Throttle' or 'V1 Throttle'.  [default: as in the profile]"),
+    ] = None,
+    devkit_handshake: Annotated[
+        Handshake | None,
+        typer.Option(help="Handshake of the script's server; raw: the C++ devkit.  [default: detected]"),
+    ] = None,
+    mode: Annotated[
+        Mode | None,
+        typer.Option(help="Whether a person or a script drives.  [default: autonomous with --devkit, else manual]"),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", min=0, help="Simulated seconds to run.  [default: until Ctrl-C]")
+    ] = None,
+    speed: Annotated[
+        str, typer.Option(metavar="N|max", help="Simulated seconds per second; max: as fast as possible.")
+    ] = "1",
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of all noise.  [default: seed of the scenario]")] = None,
+    summary: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write the summary of the run to that file.")
+    ] = None,
+    cameras: Annotated[
+        bool | None,
+        typer.Option(
+            "--cameras/--no-cameras",
+            help="Render camera images always, or never.  [default: always with --devkit, else while a client shows "
+            "them]",
+        ),
+    ] = None,
+    lockstep: Annotated[
+        bool | None,
+        typer.Option(
+            "--lockstep/--no-lockstep",
+            help="Render each image in its tick: reproducible, but time waits for it; otherwise asynchronously: images "
+            "are dropped if the machine is too slow.  [default: in the tick with --speed max]",
+        ),
+    ] = None,
+    camera_quality: Annotated[str, typer.Option(metavar="NAME", help="auto, software, software-fxaa or gpu.")] = "auto",
+    image_size: Annotated[
+        str,
+        typer.Option(metavar="WxH", help="Size of the images for the devkit script.  [default: that of the camera]"),
+    ] = "",
+    image_quality: Annotated[
+        int, typer.Option(min=1, max=100, help="JPEG quality of the images for the devkit script.")
+    ] = 75,
+) -> None:
+    """Run a scenario until its duration is over, or until Ctrl-C."""
+    options: dict[str, Any] = {
+        "scenario": scenario,
+        "mode": cast("DrivingMode | None", mode and mode.value),
+        "duration": duration,
+        "speed": _speed(speed),
+        "seed": seed,
+        "devkit": _address(devkit) if devkit else None,
+        "devkit_profile": devkit_profile and devkit_profile.value,
+        "devkit_steering": devkit_steering,
+        "devkit_feedback": devkit_feedback,
+        "devkit_lidar": devkit_lidar,
+        "devkit_keys": devkit_keys,
+        "devkit_handshake": devkit_handshake,
+        "summary": summary,
+        "cameras": cameras,
+        "is_lockstep": lockstep,
+        "camera_quality": camera_quality,
+        "image_size": _size(image_size) if image_size else None,
+        "image_quality": image_quality,
+        "has_page": not headless,
+        "host": host,
+        "port": port,
+        "token": token,
+        "allowed_origins": tuple(allow_origin or ()),
+    }
+    if duration is not None and not math.isfinite(duration):
+        raise typer.BadParameter(f"--duration must be a number of seconds, not {duration}")
+    from autodrive.run.options import RunOptions
+
+    _run(RunOptions(**options), opens_browser=browser)
+
+
+def run_default() -> None:
+    """`autodrive run` without arguments."""
+    from autodrive.run.options import RunOptions
+
+    _run(RunOptions(), opens_browser=True)
+
+
+def _run(options: RunOptions, *, opens_browser: bool) -> None:
+    from rich.console import Console
+    from rich.logging import RichHandler
+
+    from autodrive.cache import check_writable
+    from autodrive.cli.status import StatusDisplay
+    from autodrive.run.runner import StopRequest, simulate
+
+    if options.summary is not None:
+        check_writable(options.summary)
+    console = Console(stderr=True, highlight=False)
+    handler = RichHandler(console=console, show_path=False) if console.is_terminal else logging.StreamHandler()
+    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
+    stop = StopRequest()
+    with console.status("loading the world") as line, _Signals(stop, options.summary) as signals:
+        display = StatusDisplay(console, line, options, opens_browser=opens_browser, on_start=signals.catch)
+        summary = simulate(dataclasses.replace(options, summary=None), stop=stop, observer=display)
+    _report(summary, options.summary)
+
+
+def _report(summary: Summary, path: Path | None) -> None:
+    """Print the summary, then write it: what was printed stays if the disk is full."""
+    from autodrive.cache import write_file
+    from autodrive.cli.status import print_summary
+
+    print_summary(summary)
+    if path is not None:
+        write_file(path, summary.to_json())
+
+
+STOP_TIME = 1.5
+"""Time in which a run ends after a signal [s]; after that the process ends, whatever still works in it."""
+
+
+class _Signals:
+    """From `catch` on, SIGINT and SIGTERM end the run with its summary; the second signal ends the process at once."""
+
+    def __init__(self, stop: StopRequest, summary: Path | None) -> None:
+        self._stop = stop
+        self._summary = summary
+        self._default: dict[int, Any] = {}
+        self._has_ended = False
+
+    def catch(self, run: Run) -> None:
+        self._run = run
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._default[number] = signal.signal(number, self._end_run)
+
+    def _end_run(self, number: int, _: object) -> None:
+        if self._stop.is_set():
+            os._exit(128 + number)
+        self._stop.set(signal.Signals(number).name)
+        threading.Thread(target=self._end_process, name="autodrive-deadline", daemon=True).start()
+
+    def _end_process(self) -> None:
+        """End the process after `STOP_TIME` if it still runs then. It does not wait for anything."""
+        time.sleep(STOP_TIME)
+        try:
+            if not self._has_ended:
+                _report(self._run.summary(self._stop.reason), self._summary)
+                sys.stdout.flush()
+        finally:
+            os._exit(0)
+
+    def __enter__(self) -> _Signals:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._has_ended = True
+        for number, handler in self._default.items():
+            signal.signal(number, handler)
+
+
+# -- values of options ------------------------------------------------------------------------------------------
+
+
+def _speed(text: str) -> float | None:
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not MIN_SPEED <= speed <= MAX_SPEED:
+        raise typer.BadParameter(f"--speed must be a number from {MIN_SPEED:g} to {MAX_SPEED:g} or max, not '{text}'")
+    return speed
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Width and height of 'WxH'."""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= 8192 and 0 < int(height) <= 8192):
+        raise typer.BadParameter(f"--image-size must be WxH in pixels, for example 640x480, not '{text}'")
+    return int(width), int(height)
+
+
+def _address(text: str) -> tuple[str, int]:
+    """Host and port of 'HOST:PORT', ':PORT' or '[IPV6]:PORT'."""
+    host, _, port = text.rpartition(":")
+    if not (port.isdecimal() and 0 < int(port) < 65536):
+        raise typer.BadParameter(f"--devkit must be HOST:PORT, for example 127.0.0.1:{DEVKIT_PORT}, not '{text}'")
+    return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)

@@ -1,0 +1,143 @@
+"""Reads, draws and checks spec files for the commands `list`, `show` and `check`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+from autodrive import specs
+from autodrive.cache import make_folder, write_file
+from autodrive.errors import SpecError
+from autodrive.maps.map import Map, MapSpec, load_map
+from autodrive.maps.module import ModuleSpec, load_module
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.specs import Kind, Spec, find, names, read, suggest
+from autodrive.vehicles.spec import VehicleSpec
+
+KINDS: tuple[Kind, ...] = ("map", "module", "vehicle", "scenario")
+"""Search order for a name that is drawn."""
+CHECKED: tuple[Kind, ...] = ("scenario", "map", "vehicle", "module")
+"""Search order for a name that is checked: first what `autodrive run` runs."""
+
+SPECS: dict[Kind, type[Spec]] = {
+    "map": MapSpec,
+    "module": ModuleSpec,
+    "vehicle": VehicleSpec,
+    "scenario": ScenarioSpec,
+}
+
+
+def kind_of_name(name: str, order: tuple[Kind, ...] = KINDS) -> Kind:
+    """The first kind with that name, or the kind of a YAML file. Raises `SpecError`."""
+    if Path(name).suffix in {".yaml", ".yml"}:
+        return kind_of_file(Path(name))
+    for kind in order:
+        if name in names(kind):
+            return kind
+    known = sorted({known for kind in KINDS for known in names(kind)})
+    raise SpecError([f"'{name}' is not known. {suggest(name, known)}"])
+
+
+def kind_of_file(path: Path) -> Kind:
+    """The kind whose fields the keys of the file match best. Raises `SpecError` if there is no single best kind."""
+    tree = specs.source(path).tree
+    keys = set(tree) if isinstance(tree, dict) else set()
+    scores: dict[Kind, int] = {kind: len(keys & set(spec.model_fields)) for kind, spec in SPECS.items()}
+    best: list[Kind] = [kind for kind, score in scores.items() if score == max(scores.values()) > 0]
+    if len(best) != 1:
+        kinds = ", ".join(get_args(Kind))
+        raise SpecError([f"the content does not show what the file describes. Name it with --kind: {kinds}"], str(path))
+    return best[0]
+
+
+def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
+    """Check a named or other file and all files that it refers to; returns kind and title.
+
+    Raises `SpecError` with all errors, also of the valid parts of a file with errors.
+    """
+    kind = kind or kind_of_name(name, CHECKED)
+    path = find(kind, name)
+    source = specs.source(path)
+    spec, errors = specs.readable(source, SPECS[kind])
+    try:
+        if kind == "map":
+            errors = []
+            load_map(path)
+        elif kind == "module" and not errors:
+            load_module(path)
+        elif kind == "vehicle" and not errors:
+            from autodrive.compile import compile_scenario
+
+            compile_scenario(ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(path))}))
+        elif isinstance(spec, ScenarioSpec):
+            from autodrive.compile import compile_scenario, placement_errors
+
+            errors += placement_errors(spec, source)
+            compile_scenario(spec, source)
+    except SpecError as error:
+        errors += error.errors
+    if errors:
+        raise SpecError(errors, str(path))
+    return kind, getattr(spec, "title", "")
+
+
+def draw(kind: Kind, name: str, path: Path) -> None:
+    """Draw a map or module from above with its lanes, as PNG or SVG by the suffix of `path`. Raises `SpecError`.
+
+    For a scenario: its map, with an arrow at the start pose of each vehicle.
+    """
+    from autodrive.maps.draw import to_png, to_svg
+
+    starts: list[tuple[float, float, float]] = []
+    if kind == "scenario":
+        scenario = load_scenario(name)
+        starts = [(vehicle.x, vehicle.y, vehicle.yaw) for vehicle in scenario.vehicles.values()]
+        map_ = load_map(scenario.map)
+    else:
+        map_ = _map(kind, name)
+    if path.suffix.lower() == ".svg":
+        write_file(path, to_svg(map_, overlays=["lanes"], starts=starts))
+    else:
+        to_png(map_, path, overlays=["lanes"], starts=starts)
+
+
+def write_occupancy(kind: Kind, name: str, folder: Path) -> Path:
+    """Write the occupancy grid of a map, module or scenario; returns its YAML file. Raises `SpecError`."""
+    from autodrive.maps import raster
+
+    map_ = _map(kind, name)
+    make_folder(folder)
+    return raster.write_occupancy(map_, folder)
+
+
+def write_labels(kind: Kind, name: str, path: Path) -> None:
+    """Write the semantic label image of a map, module or scenario as PNG. Raises `SpecError`."""
+    from autodrive.maps import raster
+
+    raster.write_labels(_map(kind, name), path)
+
+
+def _map(kind: Kind, name: str) -> Map:
+    from autodrive.maps.draw import module_alone
+
+    if kind == "scenario":
+        return load_map(load_scenario(name).map)
+    return load_map(name) if kind == "map" else replace(module_alone(name), name=Path(name).stem)
+
+
+def fields(kind: Kind, name: str) -> Iterator[tuple[str, str]]:
+    """Field path, for example 'wheels.radius', and value of every field of a spec, as text."""
+    yield from _flat("", read(kind, name, SPECS[kind]).model_dump())
+
+
+def _flat(prefix: str, value: Any) -> Iterator[tuple[str, str]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(f"{prefix}.{key}" if prefix else str(key), inner)
+    elif isinstance(value, list | tuple) and any(isinstance(inner, dict | list | tuple) for inner in value):
+        for number, inner in enumerate(value):
+            yield from _flat(f"{prefix}.{number}", inner)
+    else:
+        yield prefix, ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)

@@ -1,0 +1,25 @@
+"""The command `urdf`: writes the robot description of vehicles for ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from autodrive.cache import make_folder, write_file
+
+
+def urdf(
+    names: Annotated[list[str], typer.Argument(help="Names of vehicles, or paths of their YAML files.")],
+    output: Annotated[Path, typer.Option(help="Folder of a ROS package called autodrive_description.")],
+) -> None:
+    """Write the robot description of vehicles for ROS: URDF and meshes."""
+    from autodrive.meshes.urdf import package_files
+    from autodrive.vehicles.spec import load_vehicle
+
+    files = package_files({Path(name).stem: load_vehicle(name) for name in names})
+    for path, content in files.items():
+        make_folder((output / path).parent)
+        write_file(output / path, content)
+    typer.echo(f"wrote {len(files)} files to {output}")

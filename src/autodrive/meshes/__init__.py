@@ -1,0 +1,1 @@
+"""Meshes of vehicles and maps: built from their Specs, cached as files, and exported as URDF."""

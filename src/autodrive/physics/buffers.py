@@ -1,0 +1,88 @@
+"""Arrays that the tick function writes besides the State: contacts of the vehicles, and its working memory."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.arrays import Floats, Integers
+from autodrive.model import Model, Table, columns
+
+WHEEL_CONTACT = columns(
+    is_airborne=np.bool_,  # no ground within reach of the suspension; the load and both velocities are 0
+    shape=np.int64,  # index of the shape under the wheel, or -1 for the floor
+    load=np.float64,  # [N]
+    longitudinal_velocity=np.float64,  # of the wheel over the ground [m/s]
+    lateral_velocity=np.float64,  # likewise
+    longitudinal_axis=(np.float64, 3),  # in the contact plane, map axes
+    lateral_axis=(np.float64, 3),  # likewise
+    normal=(np.float64, 3),  # of the ground, map axes
+    lever_arm=(np.float64, 3),  # from the vehicle frame's origin to the point where the force acts, map axes [m]
+    point=(np.float64, 3),  # of the contact in the map [m]
+    slip_angle=np.float64,  # [rad]
+    coasting_spin=np.float64,  # spin at the end of the substep without drive and brake [rad/s]
+    spin_gain=np.float64,  # what a torque adds to that spin [rad/s per N m]
+)
+"""Columns of `Scratch.wheel_contacts`."""
+
+
+class VehicleContacts(NamedTuple):
+    """What the vehicles touched during a tick. Filled by `advance`, read and cleared by the referee."""
+
+    geom_vehicle: Integers
+    """Vehicle of each of the engine's geoms, or -1, shape (n_geom,)."""
+    impulse: Floats
+    """Between a vehicle and a geom [N s], shape (n, n_geom)."""
+    position: Floats
+    """A point of that contact [m], shape (n, n_geom, 3)."""
+    pairs: Integers
+    """The (vehicle, geom) pairs with an impulse, shape (n_max, 2)."""
+    pair_count: Integers
+    """Number of pairs, shape (1,)."""
+
+
+class Scratch(NamedTuple):
+    """Working memory of `advance`. Nothing in it is read after the tick."""
+
+    nearby: Integers
+    """Shapes within reach of each vehicle, shape (n, n_shape)."""
+    nearby_count: Integers
+    """Shape (n,)."""
+    velocity: Floats
+    """Velocity of each vehicle's origin before the substep, map axes [m/s], shape (n, 3)."""
+    wheel_contacts: Table
+    """Contacts of the wheels of one vehicle, columns `WHEEL_CONTACT`, shape (4,)."""
+    contact_force: Floats
+    """Force and torque of one contact of the engine, shape (6,)."""
+    contact_position: Floats
+    """Position of that contact [m], shape (3,)."""
+    contact_geoms: NDArray[np.int32]
+    """The two geoms of that contact, shape (2,)."""
+
+
+def vehicle_contacts(n_vehicle: int, geom_vehicle: Integers, pairs_max: int = 64) -> VehicleContacts:
+    """No contacts yet, in arrays of the right shapes."""
+    n_geom = len(geom_vehicle)
+    return VehicleContacts(
+        geom_vehicle=geom_vehicle,
+        impulse=np.zeros((n_vehicle, n_geom)),
+        position=np.zeros((n_vehicle, n_geom, 3)),
+        pairs=np.zeros((pairs_max, 2), dtype=np.int64),
+        pair_count=np.zeros(1, dtype=np.int64),
+    )
+
+
+def scratch(model: Model) -> Scratch:
+    """Working memory for that model."""
+    n, n_shape = len(model.vehicles), len(model.shapes.kind)
+    return Scratch(
+        nearby=np.zeros((n, n_shape), dtype=np.int64),
+        nearby_count=np.zeros(n, dtype=np.int64),
+        velocity=np.zeros((n, 3)),
+        wheel_contacts=np.zeros(4, dtype=WHEEL_CONTACT),
+        contact_force=np.zeros(6),
+        contact_position=np.zeros(3),
+        contact_geoms=np.zeros(2, dtype=np.int32),
+    )

@@ -1,0 +1,169 @@
+"""Contact of one wheel with what is below it: suspension ray or edge, contact velocity and axes, normal load."""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+
+from autodrive.arrays import Floats
+from autodrive.jit import inlined
+from autodrive.model import BOX, Model
+from autodrive.physics.buffers import Scratch
+from autodrive.physics.engine import Views
+from autodrive.physics.formulas import suspension_force
+from autodrive.physics.free_body import rotation_at, velocity_at
+from autodrive.physics.ray import MISS, cast_ray
+from autodrive.physics.wheel_edge import edge_support
+from autodrive.state import State
+from autodrive.transforms import Vector
+
+
+@inlined
+def find_contact(i: int, w: int, angle: float, model: Model, state: State, views: Views, scratch: Scratch) -> None:
+    """Finds the ground below wheel w of vehicle i, steered by `angle` [rad], and fills its contact row.
+
+    The ground is where the suspension ray hits, as in PhysX, or an edge of a box that the circle of the wheel reaches
+    before. Also sets the wheel's compression and normal load in the state. The spin columns of the row are not written.
+    """
+    v = model.vehicles[i]
+    wheel = model.wheels[4 * i + w]
+    row = 4 * i + w
+    contact = scratch.wheel_contacts[w]
+    qpos, dof = v["qpos"], v["dof"]
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(views.qpos, qpos + 3)
+    ox, oy, oz = views.qpos[qpos], views.qpos[qpos + 1], views.qpos[qpos + 2]
+    hub = wheel["hub"]
+    # hub, relative to the origin of the vehicle frame, map axes
+    hx = r00 * hub[0] + r01 * hub[1] + r02 * hub[2]
+    hy = r10 * hub[0] + r11 * hub[1] + r12 * hub[2]
+    hz = r20 * hub[0] + r21 * hub[1] + r22 * hub[2]
+    radius, high, low = wheel["radius"], wheel["compression_max"], wheel["droop_max"]
+    start = radius + high
+    px, py, pz = ox + hx + r02 * start, oy + hy + r12 * start, oz + hz + r22 * start
+    # heading of the wheel
+    cosine, sine = cos(angle), sin(angle)
+    ex, ey, ez = cosine * r00 + sine * r01, cosine * r10 + sine * r11, cosine * r20 + sine * r21
+    # the floor is z = 0; a shape may be nearer
+    distance, nx, ny, nz, shape = MISS, 0.0, 0.0, 1.0, -1
+    if r22 > 0.0 and pz > 0.0:
+        distance = pz / r22
+    edge, edge_ahead, edge_shape = -MISS, 0.0, -1
+    for j in range(scratch.nearby_count[i]):
+        s = scratch.nearby[i, j]
+        geom = views.shape_geom[s]
+        cx, cy, cz = (
+            views.geom_position[geom, 0] - px,
+            views.geom_position[geom, 1] - py,
+            views.geom_position[geom, 2] - pz,
+        )
+        far = 2.0 * radius + high + low + model.shapes.bounding_radius[s]
+        if cx * cx + cy * cy + cz * cz > far * far:
+            continue
+        if model.shapes.kind[s] == BOX:
+            size, m = model.shapes.size[s], views.geom_rotation[geom]
+            hub_in_box = _in_box(m, -cx - r02 * start, -cy - r12 * start, -cz - r22 * start)
+            reach = radius + max(high, low)
+            if (
+                abs(hub_in_box[0]) > size[0] + reach
+                or abs(hub_in_box[1]) > size[1] + reach
+                or abs(hub_in_box[2]) > size[2] + reach
+            ):
+                continue
+            highest, at = edge_support(size, hub_in_box, _in_box(m, ex, ey, ez), _in_box(m, r02, r12, r22), radius)
+            if highest > edge:
+                edge, edge_ahead, edge_shape = highest, at, s
+        t, sx, sy, sz = cast_ray(
+            int(model.shapes.kind[s]),
+            model.shapes.size[s],
+            views.geom_position[geom],
+            views.geom_rotation[geom],
+            px,
+            py,
+            pz,
+            -r02,
+            -r12,
+            -r22,
+        )
+        if t < distance:
+            distance, nx, ny, nz, shape = t, sx, sy, sz, s
+    compression = radius - (distance - start)
+    # the contact is `ahead` of the axle and, at compression 0, `below` it
+    ahead, below = 0.0, radius
+    is_on_edge = edge > compression
+    lean, rise = 0.0, 1.0
+    if is_on_edge:  # its normal points to the axle
+        compression, ahead, shape = edge, edge_ahead, edge_shape
+        below = sqrt(radius * radius - ahead * ahead)
+        lean, rise = -ahead / radius, below / radius
+        nx, ny, nz = lean * ex + rise * r02, lean * ey + rise * r12, lean * ez + rise * r22
+    upright = nx * r02 + ny * r12 + nz * r22
+    if compression <= -low or upright <= 0.1:
+        contact["is_airborne"] = True
+        contact["load"] = 0.0
+        contact["longitudinal_velocity"] = 0.0
+        contact["lateral_velocity"] = 0.0
+        state.wheel_compression[row] = -low
+        state.wheel_normal_load[row] = 0.0
+        return
+    # contact point, relative to the origin of the vehicle frame; its velocity relative to the body it stands on
+    down = below - compression
+    kx, ky, kz = hx + ex * ahead - r02 * down, hy + ey * ahead - r12 * down, hz + ez * ahead - r22 * down
+    bx, by, bz = views.qvel[dof + 3], views.qvel[dof + 4], views.qvel[dof + 5]
+    wx, wy, wz = (
+        r00 * bx + r01 * by + r02 * bz,
+        r10 * bx + r11 * by + r12 * bz,
+        r20 * bx + r21 * by + r22 * bz,
+    )
+    vx = views.qvel[dof] + wy * kz - wz * ky
+    vy = views.qvel[dof + 1] + wz * kx - wx * kz
+    vz = views.qvel[dof + 2] + wx * ky - wy * kx
+    if shape >= 0 and model.shapes.dof[shape] >= 0:
+        gx, gy, gz = velocity_at(views, model.shapes.qpos[shape], model.shapes.dof[shape], ox + kx, oy + ky, oz + kz)
+        vx, vy, vz = vx - gx, vy - gy, vz - gz
+    speed = -(nx * vx + ny * vy + nz * vz) / upright
+    load = suspension_force(
+        compression,
+        speed,
+        wheel["sprung_mass"] * model.gravity * max(0.0, r22),
+        wheel["stiffness"],
+        wheel["damping"],
+        high,
+        wheel["bump_stiffness"],
+        wheel["look_ahead"],
+    )
+    if is_on_edge:
+        load /= upright  # the part along the suspension carries the load: no energy is gained or lost
+        lx, ly, lz = rise * ex - lean * r02, rise * ey - lean * r12, rise * ez - lean * r22
+        tx, ty, tz = ny * lz - nz * ly, nz * lx - nx * lz, nx * ly - ny * lx
+        # the axle moves over the edge with the suspension
+        vx, vy, vz = vx + speed * r02, vy + speed * r12, vz + speed * r22
+    else:
+        load *= upright  # PhysX
+        # the vehicle's x axis projected onto the contact plane, turned by the steering angle about the normal
+        along = r00 * nx + r10 * ny + r20 * nz
+        fx, fy, fz = r00 - along * nx, r10 - along * ny, r20 - along * nz
+        length = sqrt(fx * fx + fy * fy + fz * fz)
+        fx, fy, fz = fx / length, fy / length, fz / length
+        sx, sy, sz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
+        lx, ly, lz = cosine * fx + sine * sx, cosine * fy + sine * sy, cosine * fz + sine * sz
+        tx, ty, tz = cosine * sx - sine * fx, cosine * sy - sine * fy, cosine * sz - sine * fz
+    base = below - wheel["force_height"]
+    contact["is_airborne"] = False
+    contact["shape"] = shape
+    contact["load"] = load
+    contact["longitudinal_velocity"] = vx * lx + vy * ly + vz * lz
+    contact["lateral_velocity"] = vx * tx + vy * ty + vz * tz
+    longitudinal, lateral, normal = contact["longitudinal_axis"], contact["lateral_axis"], contact["normal"]
+    longitudinal[0], longitudinal[1], longitudinal[2] = lx, ly, lz
+    lateral[0], lateral[1], lateral[2] = tx, ty, tz
+    normal[0], normal[1], normal[2] = nx, ny, nz
+    arm, point = contact["lever_arm"], contact["point"]
+    arm[0], arm[1], arm[2] = hx + ex * ahead - r02 * base, hy + ey * ahead - r12 * base, hz + ez * ahead - r22 * base
+    point[0], point[1], point[2] = ox + kx, oy + ky, oz + kz
+    state.wheel_compression[row] = compression
+    state.wheel_normal_load[row] = load
+
+
+@inlined
+def _in_box(m: Floats, x: float, y: float, z: float) -> Vector:
+    """A vector in the axes of a box with the rotation matrix `m` (map from box, row-major, shape (9,))."""
+    return m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, m[2] * x + m[5] * y + m[8] * z

@@ -1,0 +1,485 @@
+"""The signals of a vehicle: one table of names, types, units, frames and rates, and of how each signal is shown.
+
+A `Channel` is a field of `VehicleFrame`: readings that are sampled together. A `Signal` is one quantity of it. HUD
+rows, plots, ROS topics and the tables of the documentation derive from `CHANNELS`; log files, CSV columns and
+observations can use `Channel.read`, `Signal.read`, `Signal.dtype`, `Signal.shape` and `Signal.columns`.
+"""
+
+from __future__ import annotations
+
+import enum
+import types
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+
+from autodrive.arrays import element_type
+from autodrive.protocol.messages import WHEEL_NAMES, VehicleFrame
+
+EACH_TICK = ""
+"""Rate of a signal that has a new value in each Frame."""
+
+Format: TypeAlias = Literal["number", "turn", "magnitude", "vector", "list", "mode", "gear", "beam"]
+"""How the HUD writes a signal: one number, a number with an arrow to its side (left is positive), a number without its
+sign, three columns, integers in brackets, 'Autonomous' or 'Manual', 'D' or 'R', the range at the bearing that the user
+sets."""
+
+Reduction: TypeAlias = Literal["element", "nearest", "beam"]
+"""How a plot makes one number of a signal: by taking an element, the least range, or the range at the bearing that the
+user sets."""
+
+RosQos: TypeAlias = Literal["sensor", "state"]
+"""Quality of service of a ROS topic, a name of `autodrive.ros.message.Qos`."""
+
+
+@dataclass(frozen=True)
+class HudRow:
+    """A row of the HUD. The value shown is `scale` times the signal, in `unit` (by default that of the signal).
+
+    The page lists rows of the format 'vector' and of the section 'sensors' as they come, and places the others.
+    """
+
+    id: str
+    label: str
+    title: str = ""
+    """Tooltip."""
+    format: Format = "number"
+    unit: str | None = None
+    scale: float = 1.0
+    decimals: int = 2
+    section: Literal["", "sensors"] = ""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A curve in the plots of the HUD; unit and scale as in `HudRow`."""
+
+    id: str
+    group: str
+    label: str
+    span: float
+    """Least height of the axis, so that noise does not fill it."""
+    element: int = 0
+    reduction: Reduction = "element"
+    unit: str | None = None
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class RosTopic:
+    """A ROS topic that carries a channel; `name` is relative to that of the vehicle."""
+
+    name: str
+    type: str
+    text: str
+    qos: RosQos = "state"
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One quantity of a vehicle."""
+
+    name: str
+    """Path in a `VehicleFrame`, for example 'imu.angular_velocity'."""
+    text: str
+    """What it is, for the documentation."""
+    unit: str = ""
+    frame: str = ""
+    """Coordinate frame of the values: 'map', 'base_link' (the vehicle frame) or that of the sensor."""
+    elements: tuple[str, ...] = ()
+    """Names of the elements of an array; none for a scalar and for an array without a fixed size."""
+    size: str = ""
+    """Name of the size of an array whose size depends on the Spec, for example 'rays'."""
+    hud: tuple[HudRow, ...] = ()
+    plots: tuple[Plot, ...] = ()
+
+    @property
+    def shape(self) -> tuple[int | str, ...]:
+        """Shape of the value: () for a scalar; a str stands for a size that depends on the Spec."""
+        if self.size:
+            return (self.size,)
+        return (len(self.elements),) if self.elements else ()
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the value or of its elements."""
+        hint: Any = VehicleFrame
+        for field in self.name.split("."):
+            hint = _required(get_type_hints(_required(hint)).get(field, float))
+        hint = element_type(hint) or hint
+        return np.dtype(np.int64 if isinstance(hint, type) and issubclass(hint, enum.IntEnum) else hint)
+
+    @property
+    def is_optional(self) -> bool:
+        """Whether only some vehicles have this signal."""
+        field = next(field for field in msgspec.structs.fields(VehicleFrame) if field.name == self.name.split(".")[0])
+        return field.default is None
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of a table: one for each element. None for an array without a fixed size."""
+        if self.size:
+            return ()
+        return tuple(f"{self.name}.{element}" for element in self.elements) or (self.name,)
+
+    def read(self, vehicle: VehicleFrame) -> Any:
+        """The value in a Frame of the vehicle; None if the vehicle has no reading of it."""
+        value: Any = vehicle
+        for field in self.name.split("."):
+            value = None if value is None else getattr(value, field)
+        return value
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A field of `VehicleFrame`, with its signals."""
+
+    name: str
+    """Name of the field."""
+    signals: tuple[Signal, ...]
+    rate: str = EACH_TICK
+    """Where the vehicle's Spec has the sampling rate; `EACH_TICK` if the value is new in each Frame."""
+    topics: tuple[RosTopic, ...] = ()
+
+    def read(self, vehicle: VehicleFrame) -> Any:
+        """The value in a Frame of the vehicle; None if the vehicle has no such sensor or it has not sampled yet."""
+        return getattr(vehicle, self.name)
+
+
+XYZ = ("x", "y", "z")
+WXYZ = ("w", "x", "y", "z")
+
+
+def _by_wheel(id_: str, group: str, label: str, span: float) -> tuple[Plot, ...]:
+    return tuple(
+        Plot(f"{id_}-{i}", group, f"{label} {wheel}", span, element=i)
+        for i, wheel in enumerate(("FL", "FR", "RL", "RR"))
+    )
+
+
+def _axes(ids: tuple[str, ...], labels: tuple[str, ...], span: tuple[float, ...]) -> tuple[Plot, ...]:
+    return tuple(
+        Plot(id_, "IMU and IPS", label, height, element=i)
+        for i, (id_, label, height) in enumerate(zip(ids, labels, span, strict=True))
+    )
+
+
+CHANNELS: tuple[Channel, ...] = (
+    Channel(
+        "pose",
+        (
+            Signal("pose.position", "true position of the rear axle centre", "m", "map", XYZ),
+            Signal("pose.orientation", "true orientation, quaternion", "", "map", WXYZ),
+        ),
+    ),
+    Channel(
+        "velocity",
+        (
+            Signal(
+                "velocity",
+                "true velocity of the rear axle centre",
+                "m/s",
+                "base_link",
+                XYZ,
+                hud=(
+                    HudRow("speed", "Speed", "Magnitude of the forward velocity at the rear axle centre", "magnitude"),
+                ),
+                plots=(
+                    Plot("speed", "Vehicle", "Speed", 0.1),
+                    Plot("side-speed", "Vehicle", "Side speed", 0.1, element=1),
+                ),
+            ),
+        ),
+        topics=(RosTopic("speed", "std_msgs/Float32", "absolute value of the forward speed [m/s]"),),
+    ),
+    Channel(
+        "angular_velocity",
+        (Signal("angular_velocity", "true angular velocity", "rad/s", "base_link", XYZ),),
+    ),
+    Channel(
+        "throttle",
+        (
+            Signal(
+                "throttle",
+                "throttle feedback, -1 to 1",
+                hud=(
+                    HudRow(
+                        "throttle",
+                        "Throttle",
+                        "Magnitude; the bar extends to the left in reverse",
+                        "magnitude",
+                        unit="%",
+                        scale=100.0,
+                    ),
+                ),
+                plots=(Plot("throttle", "Vehicle", "Throttle", 20.0, unit="%", scale=100.0),),
+            ),
+        ),
+        topics=(RosTopic("throttle", "std_msgs/Float32", "throttle feedback, -1 to 1"),),
+    ),
+    Channel(
+        "steering",
+        (
+            Signal(
+                "steering",
+                "angle of the steering actuator, left turns positive",
+                "rad",
+                hud=(
+                    HudRow(
+                        "steering",
+                        "Steering",
+                        "Left is positive, as in messages; the arrow and the bar point to the side of the turn",
+                        "turn",
+                    ),
+                ),
+                plots=(Plot("steering", "Vehicle", "Steering", 0.2),),
+            ),
+        ),
+        # sign: 'left' or 'right'; it depends on the devkit profile, and so does the name of the topic
+        topics=(RosTopic("steering", "std_msgs/Float32", "steering angle [rad], positive {sign}"),),
+    ),
+    Channel(
+        "encoders",
+        (
+            Signal("encoders.time", "time of the sample", "s"),
+            Signal(
+                "encoders.ticks",
+                "counts of the rear encoders since the reset",
+                elements=("left", "right"),
+                hud=(
+                    HudRow(
+                        "encoders", "Encoder Ticks", "Ticks of the left and right rear wheel", "list", section="sensors"
+                    ),
+                ),
+            ),
+            Signal("encoders.angles", "angles of the rear encoders since the reset", "rad", elements=("left", "right")),
+        ),
+        rate="sensors.encoders.rate",
+        topics=tuple(
+            RosTopic(f"{side}_encoder", "sensor_msgs/JointState", f"angle of the rear {side} wheel [rad]")
+            for side in ("left", "right")
+        ),
+    ),
+    Channel(
+        "ips",
+        (
+            Signal("ips.time", "time of the sample", "s"),
+            Signal(
+                "ips.position",
+                "position of the rear axle centre by the indoor positioning system",
+                "m",
+                "map",
+                XYZ,
+                hud=(HudRow("position", "Position", "IPS: x, y, z of the rear axle centre in the map", "vector"),),
+                plots=_axes(("x", "y", "z"), ("Position x", "Position y", "Position z"), (0.2, 0.2, 0.02)),
+            ),
+        ),
+        rate="sensors.ips.rate",
+        topics=(RosTopic("ips", "geometry_msgs/Point", "position in map [m]"),),
+    ),
+    Channel(
+        "imu",
+        (
+            Signal("imu.time", "time of the sample", "s"),
+            Signal("imu.orientation", "orientation of the IMU, quaternion", "", "map", WXYZ),
+            Signal(
+                "imu.euler",
+                "roll, pitch, yaw of the IMU, -π to π",
+                "rad",
+                "map",
+                ("roll", "pitch", "yaw"),
+                hud=(
+                    HudRow(
+                        "orientation",
+                        "Orientation",
+                        "IMU: roll, pitch, yaw in (-π, π]; x forward, y left, z up",
+                        "vector",
+                    ),
+                ),
+                plots=_axes(("roll", "pitch", "yaw"), ("Roll", "Pitch", "Yaw"), (0.02, 0.02, 0.2)),
+            ),
+            Signal(
+                "imu.angular_velocity",
+                "angular velocity in the axes of the IMU",
+                "rad/s",
+                "imu",
+                XYZ,
+                hud=(
+                    HudRow(
+                        "angular-velocity",
+                        "Angular velocity",
+                        "IMU: about x, y, z of the sensor; left turns are positive",
+                        "vector",
+                    ),
+                ),
+                plots=_axes(
+                    ("roll-rate", "pitch-rate", "yaw-rate"), ("Roll rate", "Pitch rate", "Yaw rate"), (0.2, 0.2, 0.2)
+                ),
+            ),
+            Signal(
+                "imu.linear_acceleration",
+                "acceleration in the axes of the IMU, without gravity unless the Spec asks for it",
+                "m/s²",
+                "imu",
+                XYZ,
+                hud=(
+                    HudRow(
+                        "linear-acceleration",
+                        "Linear acceleration",
+                        "IMU: along x, y, z of the sensor, without gravity unless the vehicle asks for it",
+                        "vector",
+                    ),
+                ),
+                plots=_axes(
+                    ("acceleration-x", "acceleration-y", "acceleration-z"),
+                    ("Accel. x", "Accel. y", "Accel. z"),
+                    (0.5, 0.5, 0.5),
+                ),
+            ),
+        ),
+        rate="sensors.imu.rate",
+        topics=(
+            RosTopic("imu", "sensor_msgs/Imu", "orientation, angular velocity, linear acceleration", "sensor"),
+            RosTopic("imu/data", "sensor_msgs/Imu", "same as imu, name of REP 145", "sensor"),
+            RosTopic("imu/data_raw", "sensor_msgs/Imu", "same as imu without the orientation", "sensor"),
+        ),
+    ),
+    Channel(
+        "lidar",
+        (
+            Signal("lidar.time", "time of the last ray of the scan", "s"),
+            Signal(
+                "lidar.ranges",
+                "ranges; REP 117: -inf is nearer than range_min, +inf is farther than range_max",
+                "m",
+                "lidar",
+                size="rays",
+                hud=(
+                    HudRow(
+                        "lidar",
+                        "LIDAR Measurement",
+                        'Range at the bearing below; "inf" without a return, a dash outside the field of view',
+                        "beam",
+                    ),
+                ),
+                plots=(
+                    Plot("nearest", "LIDAR", "Nearest", 0.2, reduction="nearest"),
+                    Plot("measurement", "LIDAR", "Measurement", 0.2, reduction="beam"),
+                ),
+            ),
+            Signal("lidar.intensities", "intensities of the returns", "", "lidar", size="rays"),
+        ),
+        rate="sensors.lidar.rate",
+        topics=(
+            RosTopic("lidar", "sensor_msgs/LaserScan", "scan, first ray straight ahead", "sensor"),
+            RosTopic("scan", "sensor_msgs/LaserScan", "same as lidar, name of REP 138", "sensor"),
+        ),
+    ),
+    Channel(
+        "range",
+        (
+            Signal("range.time", "time of the sample", "s"),
+            Signal(
+                "range.range",
+                "distance to the nearest thing in the cone; REP 117: -inf is nearer than range_min, +inf is farther "
+                "than range_max",
+                "m",
+                "range",
+                hud=(HudRow("range", "Range", "Nearest thing in the cone of the range sensor", section="sensors"),),
+                plots=(Plot("range", "Range sensor", "Range", 0.2),),
+            ),
+        ),
+        rate="sensors.range.rate",
+        topics=(RosTopic("range", "sensor_msgs/Range", "distance to the nearest thing in the cone [m]", "sensor"),),
+    ),
+    Channel(
+        "lights",
+        (
+            Signal("lights.headlights", "0 off, 1 low beam, 2 high beam"),
+            Signal("lights.indicators", "0 off, 1 left, 2 right, 3 hazard"),
+            Signal("lights.tail_lights", "0 off, 1 partial, 2 bright"),
+            Signal("lights.left_indicator", "whether the left indicator is lit"),
+            Signal("lights.right_indicator", "whether the right indicator is lit"),
+            Signal("lights.reverse_lights", "whether the reverse lights are lit"),
+        ),
+        topics=(RosTopic("lights", "autodrive_msgs/Lights", "state of the lamps"),),
+    ),
+    Channel(
+        "wheels",
+        (
+            Signal("wheels.steering_angle", "true steering angles", "rad", elements=WHEEL_NAMES),
+            Signal("wheels.rotation_angle", "true rotation angles", "rad", elements=WHEEL_NAMES),
+            Signal(
+                "wheels.slip_ratio",
+                "true slip ratios",
+                elements=WHEEL_NAMES,
+                plots=_by_wheel("slip-ratio", "Slip ratio", "Slip ratio", 0.1),
+            ),
+            Signal(
+                "wheels.slip_angle",
+                "true slip angles",
+                "rad",
+                elements=WHEEL_NAMES,
+                plots=_by_wheel("slip-angle", "Slip angle", "Slip angle", 0.02),
+            ),
+            Signal(
+                "wheels.normal_load",
+                "true normal loads",
+                "N",
+                elements=WHEEL_NAMES,
+                plots=_by_wheel("load", "Normal load", "Load", 1.0),
+            ),
+            Signal(
+                "wheels.angular_velocity",
+                "true angular velocities",
+                "rad/s",
+                elements=WHEEL_NAMES,
+                hud=(HudRow("gear", "Gear", "D: drive, R: reverse (from the speed of the rear wheels)", "gear"),),
+                plots=_by_wheel("spin", "Wheel speed", "Wheel", 1.0),
+            ),
+            Signal(
+                "wheels.compression",
+                "true compression of the suspension, 0 at the target position",
+                "m",
+                elements=WHEEL_NAMES,
+                plots=_by_wheel("compression", "Compression of the suspension", "Spring", 0.001),
+            ),
+        ),
+        topics=(RosTopic("wheels", "autodrive_msgs/WheelStates", "true slip, load and compression of the wheels"),),
+    ),
+    Channel(
+        "is_autonomous",
+        (
+            Signal(
+                "is_autonomous",
+                "driving mode: a script drives (true) or a person (false)",
+                hud=(HudRow("mode", "Driving Mode", "Manual: a person drives. Autonomous: a script drives", "mode"),),
+            ),
+        ),
+    ),
+    Channel(
+        "collision_count",
+        (
+            Signal(
+                "collision_count",
+                "collisions since the reset",
+                hud=(HudRow("collisions", "Collisions", decimals=0),),
+                plots=(Plot("collisions", "Vehicle", "Collisions", 1.0),),
+            ),
+        ),
+    ),
+)
+"""All channels of a vehicle but its cameras, whose images are messages of their own."""
+
+BY_NAME = {channel.name: channel for channel in CHANNELS}
+SIGNALS: tuple[Signal, ...] = tuple(signal for channel in CHANNELS for signal in channel.signals)
+ROS_TOPICS = {topic.name: topic for channel in CHANNELS for topic in channel.topics}
+
+
+def _required(hint: Any) -> Any:
+    """The type without its None."""
+    if get_origin(hint) in {Union, types.UnionType}:
+        (hint,) = (part for part in get_args(hint) if part is not type(None))
+    return hint

@@ -1,0 +1,98 @@
+"""Options of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from autodrive.protocol.devkit_profile import DevkitSettings, Handshake, Keys, LidarFormat, Side
+from autodrive.scenario import DEFAULT
+
+DrivingMode: TypeAlias = Literal["manual", "autonomous"]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of `autodrive.run.simulate` and of the command `autodrive run`."""
+
+    scenario: str = DEFAULT
+    """Name of a scenario, or path of its YAML file."""
+    mode: DrivingMode | None = None
+    """Whether a person ("manual") or a script ("autonomous") drives. None: autonomous if `devkit` is set."""
+    duration: float | None = None
+    """Simulated time [s]; None: until stopped."""
+    speed: float | None = 1.0
+    """Simulated seconds per second of wall time; None: as fast as possible."""
+    seed: int | None = None
+    """Seed of all noise; None: the seed of the scenario."""
+    devkit: tuple[str, int] | None = None
+    """Host and port of the devkit script to connect to; None: no connection until a client requests one."""
+    devkit_profile: str | None = None
+    """Devkit generation of the script: "2020", "2022", "2023" or "2025"; None: detected."""
+    devkit_keys: Keys | None = None
+    """Keys of the messages; None: as in the profile."""
+    devkit_lidar: LidarFormat | None = None
+    """Format of scans; None: what the script can read, as far as its commands tell."""
+    devkit_steering: Side | None = None
+    """Direction of a positive steering command; None: as in the profile."""
+    devkit_feedback: Side | None = None
+    """Direction of a positive steering feedback; None: as in the profile."""
+    devkit_handshake: Handshake | None = None
+    """Handshake of the script's server; None: detected."""
+    summary: Path | None = None
+    """File for the summary, as JSON."""
+    cameras: bool | None = None
+    """Whether camera images are rendered; None: always with `devkit`, otherwise while a client shows them."""
+    is_lockstep: bool | None = None
+    """Whether each image is rendered in its tick, which waits for it; otherwise images are rendered asynchronously in
+    another process. None: in the tick if `speed` is None."""
+    camera_quality: str = "auto"
+    """One of `autodrive.render.quality.NAMES`."""
+    image_size: tuple[int, int] | None = None
+    """Width and height of the images that a devkit script receives [pixels]; None: those of the camera."""
+    image_quality: int = 75
+    """JPEG quality of the images that a devkit script receives, 1 to 100."""
+    has_page: bool = True
+    """Whether the page and the native protocol are served."""
+    host: str = "127.0.0.1"
+    """Address on which the page is served."""
+    port: int | None = None
+    """Port of the page; None: the default port, or the next free one; 0: any free port."""
+    token: str | None = None
+    """Access token; None: generated if other machines can connect."""
+    allowed_origins: tuple[str, ...] = ()
+    """Origins of other web pages that may connect."""
+
+    @property
+    def devkit_settings(self) -> DevkitSettings:
+        """The options of the devkit. Raises `AutodriveError` for an unknown value."""
+        return DevkitSettings(
+            profile=self.devkit_profile,
+            keys=self.devkit_keys,
+            lidar=self.devkit_lidar,
+            steering=self.devkit_steering,
+            feedback=self.devkit_feedback,
+            handshake=self.devkit_handshake,
+        )
+
+    @property
+    def pictures(self) -> Literal["always", "wanted", "never"]:
+        """When camera images are rendered; "wanted": while a client or a devkit script receives them."""
+        if self.cameras is not None:
+            return "always" if self.cameras else "never"
+        if self.devkit is not None or (self.has_page and self.is_lockstep):
+            return "always"
+        return "wanted" if self.has_page else "never"
+
+    @property
+    def draws_in_tick(self) -> bool:
+        """`is_lockstep`, or its default; images that are rendered only on demand are never rendered in the tick."""
+        if self.is_lockstep is not None:
+            return self.is_lockstep
+        return self.speed is None and self.pictures != "wanted"
+
+    @property
+    def driving_mode(self) -> DrivingMode:
+        """`mode`, or its default."""
+        return self.mode or ("autonomous" if self.devkit else "manual")

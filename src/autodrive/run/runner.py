@@ -1,0 +1,207 @@
+"""Runs a scenario with its page server and devkit bridge until the duration is over or a stop is requested."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from autodrive.bridge.devkit import DevkitBridge
+from autodrive.cache import check_writable, write_file
+from autodrive.jit import compiling
+from autodrive.protocol.ports import DEVKIT_PORT
+from autodrive.run.options import RunOptions
+from autodrive.run.summary import Odometer, Summary, run_summary
+from autodrive.run.world_loader import WorldLoader
+from autodrive.simulation import Simulation
+
+if TYPE_CHECKING:
+    from autodrive.cameras.jpeg import JpegEncoder
+    from autodrive.protocol.devkit import ImageSizes
+    from autodrive.server.server import Server
+
+REFRESH_INTERVAL = 0.2
+"""Wall time between two calls of `RunObserver.running` [s]; a stop request takes effect within that time."""
+
+PAGE = Path(__file__).parents[1] / "page"
+"""Folder of the built page."""
+
+
+class StopRequest:
+    """Ends a run early. `set` may be called from any thread or from a signal handler."""
+
+    def __init__(self) -> None:
+        self._event = threading.Event()
+        self._reason = ""
+
+    @property
+    def reason(self) -> str:
+        """Reason of the first request; empty before it."""
+        return self._reason
+
+    def set(self, reason: str = "request") -> None:
+        """Request the end of the run; the summary reports the reason as `ended_by`."""
+        self._reason = self._reason or reason
+        self._event.set()
+
+    def is_set(self) -> bool:
+        """Whether the end of the run was requested."""
+        return self._event.is_set()
+
+
+@dataclass
+class Run:
+    """A run in progress."""
+
+    simulation: Simulation
+    loader: WorldLoader
+    bridge: DevkitBridge
+    server: Server | None
+    odometer: Odometer
+
+    @property
+    def link(self) -> str:
+        """Link to the page; empty if no page is served."""
+        return self.server.url if self.server else ""
+
+    def summary(self, ended_by: str) -> Summary:
+        """The figures of the run up to now; may be called from any thread."""
+        return run_summary(
+            self.simulation,
+            self.odometer,
+            scenario=self.loader.scenario,
+            ended_by=ended_by,
+            cameras=self.loader.cameras_summary(),
+            bridge=self.bridge,
+            page_link=self.link,
+        )
+
+    def status(self) -> str:
+        """Status line: time, real-time factor, vehicles, cameras, devkit bridge, page."""
+        parts = [f"{self.simulation.simulated_time:8.1f} s", f"x{self.simulation.real_time_factor:.2f}"]
+        for name, vehicle in self.simulation.frame.vehicles.items():
+            x, y, _ = vehicle.pose.position
+            parts.append(f"{name} {vehicle.speed:+.2f} m/s at ({x:+.2f}, {y:+.2f})")
+        if self.loader.cameras is not None:
+            parts.append(self.loader.cameras.status())
+        if (status := self.bridge.status) != "closed":
+            parts.append(f"devkit {status}, {self.bridge.counters.commands_received} commands")
+        if self.server is not None:
+            clients = self.server.clients
+            parts.append(f"{self.link} {clients} client{'' if clients == 1 else 's'}")
+        return "  ".join(parts)
+
+
+class RunObserver:
+    """Called during a run, in the thread of `simulate`; a subclass overrides what it needs."""
+
+    def compiled(self, function: str) -> None:
+        """A function was compiled; the first start on a machine compiles several dozen in about half a minute."""
+
+    def started(self, run: Run) -> None:
+        """The world is loaded and the page is served; time starts after this call."""
+
+    def running(self, run: Run) -> None:
+        """Called every `REFRESH_INTERVAL`."""
+
+
+def simulate(
+    options: RunOptions | None = None, *, stop: StopRequest | None = None, observer: RunObserver | None = None
+) -> Summary:
+    """Run a scenario until its duration is over or `stop` is set; the summary is also written to `options.summary`.
+
+    Needs neither the main thread nor a terminal, and installs no signal handlers: without a duration, `stop.set()` from
+    another thread ends the run. Several runs in one process may follow each other. Raises `AutodriveError`, for example
+    for an unknown scenario or a port that is in use.
+    """
+    options, stop, observer = options or RunOptions(), stop or StopRequest(), observer or RunObserver()
+    if options.summary is not None:
+        check_writable(options.summary)  # before a long run, not after it
+    loader = WorldLoader(options)
+    with compiling(observer.compiled):
+        world = loader.load(options.scenario)
+    simulation = Simulation(world, speed=options.speed, load=loader.load, pause_on_error=options.has_page)
+    odometer = Odometer(simulation)
+    simulation.add_sink(odometer)
+    simulation.add_sink(loader)
+    with ExitStack() as stack:
+        stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
+        if loader.cameras is not None and options.pictures == "always":
+            loader.cameras.wait()
+        encoder = _encoder(options)
+        bridge = _bridge(simulation, options, encoder)
+        stack.callback(bridge.close)
+        loader.render_while_connected(bridge)
+        server = _server(simulation, loader, options, bridge, encoder) if options.has_page else None
+        stack.callback(simulation.stop)
+        if server is not None:
+            stack.enter_context(server)
+        run = Run(simulation, loader, bridge, server, odometer)
+        observer.started(run)
+        if options.devkit is not None:
+            bridge.start()
+        simulation.start(options.duration)
+        while not stop.is_set() and not simulation.wait(REFRESH_INTERVAL):
+            observer.running(run)
+        simulation.stop()
+        summary = run.summary(stop.reason or "duration")
+        if options.summary is not None:
+            write_file(options.summary, summary.to_json())
+    return summary
+
+
+def _encoder(options: RunOptions) -> JpegEncoder | None:
+    if options.pictures == "never":
+        return None
+    from autodrive.cameras.jpeg import JpegEncoder
+
+    return JpegEncoder(options.image_size, options.image_quality)
+
+
+def _bridge(simulation: Simulation, options: RunOptions, encoder: JpegEncoder | None) -> DevkitBridge:
+    """A bridge that is not started yet: an option or a client request starts it."""
+    host, port = options.devkit or ("127.0.0.1", DEVKIT_PORT)
+    settings, sizes = options.devkit_settings, partial(_image_sizes, simulation, options)
+    if encoder is None:
+        return DevkitBridge(simulation, host, port, settings, image_sizes=sizes)
+    from autodrive.cameras.jpeg import images_of
+
+    return DevkitBridge(simulation, host, port, settings, images=partial(images_of, encoder=encoder), image_sizes=sizes)
+
+
+def _image_sizes(simulation: Simulation, options: RunOptions) -> ImageSizes:
+    """Sizes of the images that a devkit script receives, of the cameras of the current world."""
+    return {
+        (vehicle, name): options.image_size or (camera.width, camera.height)
+        for vehicle, spec in simulation.world.vehicle_specs.items()
+        for name, camera in spec.cameras.items()
+    }
+
+
+def _server(
+    simulation: Simulation,
+    loader: WorldLoader,
+    options: RunOptions,
+    bridge: DevkitBridge,
+    encoder: JpegEncoder | None,
+) -> Server:
+    from autodrive.server.server import Server, scene_renderer_factory
+
+    return Server(
+        simulation,
+        scene_files=loader.scenery,
+        page=PAGE if (PAGE / "index.html").is_file() else None,
+        bridge=bridge,
+        scenarios=loader.scenarios,
+        host=options.host,
+        port=options.port,
+        token=options.token,
+        allowed_origins=options.allowed_origins,
+        jpeg_encoder=encoder,
+        cameras_error=lambda: loader.cameras_error,
+        want_pictures=loader.set_viewed,
+        renderer_factory=scene_renderer_factory(options.camera_quality),
+    )

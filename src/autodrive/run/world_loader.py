@@ -1,0 +1,130 @@
+"""Loads the worlds of a run in sequence, with their cameras and scene files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import autodrive
+from autodrive.scenario import ScenarioSpec, load_scenario
+from autodrive.specs import titles
+
+if TYPE_CHECKING:
+    from autodrive.bridge.devkit import DevkitBridge
+    from autodrive.protocol.messages import Frame
+    from autodrive.run.camera_monitor import CameraMonitor
+    from autodrive.run.options import RunOptions
+    from autodrive.run.summary import CamerasSummary
+    from autodrive.server.scene_files import SceneFiles
+    from autodrive.world import World
+
+WARM_UP = 0.5
+"""Simulated time after which every sensor has sampled at least once [s]."""
+
+
+class WorldLoader:
+    """Makes worlds with the options of the run; as a sink, it pauses and resumes the cameras of the current world.
+
+    `cameras` monitors the cameras of the current world; None if they are disabled or the world has none. `scenario` is
+    the name of the current scenario.
+    """
+
+    def __init__(self, options: RunOptions) -> None:
+        self.scenario = options.scenario
+        self.cameras: CameraMonitor | None = None
+        self._options = options
+        self._names: WeakKeyDictionary[World, str] = WeakKeyDictionary()
+        self._bridge: DevkitBridge | None = None
+        self._is_viewed = False
+        self._tick_duration = 0.0
+        self._tick = self._ticks = 0
+
+    def load(self, scenario: str | ScenarioSpec) -> World:
+        """Make the world of a scenario and compile all that it runs. Raises `AutodriveError`.
+
+        A name is loaded with the options of the run; a Spec is the current scenario after an edit.
+        """
+        if isinstance(scenario, ScenarioSpec):
+            name, spec = self.scenario, scenario
+        else:
+            name, spec = scenario, self._spec(scenario)
+        world, cameras = self._make(spec)
+        while world.time < WARM_UP:  # every function and sensor runs once, so that nothing compiles during the run
+            world.step()
+        world.reset()
+        self._names[world] = name
+        self.scenario, self.cameras = name, cameras
+        if not isinstance(scenario, ScenarioSpec):
+            self._tick_duration, self._ticks = world.tick_duration, 0
+        return world
+
+    def scenery(self, world: World) -> SceneFiles:
+        """The scene files of a world that this loader made."""
+        from autodrive.server.scene_files import SceneFiles
+
+        return SceneFiles.of(world, self._names[world])
+
+    @property
+    def scenarios(self) -> dict[str, str]:
+        """Scenarios that can be loaded, name -> title: those of the package and the one of the options."""
+        requested = self._options.scenario
+        return {**titles("scenario", ScenarioSpec), requested: load_scenario(requested).title}
+
+    def set_viewed(self, is_viewed: bool) -> None:
+        """Whether any client shows camera images; rendering on demand depends on it."""
+        self._is_viewed = is_viewed
+        self._update_cameras()
+
+    def render_while_connected(self, bridge: DevkitBridge) -> None:
+        """Also render camera images while that bridge is connected."""
+        self._bridge = bridge
+
+    def publish(self, frame: Frame) -> None:
+        """Count ticks and images of the current world."""
+        self._ticks += frame.tick != self._tick
+        self._tick = frame.tick
+        self._update_cameras()
+        if self.cameras is not None:
+            self.cameras.publish(frame)
+
+    def cameras_summary(self) -> CamerasSummary | None:
+        """Summary of the cameras of the current world; None if there are none."""
+        return self.cameras and self.cameras.summary(self._ticks * self._tick_duration)
+
+    @property
+    def cameras_error(self) -> str:
+        """Why there are no camera images; empty if there are."""
+        if self.cameras is not None:
+            return self.cameras.error
+        return "cameras are disabled by --no-cameras" if self._options.pictures == "never" else ""
+
+    @property
+    def _is_wanted(self) -> bool:
+        is_connected = self._bridge is not None and self._bridge.status == "connected"
+        return self._is_viewed or is_connected or self._options.pictures == "always"
+
+    def _update_cameras(self) -> None:
+        if self.cameras is not None:
+            self.cameras.set_wanted(self._is_wanted)
+
+    def _spec(self, name: str) -> ScenarioSpec:
+        """The scenario with the driving mode and seed of the options, so that a reset keeps them."""
+        options = self._options
+        spec = load_scenario(name)
+        is_autonomous = options.driving_mode == "autonomous"
+        vehicles = {
+            name: placement.model_copy(update={"is_autonomous": is_autonomous})
+            for name, placement in spec.vehicles.items()
+        }
+        seed = spec.seed if options.seed is None else options.seed
+        return spec.model_copy(update={"vehicles": vehicles, "seed": seed})
+
+    def _make(self, spec: ScenarioSpec) -> tuple[World, CameraMonitor | None]:
+        options = self._options
+        if options.pictures == "never":
+            return autodrive.make(spec), None
+        from autodrive.run.camera_monitor import world_with_cameras
+
+        return world_with_cameras(
+            spec, quality=options.camera_quality, draws_in_tick=options.draws_in_tick, is_wanted=self._is_wanted
+        )

@@ -1,0 +1,164 @@
+"""Single-point range sensor, ultrasonic or time of flight: the distance to the nearest object in a cone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from autodrive.arrays import Floats, Integers
+from autodrive.jit import jit, resolved
+from autodrive.model import Shapes
+from autodrive.physics.ray import inverse_distance
+from autodrive.protocol.messages import RangeReading
+from autodrive.sensors.lidar_noise import classify
+from autodrive.sensors.noise import Noise, NoiseSpec
+from autodrive.sensors.sensor import Distance, Mount, Rate, Sensor, SensorSpec
+from autodrive.state import State
+from autodrive.transforms import Quaternion, Vector, compose, rotate
+
+
+class RangeSpec(SensorSpec):
+    """A range sensor along the x axis of its mount; by default the HC-SR04 (data sheet: 0.02 to 4 m, 15 deg)."""
+
+    mount: Mount = Mount()
+    rate: Rate | None = 20.0
+    """Sample rate [Hz]; None: one sample per tick."""
+    field_of_view_deg: float = Field(default=15.0, ge=0.0, lt=180.0)
+    """Full opening angle of the cone [deg]."""
+    rings: int = Field(default=3, ge=0, le=20)
+    """Rings of rays around the axis: ring k has 8 k rays. More rings detect smaller objects."""
+    range_min: Distance = 0.02
+    """A smaller distance [m] is reported as -inf (REP 117)."""
+    range_max: Distance = 4.0
+    """A greater distance [m] is reported as +inf (REP 117)."""
+    radiation: Literal["ultrasound", "infrared"] = "ultrasound"
+    """Reported only; does not change the distance."""
+    sees_ground: bool = False
+    """Whether the sensor detects the ground. A smooth floor reflects a beam at a small angle away from the sensor."""
+    noise: NoiseSpec = NoiseSpec()
+    """Noise of the distance [m]."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.range_max <= self.range_min:
+            raise ValueError(f"range_max {self.range_max:g} m must be above range_min {self.range_min:g} m")
+        return self
+
+
+class Range(Sensor[RangeReading]):
+    """Casts rays over the field of view and reports the nearest hit. Shapes of its own vehicle are ignored."""
+
+    def __init__(self, spec: RangeSpec) -> None:
+        self._noise = Noise.of((spec.noise, 1))
+        super().__init__(self._noise)
+        self._spec = spec
+        self._field_of_view = math.radians(spec.field_of_view_deg)
+        self._mount = spec.mount.position, spec.mount.orientation
+        self._directions = directions(self._field_of_view, spec.rings)
+        self._compiled: Callable[..., float] | None = None
+
+    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> RangeReading:
+        """The distance at `time`."""
+        spec = self._spec
+        arguments = (
+            state.vehicle_position[vehicle],
+            state.vehicle_orientation[vehicle],
+            *self._mount,
+            self._directions,
+            spec.sees_ground,
+            spec.range_max,
+            vehicle,
+            shapes.kind,
+            shapes.size,
+            shapes.bounding_radius,
+            shapes.vehicle,
+            state.shape_position,
+            state.shape_rotation,
+        )
+        if self._compiled is None:
+            self._compiled = resolved(_nearest, *arguments)
+        inverse_range = self._compiled(*arguments)
+        distance = np.array([math.inf if inverse_range == 0.0 else 1.0 / inverse_range])
+        if self._noise is not None:
+            self._noise.add(distance, time)
+        return RangeReading(
+            time=time,
+            range=classify(float(distance[0]), spec.range_min, spec.range_max),
+            field_of_view=self._field_of_view,
+            range_min=spec.range_min,
+            range_max=spec.range_max,
+            radiation=spec.radiation,
+        )
+
+
+def directions(field_of_view: float, rings: int) -> Floats:
+    """Unit vectors of the rays in sensor axes, shape (n_ray, 3): the axis and rings up to the edge of the cone."""
+    rays = [(1.0, 0.0, 0.0)]
+    for ring in range(1, rings + 1):
+        polar = 0.5 * field_of_view * ring / rings
+        for k in range(8 * ring):
+            azimuth = 2.0 * math.pi * k / (8 * ring)
+            rays.append((math.cos(polar), math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth)))
+    return np.array(rays)
+
+
+@jit
+def _nearest(
+    vehicle_position: Floats,
+    vehicle_orientation: Floats,
+    mount_position: Vector,
+    mount_orientation: Quaternion,
+    rays: Floats,
+    sees_ground: bool,
+    range_max: float,
+    vehicle: int,
+    kind: Integers,
+    size: Floats,
+    bounding_radius: Floats,
+    shape_vehicle: Integers,
+    shape_position: Floats,
+    shape_rotation: Floats,
+) -> float:
+    """Largest inverse range of all rays [1/m]; 0 if no ray hits, infinity inside a shape or the ground."""
+    lever = rotate(vehicle_orientation, mount_position)
+    px, py, pz = vehicle_position[0] + lever[0], vehicle_position[1] + lever[1], vehicle_position[2] + lever[2]
+    map_from_sensor = compose(vehicle_orientation, mount_orientation)
+    if pz <= 0.0:
+        return math.inf
+    nearest = 0.0
+    for i in range(len(rays)):
+        ray = rotate(map_from_sensor, (rays[i, 0], rays[i, 1], rays[i, 2]))
+        if sees_ground:
+            nearest = max(nearest, -ray[2] / pz)
+        for g in range(len(kind)):
+            if shape_vehicle[g] == vehicle:
+                continue
+            dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
+            along = dx * ray[0] + dy * ray[1] + dz * ray[2]
+            radius = bounding_radius[g]
+            if abs(along - 0.5 * range_max) > 0.5 * range_max + radius:
+                continue
+            if dx * dx + dy * dy + dz * dz - along * along > radius * radius * (1.0 + 1e-9) + 1e-9:
+                continue
+            inverse_range = inverse_distance(
+                kind[g],
+                (size[g, 0], size[g, 1], size[g, 2]),
+                _in_shape(shape_rotation, g, (-dx, -dy, -dz)),
+                _in_shape(shape_rotation, g, ray),
+            )
+            nearest = max(nearest, inverse_range)
+    return nearest
+
+
+@jit
+def _in_shape(rotation: Floats, g: int, v: Vector) -> Vector:
+    """Transform a vector from the map frame to the axes of shape g."""
+    return (
+        v[0] * rotation[g, 0] + v[1] * rotation[g, 3] + v[2] * rotation[g, 6],
+        v[0] * rotation[g, 1] + v[1] * rotation[g, 4] + v[2] * rotation[g, 7],
+        v[0] * rotation[g, 2] + v[1] * rotation[g, 5] + v[2] * rotation[g, 8],
+    )

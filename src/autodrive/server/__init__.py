@@ -1,0 +1,1 @@
+"""Serves the page, scene files and the native protocol on one port."""

@@ -1,0 +1,112 @@
+"""The Model's tables of vehicles and wheels, computed from the vehicles' Specs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from autodrive.arrays import Floats
+from autodrive.model import VEHICLE, WHEEL, Table
+from autodrive.physics.engine import Engine
+from autodrive.vehicles.spec import VehicleSpec
+
+HOLD_DAMPING_RATIO = 0.7
+"""Damping of a locked wheel's holding spring, relative to critical damping."""
+
+
+def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, dt: float) -> Table:
+    """`Model.vehicles` for a substep of `dt` [s]; each vehicle is a free body of the engine with its name."""
+    table = np.zeros(len(vehicles), dtype=VEHICLE)
+    for row, (name, spec) in zip(table, vehicles.items(), strict=True):
+        _, row["qpos"], row["dof"] = engine.body(name)
+        for field in ("mass", "inertia", "center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
+            row[field] = getattr(spec.body, field)
+        row["wheelbase"] = spec.wheelbase
+        row["steering_limit"] = spec.steering.limit
+        row["steering_rate_limit"] = math.inf if spec.steering.rate_limit is None else spec.steering.rate_limit
+        row["steering_response"] = _response(spec.steering.time_constant, dt)
+        row["steering_delay"] = round(spec.steering.dead_time / dt)
+        row["drive_is_speed_controlled"] = spec.drivetrain.control == "speed"
+        row["drive_speed_limit"] = spec.drivetrain.speed_limit
+        row["drive_torque_limit"] = spec.drivetrain.torque_limit
+        row["drive_servo_gain"] = spec.drivetrain.servo_gain
+        row["drive_response"] = _response(spec.drivetrain.time_constant, dt)
+        row["drive_delay"] = round(spec.drivetrain.dead_time / dt)
+        row["brake_torque"] = spec.drivetrain.brake_torque
+    return table
+
+
+def wheel_table(vehicles: Mapping[str, VehicleSpec], grip: float, dt: float) -> Table:
+    """`Model.wheels` for a substep of `dt` [s]; `grip` scales the friction values of all wheels."""
+    table = np.zeros(4 * len(vehicles), dtype=WHEEL)
+    for i, spec in enumerate(vehicles.values()):
+        rows = table[4 * i : 4 * i + 4]
+        rows["hub"] = spec.hubs
+        for axle, wheels in ((spec.axles.front, rows[:2]), (spec.axles.rear, rows[2:])):
+            for field in ("is_steered", "is_driven", "is_braked"):
+                wheels[field] = getattr(axle, field)
+        _set_wheels(rows, spec)
+        _set_suspension(rows, spec, dt)
+        _set_tyres(rows, spec, grip, dt)
+    return table
+
+
+def _set_wheels(rows: Table, spec: VehicleSpec) -> None:
+    wheel = spec.wheels
+    for field in ("radius", "damping_rate", "force_height"):
+        rows[field] = getattr(wheel, field)
+    rows["inertia"] = 0.5 * wheel.mass * wheel.radius**2
+
+
+def _set_suspension(rows: Table, spec: VehicleSpec, dt: float) -> None:
+    suspension = spec.wheels.suspension
+    for field in ("stiffness", "damping", "compression_max", "droop_max", "bump_stiffness"):
+        rows[field] = getattr(suspension, field)
+    rows["look_ahead"] = suspension.look_ahead(dt)
+    rows["sprung_mass"] = sprung_masses(spec)
+    rows["effective_mass"] = effective_masses(spec)
+
+
+def _set_tyres(rows: Table, spec: VehicleSpec, grip: float, dt: float) -> None:
+    wheel, regular = spec.wheels, spec.wheels.regularisation
+    factor = (1.0, grip, 1.0, grip, 1.0)
+    rows["forward"] = np.multiply(wheel.forward_friction.numbers, factor)
+    rows["sideways"] = np.multiply(wheel.sideways_friction.numbers, factor)
+    for field in ("active_slip_offset", "passive_slip_minimum", "slip_angle_offset", "hold_speed"):
+        rows[field] = getattr(regular, field)
+    # a quarter of the mass on each spring; the frequency is limited to what the substep can follow
+    frequency = 2.0 * math.pi * min(regular.hold_frequency, 0.04 / dt)
+    rows["hold_stiffness"] = spec.body.mass / 4 * frequency**2
+    rows["hold_damping"] = 2.0 * HOLD_DAMPING_RATIO * spec.body.mass / 4 * frequency
+
+
+def _response(time_constant: float, dt: float) -> float:
+    """Fraction of the difference to its target that a first-order lag covers in one step."""
+    return 1.0 - math.exp(-dt / time_constant) if time_constant > 0.0 else 1.0
+
+
+def sprung_masses(spec: VehicleSpec) -> Floats:
+    """Mass on the spring of each wheel [kg], shape (4,).
+
+    They sum to the mass of the vehicle, balance about its centre of mass, and differ as little as possible (PhysX,
+    PxVehicleComputeSprungMasses).
+    """
+    hubs = np.array(spec.hubs)
+    x, y, _ = spec.body.center_of_mass
+    balance = np.stack([np.ones(4), hubs[:, 0], hubs[:, 1]])
+    return np.asarray(np.linalg.lstsq(balance, spec.body.mass * np.array([1.0, x, y]), rcond=None)[0], np.float64)
+
+
+def effective_masses(spec: VehicleSpec) -> Floats:
+    """Smallest effective mass for a horizontal force at each contact point [kg], shape (4,), for four wheels together.
+
+    1 / (1/m + (r x d) . I^-1 (r x d)) for a unit force d at r from the centre of mass (Featherstone (2.74)).
+    """
+    r = np.array(spec.hubs) - [0.0, 0.0, spec.wheels.radius] - np.array(spec.body.center_of_mass)
+    inverse = [
+        1.0 / spec.body.mass + np.sum(np.cross(r, d) ** 2 / np.array(spec.body.inertia), axis=1)
+        for d in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    ]
+    return 0.25 / np.max(inverse, axis=0)

@@ -1,0 +1,31 @@
+"""Vehicles and scenarios with small images, made once."""
+
+from __future__ import annotations
+
+import pytest
+
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from tests.support.cars import car_file
+
+SMALL = {f"cameras.{name}.{edge}": size for name in ("front", "rear") for edge, size in (("width", 96), ("height", 72))}
+"""Images of 96 x 72 pixels."""
+
+
+def two_cars(car: str) -> ScenarioSpec:
+    """V2 stands 0.6 m ahead of V1."""
+    vehicles = {"V1": VehiclePlacement(type=car), "V2": VehiclePlacement(type=car, x=0.6)}
+    return ScenarioSpec(map="mini_map", vehicles=vehicles, seed=3)
+
+
+@pytest.fixture(scope="package")
+def car(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Nigel with small images at 30 Hz; those of the front camera have depth and labels."""
+    rates = {"cameras.front.rate": 30.0, "cameras.rear.rate": 30.0}
+    extras = {"cameras.front.depth": True, "cameras.front.labels": True}
+    return car_file(tmp_path_factory.mktemp("car"), {**SMALL, **rates, **extras})
+
+
+@pytest.fixture(scope="package")
+def scenario(car: str) -> ScenarioSpec:
+    """Two of these cars, one behind the other."""
+    return two_cars(car)

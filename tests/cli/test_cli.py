@@ -1,0 +1,427 @@
+"""The command line: output and exit codes of all commands."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection, serve
+
+import autodrive
+from autodrive.protocol.png import decode_png
+from tests.support.command_line import AUTODRIVE, Started, call, refused
+from tests.support.scenes import needs_gl
+from tests.support.waiting import LIMIT
+
+DATA = Path(autodrive.__file__).parent / "data"
+
+
+# -- help and errors --------------------------------------------------------------------------------------------
+
+
+def test_help_names_every_command() -> None:
+    done = call("--help")
+    assert done.returncode == 0
+    for command in ("run", "list", "show", "check", "urdf", "doctor"):
+        assert re.search(rf"^  {command} ", done.stdout, re.MULTILINE)
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert call("--version").stdout == f"autodrive {autodrive.__version__}\n"
+
+
+@pytest.mark.process
+def test_help_imports_neither_physics_nor_compiler() -> None:
+    code = (
+        "import sys; sys.argv[1:] = ['run', '--help']\nfrom autodrive.cli.app import main\ntry: main()\nfinally: "
+        + ("print(sorted({'mujoco', 'numba', 'numpy', 'shapely'} & set(sys.modules)))")
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("fly",), "No such command 'fly'"),
+        (("run", "--wings"), "No such option: --wings"),
+        (("run", "mini_mapp"), "Did you mean 'mini_map'?"),
+        (("run", "no_such.yaml"), "file 'no_such.yaml' does not exist"),
+        (("run", "--speed", "fast"), "--speed must be a number from 1e-06 to 1e+06 or max, not 'fast'"),
+        (("run", "--speed", "0"), "--speed must be a number from 1e-06 to 1e+06 or max, not '0'"),
+        (("run", "--duration", "inf"), "--duration must be a number of seconds, not inf"),
+        (("run", "--duration", "nan"), "Invalid value for '--duration': must be greater than or equal to 0"),
+        (("run", "--duration", "-1"), "Invalid value for '--duration': must be greater than or equal to 0"),
+        (("run", "--mode", "autopilot"), "'manual', 'autonomous'"),
+        (("run", "--devkit", "here:there"), "--devkit must be HOST:PORT, for example 127.0.0.1:4567, not 'here:there'"),
+        (("run", "--devkit", "127.0.0.1:70000"), "--devkit must be HOST:PORT, for example 127.0.0.1:4567"),
+        (("run", "--devkit", "foo"), "--devkit must be HOST:PORT, for example 127.0.0.1:4567, not 'foo'"),
+        (("run", "--devkit", "[::1]"), "--devkit must be HOST:PORT, for example 127.0.0.1:4567, not '[::1]'"),
+        (("run", "--port", "70000"), "Invalid value for '--port': must be less than or equal to 65535"),
+        (("run", "--seed", "1.5"), "Invalid value for '--seed': must be a whole number"),
+        (("run", "--devkit-profile", "1999"), "'2020', '2022', '2023', '2025'"),
+        (("run", "--summary", "no/such/folder/s.json"), "cannot write: No such file or directory"),
+        (("list", "cars"), "'scenarios', 'maps', 'vehicles', 'modules'"),
+        (("show", "mini_mapp"), "Did you mean 'mini_map'?"),
+        (("show", "mini_map", "-o", "map.gif"), "--output must end in .png or .svg, not '.gif'"),
+        (("show", "mini_map", "-o", "no/such/folder/map.png"), "cannot write: No such file or directory"),
+        (("show", "nigel", "-o", "nigel.png"), "--output is for images of maps and modules"),
+        (("show", "nigel", "--occupancy", "maps"), "--occupancy and --labels are for maps, modules and scenarios"),
+        (("show", "mini_map", "--labels", "map.gif"), "--labels must end in .png, not '.gif'"),
+        (("show", "mini_map", "--labels", "no/such/folder/map.png"), "cannot write: No such file or directory"),
+        (("check", "no_such.yaml"), "cannot be read: No such file or directory"),
+        (("check", "mini_mapp"), "Did you mean 'mini_map'?"),
+    ],
+)
+def test_an_error_prints_one_line_and_exits_with_2(arguments: tuple[str, ...], text: str, tmp_path: Path) -> None:
+    assert text in refused(*arguments, cwd=tmp_path)
+
+
+# -- list, show, check, doctor ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("collection", ["scenarios", "maps", "vehicles", "modules"])
+def test_list_prints_every_file_of_a_collection_with_its_title(collection: str) -> None:
+    done = call("list", collection)
+    assert done.returncode == 0
+    assert [line.split()[0] for line in done.stdout.splitlines()] == sorted(
+        p.stem for p in (DATA / collection).glob("*.yaml")
+    )
+    assert all(len(line.split()) > 1 for line in done.stdout.splitlines())
+
+
+def test_show_draws_a_map_as_png(tmp_path: Path) -> None:
+    done = call("show", "mini_map", cwd=tmp_path)
+    assert done.stdout == "wrote map 'mini_map' to mini_map.png\n"
+    assert (tmp_path / "mini_map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+def test_show_draws_a_module_as_svg(tmp_path: Path) -> None:
+    assert call("show", "curved_road", "-o", "road.svg", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "road.svg").read_text().startswith("<svg ")
+
+
+def test_show_writes_an_occupancy_grid_and_labels(tmp_path: Path) -> None:
+    done = call("show", "curved_road", "--occupancy", "maps/ros", "--labels", "labels.png", cwd=tmp_path)
+    assert done.returncode == 0
+    about = yaml.safe_load((tmp_path / "maps/ros/curved_road.yaml").read_text())
+    assert (tmp_path / "maps/ros" / about["image"]).read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    assert (tmp_path / "labels.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+@needs_gl
+@pytest.mark.parametrize("name", ["nigel", "straight_road"])
+def test_show_renders_3d_images(tmp_path: Path, name: str) -> None:
+    done = call("show", name, "--3d", "look.png", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    picture = decode_png((tmp_path / "look.png").read_bytes())
+    assert picture.shape == (1000, 1600, 3)
+    assert picture.std() > 10.0
+
+
+@needs_gl
+@pytest.mark.parametrize(("file", "text"), [("look.jpg", "must end in .png"), ("nowhere/look.png", "cannot write")])
+def test_show_reports_why_it_cannot_render(tmp_path: Path, file: str, text: str) -> None:
+    done = call("show", "straight_road", "--3d", file, cwd=tmp_path)
+    assert done.returncode == 2
+    assert text in done.stderr
+
+
+def test_show_prints_a_vehicle_field_by_field() -> None:
+    rows = dict(line.split(None, 1) for line in call("show", "nigel").stdout.splitlines() if len(line.split()) == 2)
+    assert float(rows["wheelbase"]) == pytest.approx(0.14154)  # report: 141.54 mm
+
+
+def test_show_accepts_the_kind_for_an_ambiguous_name() -> None:
+    assert re.search(r"^map +mini_map$", call("show", "mini_map", "--kind", "scenario").stdout, re.MULTILINE)
+
+
+@pytest.mark.parametrize("path", sorted(DATA.rglob("*.yaml")), ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_the_kind_of_every_shipped_file_is_detected(path: Path) -> None:
+    from autodrive.cli.spec_files import kind_of_file
+
+    assert f"{kind_of_file(path)}s" == path.parent.name
+
+
+def test_check_accepts_a_shipped_scenario() -> None:
+    path = DATA / "scenarios" / "plane.yaml"
+    done = call("check", path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"{path}: scenario '")
+
+
+def test_check_reports_all_errors_of_a_file_and_of_its_references(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("map: plain\nvehicles:\n  V1: {type: nigel, x: far}\ntick: -1\nsped: 2\n")
+    done = call("check", bad)
+    assert done.returncode == 2
+    for text in ("4 errors", "map 'plain' is not known", "vehicles.V1.x (line 3)", "tick (line 4)", "sped (line 5)"):
+        assert text in done.stderr
+    bad.write_text("map: plain\nvehicles: {V1: {type: nigel}}\n")
+    assert "map 'plain' is not known. Known: " in refused("check", bad)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("mini_map", "scenario"), ("nigel", "vehicle"), ("lawn", "module"), ("boxes", "scenario")]
+)
+def test_check_takes_a_name_and_prefers_the_scenario_that_run_would_run(name: str, kind: str) -> None:
+    done = call("check", name)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"{name}: {kind} '")
+
+
+FAULTY = """title: All faults
+map: street.yaml
+vehicles:
+  V1: {type: nigel, x: 0.0, y: 0.0}
+  V2: {type: nigel, x: 0.1, y: 0.0}
+  V3: {type: nigel, x: 50, y: 0.0}
+  V4: {type: nigel, x: 1, yaw: 90}
+  V5: {type: nigle, x: 1}
+boxes:
+  a: {x: 1.5, y: 1.0}
+  b: {x: 1.52, y: 1.0}
+  c: {x: 2.0, y: 0.5}
+  d: {x: 0.0, y: 0.0}
+"""
+STREET = """title: Street
+placements:
+  - {module: straight_road, x: 0.0, y: 0.0, open: true}
+  - {module: curve_9, x: 0.8, y: 0.2}
+walls:
+  - {points: [[-1, -1], [2, -1], [2, 2], [-1, 2]], is_closed: true, height: 0.25}
+"""
+
+
+def test_check_reports_the_faults_of_all_kinds_in_one_pass(tmp_path: Path) -> None:
+    (tmp_path / "faulty.yaml").write_text(FAULTY)
+    (tmp_path / "street.yaml").write_text(STREET)
+    done = call("check", "faulty.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    wanted = [
+        r"vehicles\.V4\.yaw \(line 7\): 'yaw' is not a known key\. .*Did you mean 'yaw_deg'\?",
+        r"map \(line 2\): .*placement 2 'curve_9' \(line 4\): module 'curve_9' is not known\. .*\(street\.yaml\)",
+        r"vehicles\.V5\.type \(line 8\): vehicle 'nigle' is not known\. .*Did you mean 'nigel'\?",
+        r"vehicles\.V3 \(line 6\): \(50, 0\) is outside the walls of map 'street', which enclose x from -1 to 2 m",
+        r"box 'a' \(line 10\) overlaps box 'b' \(line 11\) by 80 cm\^2",
+        r"box 'c' \(line 12\) overlaps 'wall_2'",
+        r"vehicles\.V2 \(line 5\): 'V1' and 'V2' overlap at the start",
+        r"vehicles\.V1 \(line 4\): 'V1' and 'd' overlap at the start",
+        r"vehicles\.V2 \(line 5\): 'V2' and 'd' overlap at the start",
+    ]
+    assert [text for text in wanted if not re.search(text, done.stderr)] == []
+    assert f"{len(wanted)} errors" in done.stderr
+    assert done.stderr.rstrip().endswith("(faulty.yaml)")
+
+
+def test_a_scenario_without_a_vehicle_is_refused_by_check_and_run(tmp_path: Path) -> None:
+    (tmp_path / "empty.yaml").write_text("map: plane\nvehicles: {}\n")
+    for command in (("check",), ("run", "--headless")):
+        assert "vehicles (line 2): there must be at least one vehicle" in refused(*command, "empty.yaml", cwd=tmp_path)
+
+
+def test_a_fence_beside_the_road_encloses_no_vehicles(tmp_path: Path) -> None:
+    fence = STREET.replace("curve_9, x: 0.8, y: 0.2", "lawn, x: 5, y: 0, length: 1, width: 1").replace("[[-1", "[[3")
+    (tmp_path / "street.yaml").write_text(
+        fence.replace("-1], [2, -1], [2, 2], [-1, 2]", "-1], [4, -1], [4, 1], [3, 1]")
+    )
+    (tmp_path / "mine.yaml").write_text("map: street.yaml\n")
+    done = call("check", "mine.yaml", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_check_asks_for_the_kind_if_it_cannot_be_detected(tmp_path: Path) -> None:
+    vague = tmp_path / "vague.yaml"
+    vague.write_text("title: what am I?\n")
+    assert "Name it with --kind" in refused("check", vague)
+    assert call("check", vague, "--kind", "map").returncode == 0
+
+
+def test_doctor_passes_on_this_machine() -> None:
+    done = call("doctor")
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.splitlines()[-1] == "All checks passed."
+    assert "mujoco-core" in done.stdout
+
+
+@pytest.mark.process
+def test_doctor_prints_the_command_that_fixes_a_package_that_cannot_be_imported(tmp_path: Path) -> None:
+    (tmp_path / "shapely.py").write_text("raise ImportError('libgeos.so: cannot open shared object file')\n")
+    done = subprocess.run(
+        [*AUTODRIVE, "doctor"],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        check=False,
+    )
+    assert done.returncode == 1
+    assert re.search(r"^FAIL shapely +libgeos.so: cannot open shared object file$", done.stdout, re.MULTILINE)
+    assert re.search(r"fix:  .* install .*--force-reinstall 'shapely>=2.1'$", done.stdout, re.MULTILINE)
+    assert "1 failed." in done.stdout
+
+
+# -- run --------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_with_a_duration_ends_and_writes_its_summary(tmp_path: Path) -> None:
+    done = call(
+        "run",
+        "plane",
+        "--headless",
+        "--duration",
+        "2",
+        "--speed",
+        "max",
+        "--seed",
+        "5",
+        "--summary",
+        "s.json",
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "s.json").read_text())
+    assert (summary["scenario"], summary["seed"], summary["speed"]) == ("plane", 5, "max")
+    assert (summary["ended_by"], summary["ticks"], summary["late_ticks"]) == ("duration", 200, 0)
+    assert summary["simulated_time"] == pytest.approx(2.0, abs=1e-9)  # rounding of one product
+    assert summary["real_time_factor"] == pytest.approx(2.0 / summary["wall_time"])
+    assert summary["bridge"] is None
+    vehicle = summary["vehicles"]["V1"]
+    assert (vehicle["mode"], vehicle["collisions"]) == ("manual", 0)
+    assert vehicle["distance"] < 1e-3  # no driver: it stands, except for settling
+    assert "200 ticks" in done.stdout
+
+
+def test_the_mode_of_the_options_is_used(tmp_path: Path) -> None:
+    call(
+        "run",
+        "plane",
+        "--headless",
+        "--mode",
+        "autonomous",
+        "--duration",
+        "0.1",
+        "--speed",
+        "max",
+        "--summary",
+        tmp_path / "s.json",
+    )
+    assert json.loads((tmp_path / "s.json").read_text())["vehicles"]["V1"]["mode"] == "autonomous"
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_cleanly_with_its_summary(number: signal.Signals, tmp_path: Path) -> None:
+    run = Started(tmp_path, "run", "plane", "--headless", "--summary", str(tmp_path / "s.json"))
+    run.wait_for("press Ctrl-C to stop")
+    assert run.end(number) == 0
+    summary = json.loads((tmp_path / "s.json").read_text())
+    assert summary["ended_by"] == number.name
+    assert "Traceback" not in run.messages.read_text()
+
+
+@pytest.mark.process
+@pytest.mark.wall_clock  # the status line is updated in real time
+def test_on_a_terminal_the_status_line_is_updated(tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [*AUTODRIVE, "run", "plane", "--headless", "--duration", "1.5"],
+        stdout=theirs,
+        stderr=theirs,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "160"},
+    )
+    os.close(theirs)
+    seen = b""
+    try:
+        while chunk := os.read(ours, 65536):
+            seen += chunk
+    except OSError:  # Linux raises at the end of a terminal
+        pass
+    assert process.wait(LIMIT) == 0
+    os.close(ours)
+    assert len(set(re.findall(rb"(\d\.\d) s  x", seen))) > 3  # the displayed time advances
+
+
+@pytest.fixture
+def devkit() -> Iterator[tuple[int, list[dict[str, str]]]]:
+    """A script on the raw server of the C++ devkit that answers with full throttle: its port, and the telemetry."""
+    came: list[dict[str, str]] = []
+
+    def talk(connection: ServerConnection) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            for message in connection:
+                if isinstance(message, str) and message.startswith("42"):
+                    came.append(json.loads(message[2:])[1])
+                    connection.send('42["Bridge",{"V1 Throttle":"1.000000","V1 Steering":"0.000000"}]')
+
+    with serve(talk, "127.0.0.1", 0, compression=None) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server.socket.getsockname()[1], came
+        server.shutdown()
+        thread.join(LIMIT)
+
+
+@pytest.mark.wall_clock  # script and simulation run at their own pace, as in a real run
+def test_a_devkit_script_drives_the_car(devkit: tuple[int, list[dict[str, str]]], tmp_path: Path) -> None:
+    port, came = devkit
+    done = call(
+        "run",
+        "plane",
+        "--headless",
+        "--devkit",
+        f"127.0.0.1:{port}",
+        "--duration",
+        "1.5",
+        "--summary",
+        tmp_path / "s.json",
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "s.json").read_text())
+    vehicle, bridge = summary["vehicles"]["V1"], summary["bridge"]
+    assert vehicle["mode"] == "autonomous"  # the default with --devkit
+    assert vehicle["distance"] > 0.1
+    # straight ahead on the plane: the distance is x, except for settling at the start
+    assert vehicle["pose"]["position"][0] == pytest.approx(vehicle["distance"], rel=0.02)
+    assert bridge["address"] == f"127.0.0.1:{port}"
+    assert len(came) > 5
+    assert abs(bridge["telemetry_sent"] - len(came)) <= 2  # one may be in transit, one may follow the count
+    assert bridge["commands_received"] > 5
+    assert 0.0 < bridge["round_trip"] < 1.0
+    assert f"devkit at 127.0.0.1:{port}" in done.stdout
+
+
+@pytest.mark.wall_clock  # as above
+def test_in_manual_mode_a_devkit_script_does_not_drive(
+    devkit: tuple[int, list[dict[str, str]]], tmp_path: Path
+) -> None:
+    port, _ = devkit
+    address = f"127.0.0.1:{port}"
+    call(
+        "run",
+        "plane",
+        "--headless",
+        "--devkit",
+        address,
+        "--mode",
+        "manual",
+        "--duration",
+        "0.8",
+        "--summary",
+        tmp_path / "s.json",
+    )
+    summary = json.loads((tmp_path / "s.json").read_text())
+    assert summary["bridge"]["commands_received"] > 0
+    assert summary["vehicles"]["V1"]["distance"] < 1e-3  # it stands, except for settling

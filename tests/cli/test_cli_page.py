@@ -1,0 +1,198 @@
+"""`autodrive` with its page: link, served files, scenarios, images, end of the run."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import socket
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from autodrive.protocol.codec import decode_server, encode
+from autodrive.protocol.messages import Command, LoadScenario
+from autodrive.protocol.native import (
+    PROTOCOL,
+    SUBPROTOCOL,
+    Drive,
+    Frame,
+    Hello,
+    Picture,
+    Request,
+    Response,
+    Scene,
+    Subscribe,
+)
+from autodrive.run import Run, RunObserver, RunOptions, StopRequest, Summary, simulate
+from autodrive.run.browser import has_screen, tunnel
+from autodrive.run.runner import PAGE
+from tests.support.command_line import Started, call, refused
+from tests.support.waiting import LIMIT, wait_until
+
+needs_page = pytest.mark.skipif(not (PAGE / "index.html").is_file(), reason="the page is not built: scripts/page")
+
+
+def link_of(run: Started) -> str:
+    """The link that a run prints when it is ready."""
+    run.wait_for("in a browser:")
+    found = re.search(r"in a browser: +(\S+)", run.messages.read_text())
+    assert found
+    return found[1]
+
+
+class ThreadedRun(RunObserver):
+    """`simulate` in a thread, with a page on a free port."""
+
+    def __init__(self, options: RunOptions) -> None:
+        self.link = ""
+        self._stop = StopRequest()
+        self._executor = ThreadPoolExecutor(1)
+        self._summary = self._executor.submit(simulate, replace(options, port=0), stop=self._stop, observer=self)
+        wait_until(lambda: self.link or self._summary.done())
+        if not self.link:
+            self.end()  # raises its error
+
+    def started(self, run: Run) -> None:
+        self.link = run.link
+
+    def end(self) -> Summary:
+        """Stop the run."""
+        self._stop.set("test")
+        self._executor.shutdown()
+        return self._summary.result()
+
+
+@contextmanager
+def started(options: RunOptions) -> Iterator[ThreadedRun]:
+    """A run that ends with the block."""
+    run = ThreadedRun(options)
+    try:
+        yield run
+    finally:
+        run.end()
+
+
+@contextmanager
+def viewer(link: str) -> Iterator[ClientConnection]:
+    """A connected client."""
+    url = link.replace("http", "ws", 1).replace("/?", "/ws?") if "?" in link else link.replace("http", "ws", 1) + "ws"
+    with connect(url, subprotocols=[SUBPROTOCOL], max_size=None, open_timeout=LIMIT) as one:  # pyright: ignore
+        one.send(encode(Hello(PROTOCOL, "visitor")))
+        yield one
+
+
+def await_message(one: ClientConnection, kind: type) -> Any:
+    """The next message of that kind."""
+    deadline = time.monotonic() + LIMIT
+    while time.monotonic() < deadline:
+        data = one.recv(LIMIT)
+        assert isinstance(data, bytes)
+        message = decode_server(data)
+        if isinstance(message, kind):
+            return message
+    raise AssertionError(f"received no {kind.__name__}")
+
+
+@needs_page
+@pytest.mark.process
+def test_autodrive_without_a_command_runs_the_default_scenario_with_its_page(tmp_path: Path) -> None:
+    run = Started(tmp_path)
+    try:
+        link = link_of(run)
+        with urllib.request.urlopen(link, timeout=LIMIT) as answer:
+            assert answer.read() == (PAGE / "index.html").read_bytes()
+        with viewer(link) as one:
+            assert await_message(one, Scene).scenario == "mini_map"
+            assert not await_message(one, Frame).vehicles["V1"].is_autonomous  # a person may drive
+    finally:
+        assert run.end(signal.SIGINT) == 0
+
+
+def test_a_run_with_connected_clients_ends_at_once_and_closes_their_connections() -> None:
+    with started(RunOptions("plane")) as run, viewer(run.link) as one:
+        one.send(encode(Subscribe(frame_rate=None)))
+        await_message(one, Frame)
+        summary = run.end()
+        with contextlib.suppress(ConnectionClosed):
+            while one.recv(LIMIT):
+                pass
+        assert one.close_code in {1001, 1012}  # 1001: going away; 1012: service restart
+    assert summary.ended_by == "test"
+    assert summary.page
+    assert summary.page.link == run.link
+
+
+def test_another_scenario_is_loaded_with_the_options_of_the_run() -> None:
+    with started(RunOptions("plane", mode="autonomous", seed=5)) as run, viewer(run.link) as one:
+        assert list(await_message(one, Scene).vehicles) == ["V1"]
+        one.send(encode(Request(1, LoadScenario("two_cars"))))
+        assert list(await_message(one, Scene).vehicles) == ["V1", "V2"]
+        assert all(vehicle.is_autonomous for vehicle in await_message(one, Frame).vehicles.values())
+        for _ in range(200):  # scripts drive: commands for the second car are accepted, too
+            one.send(encode(Drive("V2", Command(throttle=1.0))))
+            if await_message(one, Frame).vehicles["V2"].speed > 0.1:
+                break
+    summary = run.end()
+    assert (summary.scenario, summary.seed) == ("two_cars", 5)
+    assert summary.vehicles["V2"].distance > 0.0
+
+
+def test_a_client_receives_the_images_that_it_subscribes_to(gl: str) -> None:
+    with started(RunOptions("mini_map")) as run, viewer(run.link) as one:
+        one.send(encode(Subscribe(picture_rate=10.0, picture_width=320)))
+        picture = await_message(one, Picture)
+        assert picture.jpeg.startswith(b"\xff\xd8")
+        one.send(encode(Request(1, LoadScenario("night"))))
+        await_message(one, Response)
+        assert await_message(one, Picture).time < 60.0  # an image of the new world
+
+
+def test_a_token_protects_the_page_and_is_part_of_its_link() -> None:
+    with started(RunOptions("plane", token="open-sesame-0123")) as run:
+        link = run.link
+        assert link.endswith("/?token=open-sesame-0123")
+        with pytest.raises(urllib.error.HTTPError) as refusal:
+            urllib.request.urlopen(link.partition("?")[0], timeout=LIMIT)
+        assert refusal.value.code == 403
+        with viewer(link) as one:
+            await_message(one, Frame)
+
+
+def test_a_requested_port_in_use_is_an_error(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        assert f"port {port} of 127.0.0.1 is in use" in refused("run", "plane", "--port", str(port))
+
+
+def test_headless_serves_no_page(tmp_path: Path) -> None:
+    done = call("run", "plane", "--headless", "--duration", "0.1", "--speed", "max", "--summary", tmp_path / "s.json")
+    assert done.returncode == 0
+    assert json.loads((tmp_path / "s.json").read_text())["page"] is None
+    assert "browser" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("environment", "command"),
+    [
+        ({"SSH_CONNECTION": "10.0.0.7 50000 10.0.0.9 22"}, "ssh -N -L 8731:127.0.0.1:8731 ada@10.0.0.9"),
+        ({"DISPLAY": ":0"}, ""),
+    ],
+)
+def test_an_ssh_session_gets_the_command_of_the_tunnel(environment: dict[str, str], command: str) -> None:
+    with mock.patch.dict(os.environ, {"LOGNAME": "ada", **environment}, clear=True):
+        assert tunnel("http://127.0.0.1:8731/") == command
+        assert has_screen() == (not command)

@@ -1,0 +1,182 @@
+"""Hostile callers of the Python API: any calls in any order, with any arguments.
+
+Only documented errors are raised, and the world goes on as a fresh world that was given the accepted calls alone.
+AUTODRIVE_HARDENING=long makes 100 000 calls.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import pickle
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+import autodrive
+from autodrive.errors import AutodriveError, EngineError
+from autodrive.protocol.messages import Command
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.world import World
+from tests.support.frames import digest
+from tests.support.hardening import cases
+
+SPEC = ScenarioSpec(
+    map="mini_map",
+    vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=0.6)},
+    boxes={"box": BoxSpec(x=0.3, y=0.4)},
+)
+
+STEPS = 50
+EXAMPLES = cases(4, 2000)
+"""Of `STEPS` calls each."""
+
+NAMES = st.sampled_from(["V1", "V2", "box", "V9", "", "v1", None, 7, [], ("V1",), b"V1", "V1\0", "x" * 1000])
+NUMBERS = st.one_of(
+    st.floats(-1.5, 1.5),
+    st.sampled_from(
+        [0, 1, -1, math.nan, math.inf, -math.inf, 1e300, -1e300, 10**400, 1e5, 5e-324, None, "1", [], 1j, True]
+    ),
+    st.sampled_from([np.float32(0.5), np.int8(1), np.array(0.5), np.array([0.1, 0.2]), Fraction(1, 3), object()]),
+)
+LAMPS = st.sampled_from([None, 0, 1, 3, 7, -1, 1.0, "1", [], math.nan])
+COMMANDS = st.builds(Command, NUMBERS, NUMBERS, LAMPS, LAMPS)
+STEPPED = st.one_of(
+    st.none(),
+    st.dictionaries(st.sampled_from(["V1", "V2"]), st.builds(Command, st.floats(-1, 1), st.floats(-1, 1))),
+    st.dictionaries(st.sampled_from(["V1", "V2", "V9", 7, None]), st.one_of(COMMANDS, NUMBERS)),
+    NUMBERS,
+    COMMANDS,
+)
+VECTORS = st.one_of(
+    st.none(),
+    NUMBERS,
+    st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.03, 0.3)),
+    st.lists(NUMBERS, max_size=5).map(tuple),
+)
+QUATERNIONS = st.one_of(st.just((1.0, 0.0, 0.0, 0.0)), st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS), VECTORS)
+POSES = st.one_of(
+    NUMBERS,
+    VECTORS,
+    st.lists(st.floats(-1, 1), min_size=7, max_size=7).map(np.array),
+    st.lists(NUMBERS, min_size=7, max_size=7),
+)
+SEEDS = st.one_of(st.none(), st.integers(0, 3), st.integers(), NUMBERS)
+FLAGS = st.one_of(st.booleans(), NUMBERS)
+
+
+class Caller(RuleBasedStateMachine):
+    """Calls of a World; those that it accepts are kept, and made again in a fresh world at the end."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.world = autodrive.make(SPEC)
+        self.accepted: list[Callable[[World], object]] = []
+        self.snapshots: list[tuple[Any, int]] = []
+        """Each with the number of calls that were accepted before it."""
+
+    def call(self, made: Callable[[World], object]) -> None:
+        before, refusal = digest(self.world.frame), None
+        try:
+            made(self.world)
+        except EngineError:
+            self.world.reset()
+
+            def broken(world: World) -> None:
+                with contextlib.suppress(EngineError):
+                    made(world)
+                world.reset()
+
+            self.accepted.append(broken)
+        except AutodriveError as error:
+            refusal = str(error)
+        else:
+            self.accepted.append(made)
+        if refusal is not None:
+            assert refusal
+            assert digest(self.world.frame) == before, refusal
+
+    @rule(commands=STEPPED, ticks=st.integers(1, 5))
+    def step(self, commands: Any, ticks: int) -> None:
+        for _ in range(ticks):
+            self.call(lambda world: world.step(commands))
+
+    @rule(seed=SEEDS)
+    def reset(self, seed: Any) -> None:
+        self.call(lambda world: world.reset(seed))
+
+    @rule(name=NAMES, x=NUMBERS, y=NUMBERS, yaw=NUMBERS)
+    def teleport(self, name: Any, x: Any, y: Any, yaw: Any) -> None:
+        self.call(lambda world: world.teleport(name, x, y, yaw))
+
+    @rule(poses=st.one_of(st.dictionaries(st.sampled_from(["V1", "V2", "box", "V9", 7]), POSES), POSES))
+    def set_poses(self, poses: Any) -> None:
+        self.call(lambda world: world.set_poses(poses))
+
+    @rule(name=NAMES)
+    def pose(self, name: Any) -> None:
+        self.call(lambda world: world.pose(name))
+
+    @rule(name=NAMES, position=VECTORS, orientation=QUATERNIONS)
+    def hold(self, name: Any, position: Any, orientation: Any) -> None:
+        self.call(lambda world: world.hold(name, position, orientation))
+
+    @rule(name=NAMES, is_autonomous=FLAGS)
+    def set_driving_mode(self, name: Any, is_autonomous: Any) -> None:
+        self.call(lambda world: world.set_driving_mode(name, is_autonomous))
+
+    @rule(enabled=FLAGS)
+    def set_scene_light(self, enabled: Any) -> None:
+        self.call(lambda world: world.set_scene_light(enabled))
+
+    @rule(time=st.one_of(st.none(), st.floats(0, 1e5), NUMBERS), scale=NUMBERS)
+    def set_time_of_day(self, time: Any, scale: Any) -> None:
+        self.call(lambda world: world.set_time_of_day(time, scale))
+
+    @rule(name=NAMES)
+    def vehicle(self, name: Any) -> None:
+        self.call(lambda world: world.vehicle(name))
+
+    @rule()
+    def save(self) -> None:
+        self.snapshots.append((self.world.save(), len(self.accepted)))
+
+    @precondition(lambda self: self.snapshots)
+    @rule(data=st.data(), is_pickled=st.booleans())
+    def restore(self, data: st.DataObject, is_pickled: bool) -> None:
+        saved, calls = data.draw(st.sampled_from(self.snapshots))
+        self.world.restore(pickle.loads(pickle.dumps(saved)) if is_pickled else saved)
+        del self.accepted[calls:]
+        self.snapshots = [one for one in self.snapshots if one[1] <= calls]
+
+    @rule(saved=st.one_of(NUMBERS, NAMES, POSES))
+    def restore_something_else(self, saved: Any) -> None:
+        self.call(lambda world: world.restore(saved))
+
+    @invariant()
+    def has_a_frame_of_now(self) -> None:
+        assert self.world.frame.time == self.world.time
+
+    def teardown(self) -> None:
+        """The same bits as a world that has seen the accepted calls only, now and later."""
+        fresh = autodrive.make(SPEC)
+        for made in self.accepted:
+            made(fresh)
+        for _ in range(3):
+            assert digest(fresh.frame) == digest(self.world.frame)
+            fresh.step()
+            self.world.step()
+
+
+TestCaller = Caller.TestCase
+TestCaller.settings = settings(
+    max_examples=EXAMPLES,
+    stateful_step_count=STEPS,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)

@@ -1,0 +1,478 @@
+"""Attacks on the YAML files: each is loaded and runs, or is refused with a `SpecError` that names file and line.
+
+AUTODRIVE_HARDENING=long mutates 10,000 files instead of some hundred.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import time
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import autodrive
+from autodrive.cli.spec_files import SPECS, check
+from autodrive.errors import SpecError
+from autodrive.maps.map import MAX_EXTENT, MAX_PLACEMENTS, MAX_STATICS, load_map
+from autodrive.maps.module import ModuleSpec
+from autodrive.maps.shapes import Rectangle
+from autodrive.maps.solids import BlockSpec
+from autodrive.scenario import MAX_BOXES, MAX_VEHICLES, BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.sensors.camera import MAX_PIXELS, CameraSpec
+from autodrive.sensors.lidar import LidarSpec
+from autodrive.specs import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, Spec, find, names, parse
+from autodrive.vehicles.spec import RigidBodySpec, WheelSpec
+from autodrive.world import World
+from tests.support.cars import car_file
+from tests.support.hardening import cases
+
+DOCS = Path(__file__).parents[2] / "docs"
+CPU_LIMIT = 10.0
+"""Processor time for one file [s]. The worst file needs less than 2 s on an idle machine; processor time, too, grows
+when other programs use the same caches. Without the limits of the loader, several attacks below need minutes."""
+
+# -- attacks by hand -------------------------------------------------------------------------------------------
+
+
+def many(count: int, entry: str) -> str:
+    return "".join(f"  e{i}: {entry}\n" for i in range(count))
+
+
+LEVELS = "\n".join(f"l{i}: &l{i} [{', '.join([f'*l{i - 1}'] * 9)}]" for i in range(1, 10))
+TEXTS: dict[str, tuple[Kind, str, str]] = {
+    "alias bomb": ("scenario", f"l0: &l0 [x, x]\n{LEVELS}\n", r"line 6\): a file must have at most 50000 keys"),
+    "alias inside its anchor": ("scenario", "boxes: &b {one: *b}\n", r"line 1\): the alias '\*b' is inside"),
+    "alias inside the anchor around its list": ("map", "title: &t [[*t]]\n", r"line 1\): the alias '\*t' is inside"),
+    "100,000 brackets": ("map", "title: " + "[" * 100_000, rf"line 1\): lists .* at most {MAX_DEPTH} deep"),
+    "100,000 mappings": ("map", "{a: " * 100_000, rf"line 1\): lists .* at most {MAX_DEPTH} deep"),
+    "100,000 dashes": ("map", "- " * 100_000, rf"line 1\): lists .* at most {MAX_DEPTH} deep"),
+    "deep by aliases": (
+        "map",
+        "l0: &l0 [x]\n" + "".join(f"l{i}: &l{i} [*l{i - 1}]\n" for i in range(1, 50)),
+        rf"line \d+\): lists .* at most {MAX_DEPTH} deep",
+    ),
+    "many nodes": ("map", f"title: [{'1, ' * (MAX_NODES + 1)}]", r"line 1\): a file must have at most"),
+    "integer tag": ("scenario", "map: plane\nseed: !!int x\n", r"line 2\): tags such as 'tag:yaml.org,2002:int'"),
+    "timestamp tag": ("scenario", "seed: !!timestamp x\n", r"line 1\): tags such as"),
+    "boolean tag": ("scenario", "seed: !!bool x\n", r"line 1\): tags such as"),
+    "Python tag": ("scenario", "seed: !!python/object/apply:os.getpid []\n", r"line 1\): tags such as"),
+    "5,000 digits": ("scenario", f"seed: {'9' * 5000}\n", r"line 1\): '9+\.\.\.' is not a number"),
+    "10,000 hexadecimal digits": ("scenario", f"seed: 0x{'f' * 9990}\n", r"line 1\): '0xf+\.\.\.' is not a number"),
+    "a prefix without digits": ("scenario", "map: plane\nseed: 0b_\n", r"line 2\): '0b_' is not a number"),
+    "300 digits": ("scenario", f"seed: {'9' * 100}\n", r"seed \(line 1\): must be"),
+    "a large number": ("scenario", "vehicles: {V1: {x: 1.0e+300}}\n", r"vehicles\.V1\.x \(line 1\): must be at most"),
+    "a short substep": ("scenario", "substep: 1.0e-15\n", r"substep \(line 1\): must be at least 1e-05"),
+    "a huge word": ("map", f"title: {'x' * 20_000}\n", r"line 1\): a key or value must have at most"),
+    "a list as a key": ("map", "title: a\n? [1, 2]\n: b\n", r"line 2\): .*unhashable key"),
+    "a merge of a number": ("map", "title: a\n<<: 5\n", r"line 2\): .*mapping"),
+    "a null byte": ("map", "title: a\nnote: \0\n", r"line 2\): .*not allowed"),
+    "5,000 vehicles": ("scenario", f"vehicles:\n{many(5000, '{}')}", r"vehicles \(line 1\): must have at most 100"),
+    "20,000 boxes": ("scenario", f"boxes: {{{'a: {x: 1, y: 1}, ' * 20_000}}}\n", r"line 1\): a file must have at most"),
+    "6,000 boxes": ("scenario", f"boxes:\n{many(6000, '{x: 1, y: 1}')}", r"boxes \(line 1\): must have at most 1000"),
+    "9,000 unknown keys": ("scenario", f"map: plane\n{many(9000, '1')}".replace("\n  ", "\n"), "and 8900 more errors"),
+    "9,000 faulty vehicles": ("scenario", f"vehicles:\n{many(9000, '{x: far}')}", r"vehicles\.e0\.x \(line 2\)"),
+    "1,000 boxes at one place": (
+        "scenario",
+        f"boxes:\n{many(1000, '{x: 1, y: 1}')}",
+        r"boxes \(line 1\): MuJoCo cannot simulate",
+    ),
+    "100 vehicles at one place": (
+        "scenario",
+        f"vehicles:\n{many(100, '{}')}",
+        r"vehicles.* \(line \d+\): (MuJoCo cannot simulate|'e\d+' and 'e\d+' overlap)",
+    ),
+    "a vehicle named world": ("scenario", "vehicles: {world: {}}\n", r"vehicles\.world \(line 1\): .*ground or world"),
+    "a box named world": ("scenario", "boxes: {world: {x: 1, y: 0}}\n", r"boxes\.world \(line 1\): .*ground or world"),
+    "a flat box": ("scenario", "boxes: {a: {x: 1, y: 0, size: [1, 1, -1]}}\n", r"boxes\.a\.size 3 \(line 1\)"),
+    "a sector of 1e300 m": (
+        "map",
+        "title: a\npaved:\n  - {shape: sector, outer_radius: 1.0e+300, start_deg: 0, end_deg: 9}\n",
+        r"paved 1\.sector\.outer_radius \(line 3\): must be at most 1000",
+    ),
+    "a million dashes": (
+        "map",
+        "title: a\npaved:\n  - {shape: line, points: [[0, 0], [1000, 0]], width: 1, dash: 0.001, gap: 0.001}\n",
+        r"paved \(line 2\): these shapes have 2000004 corners",
+    ),
+    "dashes of a nanometre": (
+        "map",
+        "title: a\npaved:\n  - {shape: arc, radius: 1, start_deg: 0, end_deg: 9, width: 1, dash: 1.0e-9, gap: 1}\n",
+        r"paved 1\.arc\.dash \(line 3\): must be at least 0.001",
+    ),
+    "markup in a name": (
+        "map",
+        "title: a\nblocks:\n  - {name: '\"/>', x: 1, y: 1, length: 1, width: 1, height: 1}\n",
+        r"block 1\.name \(line 3\): must have letters",
+    ),
+    "a block named ground": (
+        "map",
+        "title: a\nblocks:\n  - {name: ground, x: 1, y: 1, length: 1, width: 1, height: 1}\n",
+        "the name 'ground' is reserved",
+    ),
+    "a map of 9 km": (
+        "map",
+        "title: a\npaved:\n  - {shape: polygon, points: [[0, 0], [9000, 0], [0, 1]]}\n",
+        "the map is 9000 m x 1 m; it must be at most 1000 m",
+    ),
+    "a lane that is almost straight": (
+        "module",
+        "title: a\ntype: road\nlength: 1\nwidth: 1\nports:\n"
+        "  a: {x: -9000, y: 0, yaw_deg: 180, width: 0.2, is_blind: true}\n"
+        "  b: {x: 9000, y: 1.35e-05, yaw_deg: 8.6e-08, width: 0.2, is_blind: true}\n"
+        "lanes: [[a, b]]\n",
+        r"lane 1 \(line 8\): lane from 'a' to 'b': the arc between the two poses has a radius of",
+    ),
+}  # fmt: skip
+
+
+def refused(kind: Kind, path: Path) -> str:
+    """The text of the error, which names the file."""
+    start = time.process_time()
+    with pytest.raises(SpecError) as caught:
+        check(str(path), kind)
+    assert time.process_time() - start < CPU_LIMIT
+    assert path.name in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("attack", TEXTS)
+def test_a_hostile_text_is_refused_with_its_line(attack: str, tmp_path: Path) -> None:
+    kind, text, expected = TEXTS[attack]
+    path = tmp_path / "hostile.yaml"
+    path.write_text(text)
+    message = refused(kind, path)
+    assert re.search(expected, message), message
+    assert len(message) < 100_000
+
+
+CARS: dict[str, tuple[dict[str, Any], str]] = {
+    "an impossible inertia": ({"body.inertia": [0.01, 0.01, 0.03]}, r"body \(line \d+\): no body has the inertia"),
+    "a negative inertia": ({"body.inertia": [-1.0, 1.0, 1.0]}, r"body\.inertia 1 \(line \d+\): must be at least"),
+    "a negative size": (
+        {"lidar_collider.size": [0.1, -0.1, 0.1]},
+        r"lidar_collider\.size 2 \(line \d+\): must be at least 0.001",
+    ),
+    "wheels that sink into themselves": (
+        {"wheels.suspension.distance": 0.1},
+        r"wheels \(line \d+\): the suspension can be compressed by 0.05 m",
+    ),
+    "a chassis in the ground": (
+        {"lidar_collider.position": [0.1, 0.0, -0.1]},
+        r"lidar_collider \(line \d+\): reaches below the ground",
+    ),
+    "a centre of mass outside": (
+        {"body.center_of_mass": [1.0, 0.0, 0.0]},
+        r"body\.center_of_mass \(line \d+\): must be between the wheels",
+    ),
+    "a camera named like a sensor": (
+        {"cameras": {"imu": {"mount": {}, "width": 9, "height": 9, "field_of_view_deg": 60}}},
+        r"cameras \(line \d+\): 'imu' is a sensor",
+    ),
+    "a billion rays": ({"sensors.lidar.rays": 10**9}, r"sensors\.lidar\.rays \(line \d+\): must be at most 10000"),
+    "a large image": ({"cameras.front.width": 8192, "cameras.front.height": 8192}, "more than 16777216 pixels"),
+    "a colour beyond white": (
+        {"lights.tail.color": [2.0, 0.0, 0.0]},
+        r"lights\.tail\.color 1 \(line \d+\): must be at most 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("attack", CARS)
+def test_an_impossible_vehicle_is_refused_with_its_line(attack: str, tmp_path: Path) -> None:
+    changes, expected = CARS[attack]
+    message = refused("vehicle", Path(car_file(tmp_path, changes)))
+    assert re.search(expected, message), message
+
+
+def test_a_realistic_lens_that_does_not_cover_a_wide_image_is_refused(tmp_path: Path) -> None:
+    car = car_file(tmp_path, {"cameras.front.field_of_view_deg": 150.0})
+    path = tmp_path / "wide.yaml"
+    path.write_text(f"vehicles: {{V1: {{type: {car}, has_realistic_sensors: true}}}}\n")
+    assert "front: with noise 'realistic', camera: this distortion is too strong" in refused("scenario", path)
+
+
+def test_an_impossible_date_is_a_text() -> None:
+    assert parse("title: 2001-13-45\n", ScenarioSpec).title == "2001-13-45"
+
+
+def test_anchors_aliases_and_merges_of_a_plain_file_work(tmp_path: Path) -> None:
+    path = tmp_path / "merged.yaml"
+    path.write_text("vehicles:\n  V1: &car {type: nigel, x: 1.0}\n  V2: {<<: *car, x: 2.0}\n  V3: {<<: *car, y: 3}\n")
+    vehicles = autodrive.make(path).spec.vehicles
+    assert [(one.x, one.y) for one in vehicles.values()] == [(1.0, 0.0), (2.0, 0.0), (1.0, 3.0)]
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"title: a\nnote: \xff\n", "line 2: a file must be text in UTF-8; it has the byte 0xff"),
+        ("title: a\n".encode("utf-16"), "line 1: a file must be text in UTF-8"),
+        (b"#" * (MAX_BYTES + 1), "a file must have at most 1 MiB"),
+    ],
+)
+def test_a_file_that_is_no_text_is_refused(data: bytes, expected: str, tmp_path: Path) -> None:
+    path = tmp_path / "binary.yaml"
+    path.write_bytes(data)
+    for kind in SPECS:
+        assert expected in refused(kind, path)
+
+
+@pytest.mark.parametrize("reference", ["folder.yaml", "device.yaml", "pipe.yaml", f"{'x' * 300}.yaml", "y" * 9000])
+def test_a_reference_to_what_is_no_file_is_refused(
+    reference: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("folder.yaml").mkdir()
+    Path("device.yaml").symlink_to("/dev/zero")
+    os.mkfifo("pipe.yaml")
+    Path("scenario.yaml").write_text(f"map: {reference}\nvehicles:\n  V1: {{type: {reference}}}\n")
+    message = refused("scenario", Path("scenario.yaml"))
+    assert re.search(r"map \(line 1\): .*(is not a file|does not exist|is not known)", message)
+    assert re.search(r"vehicles\.V1\.type \(line 3\): .*(is not a file|does not exist|is not known)", message)
+    Path("map.yaml").write_text(f"title: a\nplacements:\n  - {{module: {reference}, x: 0, y: 0}}\n")
+    assert re.search(r"\(line 3\): .*(is not a file|does not exist|is not known)", refused("map", Path("map.yaml")))
+
+
+@pytest.mark.parametrize("points", ["[[1, 0], [2, 0]]", "[[1, 0], [2, 0], [1, 0]]", "[[0, 0], [2, 2], [2, 0], [0, 2]]"])
+def test_a_closed_wall_that_encloses_nothing_is_only_a_wall(points: str, tmp_path: Path) -> None:
+    path = tmp_path / "fence.yaml"
+    path.write_text(f"title: a\nwalls: [{{points: {points}, is_closed: true, height: 1}}]\n")
+    assert load_map(path).enclosure is None
+
+
+def test_rules_for_several_keys_name_the_line() -> None:
+    with pytest.raises(SpecError) as caught:
+        parse(
+            "title: a\ntype: obstruction\nlength: 1\nwidth: 1\nports:\n  a: {x: 0, y: 0, yaw_deg: 0, width: 1}\n"
+            "lanes:\n  - [a, b]\nstop_lines:\n  - {port: c, distance: 0, width: 1}\n",
+            ModuleSpec,
+        )
+    assert [error.partition(":")[0] for error in caught.value.errors] == [
+        "lane 1 (line 8)", "stop_line 1 (line 10)", "ports.a (line 6)", "type (line 2)"
+    ]  # fmt: skip
+    with pytest.raises(SpecError, match=r"substep \(line 2\): tick 0\.01 s must be a whole number"):
+        parse("map: plane\nsubstep: 0.003\n", ScenarioSpec)
+
+
+def test_the_largest_scenario_loads() -> None:
+    vehicles = {f"V{i}": VehiclePlacement(x=i % 10, y=i // 10) for i in range(MAX_VEHICLES)}
+    boxes = {f"b{i}": BoxSpec(x=-1.0 - 0.2 * (i % 25), y=0.2 * (i // 25)) for i in range(MAX_BOXES)}
+    autodrive.make("plane").step()  # compiles
+    start = time.process_time()
+    frame = autodrive.make(ScenarioSpec(vehicles=vehicles, boxes=boxes)).step()
+    assert time.process_time() - start < CPU_LIMIT  # 2 s on an idle machine
+    assert (len(frame.vehicles), len(frame.objects)) == (MAX_VEHICLES, MAX_BOXES)
+
+
+def bounds(spec: type[Spec], field: str) -> dict[str, float]:
+    """Lower and upper bound of a field, as in the JSON schema of the Spec."""
+    schema = spec.model_json_schema()["properties"][field]
+    return {key: schema[key] for key in ("minimum", "maximum", "maxItems", "maxProperties") if key in schema}
+
+
+def test_the_documentation_has_the_limits_of_the_code() -> None:
+    rows = dict(re.findall(r"^\| ([^|]+) \| ([^|]+) \|$", (DOCS / "scenarios.md").read_text(), re.MULTILINE))
+    assert rows["file"].startswith(f"{MAX_BYTES // 2**20} MiB")
+    nodes = f"{MAX_NODES:,}, each at most {MAX_CHARACTERS:,} characters, at most {MAX_DEPTH} lists"
+    assert rows["keys and values of a file"].startswith(nodes)
+    assert rows["vehicles"] == f"{MAX_VEHICLES:,}"
+    assert rows["boxes, with those of the map"] == f"{MAX_BOXES:,}"
+    assert rows["modules of a map"] == f"{MAX_PLACEMENTS:,}"
+    assert rows["points of walls, blocks, and parts of signs and traffic lights (two each)"] == f"{MAX_STATICS:,}"
+    assert rows["map"] == f"{MAX_EXTENT:,.0f} m x {MAX_EXTENT:,.0f} m"
+    assert rows["position"] == "10,000 m from the origin; in a vehicle 100 m"
+    assert bounds(BoxSpec, "x") == {"minimum": -1e4, "maximum": 1e4}
+    assert bounds(WheelSpec, "force_height") == {"minimum": -100.0, "maximum": 100.0}
+    assert rows["lengths of boxes, walls, blocks and vehicles"] == "1 mm to 100 m"
+    assert bounds(BlockSpec, "length") == bounds(WheelSpec, "radius") == {"minimum": 0.001, "maximum": 100.0}
+    assert rows["lengths of roads and of paint"] == "1 mm to 1,000 m"
+    assert bounds(Rectangle, "length") == {"minimum": 0.001, "maximum": 1000.0}
+    assert rows["mass"] == "box: 1 g to 10,000 kg; vehicle: 10 g to 1,000 kg"
+    assert bounds(BoxSpec, "mass") == {"minimum": 0.001, "maximum": 10_000.0}
+    assert bounds(RigidBodySpec, "mass") == {"minimum": 0.01, "maximum": 1000.0}
+    assert rows["tick, substep"] == "10 us to 100 ms, 10 us to 5 ms"
+    assert bounds(ScenarioSpec, "tick") == {"minimum": 1e-5, "maximum": 0.1}
+    assert bounds(ScenarioSpec, "substep") == {"minimum": 1e-5, "maximum": 0.005}
+    assert rows["rate of a sensor"] == "0.001 Hz to 10,000 Hz"
+    assert bounds(LidarSpec, "rate") == {"minimum": 0.001, "maximum": 10_000.0}
+    assert rows["LIDAR"] == f"{bounds(LidarSpec, 'rays')['maximum']:,} rays"
+    assert rows["image"] == f"{bounds(CameraSpec, 'width')['maximum']:,} pixels along each edge, {MAX_PIXELS:,} in all"
+
+
+# -- mutated files ---------------------------------------------------------------------------------------------
+
+VALUES = (
+    """
+null|true|text|''|[]|{}|[1]|[1, 2, 3]|[[0, 0], [0, 0]]|{a: 1}|{1: 2}|-1|0|1|2|5|1e9|1e-9|1.0e+9|1.0e-9
+1.0e+300|-1.0e+300|1.0e-300|.inf|-.inf|.nan|0x10|0b_|0o7|1:2:3|1_000|12345678901234567890|9007199254740993
+-0.0|0.1|0.5|90|180|359.999|1000|50|2001-13-45|2001-01-01|2001-01-01 25:61:61|!!int x|!!float x|!!str 5
+!!binary x|!!set {a}|!!python/name:os.system|! x|&a x|&b [*b]|*nothing|&c {<<: *c}|"\\0"|"\\ud800"
+"\\U0001F600"|'"<&>'|world|ground|V1|nigel|plane|mini_map|lawn|straight_road|construction_box|/dev/zero
+/dev/zero.yaml|..|.|../../x.yaml|/etc/passwd|nigel.yaml|"x.yaml\\0"|é|a b|a/b|%|'@x'|realistic|ideal|strong
+rectangle|polygon|arc|ultrasound|torque|vertical|sensor|east|west|stop|?|- -|}|]|"|{<<: 5}|{<<: [{x: 1}]}|=|<<
+""".replace("\n", "|")
+    .strip("|")
+    .split("|")
+)
+VALUES += ["[" * 200 + "]" * 200, "9" * 5000, "x" * 3000, f"[{'1, ' * 3000}]", "a" * 300 + ".yaml"]
+
+Place = tuple[Any, Any]
+"""A list or mapping, and an index or key of it."""
+
+
+def places(tree: Any) -> Iterator[Place]:
+    """All places of a tree, each inner one after its outer one."""
+    for key in list(tree) if isinstance(tree, dict) else range(len(tree)):
+        yield tree, key
+        if isinstance(tree[key], dict | list):
+            yield from places(tree[key])
+
+
+class Mutator:
+    """Makes mutated texts of one kind of file; the same number gives the same text."""
+
+    def __init__(self, kind: Kind) -> None:
+        self.trees = [yaml.safe_load(find(kind, name).read_text()) for name in names(kind)]
+        self.texts = [find(kind, name).read_bytes() for name in names(kind)]
+
+    def mutated(self, number: int) -> bytes:
+        rng = random.Random(number)
+        if rng.random() < 0.2:
+            return self._bytes(rng)
+        tree = yaml.safe_load(yaml.safe_dump(rng.choice(self.trees)))  # a copy
+        raw: dict[str, str] = {}
+        for _ in range(rng.choice([1, 1, 1, 2, 3])):
+            self._change(rng, tree, raw)
+        text = yaml.safe_dump(tree, sort_keys=False, default_flow_style=rng.choice([None, False]))
+        for mark, value in raw.items():
+            text = text.replace(mark, value)
+        return text.encode()
+
+    def _bytes(self, rng: random.Random) -> bytes:
+        data = bytearray(rng.choice(self.texts))
+        for _ in range(rng.choice([1, 1, 2, 5])):
+            at, length = rng.randrange(len(data)), rng.choice([1, 2, 10, 100])
+            match rng.randrange(4):
+                case 0:
+                    data[at] ^= 1 << rng.randrange(8)
+                case 1:
+                    del data[at : at + length]
+                case 2:
+                    data[at:at] = data[at : at + length] * rng.choice([1, 2, 500])
+                case 3:
+                    data[at:at] = rng.randbytes(length)
+        return bytes(data) or b"#"
+
+    def _change(self, rng: random.Random, tree: Any, raw: dict[str, str]) -> None:
+        found = list(places(tree))
+        if not found:
+            return
+        of, key = rng.choice(found)
+        value = of[key]
+        mark = f"MARK{len(raw)}X"
+        match rng.randrange(8):
+            case 0 | 1:
+                raw[mark] = rng.choice(VALUES)
+                of[key] = mark
+            case 2 | 3:
+                if isinstance(value, int | float):
+                    factor = rng.choice([-1, 0, 1e-12, 1e-6, 1e-3, 0.1, 0.5, 1.001, 2, 10, 1e3, 1e6, 1e12, 1e300])
+                    of[key] = rng.choice([value * factor, int(value), value + rng.choice([-1, 1, 100])])
+                else:
+                    other, place = rng.choice(found)
+                    of[key] = other[place] if not isinstance(other[place], dict | list) else mark
+                    raw[mark] = "7"
+            case 4:
+                del of[key]
+            case 5:
+                count = rng.choice([1, 1, 3, 30, 300, 3000])
+                if isinstance(of, list):
+                    of[key:key] = [value] * count
+                else:
+                    of.update({f"{key}_{i}": value for i in range(count)})
+            case 6:
+                other, place = rng.choice(found)
+                if not isinstance(value, dict | list) and not isinstance(other[place], dict | list):
+                    of[key], other[place] = other[place], value
+            case 7:
+                if isinstance(of, dict):
+                    raw[mark] = rng.choice(VALUES)
+                    of[mark] = of.pop(key)
+
+
+def made(kind: Kind, path: Path) -> World:
+    """The World of a scenario that uses that file."""
+    if kind == "scenario":
+        return autodrive.make(path)
+    if kind == "vehicle":
+        return autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=str(path))}))
+    if kind == "module":
+        of_module = path.with_name(f"of_{path.name}")
+        of_module.write_text(f"title: a\nplacements: [{{module: {path}, x: 0, y: 0, open: true}}]\n")
+        path = of_module
+    x0, _, x1, y1 = load_map(path).bounds
+    beside = VehiclePlacement(x=x0 - 5.0 if x1 > 9000.0 else x1 + 5.0, y=max(-1e4, min(1e4, y1)))
+    return autodrive.make(ScenarioSpec(map=str(path), vehicles={"V1": beside}))
+
+
+WITHOUT_LINE = (
+    r"is required$",  # a key that the file does not have
+    r"^(map '\w+': )?(expected 'key: value' lines|and \d+ more (errors|overlaps))",
+    r"^map '\w+': (the name|the map is|.* overlaps)",  # objects of the map by name
+)
+
+
+def problem(kind: Kind, path: Path) -> str:
+    """What is wrong with how that file is treated; empty if nothing is."""
+    start = time.process_time()
+    try:
+        check(str(path), kind)
+        made(kind, path)
+    except SpecError as error:
+        if not error.path or path.name not in str(error):
+            return f"no file in: {error}"
+        unplaced = [one for one in error.errors if "line " not in one]
+        wrong = [one for one in unplaced if not any(re.search(allowed, one) for allowed in WITHOUT_LINE)]
+        if wrong:
+            return f"no line in: {wrong[0]}"
+    except Exception:
+        return traceback.format_exc(limit=-3)
+    took = time.process_time() - start
+    return f"took {took:.1f} s" if took > CPU_LIMIT else ""
+
+
+@pytest.mark.parametrize("kind", SPECS)
+def test_a_mutated_file_runs_or_is_refused_with_its_place(kind: Kind, tmp_path: Path) -> None:
+    autodrive.make("mini_map").step()  # compiles
+    mutator = Mutator(kind)
+    problems: dict[int, str] = {}
+    for number in range(cases(80, 2500)):
+        path = tmp_path / f"f{number}.yaml"  # a new name, because modules are cached by name and time
+        path.write_bytes(mutator.mutated(number))
+        if text := problem(kind, path):
+            problems[number] = text
+        path.unlink()
+    assert not problems, "\n".join(f"{kind} {number}: {text}" for number, text in list(problems.items())[:10])
+
+
+@pytest.mark.parametrize("kind", SPECS)
+def test_the_mutator_makes_valid_and_invalid_files(kind: Kind, tmp_path: Path) -> None:
+    outcomes = set()
+    for number in range(60):
+        path = tmp_path / f"f{number}.yaml"
+        path.write_bytes(Mutator(kind).mutated(number))
+        try:
+            check(str(path), kind)
+            outcomes.add("valid")
+        except SpecError as error:
+            outcomes.add("YAML" if "invalid YAML" in str(error) else "values")
+        if len(outcomes) == 3:
+            return
+    pytest.fail(f"only {outcomes}")

@@ -1,0 +1,273 @@
+"""Mutated messages of devkit scripts and native clients: each is used, answered or dropped, and nothing else happens.
+
+The mutations know the structure of the messages: they change, remove, double and exchange values, and also bytes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import math
+import random
+from collections import Counter
+from typing import Any
+
+import msgspec
+import pytest
+
+import autodrive
+from autodrive import AutodriveError, Simulation
+from autodrive.bridge.detection import Detection
+from autodrive.bridge.engineio import Acknowledgement, Connection, ConnectionEnd, Event, PacketError
+from autodrive.bridge.metrics import Metrics
+from autodrive.bridge.session import Session
+from autodrive.protocol.devkit_profile import DevkitSettings
+from autodrive.server.hub import Hub
+from autodrive.world import World
+from tests.support.hardening import cases
+from tests.support.native_clients import pack, scene_files
+
+EXTREMES = (
+    *(None, True, "", "x" * 300, "nan", "1e999", "-0", "null", "V1", "V9", "\0", "\u00e4\U0001f697", b"\xff"),
+    *([], {}, [[[]]]),
+    *(0, -1, 1, 255, 2**31, 2**63 - 1, -(2**63), 2**64 - 1, 0.0, -0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan),
+)
+
+
+def mutated(value: Any, random_: random.Random, *, chance: float = 0.25) -> Any:
+    """A copy with some parts changed, removed, doubled or exchanged."""
+    if random_.random() < 0.1 * chance:
+        return random_.choice(EXTREMES)
+    if isinstance(value, dict):
+        items = [(key, mutated(item, random_, chance=chance)) for key, item in value.items()]
+        if items and random_.random() < chance:
+            items.pop(random_.randrange(len(items)))
+        if items and random_.random() < chance:
+            number = random_.randrange(len(items))
+            items[number] = items[number][0], random_.choice(EXTREMES)
+        if random_.random() < 0.3 * chance:
+            items.append((random_.choice(["", "type", "V1 Reset", "x" * 50]), random_.choice(EXTREMES)))
+        return dict(items)
+    if isinstance(value, list):
+        return [mutated(item, random_, chance=chance) for item in value] * random_.choice([1, 1, 1, 0, 2])
+    return random_.choice(EXTREMES) if random_.random() < 0.3 * chance else value
+
+
+def with_wrong_bytes(data: bytes, random_: random.Random) -> bytes:
+    """A copy with some bytes changed, removed, doubled, or cut off."""
+    changed = bytearray(data)
+    for _ in range(random_.randint(1, 4)):
+        place = random_.randrange(len(changed) + 1)
+        match random_.randrange(4):
+            case 0 if place < len(changed):
+                changed[place] = random_.randrange(256)
+            case 1:
+                del changed[place : place + random_.randint(1, 8)]
+            case 2:
+                changed[place:place] = changed[place : place + random_.randint(1, 8)]
+            case _ if random_.random() < 0.2:
+                del changed[place:]
+    return bytes(changed)
+
+
+# -- devkit scripts ------------------------------------------------------------------------------------------------
+
+COMMANDS: dict[str, Any] = {
+    **{f"V{n} {key}": "0.5" for n in (1, 2) for key in ("Throttle", "Steering", "Headlights", "Indicators")},
+    **{f"V1 {key}": 0.5 for key in ("PosX", "PosY", "PosZ", "RotX", "RotY", "RotZ", "RotW")},
+    "V1 CoSim": "True",
+    "V1 Reset": "False",
+    "Throttle": "1",
+    "Steering": "-1",
+    "TL1 State": "2",
+    "Auto Time": "False",
+    "Time": "720",
+    "Time Scale": "60",
+    "Weather": "3",
+    "Fog": "0.5",
+}
+
+PACKETS: tuple[Any, ...] = (
+    ("0", {"sid": "x", "upgrades": [], "pingTimeout": 20000, "pingInterval": 25000, "maxPayload": 1000000}),
+    ("40", {"sid": "y"}),
+    ("2", "probe"),
+    ("42", ["Bridge", COMMANDS]),
+    ("4217", ["Bridge", COMMANDS]),
+    ("4317", []),
+    ("44", {"message": "refused"}),
+    ("41", ""),
+    ("1", ""),
+)
+
+
+@pytest.mark.parametrize("dialect", ["engineio-4", "engineio-3", "raw"])
+def test_mutated_packets_of_a_devkit_script(one_world: World, dialect: Any) -> None:
+    one_world.reset(0)
+    simulation = Simulation(one_world)  # not started: what is requested waits, once a Frame at most
+    random_ = random.Random(dialect)
+    outcomes = Counter[str]()
+
+    def session() -> tuple[Session, Connection]:
+        settings = DevkitSettings(handshake=dialect)
+        detection = Detection(settings)
+        made = Session(
+            None,  # type: ignore[arg-type]  # nothing is sent
+            simulation,
+            Metrics(),
+            detection=detection,
+            traffic_lights={},
+            clock=lambda: 0.0,
+        )
+        for text in [] if dialect == "raw" else ['0{"sid":"x"}', "40" if dialect == "engineio-3" else '40{"sid":"y"}']:
+            made.engineio.receive(text, 0.0)
+        return made, made.engineio
+
+    talk, connection = session()
+    for _ in range(cases(1500, 333_334)):
+        head, content = random_.choices(PACKETS, [1, 1, 1, 8, 4, 1, 1, 1, 1])[0]
+        packet = head + json.dumps(mutated(content, random_, chance=0.3), default=repr) if content else head
+        if random_.random() < 0.3:
+            packet = with_wrong_bytes(packet.encode(), random_).decode(errors="replace")
+        try:
+            talk._process(packet)
+            outcomes["used"] += 1
+        except PacketError:
+            outcomes["refused"] += 1
+        except ConnectionEnd:
+            outcomes["ended"] += 1
+            talk, connection = session()
+        if len(connection.outbox) > 500:
+            connection.outbox.clear()
+    assert min(outcomes[name] for name in ("used", "refused", "ended")) > 50
+    commands = [command for (_, _), command in simulation._commands.items()]
+    assert all(-1.0 <= one.throttle <= 1.0 and -1.0 <= one.steering <= 1.0 for one in commands)
+    assert len(simulation._requests) <= 3 * (outcomes["ended"] + 1)  # one of each kind, for the one Frame, in a session
+    for _ in range(100):
+        one_world.step({name: command for (name, _), command in simulation._commands.items()})
+
+
+def test_events_and_acknowledgements_are_the_only_results() -> None:
+    random_ = random.Random(1)
+    connection = Connection(0.0, "raw")
+    for _ in range(cases(2000, 100_000)):
+        text = with_wrong_bytes(b'4217["Bridge",{"V1 Throttle":"1"}]', random_).decode(errors="replace")
+        try:
+            result = connection.receive(text, 0.0)
+        except (PacketError, ConnectionEnd):
+            continue
+        assert result is None or isinstance(result, Event | Acknowledgement)
+        connection.outbox.clear()
+
+
+# -- native clients ------------------------------------------------------------------------------------------------
+
+COMMAND = {"throttle": 0.3, "steering": -0.1, "headlights": 1, "indicators": 2}
+
+OPERATIONS: tuple[dict[str, Any], ...] = (
+    {"type": "Reset", "seed": 3},
+    {"type": "Pause"},
+    {"type": "Resume"},
+    {"type": "Step", "ticks": 2, "commands": {"V1": COMMAND}},
+    {"type": "SetSpeed", "factor": 1.0},
+    {"type": "Teleport", "vehicle": "V1", "x": 0.5, "y": 0.5, "yaw": 1.0},
+    {"type": "Hold", "vehicle": "V1", "position": [0.0, 0.0, 0.1], "orientation": [1.0, 0.0, 0.0, 0.0]},
+    {"type": "Hold", "vehicle": "V1", "position": None},
+    {"type": "SetSceneLight", "enabled": False},
+    {"type": "SetTimeOfDay", "time": 3600.0, "scale": 60.0},
+    {"type": "SetDrivingMode", "vehicle": "V1", "is_autonomous": True},
+    {"type": "LoadScenario", "name": "plane"},
+    {"type": "Place", "name": "V1", "x": 0.3, "y": 0.3, "yaw": 0.0},
+    {"type": "AddBox", "name": "box_7", "x": 1.0, "y": 1.0, "yaw": 0.0, "size": [0.1, 0.1, 0.1], "mass": 0.1},
+    {"type": "RemoveBox", "name": "box_7"},
+    {"type": "SetSensor", "vehicle": "V1", "sensor": "lidar", "is_on": True, "rate": 5.0, "noise": "ideal"},
+    {"type": "Undo"},
+    {"type": "Redo"},
+    {"type": "SaveScenario"},
+    {"type": "ConnectBridge", "host": "127.0.0.1", "port": 4567},
+    {"type": "DisconnectBridge"},
+    {"type": "SetCamera", "camera": None},
+)
+
+MESSAGES: tuple[dict[str, Any], ...] = (
+    {"type": "Hello", "protocol": 2, "name": "x"},
+    {"type": "Subscribe", "frame_rate": 30.0, "scans": True, "picture_rate": 0.0, "picture_width": 64},
+    {"type": "Drive", "vehicle": "V1", "command": COMMAND, "source": "script"},
+    {"type": "Release", "vehicle": "V1"},
+    *({"type": "Request", "id": 1, "operation": operation} for operation in OPERATIONS),
+)
+
+
+def hostile_message(random_: random.Random) -> bytes:
+    """A mutated message in MessagePack."""
+    message = mutated(random_.choice(MESSAGES), random_, chance=0.2)
+    try:
+        data = pack(message)
+    except (OverflowError, TypeError, msgspec.EncodeError):  # such a value has no form in MessagePack
+        data = pack({"type": "Request"})
+    return with_wrong_bytes(data, random_) if random_.random() < 0.3 else data
+
+
+class Peer:
+    """The ASGI side of a client in this process: no sockets, so that many messages take little time."""
+
+    def __init__(self, messages: list[bytes]) -> None:
+        self.sent: list[dict[str, Any]] = []
+        self._messages = iter(messages)
+
+    async def receive(self) -> dict[str, Any]:
+        await asyncio.sleep(0)
+        data = next(self._messages, None)
+        return {"type": "websocket.disconnect"} if data is None else {"type": "websocket.receive", "bytes": data}
+
+    async def send(self, event: dict[str, Any]) -> None:
+        self.sent.append(event)
+
+
+def no_renderer(_: World) -> Any:
+    raise AutodriveError("no scene cameras here")
+
+
+def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("autodrive.server.rate_limit.RATE", 1e9)
+    monkeypatch.setattr("autodrive.server.rate_limit.BYTES", 1e12)
+    simulation = Simulation(autodrive.make("plane"), load=autodrive.make, pause_on_error=True)
+    hello = pack({"type": "Hello", "protocol": 2, "name": "x"})
+    random_ = random.Random(7)
+    errors: list[str] = []
+
+    async def attack() -> None:
+        hub = Hub(
+            simulation,
+            scene_files=scene_files,
+            bridge=None,
+            scenarios={"plane": "Plane"},
+            jpeg_encoder=None,
+            cameras_error=lambda: "",
+            want_pictures=lambda _: None,
+            renderer_factory=no_renderer,
+        )
+        scope = {"subprotocols": ["autodrive.v2"]}
+        async with hub:
+            for _ in range(cases(30, 2000)):
+                peer = Peer([hello, *(hostile_message(random_) for _ in range(cases(100, 500)))])
+                await asyncio.wait_for(hub.serve(scope, peer.receive, peer.send), 600.0)
+                assert hub.client_count == 0
+            other = Peer([hello, pack({"type": "Request", "id": 1, "operation": {"type": "Reset"}})])
+
+            async def receive() -> dict[str, Any]:  # stays until it has its answer
+                while (event := await other.receive())["type"] == "websocket.disconnect":
+                    if any(b"Response" in one.get("bytes", b"") for one in other.sent):
+                        break
+                    await asyncio.sleep(0.01)
+                return event
+
+            await asyncio.wait_for(hub.serve(scope, receive, other.send), 600.0)
+            messages = [one.get("bytes", b"") for one in other.sent]
+            errors.extend(repr(message) for message in messages if b"Error" in message)
+
+    with simulation:
+        asyncio.run(attack())
+    assert not errors
+    assert not simulation.error
+    assert not [one for one in caplog.records if one.exc_info or one.levelno >= logging.ERROR]

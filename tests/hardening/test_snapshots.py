@@ -1,0 +1,151 @@
+"""Snapshots of a World that are foreign, truncated, changed or come from another process."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import autodrive
+from autodrive.errors import SnapshotError
+from autodrive.protocol.messages import Command, Frame
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.sensors.settings import SensorSettings
+from autodrive.world import Snapshot, World
+from tests.support.frames import digest, digests
+from tests.support.waiting import LIMIT
+from tests.test_world import arrays
+
+SPEC = ScenarioSpec(boxes={"box": BoxSpec(x=0.36, y=0.0)})
+
+
+def drive(frame: Frame) -> dict[str, Command]:
+    return {name: Command(throttle=1.0, steering=0.2) for name in frame.vehicles}
+
+
+def driven(spec: ScenarioSpec = SPEC, ticks: int = 40) -> World:
+    world = autodrive.make(spec)
+    digests(world, ticks, drive)
+    return world
+
+
+def changed(spec: ScenarioSpec, **changes: Any) -> ScenarioSpec:
+    return spec.model_copy(update=changes)
+
+
+FOREIGN = {
+    "another map": changed(SPEC, map="mini_map", boxes={}),
+    "a box less": changed(SPEC, boxes={}),
+    "another box": changed(SPEC, boxes={"box": BoxSpec(x=0.36, y=0.0, mass=0.2)}),
+    "another name": changed(SPEC, vehicles={"V2": VehiclePlacement()}),
+    "another vehicle": changed(SPEC, vehicles={"V1": VehiclePlacement(type="nigel_2023")}),
+    "two vehicles": changed(SPEC, vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(y=2.0)}),
+    "another tick": changed(SPEC, tick=0.02),
+    "another sensor": changed(
+        SPEC, vehicles={"V1": VehiclePlacement(sensors={"imu": SensorSettings(noise="realistic")})}
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_snapshot_of_another_scenario_is_refused_and_nothing_has_changed(name: str) -> None:
+    world, other = driven(), driven()
+    with pytest.raises(SnapshotError, match="another world"):
+        world.restore(driven(FOREIGN[name]).save())
+    assert digests(world, 30, drive) == digests(other, 30, drive)
+
+
+def tampered(saved: Snapshot) -> dict[str, Any]:
+    """What a caller may have made of a snapshot."""
+    (vehicle,) = saved.controls
+    return {
+        "None": None,
+        "a tuple": tuple(saved),
+        "a truncated tuple": saved[:5],
+        "a Frame": saved.frame,
+        "a dictionary": saved._asdict(),
+        "no engine": saved._replace(engine=None),
+        "a short state": saved._replace(state=saved.state._replace(vehicle_position=np.zeros((0, 3)))),
+        "another type of number": saved._replace(
+            state=saved.state._replace(throttle=saved.state.throttle.astype(np.float32))
+        ),
+        "a tuple as state": saved._replace(state=tuple(saved.state)),  # pyright: ignore[reportArgumentType]
+        "no sensors": saved._replace(sensors={}),
+        "a sensor without its state": saved._replace(sensors={"V1": (1, [])}),
+        "a text as tick": saved._replace(tick="40"),  # pyright: ignore[reportArgumentType]
+        "a tick beyond all numbers": saved._replace(tick=10**30),
+        "a negative seed": saved._replace(seed=-1),
+        "no referee": saved._replace(referee=None),
+        "no controls": saved._replace(controls=[]),
+        "controls of another type": saved._replace(controls=[vars(vehicle)]),  # pyright: ignore[reportArgumentType]
+        "no light": saved._replace(light=None),  # pyright: ignore[reportArgumentType]
+        "held vehicles of another type": saved._replace(held={"V1": None}),  # pyright: ignore[reportArgumentType]
+        "no Frame": saved._replace(frame=None),  # pyright: ignore[reportArgumentType]
+        "no identity": saved._replace(world=""),
+        "another engine": saved._replace(engine=driven(FOREIGN["two vehicles"]).save().engine),
+    }
+
+
+@pytest.mark.parametrize("name", tampered(autodrive.make(SPEC).save()))
+def test_a_changed_snapshot_is_refused_and_nothing_has_changed(name: str) -> None:
+    world, other = driven(), driven()
+    saved = world.save()
+    for each in (world, other):
+        digests(each, 5, drive)
+    with pytest.raises(SnapshotError):
+        world.restore(tampered(saved)[name])
+    future = digests(other, 30, drive)
+    assert digests(world, 30, drive) == future
+    world.restore(saved)
+    assert digests(world, 35, drive)[5:] == future
+
+
+def test_a_world_with_cameras_refuses_a_snapshot_without(gl: str) -> None:
+    world = autodrive.make("mini_map", cameras=True)
+    before = digest(world.frame)
+    with pytest.raises(SnapshotError, match="without cameras"):
+        world.restore(autodrive.make("mini_map").save())
+    assert digest(world.frame) == before
+    world.close()
+
+
+def test_the_seed_and_the_title_of_a_scenario_may_differ() -> None:
+    world, other = driven(), autodrive.make(changed(SPEC, title="another", seed=7))
+    other.restore(world.save())
+    assert digests(world, 30, drive) == digests(other, 30, drive)
+
+
+@pytest.mark.process
+def test_a_snapshot_of_another_process_has_the_same_future(tmp_path: Path) -> None:
+    code = (
+        "import pickle, sys\nfrom tests.hardening.test_snapshots import driven\n"
+        "pickle.dump(driven().save(), open(sys.argv[1], 'wb'))\n"
+    )
+    root = Path(__file__).parents[2]
+    file = str(tmp_path / "snapshot")
+    done = subprocess.run(
+        [sys.executable, "-c", code, file], check=False, capture_output=True, text=True, timeout=LIMIT, cwd=root
+    )
+    assert done.returncode == 0, done.stderr
+    world, other = driven(), autodrive.make(SPEC)
+    saved: Snapshot = pickle.loads(Path(file).read_bytes())
+    other.restore(saved)
+    assert digests(world, 30, drive) == digests(other, 30, drive)
+
+
+@pytest.mark.parametrize("copied", [lambda x: pickle.loads(pickle.dumps(x)), copy.deepcopy, copy.copy])
+def test_frames_that_were_pickled_or_copied_are_equal_and_read_only(copied: Any) -> None:
+    world = autodrive.make("mini_map")
+    digests(world, 150, drive)
+    saved = world.save()
+    world.restore(copied(saved))
+    for frame in (copied(saved.frame), world.frame, world.step()):
+        assert len(arrays(frame)) > 20
+        assert not [array for array in arrays(frame) if array.flags.writeable]
+    assert digest(copied(saved.frame)) == digest(saved.frame)

@@ -1,0 +1,184 @@
+"""Edit mode in a real browser: the Frames and the scenario file of the simulator show what was edited."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import autodrive
+from autodrive.protocol.messages import Pause, Resume, Step
+from autodrive.transforms import euler_from_quaternion
+from tests.page.test_driving import yaw
+from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, TEXTS, WRONG_TARGETS
+from tests.support.command_line import call
+from tests.support.page import NewTab, PageServer, Tab
+
+
+def opened(server: PageServer, new_tab: NewTab, *, touch: bool = False) -> Tab:
+    """A tab in Edit mode that draws."""
+    tab = new_tab(size=(900, 560), draws=True, touch=touch).open(server.url + "?quality=low")
+    tab.wait_for_image()
+    tab.click("edit-button")
+    tab.wait_until(lambda: tab.get("edit-bar").is_visible())
+    # the camera of Edit mode looks at the vehicle
+    tab.wait_until(lambda: (at := on_screen(tab, 0.0, 0.0)) is not None and at == pytest.approx([450, 280], abs=40))
+    return tab
+
+
+@pytest.fixture
+def editing(plane: PageServer, new_tab: NewTab) -> Tab:
+    """Edit mode; the plane has no box."""
+    return opened(plane, new_tab)
+
+
+def on_screen(tab: Tab, x: float, y: float, z: float = 0.0) -> list[float]:
+    """Where a point of the map is shown [CSS pixels]."""
+    return tab.value(f"view.screenPoint({x}, {y}, {z})")
+
+
+def drag(tab: Tab, start: list[float], end: list[float]) -> None:
+    """Drag with the left button."""
+    mouse = tab.page.mouse
+    mouse.move(*start)
+    mouse.down()
+    mouse.move(*(0.5 * (a + b) for a, b in zip(start, end, strict=True)), steps=3)
+    mouse.move(*end, steps=3)
+    mouse.up()
+
+
+def test_a_vehicle_is_dragged_and_turned_and_the_edits_are_undone(plane: PageServer, editing: Tab) -> None:
+    at, to = on_screen(editing, 0.07, 0.0), on_screen(editing, 0.57, 0.3)
+    drag(editing, at, to)
+    editing.wait_until(lambda: plane.simulation.undo_name == "place V1")
+    assert plane.vehicle.pose.position[:2] == pytest.approx([0.5, 0.3], abs=0.02)  # a pixel is 4 mm
+    # the handle is ahead of the vehicle: drag it to the left of its middle
+    circle = editing.get("edit-overlay").locator("circle")
+    editing.wait_until(lambda: abs(float(circle.get_attribute("cy") or 0) - to[1]) < 20)
+    handle = [float(circle.get_attribute(name) or 0) for name in ("cx", "cy")]
+    drag(editing, handle, on_screen(editing, 0.57, 0.6))
+    editing.wait_until(lambda: yaw(plane) == pytest.approx(1.57, abs=0.1))
+    middle = plane.vehicle.pose.position[:2]
+    assert middle == pytest.approx([0.57, 0.3 - 0.07], abs=0.02)  # it turns about its middle
+    editing.page.keyboard.press("Control+z")
+    editing.wait_until(lambda: abs(yaw(plane)) < 0.01)
+    editing.click("edit-undo")
+    editing.wait_until(lambda: abs(plane.vehicle.pose.position[0]) < 0.01)
+    editing.page.keyboard.press("Control+Shift+z")
+    editing.wait_until(lambda: plane.vehicle.pose.position[0] > 0.45)
+
+
+def test_a_box_is_added_and_hit_and_another_viewer_sees_it(plane: PageServer, editing: Tab, new_tab: NewTab) -> None:
+    viewer = new_tab().open(plane.url + "?quality=low")
+    editing.get("edit-selection").select_option("V1")
+    editing.click("edit-add")
+    viewer.wait_until(lambda: viewer.value("'box_1' in store.frame.value.objects"))
+    editing.wait_until(lambda: editing.get("edit-selection").input_value() == "box_1")
+    for name, value in (("edit-x", "0.6"), ("edit-y", "0")):
+        editing.get(name).fill(value)
+        editing.page.keyboard.press("Enter")
+        editing.wait_until(lambda: editing.value("store.preview.value") is None)
+    editing.wait_until(lambda: plane.frame.objects["box_1"].pose.position[0] == pytest.approx(0.6, abs=1e-3))
+    editing.click("edit-done")
+    editing.page.evaluate("() => document.activeElement?.blur()")
+    editing.page.keyboard.down("w")
+    editing.wait_until(lambda: plane.vehicle.collision_count == 1)
+    editing.wait_until(lambda: plane.frame.objects["box_1"].pose.position[0] > 0.62)
+    editing.page.keyboard.up("w")
+    editing.wait_for_notice("V1 hit box_1")
+    editing.page.keyboard.press("j")
+    editing.get("edit-selection").select_option("box_1")
+    editing.get("edit-selection").blur()
+    editing.page.keyboard.press("Delete")
+    viewer.wait_until(lambda: viewer.value("!('box_1' in store.frame.value.objects)"))
+
+
+def test_the_saved_file_passes_the_check_and_starts_as_the_edited_scenario(
+    plane: PageServer, editing: Tab, tmp_path: Path
+) -> None:
+    editing.click("edit-right")
+    editing.wait_until(lambda: yaw(plane) < -0.2)
+    editing.click("edit-add")
+    editing.wait_until(lambda: "box_1" in plane.frame.objects)
+    with editing.page.expect_download() as download:
+        editing.click("edit-save")
+    assert download.value.suggested_filename == "plane_edited.yaml"
+    file = tmp_path / "mine.yaml"
+    download.value.save_as(file)
+    checked = call("check", file)
+    assert (checked.returncode, checked.stderr) == (0, "")
+    start = autodrive.make(file).frame
+    assert euler_from_quaternion(start.vehicles["V1"].pose.orientation)[2] == pytest.approx(-0.2618, abs=1e-4)
+    there = plane.frame.objects["box_1"].pose.position
+    assert start.objects["box_1"].pose.position == pytest.approx(there, abs=1e-3)
+
+
+def test_the_rate_of_a_sensor_is_that_of_its_scans(plane: PageServer, editing: Tab) -> None:
+    editing.get("lidar-rate").fill("20")
+    editing.page.keyboard.press("Enter")
+    editing.wait_until(lambda: plane.simulation.undo_name == "set lidar of V1")
+    plane.request(Pause())
+    times = {scan.time for _ in range(50) if (scan := plane.request(Step(1)).vehicles["V1"].lidar) is not None}
+    assert 10 <= len(times) <= 11
+    plane.request(Resume())
+    editing.get("lidar-on").uncheck()
+    editing.wait_until(lambda: plane.vehicle.lidar is None)
+    editing.get("ips-noise").select_option("strong")
+    editing.wait_until(lambda: abs(plane.vehicle.ips.position[0]) > 0.01)  # sigma is 0.05 m
+    editing.get("imu-rate").fill("0")  # as in the vehicle's file
+    editing.get("imu-rate").fill("-3")
+    editing.page.keyboard.press("Enter")
+    editing.wait_for_notice("imu.rate: must be at least 0.001")
+    editing.wait_until(lambda: editing.get("imu-rate").input_value() == "")
+
+
+def test_a_finger_drags_a_vehicle_and_the_map_moves_beside_it(plane: PageServer, new_tab: NewTab) -> None:
+    editing = opened(plane, new_tab, touch=True)
+    start, end = on_screen(editing, 0.07, 0.0), on_screen(editing, 0.07, 0.4)
+    touch = editing.page.context.new_cdp_session(editing.page)
+
+    def send(kind: str, *points: list[float]) -> None:
+        touch.send(
+            "Input.dispatchTouchEvent",
+            {"type": kind, "touchPoints": [{"x": x, "y": y} for x, y in points]},
+        )
+
+    send("touchStart", start)
+    for share in (0.3, 0.6, 1.0):
+        send("touchMove", [a + share * (b - a) for a, b in zip(start, end, strict=True)])
+    send("touchEnd")
+    editing.wait_until(lambda: plane.vehicle.pose.position[1] == pytest.approx(0.4, abs=0.03))
+    beside = on_screen(editing, 0.7, -0.3)
+    send("touchStart", beside)
+    for share in (10.0, 40.0, 80.0):
+        send("touchMove", [beside[0] - share, beside[1]])
+    send("touchEnd")
+    editing.wait_until(lambda: on_screen(editing, 0.7, -0.3)[0] < beside[0] - 40)
+    assert plane.vehicle.pose.position[0] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("size", [(390, 844), (844, 390)], ids=lambda size: "x".join(map(str, size)))
+def test_all_controls_of_edit_mode_are_reached_on_a_touch_screen(
+    plane: PageServer, new_tab: NewTab, size: tuple[int, int]
+) -> None:
+    tab = new_tab(size=size, touch=True).open(f"{plane.url}?quality=low")
+    tab.click("edit-button")
+    tab.wait_until(lambda: tab.get("edit-bar").is_visible())
+    assert tab.get("edit").is_visible() == (size[0] > 719)
+    assert tab.page.evaluate(WRONG_TARGETS) == []
+    tab.click("edit-details")
+    tab.wait_until(lambda: tab.get("edit").is_visible() == (size[0] <= 719))
+    assert tab.page.evaluate(WRONG_TARGETS) == []
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_text_of_edit_mode_is_large_enough_and_has_contrast(plane: PageServer, new_tab: NewTab, theme: str) -> None:
+    saved = f"localStorage.setItem('autodrive.theme', '{theme}')"
+    tab = new_tab(size=(1280, 720), script=saved).open(f"{plane.url}?quality=low")
+    tab.page.emulate_media(reduced_motion="reduce")
+    tab.show()
+    tab.click("edit-button")
+    tab.wait_until(lambda: tab.get("edit").is_visible())
+    texts = tab.page.evaluate(TEXTS)
+    assert {"Save as scenario", "Sensors of V1", "LIDAR"} <= {each["text"] for each in texts}
+    assert [each for each in texts if each["contrast"] < MIN_CONTRAST or each["size"] < MIN_TEXT] == []

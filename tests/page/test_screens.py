@@ -1,0 +1,240 @@
+"""The page on screens of all sizes: controls that can be reached and touched, readable text, a layout that stays."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import CDPSession, Locator
+
+from tests.page.test_access import VISIBLE
+from tests.support.page import NewTab, PageServer, Tab
+from tests.support.waiting import free_port
+
+FULL_HD = (1920, 1080)
+MIN_TARGET = 44
+"""Smallest width and height of a control on a touch screen [px] (WCAG 2.2, success criterion 2.5.5)."""
+MIN_CONTRAST = 4.5
+"""Smallest contrast of text (WCAG 2.2, success criterion 1.4.3)."""
+MIN_TEXT = 13.0
+"""Smallest size of text [px]."""
+
+WRONG_TARGETS = f"""() => ({VISIBLE})().flatMap((control) => {{
+    control.scrollIntoView({{ block: 'center' }})
+    const target = control.labels?.[0] ?? control
+    const box = target.getBoundingClientRect()
+    const top = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)
+    const isOnTop = top && (target.contains(top) || top.contains(target))
+    const isInside = box.left >= 0 && box.right <= innerWidth && box.top >= 0 && box.bottom <= innerHeight
+    const isLarge = box.width >= {MIN_TARGET} && box.height >= {MIN_TARGET}
+    const name = control.dataset.testid || control.getAttribute('aria-label') || control.textContent
+    const found = {{ name, isOnTop, isInside, left: box.left, top: box.top, width: box.width, height: box.height }}
+    return isOnTop && isInside && isLarge ? [] : [JSON.stringify(found)]
+}})"""
+"""The controls that are covered, outside of the screen or too small for a finger."""
+
+SHOW_CARDS = "() => { autodrive.store.isLogOpen.value = autodrive.store.isMapOpen.value = true }"
+"""Shows the log and the small map."""
+
+FONTS = """
+window.canvasFonts = new Set()
+const font = Object.getOwnPropertyDescriptor(CanvasRenderingContext2D.prototype, 'font')
+Object.defineProperty(CanvasRenderingContext2D.prototype, 'font', {
+    get: font.get,
+    set(value) { canvasFonts.add(value); font.set.call(this, value) },
+})
+"""
+"""Notes the fonts that are drawn on canvases."""
+
+TEXTS = """() => {
+    const canvas = Object.assign(document.createElement('canvas'), { width: 1, height: 1 })
+    const pixel = canvas.getContext('2d', { willReadFrequently: true })
+    const probe = document.body.appendChild(document.createElement('i'))
+    const parse = (colour) => {
+        probe.style.color = colour  // computes var() and light-dark()
+        pixel.clearRect(0, 0, 1, 1)
+        pixel.fillStyle = getComputedStyle(probe).color
+        pixel.fillRect(0, 0, 1, 1)
+        const [r, g, b, a] = pixel.getImageData(0, 0, 1, 1).data
+        return [r, g, b, a / 255]
+    }
+    const over = ([r, g, b, a], below) => [r, g, b].map((value, i) => a * value + (1 - a) * below[i])
+    const linear = (value) => (value / 255 <= 0.04045 ? value / 255 / 12.92 : ((value / 255 + 0.055) / 1.055) ** 2.4)
+    const luminance = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b)
+    const ancestors = (element) => (element ? [element, ...ancestors(element.parentElement)] : [])
+    const backgroundOf = (element, scene) =>
+        ancestors(element)
+            .reverse()
+            .reduce((below, each) => over(parse(getComputedStyle(each).backgroundColor), below), scene)
+    function contrast(element, colour) {
+        const opacity = ancestors(element).reduce((all, each) => all * getComputedStyle(each).opacity, 1)
+        return Math.min(...[[0, 0, 0], [255, 255, 255]].map((scene) => {  // the scene behind a panel can be anything
+            const background = backgroundOf(element, scene)
+            const [r, g, b, a] = parse(colour)
+            const text = over([r, g, b, a * opacity], background)
+            const [low, high] = [text, background].map(luminance).sort((x, y) => x - y)
+            return (high + 0.05) / (low + 0.05)
+        }))
+    }
+    const texts = []
+    const add = (element, text, colour = getComputedStyle(element).color) => texts.push(
+        { text, contrast: contrast(element, colour), size: parseFloat(getComputedStyle(element).fontSize) })
+    const isClipped = (element) => getComputedStyle(element).clipPath.startsWith('inset(50%')
+    for (const element of document.body.querySelectorAll('*')) {
+        const isShown = element.checkVisibility({ visibilityProperty: true }) && element.getClientRects().length > 0
+        if (!isShown || ancestors(element).some(isClipped) || element.closest('option, svg, noscript')) continue
+        const own = [...element.childNodes].filter((node) => node.nodeType === Node.TEXT_NODE)
+        const text = own.map((node) => node.data).join('').trim()
+        if (text) add(element, text)
+        if (element.matches('input:not([type=checkbox]), select')) add(element, element.value)
+        if (element.placeholder) add(element, element.placeholder, getComputedStyle(element, '::placeholder').color)
+    }
+    const hud = document.querySelector('#hud')
+    for (const name of ['text', 'muted', 'plot-1', 'plot-2'])  // drawn on the canvases of the HUD
+        texts.push({ text: name, contrast: contrast(hud, `var(--${name})`), size: 99 })
+    probe.remove()
+    return texts
+}"""
+"""All texts that are shown, with their contrast and size [px]; the worst contrast over any scene."""
+
+
+def box(locator: Locator) -> dict[str, float]:
+    """Left, top, right and bottom [px]."""
+    found = locator.bounding_box()
+    assert found is not None
+    return {
+        "left": found["x"],
+        "top": found["y"],
+        "right": found["x"] + found["width"],
+        "bottom": found["y"] + found["height"],
+    }
+
+
+def overlap(one: Locator, other: Locator) -> bool:
+    a, b = box(one), box(other)
+    return a["left"] < b["right"] and b["left"] < a["right"] and a["top"] < b["bottom"] and b["top"] < a["bottom"]
+
+
+def touch(tools: CDPSession, kind: str, *points: tuple[float, float]) -> None:
+    """A touch event of real fingers."""
+    touch_points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]
+    tools.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touch_points})
+
+
+@pytest.mark.parametrize(
+    "size", [(390, 844), (360, 640), (844, 390), (820, 1180)], ids=lambda size: "x".join(map(str, size))
+)
+def test_touch_screens_reach_all_controls(plane: PageServer, new_tab: NewTab, size: tuple[int, int]) -> None:
+    tab = new_tab(size=size, touch=True).open(f"{plane.url}?quality=low")
+    pads = {axis: tab.get(f"pad-{axis}") for axis in ("throttle", "steering")}
+    for panels in ((), ("menu",), ("hud",)):
+        tab.show(*panels)
+        assert tab.page.evaluate(WRONG_TARGETS) == []
+        for pad in pads.values():
+            assert pad.is_visible()
+            place = box(pad)
+            assert place["left"] >= 0
+            assert place["right"] <= size[0]
+            assert place["bottom"] <= size[1]
+            assert min(place["right"] - place["left"], place["bottom"] - place["top"]) >= MIN_TARGET
+            assert not any(overlap(pad, tab.get(panel)) for panel in panels)
+    tab.show()
+    tab.page.evaluate(SHOW_CARDS)
+    assert tab.page.evaluate(WRONG_TARGETS) == []
+    assert not any(overlap(pad, tab.get(card)) for pad in pads.values() for card in ("minimap", "log"))
+    assert not overlap(tab.get("minimap"), tab.get("log"))
+    tab.page.keyboard.press("Escape")
+    assert not overlap(*pads.values())
+    throttle, steering = (box(pads[axis]) for axis in ("throttle", "steering"))
+    forward = ((throttle["left"] + throttle["right"]) / 2, throttle["top"] + 10)
+    left = (steering["left"] + 10, (steering["top"] + steering["bottom"]) / 2)
+    tools = tab.page.context.new_cdp_session(tab.page)
+    touch(tools, "touchStart", forward, left)  # two thumbs
+    tab.wait_until(lambda: plane.vehicle.throttle > 0.9 and plane.vehicle.steering > 0.3)
+    touch(tools, "touchEnd")
+    tab.wait_until(lambda: plane.vehicle.throttle == 0 and abs(plane.vehicle.steering) < 0.01)
+    tab.click("help")
+    place = box(tab.get("help-dialog"))
+    assert min(place["left"], place["top"]) >= 0
+    assert place["right"] <= size[0]
+    assert place["bottom"] <= size[1]
+    tab.click("help-close")
+    assert tab.page.evaluate("() => document.documentElement.scrollWidth") <= size[0]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_all_text_is_large_enough_and_has_contrast(two_cars: PageServer, new_tab: NewTab, theme: str) -> None:
+    saved = f"localStorage.setItem('autodrive.theme', '{theme}');"
+    tab = new_tab(size=FULL_HD, script=saved + FONTS, is_first_visit=True).open(f"{two_cars.url}?quality=low")
+    tab.page.emulate_media(reduced_motion="reduce")
+    tab.show("menu", "hud")
+
+    def check() -> None:
+        texts = tab.page.evaluate(TEXTS)
+        assert len(texts) > 80
+        assert [each for each in texts if each["contrast"] < MIN_CONTRAST or each["size"] < MIN_TEXT] == []
+
+    tab.page.evaluate(SHOW_CARDS)
+    assert tab.page.locator(".vehicle-labels span").count() == 2
+    check()
+    tab.get("ip").fill("")
+    tab.get("port").fill(str(free_port()))
+    tab.click("connect")  # refused: the address is empty
+    tab.wait_for_text("bridge-error", "empty")
+    tab.get("ticks").fill("0")
+    tab.click("step")
+    tab.page.evaluate("() => { autodrive.store.notice.value = 'a notice' }")
+    tab.get("ip").fill("127.0.0.1")
+    tab.click("connect")
+    tab.wait_for_text("bridge-error", "trying again")  # the fields are disabled now
+    check()
+    tab.click("disconnect")
+    tab.get("hints").wait_for()
+    check()
+    tab.click("programs")
+    tab.get("connect-dialog").wait_for()
+    check()
+    tab.click("connect-close")
+    tab.click("help")
+    check()
+    fonts = tab.page.evaluate("() => [...canvasFonts]")
+    sizes = [float(word.removesuffix("px")) for font in fonts for word in font.split() if word.endswith("px")]
+    assert sizes
+    assert min(sizes) >= MIN_TEXT
+
+
+def test_camera_images_are_visible_on_a_small_screen_without_scrolling(plane: PageServer, tab: Tab) -> None:
+    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.show("hud")
+    for side in ("front", "rear"):
+        assert box(tab.get(f"hud-{side}-camera"))["bottom"] <= box(tab.get("hud"))["bottom"]
+
+
+def test_an_error_of_the_bridge_moves_no_control(plane: PageServer, tab: Tab) -> None:
+    tab.show("menu")
+    tab.get("menu").evaluate("(menu) => menu.scrollTo(0, 0)")  # the field with the error is scrolled into view
+    places = {name: box(tab.get(name)) for name in ("reset", "mode", "step", "scenario", "theme")}
+    tab.get("ip").fill("http://127.0.0.1")
+    tab.click("connect")
+    tab.wait_for_text("bridge-error", "Enter only the address")
+    assert {name: box(tab.get(name)) for name in places} == places
+    tab.get("ip").fill("127.0.0.1")
+    tab.get("port").fill(str(free_port()))
+    tab.click("connect")
+    tab.wait_for_text("bridge-error", "trying again")
+    assert {name: box(tab.get(name)) for name in places} == places
+    tab.click("disconnect")
+    tab.wait_for_text("bridge-status", "Disconnected")
+    assert {name: box(tab.get(name)) for name in places} == places
+
+
+def test_a_step_runs_the_ticks_that_were_typed_or_says_why_not(plane: PageServer, tab: Tab) -> None:
+    tab.show("menu")
+    tab.click("pause")
+    tab.wait_until(lambda: plane.simulation.is_paused)
+    tick = plane.frame.tick
+    tab.get("ticks").fill("2.5")
+    tab.click("step")
+    tab.wait_for_text("ticks-error", "whole number of ticks from 1 to 10000")
+    tab.get("ticks").fill("25")
+    tab.page.keyboard.press("Enter")
+    tab.wait_until(lambda: plane.frame.tick == tick + 25)
+    assert tab.get("ticks-error").is_hidden()

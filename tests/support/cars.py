@@ -1,0 +1,30 @@
+"""Copies of vehicle files with changed values."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from autodrive.specs import find
+
+OBEYS_AT_ONCE = {
+    "steering.dead_time": 0.0,
+    "steering.time_constant": 0.0,
+    "drivetrain.dead_time": 0.0,
+    "drivetrain.time_constant": 0.0,
+}
+"""Changes of a vehicle file: actuators without dead time and lag; the rate limit of the steering remains."""
+
+
+def car_file(folder: Path, changes: dict[str, Any], vehicle: str = "nigel") -> str:
+    """Path of a changed copy of an included vehicle file; `changes`: keys such as 'steering.dead_time', and values."""
+    tree = yaml.safe_load(find("vehicle", vehicle).read_text(encoding="utf-8"))
+    for place, value in changes.items():
+        *path, last = place.split(".")
+        branch = tree
+        for part in path:
+            branch = branch[part]
+        branch[last] = value
+    file = folder / "car.yaml"
+    file.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    return str(file)

@@ -1,0 +1,27 @@
+"""Worlds on a plane with a modified vehicle, for tests with a known answer."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import autodrive
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.world import World
+from tests.support.cars import car_file
+
+WorldWith = Callable[..., World]
+
+ROLLS_FREELY = {"wheels.damping_rate": 0.0, "body.drag": 0.0, "body.angular_drag": 0.0}
+"""Changes of a vehicle file: no resistance except the tyres."""
+
+
+def world_with_car(
+    folder: Path,
+    vehicle: str = "nigel",
+    changes: dict[str, Any] | None = None,
+    boxes: dict[str, BoxSpec] | None = None,
+    substep: float = 0.001,
+) -> World:
+    """A world on the plane. `changes`: keys in the vehicle's file, such as 'wheels.damping_rate', and their values."""
+    car = car_file(folder, changes or {}, vehicle)
+    return autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car)}, boxes=boxes or {}, substep=substep))

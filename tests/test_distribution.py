@@ -1,0 +1,222 @@
+"""The wheels: the simulator with its page, and autodrive-client without the simulator."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import types
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import autodrive
+from autodrive.run.runner import PAGE
+from autodrive.server.server import Server
+from tests.client.conftest import bare
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src/autodrive"
+CLIENT = tomllib.loads((ROOT / "clients/python/pyproject.toml").read_text(encoding="utf-8"))
+"""The settings of autodrive-client."""
+UV = shutil.which("uv") or (str(path) if (path := ROOT / ".venv-uv/bin/uv").is_file() else None)
+
+needs_uv = pytest.mark.skipif(UV is None, reason="uv is not on PATH")
+needs_page = pytest.mark.skipif(not (PAGE / "built-from").is_file(), reason="the page is not built: scripts/page")
+
+
+def uv(*arguments: str | Path) -> None:
+    """Runs uv; its output is the message if it fails."""
+    assert UV is not None
+    done = subprocess.run([UV, *map(str, arguments)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def built(project: Path, folder: Path) -> Path:
+    """The wheel of a project, built into `folder`."""
+    uv("build", "--quiet", "--wheel", "--out-dir", folder, project)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@needs_page
+@needs_uv
+@pytest.mark.process
+def test_the_wheel_contains_the_page(tmp_path: Path) -> None:
+    wheel = built(ROOT, tmp_path)
+    with zipfile.ZipFile(wheel) as content:
+        names = set(content.namelist())
+        index = content.read("autodrive/page/index.html").decode()
+    loaded = [part.split('"')[0] for part in index.split('="./')[1:]]
+    assert any(name.endswith(".js") for name in loaded)
+    assert {f"autodrive/page/{name}" for name in loaded} <= names  # all that the page loads is there
+    assert not any("node_modules" in name for name in names)
+
+
+@pytest.fixture
+def hook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The build hook in a tree of its own, whose `scripts/page` fails; hatchling itself is not needed."""
+    interface = types.ModuleType("hatchling.builders.hooks.plugin.interface")
+    interface.BuildHookInterface = object  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setitem(sys.modules, interface.__name__, interface)
+    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    made = module.PageBuildHook()
+    made.root = str(tmp_path)
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts/page").write_text("touch was-asked\nexit 1\n")
+    monkeypatch.chdir(tmp_path)
+    return made
+
+
+def test_a_wheel_without_its_page_is_not_built(hook: Any) -> None:
+    with pytest.raises(SystemExit, match="the page could not be built"):
+        hook.initialize("standard", {})
+
+
+def test_an_editable_install_builds_no_page(hook: Any) -> None:
+    hook.initialize("editable", {})
+    assert not Path(hook.root, "was-asked").exists()
+
+
+# -- install commands -------------------------------------------------------------------------------------------
+
+
+STRANGER = r"[ `'\"]autodrive(?!-simulator\b|-client\b|[\w./])"
+"""A distribution called `autodrive`, with or without extras: on PyPI that is not ours."""
+INSTALLS_STRANGER = re.compile(
+    rf"(?:pip3?|pipx|uv|conda) [^\n]*\b(?:install|add)\b[^\n|]*{STRANGER}|(?i:installs?|version of){STRANGER}"
+)
+
+
+def texts() -> Iterator[tuple[str, str]]:
+    """Path and text of every text file of the repository but this one."""
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in listed.splitlines():
+        with contextlib.suppress(UnicodeDecodeError, FileNotFoundError, IsADirectoryError):
+            if ROOT / name != Path(__file__):
+                yield name, (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_no_install_command_names_the_distribution_of_somebody_else() -> None:
+    wrong = [f"{name}: {found[0]}" for name, text in texts() for found in INSTALLS_STRANGER.finditer(text)]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(
+    "line", ["pip install autodrive", "pip install 'autodrive[ros]'", "uv pip install -U autodrive"]
+)
+def test_such_a_command_is_found(line: str) -> None:
+    assert INSTALLS_STRANGER.search(line)
+
+
+# -- autodrive-client -------------------------------------------------------------------------------------------
+
+
+def client_files() -> Iterator[Path]:
+    """Python files in autodrive-client."""
+    for name in CLIENT["tool"]["autodrive"]["modules"]:
+        path = SOURCE / name
+        assert path.exists(), f"clients/python/pyproject.toml lists {name}, which does not exist"
+        yield from sorted(path.rglob("*.py")) if path.is_dir() else [path]
+
+
+def imported(path: Path) -> set[str]:
+    """Modules that a file imports at run time, also inside functions; `a.b` for `from a import b`."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    typing_only = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        for part in node.body
+        for inner in ast.walk(part)
+    }
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if node in typing_only:
+            continue
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def test_the_client_distribution_contains_all_that_it_imports() -> None:
+    modules = {name.removesuffix(".py") for name in CLIENT["tool"]["autodrive"]["modules"]} | set(autodrive.__all__)
+    for path in client_files():
+        missing = {
+            name for name in imported(path) if name.startswith("autodrive.") and name.split(".")[1] not in modules
+        }
+        assert not missing, f"{path.relative_to(SOURCE)} imports {missing}: add them to clients/python/pyproject.toml"
+
+
+def test_the_client_distribution_requires_all_that_it_imports() -> None:
+    required = {re.split(r"[<>=~]", requirement)[0] for requirement in CLIENT["project"]["dependencies"]}
+    optional = {"numba"}  # transforms.py compiles its functions if it is installed
+    for path in client_files():
+        packages = {name.split(".")[0] for name in imported(path)} - sys.stdlib_module_names - {"autodrive"}
+        assert packages <= required | optional, path.relative_to(SOURCE)
+
+
+def test_the_client_distribution_requires_no_more_than_the_simulator() -> None:
+    simulator = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+    names = {re.split(r"[<>=~ ]", requirement)[0] for requirement in simulator}
+    assert {re.split(r"[<>=~]", requirement)[0] for requirement in CLIENT["project"]["dependencies"]} <= names
+
+
+def test_both_distributions_have_the_same_licence() -> None:
+    assert (ROOT / "clients/python/LICENSE").read_text() == (ROOT / "LICENSE").read_text()
+
+
+TRY_CLIENT = """
+import importlib, importlib.util, pkgutil, sys
+import autodrive
+
+for name in sys.argv[2:]:
+    module = importlib.import_module("autodrive." + name)
+    for sub in pkgutil.iter_modules(getattr(module, "__path__", [])):
+        importlib.import_module(f"autodrive.{name}.{sub.name}")
+print("found:", *(name for name in ("mujoco", "numba", "moderngl", "uvicorn") if importlib.util.find_spec(name)))
+with autodrive.Client(sys.argv[1]) as sim, sim.lockstep():
+    print("time:", sim.step({"V1": autodrive.Command(throttle=1.0)}).time)
+try:
+    autodrive.make
+except ImportError as error:
+    print("make:", error)
+"""
+
+
+@needs_uv
+@pytest.mark.process
+def test_the_client_distribution_drives_a_simulator_from_a_clean_environment(tmp_path: Path) -> None:
+    environment = tmp_path / "environment"
+    uv("venv", "--quiet", "--python", sys.executable, environment)
+    (python,) = environment.glob("[bS]*/python*" if sys.platform == "win32" else "bin/python")
+    uv("pip", "install", "--quiet", "--python", python, built(ROOT / "clients/python", tmp_path))
+    modules = [name.removesuffix(".py") for name in CLIENT["tool"]["autodrive"]["modules"] if "_" not in name]
+    modules.remove("py.typed")
+    with (
+        autodrive.Simulation(autodrive.make("plane")) as simulation,
+        Server(simulation, scene_files=bare, scenarios={}, port=0) as server,
+    ):
+        done = subprocess.run(
+            [python, "-I", "-c", TRY_CLIENT, server.url, *modules],
+            capture_output=True, text=True, check=False, cwd=tmp_path,
+        )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found, time, make = done.stdout.splitlines()
+    assert found == "found:"
+    assert float(time.removeprefix("time:")) > 0.0
+    assert "autodrive-simulator" in make

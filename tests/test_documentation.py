@@ -1,0 +1,150 @@
+"""Links and blocks of code in all Markdown files, and the documentation site."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from autodrive.cli.app import app
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = sorted(
+    path
+    for path in [
+        *ROOT.glob("*.md"),
+        *(p for d in ("docs", "ros", "clients", "examples") for p in (ROOT / d).rglob("*.md")),
+    ]
+    if "node_modules" not in path.parts
+)
+BLOCK = re.compile(r"^```([\w-]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+RUN_BY = {
+    "adding_a_sensor.md": {"yaml": "tests/test_docs.py"},
+    "README.md": {"python": "tests/test_readme.py", "yaml": "tests/test_readme.py"},
+    "client.md": {"python": "tests/client/test_document.py"},
+    "cpp.md": {"cpp": "tests/clients/test_cpp_docs.py", "cmake": "tests/clients/test_cpp_docs.py"},
+    "protocol.md": {"json": "tests/protocol/test_native.py"},
+    "python.md": {"python": "tests/devkit/test_python_docs.py"},
+    "ros1.md": {"python": "tests/ros/test_ros1.py"},
+    "ros2.md": {"python": "tests/ros/test_ros2.py", "yaml": "tests/ros/test_ros2_files.py"},
+    "scenarios.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
+    "testing.md": {"python": "tests/test_documentation.py"},
+    "vehicle.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
+}
+"""Document -> language of its blocks -> the test that runs them. Blocks for a shell are checked below."""
+
+NOT_RUN = {"text", ""}
+"""Languages of blocks that show output."""
+
+FOREIGN = (
+    "sudo",
+    "apt-get",
+    "pip",
+    "cmake",
+    "ssh",
+    "colcon",
+    "rosdep",
+    "roslaunch",
+    "ros2",
+    "mkdir",
+    "cd",
+    ".",
+    "python",
+    "python3",
+)
+"""Programs of others that a shell block may call: they are not run here."""
+
+
+def blocks(path: Path) -> list[tuple[str, str]]:
+    """Language and text of every block, without those that only the site reads."""
+    found = BLOCK.findall(path.read_text(encoding="utf-8"))
+    return [(language, text) for language, text in found if language not in NOT_RUN]
+
+
+def anchors(path: Path) -> set[str]:
+    """Anchors of the headings, as code hosts and the site make them."""
+    text = BLOCK.sub("", path.read_text(encoding="utf-8"))
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+def test_links_lead_to_files_and_headings() -> None:
+    wrong: list[str] = []
+    for path in DOCUMENTS:
+        text = BLOCK.sub("", path.read_text(encoding="utf-8"))
+        for link in re.findall(r"\]\((?!https?://|mailto:)([^)\s]+)\)", text):
+            file, _, anchor = link.partition("#")
+            target = (path.parent / file).resolve() if file else path
+            is_there = target.exists() and (not anchor or target.suffix != ".md" or anchor in anchors(target))
+            if not is_there:
+                wrong.append(f"{path.relative_to(ROOT)}: {link}")
+    assert wrong == []
+
+
+def test_every_block_of_code_is_run_by_a_test() -> None:
+    for path in DOCUMENTS:
+        for language in {language for language, _ in blocks(path)} - {"sh"}:
+            if path.parent.name == "devkit" or path.parts[-2] == "cpp":  # READMEs that repeat what docs/ shows
+                continue
+            test = RUN_BY.get(path.name, {}).get(language)
+            assert test is not None, f"no test runs the {language} of {path.relative_to(ROOT)}"
+            assert path.stem in (ROOT / test).read_text(encoding="utf-8"), f"{test} does not name {path.name}"
+
+
+def test_commands_in_the_documents_exist() -> None:
+    commands: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
+    for path in DOCUMENTS:
+        for language, text in blocks(path):
+            for line in text.replace("\\\n", " ").splitlines() if language == "sh" else ():
+                for command in re.split(r"&&|\|\||;|\|", line.partition(" #")[0].removeprefix("#")):
+                    check_command(command.split(), commands, path)
+
+
+def check_command(words: list[str], commands: dict[str, Any], path: Path) -> None:
+    """A script is there; `autodrive` has that command with these options."""
+    if not words or words[0].startswith("#"):
+        return
+    where = f"{path.relative_to(ROOT)}: {' '.join(words)}"
+    program = words[0]
+    if program == "scripts/run" and len(words) > 1:
+        program, words = "autodrive", ["autodrive", *words[1:]]
+    if program.removeprefix(".venv/bin/") == "autodrive":
+        assert len(words) == 1 or words[1] in commands, where
+        options = {
+            option
+            for parameter in (commands[words[1]].params if len(words) > 1 else ())
+            for option in (*parameter.opts, *parameter.secondary_opts)
+        }
+        assert {word for word in words if word.startswith("--")} <= options | {"--help"}, where
+    elif program.startswith("scripts/"):
+        assert (ROOT / program).is_file(), where
+    elif program.startswith((".venv", "build/")):
+        for word in words[1:]:
+            assert not word.startswith(("examples/", "benchmarks/")) or (ROOT / word).is_file(), where
+    else:
+        assert program.rpartition("bin/")[2] in FOREIGN, where
+
+
+def test_the_program_of_the_page_on_testing_runs() -> None:
+    ((_, code),) = (block for block in blocks(ROOT / "docs/testing.md") if block[0] == "python")
+    exec(compile(code, "docs/testing.md", "exec"), {})
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_site_builds_without_warnings_and_names_all_that_is_public(tmp_path: Path) -> None:
+    import autodrive
+
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-d", tmp_path / "doctrees"]
+    done = subprocess.run([*command, "docs", tmp_path / "site"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    api = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
+    missing = [name for name in autodrive.__all__ if not re.search(rf'id="autodrive[\w.]*\.{name}"', api)]
+    assert missing == []
+    assert (tmp_path / "site" / "searchindex.js").is_file()

@@ -1,0 +1,71 @@
+// Keys of Edit mode: they move and turn the selected thing, undo and redo. Keys do not drive meanwhile.
+import type { Store } from '../store'
+import type { Editor } from './editor'
+
+/** Elements that need the keys themselves. */
+const FIELDS = 'input, select, textarea, dialog, [contenteditable]'
+/** Step of a key [m], [rad]; with Shift the second. */
+const STEP = [0.05, 0.01] as const
+const TURN = [Math.PI / 12, Math.PI / 180] as const
+
+/** Steps along x and y of the map, and to the left; Edit mode starts with x to the right and y upwards. */
+const MOVES: Record<string, readonly [dx: number, dy: number, turn: number]> = {
+  ArrowUp: [0, 1, 0],
+  ArrowDown: [0, -1, 0],
+  ArrowLeft: [-1, 0, 0],
+  ArrowRight: [1, 0, 0],
+  BracketLeft: [0, 0, 1],
+  BracketRight: [0, 0, -1],
+}
+/** Driving keys without a meaning in Edit mode. */
+const DRIVING = new Set(['KeyW', 'KeyA', 'KeyS', 'KeyD'])
+
+export function listenToEditKeys(store: Store, editor: Editor, stopDriving: () => void): void {
+  const held = new Set<string>()
+
+  function onKey(event: KeyboardEvent): boolean {
+    if (!store.isEditing.value || event.isComposing || event.altKey) return false
+    const isControlled = event.ctrlKey || event.metaKey
+    if (event.target instanceof HTMLElement && event.target.closest(FIELDS)) return false
+    if (isControlled && event.key.toLowerCase() === 'z') event.shiftKey ? editor.redo() : editor.undo()
+    else if (isControlled && event.key.toLowerCase() === 'y') editor.redo()
+    else if (isControlled) return false
+    else if (event.code in MOVES) move(event)
+    else if (event.key === 'Delete') void editor.remove()
+    else if (event.key === 'Escape') close()
+    else return DRIVING.has(event.code)
+    return true
+  }
+
+  function move(event: KeyboardEvent): void {
+    const which = event.shiftKey ? 1 : 0
+    const [dx, dy, turn] = MOVES[event.code]
+    held.add(event.code)
+    editor.shift(dx * STEP[which], dy * STEP[which], turn * TURN[which])
+  }
+
+  function close(): void {
+    if (store.preview.value) editor.cancel()
+    else store.isEditing.value = false
+  }
+
+  window.addEventListener(
+    'keydown',
+    (event) => {
+      if (!onKey(event)) return
+      event.preventDefault()
+      event.stopImmediatePropagation()
+    },
+    { capture: true },
+  )
+  // one edit for all steps until the key is released
+  const release = (): void => {
+    held.clear()
+    void editor.commit()
+  }
+  window.addEventListener('keyup', (event) => {
+    if (held.delete(event.code) && held.size === 0) release()
+  })
+  window.addEventListener('blur', () => held.size > 0 && release())
+  store.isEditing.watch((isEditing) => isEditing && stopDriving())
+}

@@ -1,0 +1,80 @@
+// The log of the page: all notices, events and errors with their times.
+import { sentence } from './actions'
+import type { Event } from './messages'
+import { Observable } from './observable'
+import type { Store } from './store'
+
+export type Level = 'info' | 'good' | 'warning' | 'error'
+
+export interface Entry {
+  /** Wall time. */
+  at: Date
+  /** Simulated time [s]; null before the first Frame. */
+  time: number | null
+  level: Level
+  text: string
+}
+
+/** Number of entries; older ones are dropped. */
+const KEPT = 500
+
+const BRIDGE = { closed: 'disconnected', connecting: 'connecting', connected: 'connected' }
+
+/** Collects the entries from now on. */
+export function logOf(store: Store): Observable<readonly Entry[]> {
+  const entries = new Observable<readonly Entry[]>([])
+
+  function add(level: Level, text: string, time = store.frame.value?.time ?? null): void {
+    entries.value = [...entries.value, { at: new Date(), time, level, text }].slice(-KEPT)
+  }
+
+  /** Adds a text when it changes to another one that is not empty. */
+  function whenChanged(level: Level, prefix: string): (text: string) => void {
+    let before = ''
+    return (text) => {
+      if (text && text !== before) add(level, prefix + sentence(text))
+      before = text
+    }
+  }
+
+  store.notice.watch((text) => text && add('info', sentence(text)))
+  store.warning.watch((text) => text && add('warning', sentence(text)))
+  store.events.watch((events) => {
+    for (const event of events) {
+      const [text, level] = describe(event)
+      add(level, text, event.time)
+    }
+  })
+  const bridgeError = whenChanged('error', 'Bridge: ')
+  const camerasError = whenChanged('error', 'Cameras: ')
+  const bridgeState = whenChanged('info', 'Bridge: ')
+  const physicsError = whenChanged('error', '')
+  let wasBridgeUsed = false
+  store.status.watch((status) => {
+    bridgeError(status?.bridge.error ?? '')
+    camerasError(status?.cameras_error ?? '')
+    physicsError(status?.error ?? '')
+    const isUsed = status && (status.bridge.state !== 'closed' || wasBridgeUsed)
+    wasBridgeUsed ||= Boolean(isUsed)
+    bridgeState(isUsed ? `${BRIDGE[status.bridge.state]}, ${status.bridge.address}` : '')
+  })
+  let wasLost = false
+  store.link.watch((link) => {
+    if (link === 'lost' && !wasLost) add('error', `The connection is lost. ${sentence(store.connectionError.value)}`)
+    if (link === 'open') add('good', wasLost ? 'Connected again.' : 'Connected.')
+    if (link !== 'connecting') wasLost = link === 'lost'
+  })
+  return entries
+}
+
+/** The text of an event, and its level. */
+export function describe(event: Event): [string, Level] {
+  switch (event.type) {
+    case 'Collision':
+      return [`${event.vehicle} hit ${event.other}`, 'warning']
+    case 'OffRoad':
+      return [`${event.vehicle} left the road`, 'warning']
+    case 'BackOnRoad':
+      return [`${event.vehicle} is back on the road`, 'good']
+  }
+}

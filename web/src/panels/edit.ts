@@ -1,0 +1,180 @@
+// Edit mode: its bar of buttons, and the panel with the selected thing, the next box and the sensors.
+
+import type { Editor } from '../editing/editor'
+import { Observable } from '../observable'
+import type { SceneView } from '../scene/view'
+import type { Store } from '../store'
+import { h, icon, setText } from './element'
+import { choice, labelled, section, setOptions } from './fields'
+import { ADD, DETAILS, REDO, REMOVE, SAVE, TURN_LEFT, TURN_RIGHT, UNDO } from './icons'
+import { sensors } from './sensors'
+
+const DEGREE = Math.PI / 180
+/** Step of the turn buttons [rad]. */
+const TURN = 15 * DEGREE
+/** In a window of this width [CSS pixels] the panel would cover the scene; a button opens it. */
+const NARROW = 719
+
+/** The bar and the panel; they are shown in Edit mode. */
+export function edit(store: Store, editor: Editor, view: () => SceneView | null): HTMLElement[] {
+  const isPanelOpen = new Observable(innerWidth > NARROW)
+  const [buttons, details] = [bar(store, editor, view, isPanelOpen), panel(store, editor)]
+  const show = (): void => {
+    buttons.hidden = !store.isEditing.value
+    details.hidden = !store.isEditing.value || !isPanelOpen.value
+    document.documentElement.toggleAttribute('data-editing', store.isEditing.value)
+  }
+  isPanelOpen.watch(show)
+  store.isEditing.watch((isEditing) => {
+    show()
+    if (isEditing) store.isMenuOpen.value = false
+  })
+  return [buttons, details]
+}
+
+function bar(
+  store: Store,
+  editor: Editor,
+  view: () => SceneView | null,
+  isPanelOpen: Observable<boolean>,
+): HTMLElement {
+  const turn = (angle: number) => {
+    editor.shift(0, 0, angle)
+    void editor.commit()
+  }
+  const add = () => {
+    const at = view()?.groundPoint(0.5 * innerWidth, 0.5 * innerHeight) ?? [0, 0]
+    void editor.addBox(at[0], at[1])
+  }
+  const buttons = {
+    add: button('edit-add', 'Add box', ADD, 'Add a box in the middle of the view', add),
+    remove: button('edit-remove', 'Delete', REMOVE, 'Delete the selected box (Delete)', () => void editor.remove()),
+    left: button('edit-left', 'Turn left', TURN_LEFT, 'Turn left by 15° ([)', () => turn(TURN), true),
+    right: button('edit-right', 'Turn right', TURN_RIGHT, 'Turn right by 15° (])', () => turn(-TURN), true),
+    undo: button('edit-undo', 'Undo', UNDO, '', () => editor.undo(), true),
+    redo: button('edit-redo', 'Redo', REDO, '', () => editor.redo(), true),
+    save: button(
+      'edit-save',
+      'Save as scenario',
+      SAVE,
+      'Download the scenario as a YAML file',
+      () => void editor.save(),
+    ),
+    details: button('edit-details', 'Details', DETAILS, 'Show the selected thing, the next box and the sensors', () => {
+      isPanelOpen.value = !isPanelOpen.value
+    }),
+    done: h(
+      'button',
+      { testid: 'edit-done', class: 'primary', onclick: () => (store.isEditing.value = false) },
+      'Done',
+    ),
+  }
+  isPanelOpen.watch((isOpen) => buttons.details.setAttribute('aria-expanded', String(isOpen)))
+  store.status.watch((status) => {
+    name(buttons.undo, 'Undo', status?.undo ?? '', 'Ctrl+Z')
+    name(buttons.redo, 'Redo', status?.redo ?? '', 'Ctrl+Shift+Z')
+  })
+  const showSelection = (): void => {
+    buttons.remove.disabled = !editor.isBoxSelected
+    buttons.left.disabled = buttons.right.disabled = !editor.selected
+  }
+  store.selection.watch(showSelection)
+  store.frame.watch(showSelection)
+  return h(
+    'div',
+    { class: 'edit-bar', testid: 'edit-bar', role: 'toolbar', 'aria-label': 'Edit' },
+    ...Object.values(buttons),
+  )
+}
+
+function button(
+  testid: string,
+  label: string,
+  path: string,
+  title: string,
+  onclick: () => void,
+  isIcon = false,
+): HTMLButtonElement {
+  const names = { title: title || label, ...(isIcon && { 'aria-label': label, class: 'square' }) }
+  return h('button', { testid, type: 'button', onclick, ...names }, icon(path), !isIcon && h('span', {}, label))
+}
+
+/** Names the edit that Undo or Redo would change. */
+function name(button: HTMLButtonElement, label: string, edit: string, keys: string): void {
+  button.disabled = !edit
+  button.title = edit ? `${label}: ${edit} (${keys})` : `${label} (${keys})`
+  button.setAttribute('aria-label', edit ? `${label}: ${edit}` : label)
+}
+
+function panel(store: Store, editor: Editor): HTMLElement {
+  return h(
+    'aside',
+    { class: 'panel menu edit', id: 'edit', testid: 'edit', 'aria-label': 'Edit' },
+    selection(store, editor),
+    nextBox(editor),
+    sensors(store, editor),
+  )
+}
+
+/** The selected thing and its pose. */
+function selection(store: Store, editor: Editor): HTMLElement {
+  const select = choice('edit-selection', (value) => (store.selection.value = value), { 'aria-label': 'Selected' })
+  const place = (): void => {
+    editor.show({ x: Number(x.value), y: Number(y.value), yaw: Number(yaw.value) * DEGREE })
+    void editor.commit()
+  }
+  const x = number('edit-x', { step: 0.05, onchange: place })
+  const y = number('edit-y', { step: 0.05, onchange: place })
+  const yaw = number('edit-yaw', { step: 5, onchange: place, title: 'Left turns are positive; 0 looks along x' })
+
+  function show(): void {
+    const names = editor.names
+    setOptions(select, { '': 'Nothing', ...Object.fromEntries(names.map((one) => [one, one])) })
+    select.value = store.selection.value
+    const selected = editor.selected
+    const values = selected ? [selected.x, selected.y, selected.yaw / DEGREE] : []
+    for (const [i, field] of [x, y, yaw].entries()) {
+      field.disabled = !selected
+      const text = selected ? String(round(values[i], i < 2 ? 1000 : 10)) : ''
+      if (document.activeElement !== field && field.value !== text) field.value = text
+    }
+  }
+
+  for (const observable of [store.frame, store.selection, store.preview]) observable.watch(show)
+  const hint = h('p', { class: 'hint' })
+  setText(hint, 'Drag a vehicle or a box. Turn it at its handle. Keys: arrows, [ and ]; with Shift in small steps.')
+  return section('Selected', select, labelled('x [m]', x), labelled('y [m]', y), labelled('Heading [°]', yaw), hint)
+}
+
+/** Size and mass of the box that is added next. */
+function nextBox(editor: Editor): HTMLElement {
+  const { shape } = editor
+  const sizes = shape.size.map((value, i) =>
+    number(`edit-size-${'xyz'[i]}`, {
+      value,
+      min: 0.01,
+      step: 0.05,
+      'aria-label': `${['Length', 'Width', 'Height'][i]} of the next box [m]`,
+      onchange: () => (shape.size[i] = Number(sizes[i].value)),
+    }),
+  )
+  const mass = number('edit-mass', {
+    value: shape.mass,
+    min: 0.001,
+    step: 0.1,
+    onchange: () => (shape.mass = Number(mass.value)),
+  })
+  return section(
+    'Next box',
+    h('div', { class: 'labelled' }, h('span', {}, 'Size [m]'), h('div', { class: 'triple' }, ...sizes)),
+    labelled('Mass [kg]', mass),
+  )
+}
+
+function number(testid: string, attributes: Record<string, unknown>): HTMLInputElement {
+  return h('input', { type: 'number', testid, ...(attributes as Record<string, string>) })
+}
+
+function round(value: number, parts = 1000): number {
+  return Math.round(value * parts) / parts
+}

@@ -1,0 +1,26 @@
+// Which panels are open: on a wide screen both from the start, on a small screen one at a time.
+import type { Store } from '../store'
+
+/** Screens with room for one panel; as in style.css. */
+const ONE_PANEL = '(max-width: 719px), (max-height: 559px) and (pointer: coarse)'
+/** Screens on which both panels leave enough of the scene visible. */
+const BOTH_PANELS = '(min-width: 1200px)'
+
+/** Opens both panels if the screen is wide. */
+export function openPanelsOnWideScreens(store: Store): void {
+  if (matchMedia(BOTH_PANELS).matches) store.isMenuOpen.value = store.isHudOpen.value = true
+}
+
+/** Closes a panel when the other one is opened on a small screen, or when the screen becomes small. */
+export function showOnePanelOnSmallScreens(store: Store): void {
+  const screen = matchMedia(ONE_PANEL)
+  store.isMenuOpen.watch((isOpen) => {
+    if (isOpen && screen.matches && store.isHudOpen.value) store.isHudOpen.value = false
+  })
+  store.isHudOpen.watch((isOpen) => {
+    if (isOpen && screen.matches && store.isMenuOpen.value) store.isMenuOpen.value = false
+  })
+  screen.addEventListener('change', () => {
+    if (screen.matches && store.isHudOpen.value) store.isMenuOpen.value = false
+  })
+}

@@ -1,0 +1,49 @@
+// The tools section of the menu: full screen, screenshot, measuring, log, small map, trails.
+import '../tools.css'
+import type { Actions } from '../actions'
+import type { Observable } from '../observable'
+import type { Store } from '../store'
+import { h } from './element'
+import { labelled, section } from './fields'
+
+export function tools(store: Store, actions: Actions): HTMLElement {
+  const fullScreen = h('button', { testid: 'full-screen', title: 'Key F', onclick: toggleFullScreen }, 'Full screen')
+  fullScreen.hidden = !document.fullscreenEnabled
+  document.addEventListener('fullscreenchange', () =>
+    fullScreen.setAttribute('aria-pressed', String(document.fullscreenElement !== null)),
+  )
+  const screenshot = { testid: 'screenshot', title: 'Download the view as a PNG file (key I)' }
+  return section(
+    'Tools',
+    h(
+      'div',
+      { class: 'tools' },
+      fullScreen,
+      h('button', { ...screenshot, onclick: () => void actions.downloadView() }, 'Screenshot'),
+      toggle('measure-button', 'Measure', 'Distance between two points on the ground (key X)', store.isMeasuring),
+      toggle('log-button', 'Log', 'All notices with their times (key O)', store.isLogOpen),
+    ),
+    labelled('Small map', toggleSwitch('minimap-switch', 'Key Q', store.isMapOpen)),
+    labelled('Driven lines', toggleSwitch('trails-switch', 'Key T', store.areTrailsShown)),
+  )
+}
+
+/** Enters or leaves full screen. */
+export function toggleFullScreen(): void {
+  if (document.fullscreenElement) void document.exitFullscreen()
+  else void document.documentElement.requestFullscreen?.()
+}
+
+function toggle(testid: string, label: string, title: string, is: Observable<boolean>): HTMLElement {
+  const button = h('button', { testid, title, onclick: () => (is.value = !is.value) }, label)
+  is.watch((value) => button.setAttribute('aria-pressed', String(value)))
+  return button
+}
+
+/** A switch for an Observable. */
+function toggleSwitch(testid: string, title: string, is: Observable<boolean>): HTMLElement {
+  const field = h('input', { type: 'checkbox', testid, title, role: 'switch' })
+  field.addEventListener('change', () => (is.value = field.checked))
+  is.watch((value) => (field.checked = value))
+  return field
+}

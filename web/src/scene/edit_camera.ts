@@ -1,0 +1,55 @@
+// The camera of Edit mode: looks at the ground; the user moves it along the map, rotates it and zooms.
+import { PerspectiveCamera, type Vector3 } from 'three'
+import { MapControls } from 'three/addons/controls/MapControls.js'
+
+/** The first view: distances south of and above a vehicle [m]. */
+const SOUTH = 1.3
+const ABOVE = 1.9
+const NEAREST = 0.3
+const FARTHEST = 40
+
+export class EditCamera {
+  private readonly camera = new PerspectiveCamera(50, 16 / 9, 0.02, 1000)
+  private readonly controls: MapControls
+  private isOpen = false
+
+  constructor(canvas: HTMLElement) {
+    this.camera.up.set(0, 0, 1)
+    this.controls = new MapControls(this.camera, canvas)
+    this.controls.enabled = false
+    this.controls.minDistance = NEAREST
+    this.controls.maxDistance = FARTHEST
+    this.controls.maxPolarAngle = 0.47 * Math.PI
+    this.controls.zoomToCursor = true
+    this.controls.screenSpacePanning = false
+  }
+
+  /** Sets `camera`. When Edit mode starts, it looks at `around`. */
+  update(camera: PerspectiveCamera, around: Vector3): void {
+    if (!this.isOpen) {
+      this.controls.target.set(around.x, around.y, 0)
+      this.camera.position.set(around.x, around.y - SOUTH, ABOVE)
+    }
+    this.isOpen = this.controls.enabled = true
+    this.camera.aspect = camera.aspect
+    this.camera.updateProjectionMatrix()
+    this.controls.update()
+    camera.fov = this.camera.fov
+    camera.near = this.camera.near
+    camera.far = this.camera.far
+    camera.zoom = 1
+    camera.position.copy(this.camera.position)
+    camera.quaternion.copy(this.camera.quaternion)
+    camera.updateProjectionMatrix()
+    camera.updateMatrixWorld()
+  }
+
+  /** Edit mode has ended. */
+  close(): void {
+    this.isOpen = this.controls.enabled = false
+  }
+
+  dispose(): void {
+    this.controls.dispose()
+  }
+}

@@ -1,0 +1,149 @@
+// The view in the link: camera, vehicle, quality and panels are in the fragment of the URL, so that they survive a
+// reload, and a copied link shows the same view.
+import { CAMERAS } from './actions'
+import type { Observable } from './observable'
+import { clamp, ORBIT_DISTANCE } from './scene/zoom'
+import type { Camera, Orbit, Quality, Store } from './store'
+
+/** Delay after a change [ms]: browsers limit how often a page may change its URL. */
+const DELAY = 400
+const DEGREE = Math.PI / 180
+
+const LENSES = ["Driver's Eye", "God's Eye"] as const
+const QUALITIES: readonly Quality[] = ['auto', 'low', 'high', 'ultra', 'stream']
+
+/** A part of the view as text; '' is the standard value. */
+interface Part {
+  read: (text: string) => void
+  write: () => string
+}
+
+/** Shows the view of the link, then keeps the link up to date. */
+export function followViewInLink(store: Store): void {
+  const query = new URLSearchParams(location.search).get('quality')
+  if (isQuality(query)) store.quality.value = query
+  let timer = 0
+  const writeSoon = () => {
+    window.clearTimeout(timer)
+    timer = window.setTimeout(write, DELAY)
+  }
+
+  /** A value that is `standard` unless the link says otherwise. `parse` returns undefined for a text without meaning. */
+  function part<T>(of: Observable<T>, format: (value: T) => string, parse: (text: string) => T | undefined): Part {
+    const standard = of.value
+    of.watch(writeSoon)
+    return {
+      read: (text) => {
+        const value = (text && parse(text)) || standard
+        if (format(value) !== format(of.value)) of.value = value
+      },
+      write: () => (format(of.value) === format(standard) ? '' : format(of.value)),
+    }
+  }
+
+  const flag = (of: Observable<boolean>): Part => {
+    const standard = of.value
+    of.watch(writeSoon)
+    return {
+      read: (text) => {
+        const value = text === '' ? standard : text === '1'
+        if (value !== of.value) of.value = value
+      },
+      write: () => (of.value === standard ? '' : String(Number(of.value))),
+    }
+  }
+
+  const quality = part(store.quality, String, (text) => (isQuality(text) ? text : undefined))
+  const parts: Record<string, Part> = {
+    camera: part(
+      store.camera,
+      (camera) => slug(camera),
+      (text) => CAMERAS.find((camera) => slug(camera) === text),
+    ),
+    height: part(store.birdHeight, (height) => rounded(height), number),
+    zoom: part(
+      store.lensZoom,
+      (zoom) => LENSES.map((camera) => rounded(zoom[camera])).join(),
+      (text) => {
+        const [driver, god] = text.split(',').map((one) => number(one))
+        return driver && god ? { "Driver's Eye": driver, "God's Eye": god } : undefined
+      },
+    ),
+    orbit: part(store.orbit, orbitText, orbitOf),
+    vehicle: {
+      read: (text) => {
+        if (text && text !== store.vehicle.value) store.vehicle.value = text
+      },
+      // the first vehicle is the standard one
+      write: () => {
+        const [first = ''] = Object.keys(store.scene.value?.vehicles ?? {})
+        return store.vehicle.value === first ? '' : store.vehicle.value
+      },
+    },
+    quality: { ...quality, write: () => (store.quality.value === store.fallbackQuality ? '' : quality.write()) },
+    menu: flag(store.isMenuOpen),
+    hud: flag(store.isHudOpen),
+    log: flag(store.isLogOpen),
+    map: flag(store.isMapOpen),
+    trails: flag(store.areTrailsShown),
+    scan: flag(store.isScanShown),
+    bearing: part(
+      store.bearing,
+      (bearing) => String(Math.round(bearing / DEGREE)),
+      (text) => scaled(text, DEGREE),
+    ),
+  }
+  store.vehicle.watch(writeSoon)
+
+  function read(): void {
+    const view = new URLSearchParams(location.hash.slice(1))
+    for (const [name, part] of Object.entries(parts)) part.read(view.get(name) ?? '')
+  }
+
+  function write(): void {
+    const view = Object.entries(parts).map(([name, part]) => [name, part.write()])
+    const texts = view.filter(([, text]) => text).map(([name, text]) => `${name}=${encodeURIComponent(text)}`)
+    const hash = texts.length > 0 ? `#${texts.join('&').replaceAll('%2C', ',')}` : ''
+    if (hash !== location.hash) history.replaceState(history.state, '', location.pathname + location.search + hash)
+  }
+
+  read()
+  window.addEventListener('hashchange', read)
+  window.addEventListener('pagehide', write)
+}
+
+function isQuality(text: string | null): text is Quality {
+  return QUALITIES.includes(text as Quality)
+}
+
+/** "Bird's Eye" as "birds-eye". */
+function slug(camera: Camera): string {
+  return camera.toLowerCase().replace("'", '').replace(' ', '-')
+}
+
+function rounded(value: number): string {
+  return String(Number(value.toFixed(3)))
+}
+
+/** A finite number; undefined for another text. */
+function number(text: string): number | undefined {
+  const value = Number(text)
+  return text.trim() !== '' && Number.isFinite(value) ? value : undefined
+}
+
+function scaled(text: string, factor: number): number | undefined {
+  const value = number(text)
+  return value === undefined ? undefined : value * factor
+}
+
+/** Azimuth and elevation [degree] and distance [m]. */
+function orbitText(orbit: Orbit | null): string {
+  if (!orbit) return ''
+  return [orbit.azimuth / DEGREE, orbit.elevation / DEGREE, orbit.distance].map(rounded).join()
+}
+
+function orbitOf(text: string): Orbit | undefined {
+  const [azimuth, elevation, distance] = text.split(',').map(number)
+  if (azimuth === undefined || elevation === undefined || !distance) return undefined
+  return { azimuth: azimuth * DEGREE, elevation: elevation * DEGREE, distance: clamp(distance, ORBIT_DISTANCE) }
+}

@@ -1,0 +1,313 @@
+import { beforeEach, describe, expect, test, vi } from 'vitest'
+
+import { Axis } from '../src/driving/axis'
+import { Driver } from '../src/driving/driver'
+import { listenToGamepad } from '../src/driving/gamepad'
+import { listenToKeyboard } from '../src/driving/keyboard'
+import { actionOf, KEYS, type KeyAction } from '../src/driving/keys'
+import type { Command } from '../src/messages'
+import { Headlights, Indicators } from '../src/messages'
+import { connectedPage, frameOf, vehicleOf } from './support'
+
+/** Listeners of earlier tests stay on `window`; each test has its own connection, so they do not interfere. */
+function page(vehicles: readonly string[] = ['V1']) {
+  const { store, connection, socket } = connectedPage(vehicles)
+  const driver = new Driver(store, connection)
+  const actions: KeyAction[] = []
+  listenToKeyboard(driver, (action) => actions.push(action))
+  const commands = (): Command[] => socket.of('Drive').map((message) => message.command)
+  const latest = (): Command => commands().at(-1) ?? {}
+  return { store, socket, driver, actions, commands, latest }
+}
+
+function key(type: 'keydown' | 'keyup', code: string, values: KeyboardEventInit = {}, target: EventTarget = window) {
+  const event = new KeyboardEvent(type, { code, key: code, bubbles: true, cancelable: true, ...values })
+  target.dispatchEvent(event)
+  return event
+}
+
+beforeEach(() => {
+  vi.useFakeTimers()
+  document.body.replaceChildren()
+  return () => {
+    window.dispatchEvent(new Event('blur'))
+    vi.useRealTimers()
+  }
+})
+
+describe('the ramp of a key', () => {
+  test('reaches full scale in a third of a second and returns as fast', () => {
+    const axis = new Axis()
+    for (let i = 0; i < 10; i++) axis.advance(1, 1 / 60)
+    expect(axis.value).toBeCloseTo(0.5)
+    axis.advance(1, 1)
+    expect(axis.value).toBe(1)
+    axis.advance(0, 1 / 6)
+    expect(axis.value).toBeCloseTo(0.5)
+    axis.advance(0, 1)
+    expect(axis.value).toBe(0)
+  })
+
+  test('restarts at zero when the direction changes', () => {
+    const axis = new Axis()
+    axis.advance(1, 1)
+    axis.advance(-1, 0.01)
+    expect(axis.value).toBeCloseTo(-0.03)
+  })
+})
+
+describe('keys', () => {
+  const held: [string, Partial<Command>][] = [
+    ['KeyW', { throttle: 1, steering: 0 }],
+    ['ArrowUp', { throttle: 1, steering: 0 }],
+    ['KeyS', { throttle: -1, steering: 0 }],
+    ['ArrowDown', { throttle: -1, steering: 0 }],
+    ['KeyA', { throttle: 0, steering: 1 }],
+    ['ArrowLeft', { throttle: 0, steering: 1 }],
+    ['KeyD', { throttle: 0, steering: -1 }],
+    ['ArrowRight', { throttle: 0, steering: -1 }],
+  ]
+  test.each(held)('%s drives while it is held', (code, full) => {
+    const { latest, commands } = page()
+    expect(key('keydown', code).defaultPrevented).toBe(true)
+    expect(commands().length).toBe(1) // in the same task
+    vi.advanceTimersByTime(1000)
+    expect(latest()).toEqual(full)
+    key('keyup', code)
+    vi.advanceTimersByTime(1000)
+    expect(latest()).toEqual({ throttle: 0, steering: 0 })
+    const count = commands().length
+    vi.advanceTimersByTime(1000)
+    expect(commands().length).toBe(count) // at rest nothing is sent
+  })
+
+  test('the throttle of a held key rises and falls gradually', () => {
+    const { commands } = page()
+    key('keydown', 'KeyW')
+    vi.advanceTimersByTime(500)
+    key('keyup', 'KeyW')
+    vi.advanceTimersByTime(500)
+    const throttle = commands().map((command) => command.throttle ?? NaN)
+    const top = throttle.indexOf(1)
+    expect(throttle[0]).toBeGreaterThan(0)
+    expect(throttle[0]).toBeLessThan(0.2)
+    expect(throttle.slice(0, top)).toEqual(throttle.slice(0, top).sort((a, b) => a - b))
+    expect(throttle.slice(top)).toEqual(throttle.slice(top).sort((a, b) => b - a))
+    expect(new Set(throttle).size).toBeGreaterThan(10)
+  })
+
+  test('several keys combine; opposite keys cancel', () => {
+    const { latest } = page()
+    for (const code of ['KeyW', 'KeyA']) key('keydown', code)
+    vi.advanceTimersByTime(1000)
+    expect(latest()).toEqual({ throttle: 1, steering: 1 })
+    key('keydown', 'KeyD')
+    vi.advanceTimersByTime(1000)
+    expect(latest()).toEqual({ throttle: 1, steering: 0 })
+  })
+
+  test('two keys of one direction count once', () => {
+    const { latest } = page()
+    for (const code of ['KeyW', 'ArrowUp']) key('keydown', code)
+    vi.advanceTimersByTime(1000)
+    expect(latest().throttle).toBe(1)
+    key('keyup', 'KeyW')
+    vi.advanceTimersByTime(1000)
+    expect(latest().throttle).toBe(1)
+  })
+
+  test('auto-repeat and modifiers do nothing', () => {
+    const { commands, actions } = page()
+    key('keydown', 'KeyW', { repeat: true })
+    key('keydown', 'KeyW', { ctrlKey: true })
+    key('keydown', 'KeyC', { altKey: true })
+    expect(commands()).toEqual([])
+    expect(actions).toEqual([])
+  })
+
+  test.each(['input', 'select', 'textarea', 'dialog'])('a key in a %s does not drive', (tag) => {
+    const { commands, actions } = page()
+    const field = document.body.appendChild(document.createElement(tag))
+    key('keydown', 'KeyW', {}, field)
+    key('keydown', 'KeyG', {}, field)
+    expect(commands()).toEqual([])
+    expect(actions).toEqual([])
+  })
+
+  test('Escape leaves a field', () => {
+    page()
+    const field = document.body.appendChild(document.createElement('input'))
+    field.focus()
+    key('keydown', 'Escape', {}, field)
+    expect(document.activeElement).not.toBe(field)
+  })
+
+  test.each([
+    ['the window loses the focus', () => window.dispatchEvent(new Event('blur'))],
+    ['a field gets the focus', () => document.body.appendChild(document.createElement('input')).focus()],
+    ['the Meta key is pressed', () => key('keydown', 'MetaLeft', { key: 'Meta' })],
+    [
+      'the page is hidden',
+      () => {
+        vi.spyOn(document, 'hidden', 'get').mockReturnValue(true)
+        document.dispatchEvent(new Event('visibilitychange'))
+      },
+    ],
+  ])('the vehicle stops at once when %s', (_, leave) => {
+    const { latest, commands } = page()
+    key('keydown', 'KeyW')
+    vi.advanceTimersByTime(300)
+    expect(latest().throttle).toBeGreaterThan(0.5)
+    leave()
+    expect(latest()).toEqual({ throttle: 0, steering: 0 })
+    const count = commands().length
+    vi.advanceTimersByTime(1000)
+    key('keydown', 'KeyW', { repeat: true }) // the key is still down, and has no effect
+    expect(commands().length).toBe(count)
+    key('keyup', 'KeyW')
+    key('keydown', 'KeyW')
+    expect(latest().throttle).toBeGreaterThan(0)
+  })
+
+  test('each action of the table is run by its key, and keys are unique', () => {
+    const { actions } = page()
+    const all = Object.values(KEYS).flat()
+    const once = all.filter(({ action }) => !['forward', 'reverse', 'left', 'right'].includes(action))
+    for (const { codes, isShifted } of once) key('keydown', codes[0], { shiftKey: isShifted ?? false })
+    expect(actions).toEqual(once.map(({ action }) => action))
+    const codes = all.flatMap((each) => each.codes)
+    expect(new Set(codes).size).toBe(codes.length)
+  })
+
+  test('Backspace resets only with Shift, and "?" is the help on every layout', () => {
+    expect(actionOf(new KeyboardEvent('keydown', { code: 'Backspace', key: 'Backspace' }))).toBeUndefined()
+    expect(actionOf(new KeyboardEvent('keydown', { code: 'Minus', key: '?', shiftKey: true }))).toBe('help')
+    expect(actionOf(new KeyboardEvent('keydown', { code: 'KeyY', key: 'x' }))).toBeUndefined()
+  })
+})
+
+describe('the driver', () => {
+  test('is blocked in autonomous mode, and the user is informed', () => {
+    const { store, socket, commands } = page()
+    socket.receive(frameOf([], { vehicles: { V1: vehicleOf({ is_autonomous: true }) } }))
+    key('keydown', 'KeyW')
+    vi.advanceTimersByTime(500)
+    expect(commands()).toEqual([])
+    expect(store.notice.value).toContain('is in Autonomous mode')
+  })
+
+  test('releases the vehicle when another is selected', () => {
+    const { store, socket, latest } = page(['V1', 'V2'])
+    key('keydown', 'KeyW')
+    vi.advanceTimersByTime(300)
+    store.vehicle.value = 'V2'
+    expect(latest()).toEqual({ throttle: 0, steering: 0 })
+    expect(socket.of('Release')).toEqual([{ type: 'Release', vehicle: 'V1' }])
+    key('keyup', 'KeyW')
+    key('keydown', 'KeyW')
+    expect(socket.of('Drive').at(-1)?.vehicle).toBe('V2')
+  })
+
+  test('releases the vehicle when the page is closed', () => {
+    const { socket } = page()
+    key('keydown', 'KeyW')
+    window.dispatchEvent(new Event('pagehide'))
+    expect(socket.of('Release').length).toBe(1)
+  })
+
+  test('drives as a person', () => {
+    const { socket } = page()
+    key('keydown', 'KeyW')
+    expect(socket.of('Drive')[0].source).toBe('person')
+  })
+})
+
+describe('lamps', () => {
+  test('a request is repeated for a quarter of a second, then the lamps are left as they are', () => {
+    const { driver, commands, latest } = page()
+    driver.toggleHeadlights(Headlights.LOW)
+    expect(latest()).toEqual({ throttle: 0, steering: 0, headlights: Headlights.LOW })
+    vi.advanceTimersByTime(240)
+    expect(latest().headlights).toBe(Headlights.LOW)
+    expect(commands().length).toBeGreaterThan(8)
+    const count = commands().length
+    vi.advanceTimersByTime(1000)
+    expect(commands().length).toBeLessThanOrEqual(count + 1)
+  })
+
+  test('a second press switches off, also before the first was carried out', () => {
+    const { driver, latest, socket } = page()
+    driver.toggleIndicators(Indicators.HAZARD)
+    driver.toggleIndicators(Indicators.HAZARD)
+    expect(latest().indicators).toBe(Indicators.OFF)
+    vi.advanceTimersByTime(1000)
+    const lights = { ...vehicleOf().lights, headlights: Headlights.HIGH }
+    socket.receive(frameOf([], { vehicles: { V1: vehicleOf({ lights }) } }))
+    driver.toggleHeadlights(Headlights.HIGH)
+    expect(latest().headlights).toBe(Headlights.OFF)
+  })
+
+  test('both kinds of lamps are requested while driving', () => {
+    const { driver, latest } = page()
+    key('keydown', 'KeyW')
+    vi.advanceTimersByTime(500)
+    driver.toggleHeadlights(Headlights.LOW)
+    driver.toggleIndicators(Indicators.LEFT)
+    const lamps = { headlights: Headlights.LOW, indicators: Indicators.LEFT }
+    expect(latest()).toEqual({ throttle: 1, steering: 0, ...lamps })
+  })
+})
+
+describe('a gamepad', () => {
+  const button = (value = 0) => ({ value, pressed: value > 0.5, touched: value > 0 })
+
+  function plug() {
+    const all = page()
+    const pad = { mapping: 'standard', axes: [0, 0], buttons: Array.from({ length: 17 }, () => button()) }
+    Object.defineProperty(navigator, 'getGamepads', { value: () => [null, pad], configurable: true })
+    vi.spyOn(document, 'hasFocus').mockReturnValue(true)
+    listenToGamepad(all.driver)
+    window.dispatchEvent(new Event('gamepadconnected'))
+    return { ...all, pad }
+  }
+
+  test('the triggers drive and the left stick steers, without a ramp', () => {
+    const { pad, latest } = plug()
+    pad.buttons[7] = button(0.75)
+    pad.axes[0] = -1
+    vi.advanceTimersByTime(20)
+    expect(latest()).toEqual({ throttle: 0.75, steering: 1 })
+    pad.buttons[6] = button(1)
+    vi.advanceTimersByTime(20)
+    expect(latest().throttle).toBeCloseTo(-0.25)
+  })
+
+  test('a stick in its dead zone does nothing', () => {
+    const { pad, commands } = plug()
+    pad.axes[0] = 0.07
+    vi.advanceTimersByTime(200)
+    expect(commands()).toEqual([])
+  })
+
+  test.each([
+    [0, { headlights: Headlights.LOW }],
+    [1, { indicators: Indicators.HAZARD }],
+    [3, { headlights: Headlights.HIGH }],
+    [4, { indicators: Indicators.LEFT }],
+    [5, { indicators: Indicators.RIGHT }],
+  ])('button %i switches lamps once per press', (index, lamps) => {
+    const { pad, latest } = plug()
+    pad.buttons[index] = button(1)
+    vi.advanceTimersByTime(200)
+    expect(latest()).toMatchObject(lamps)
+  })
+
+  test('the vehicle stops when the gamepad is disconnected', () => {
+    const { pad, latest } = plug()
+    pad.buttons[7] = button(1)
+    vi.advanceTimersByTime(20)
+    Object.defineProperty(navigator, 'getGamepads', { value: () => [null], configurable: true })
+    window.dispatchEvent(new Event('gamepaddisconnected'))
+    expect(latest()).toEqual({ throttle: 0, steering: 0 })
+  })
+})

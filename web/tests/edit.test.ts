@@ -1,0 +1,136 @@
+// Edit mode: what the pointer hits, keys, buttons and the requests that they send.
+import { beforeEach, expect, test, vi } from 'vitest'
+import { Actions } from '../src/actions'
+import { listenToEditKeys } from '../src/editing/edit_keys'
+import { Editor } from '../src/editing/editor'
+import { baseOf, type Extent, handleOf, isHit, type Projection } from '../src/editing/outline'
+import { edit } from '../src/panels/edit'
+import { connectedPage, frameOf, sceneOf, statusOf } from './support'
+
+const CAR: Extent = { ahead: 0.07, size: [0.28, 0.2, 0.2] }
+/** From above: 100 pixels per metre, y of the screen downwards, things higher up appear larger. */
+const above: Projection = (x, y, z) => [400 + 100 * x * (1 + z), 300 - 100 * y * (1 + z)]
+
+function page() {
+  const it = connectedPage(['V1'])
+  const scene = { ...sceneOf(['V1']), object_sizes: { crate: [0.1, 0.2, 0.3] as [number, number, number] } }
+  const pose = {
+    position: new Float64Array([1, 2, 0.15]),
+    orientation: new Float64Array([Math.SQRT1_2, 0, 0, Math.SQRT1_2]),
+  }
+  const frame = frameOf(['V1'], { objects: { crate: { pose } } })
+  it.socket.receive(scene)
+  it.socket.receive(frame)
+  const editor = new Editor(it.store, new Actions(it.store, it.connection))
+  it.store.isEditing.value = true
+  return { ...it, editor, frame }
+}
+
+beforeEach(() => document.body.replaceChildren())
+
+test('the outline of a turned vehicle lies where its body is', () => {
+  const base = baseOf({ name: 'V1', x: 1, y: 2, yaw: Math.PI / 2 }, CAR, above)
+  // the middle is 0.07 m ahead, along y; front left is 0.14 m further and 0.1 m to the left, along -x
+  expect(base?.[0][0]).toBeCloseTo(400 + 100 * (1 - 0.1))
+  expect(base?.[0][1]).toBeCloseTo(300 - 100 * (2 + 0.07 + 0.14))
+  expect(baseOf({ name: 'V1', x: 1, y: 2, yaw: 0 }, CAR, () => null)).toBeNull()
+})
+
+test('a place is on a thing if it is in its image, or near it with a finger', () => {
+  const placed = { name: 'V1', x: 0, y: 0, yaw: 0 }
+  expect(isHit([407, 300], placed, CAR, above, 0)).toBe(true)
+  expect(isHit([424, 300], placed, CAR, above, 0)).toBe(true) // on the front of the roof, which appears larger
+  expect(isHit([432, 300], placed, CAR, above, 0)).toBe(false)
+  expect(isHit([432, 300], placed, CAR, above, 14)).toBe(true)
+})
+
+test('the handle is ahead of the thing, at a distance that a finger hits', () => {
+  const [front, end] = handleOf({ name: 'V1', x: 0, y: 0, yaw: Math.PI }, CAR, above) ?? []
+  expect(front?.[0]).toBeCloseTo(400 - 21)
+  expect(end?.[0]).toBeCloseTo(400 - 21 - 38)
+  expect(end?.[1]).toBeCloseTo(300)
+})
+
+test('arrows and brackets move the selected thing; one request follows when they are released', () => {
+  const { store, socket, editor } = page()
+  listenToEditKeys(store, editor, () => {})
+  const drives = vi.fn()
+  window.addEventListener('keydown', drives)
+  store.selection.value = 'crate'
+  const press = (code: string, shiftKey = false, type = 'keydown') =>
+    window.dispatchEvent(new KeyboardEvent(type, { code, shiftKey, key: code, bubbles: true }))
+  press('ArrowRight')
+  press('ArrowRight')
+  press('ArrowUp', true)
+  press('BracketLeft')
+  for (const code of ['ArrowRight', 'ArrowUp']) press(code, false, 'keyup')
+  expect(socket.of('Request')).toEqual([])
+  press('BracketLeft', false, 'keyup')
+  expect(drives).not.toHaveBeenCalled()
+  expect(socket.request).toMatchObject({ type: 'Place', name: 'crate' })
+  const { x, y, yaw } = socket.request as unknown as { x: number; y: number; yaw: number }
+  expect([x, y, yaw]).toEqual([expect.closeTo(1.1), expect.closeTo(2.01), expect.closeTo(Math.PI / 2 + Math.PI / 12)])
+  store.isEditing.value = false
+  press('ArrowRight')
+  expect(drives).toHaveBeenCalledOnce()
+})
+
+test('a refused place is shown as a warning, and the thing is back where it was', async () => {
+  const { store, socket, editor } = page()
+  store.selection.value = 'crate'
+  editor.show({ x: 5 })
+  expect(editor.selected?.x).toBe(5)
+  const done = editor.commit()
+  socket.respond('it would overlap')
+  await done
+  expect(store.warning.value).toBe('It would overlap.')
+  expect(editor.selected).toMatchObject({ name: 'crate', x: 1, y: 2, yaw: expect.closeTo(Math.PI / 2) })
+})
+
+test('Ctrl+Z and Ctrl+Shift+Z undo and redo what there is', () => {
+  const { store, socket, editor } = page()
+  listenToEditKeys(store, editor, () => {})
+  const press = (shiftKey: boolean) =>
+    window.dispatchEvent(
+      new KeyboardEvent('keydown', { code: 'KeyZ', key: shiftKey ? 'Z' : 'z', ctrlKey: true, shiftKey }),
+    )
+  press(false)
+  expect(socket.of('Request')).toEqual([])
+  socket.receive(statusOf({ undo: 'place V1', redo: 'add box_1' }))
+  press(false)
+  expect(socket.request).toEqual({ type: 'Undo' })
+  press(true)
+  expect(socket.request).toEqual({ type: 'Redo' })
+})
+
+test('the bar and the panel send requests and show the selection', async () => {
+  const { store, socket, editor } = page()
+  document.body.append(...edit(store, editor, () => null))
+  const get = <Element extends HTMLElement>(id: string) =>
+    document.querySelector<Element>(`[data-testid="${id}"]`) as Element
+  const set = (id: string, value: string) => {
+    const field = get<HTMLInputElement>(id)
+    field.value = value
+    field.dispatchEvent(new Event('change'))
+  }
+  store.selection.value = 'V1'
+  expect(get<HTMLButtonElement>('edit-remove').disabled).toBe(true)
+  store.selection.value = 'crate'
+  expect(get<HTMLInputElement>('edit-yaw').value).toBe('90')
+  get('edit-remove').click()
+  expect(socket.request).toEqual({ type: 'RemoveBox', name: 'crate' })
+  set('edit-size-z', '0.5')
+  get('edit-add').click()
+  expect(socket.request).toMatchObject({ type: 'AddBox', name: 'box_1', size: [0.1, 0.1, 0.5], mass: 0.1 })
+  const { x, y } = socket.request as unknown as { x: number; y: number }
+  expect(Math.hypot(x - 0.07, y)).toBeGreaterThan(0.5 * Math.hypot(0.28, 0.2) + 0.05 * Math.SQRT2) // beside the vehicle
+  set('edit-x', '3')
+  expect(socket.request).toMatchObject({ type: 'Place', name: 'crate', x: 3 })
+  set('lidar-rate', '20')
+  const settings = { is_on: true, rate: 20, noise: 'file' }
+  expect(socket.request).toEqual({ type: 'SetSensor', vehicle: 'V1', sensor: 'lidar', ...settings })
+  socket.receive(statusOf({ undo: 'place V1' }))
+  expect(get('edit-undo').title).toBe('Undo: place V1 (Ctrl+Z)')
+  store.isEditing.value = false
+  expect(get('edit-bar').hidden && get('edit').hidden).toBe(true)
+})

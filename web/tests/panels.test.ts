@@ -1,0 +1,430 @@
+import { beforeEach, describe, expect, test, vi } from 'vitest'
+
+import { Actions, sentence } from '../src/actions'
+import { banner } from '../src/panels/banner'
+import { bridge } from '../src/panels/bridge'
+import { h } from '../src/panels/element'
+import { help } from '../src/panels/help'
+import { menu } from '../src/panels/menu'
+import { notices } from '../src/panels/notice'
+import { savedTheme, setTheme } from '../src/panels/theme'
+import { toolbar } from '../src/panels/toolbar'
+import { connectedPage, frameOf, sceneOf, statusOf, vehicleOf } from './support'
+
+beforeEach(() => {
+  localStorage.clear()
+  document.body.replaceChildren()
+})
+
+/** The element with that test identifier. */
+function get<Kind extends HTMLElement = HTMLElement>(testid: string): Kind {
+  const found = document.querySelector<Kind>(`[data-testid='${testid}']`)
+  if (!found) throw new Error(`no element '${testid}'`)
+  return found
+}
+
+function button(parent: HTMLElement, label: string): HTMLButtonElement {
+  const found = [...parent.querySelectorAll('button')].find((each) => each.textContent === label)
+  if (!found) throw new Error(`no button '${label}'`)
+  return found
+}
+
+/** Lets resolved promises continue. */
+const settle = () => new Promise((done) => setTimeout(done))
+
+describe('the menu', () => {
+  function page(vehicles: readonly string[] = ['V1']) {
+    const all = connectedPage(vehicles)
+    document.body.append(menu(all.store, all.connection, new Actions(all.store, all.connection), () => {}))
+    return all
+  }
+
+  test.each([
+    ['reset', { type: 'Reset' }],
+    ['scene-light', { type: 'SetSceneLight', enabled: false }],
+    ['mode', { type: 'SetDrivingMode', vehicle: 'V1', is_autonomous: true }],
+    ['pause', { type: 'Pause' }],
+  ])('%s sends its request', (testid, request) => {
+    const { socket } = page()
+    get(testid).click()
+    expect(socket.request).toEqual(request)
+  })
+
+  test.each([
+    ['¼', 0.25],
+    ['½', 0.5],
+    ['1', 1],
+    ['2', 2],
+    ['4', 4],
+    ['Max', null],
+  ])('speed %s is requested, and pressed when it is reported', (label, factor) => {
+    const { socket } = page()
+    const speed = button(get('speed'), label)
+    speed.click()
+    expect(socket.request).toEqual({ type: 'SetSpeed', factor })
+    socket.receive(statusOf({ speed: factor }))
+    expect(get('speed').querySelectorAll('[aria-pressed=true]').length).toBe(1)
+    expect(speed.getAttribute('aria-pressed')).toBe('true')
+  })
+
+  test('states are those of the simulator, also if another client changes them', () => {
+    const { socket } = page()
+    socket.receive(
+      frameOf([], { time: 3661, scene_light: false, vehicles: { V1: vehicleOf({ is_autonomous: true }) } }),
+    )
+    socket.receive(statusOf({ is_paused: true }))
+    expect(get('scene-light-status').textContent).toBe('Off')
+    expect(get('mode-status').textContent).toBe('Autonomous')
+    expect(get('mode').getAttribute('aria-pressed')).toBe('true')
+    expect(get('time').textContent).toBe('01:01:01')
+    expect(get('pause').textContent).toBe('Resume')
+    get('pause').click()
+    expect(socket.request).toEqual({ type: 'Resume' })
+    get('scene-light').click()
+    expect(socket.request).toEqual({ type: 'SetSceneLight', enabled: true })
+  })
+
+  test('a step pauses first, and has the number of ticks of the field', async () => {
+    const { socket } = page()
+    get<HTMLInputElement>('ticks').value = '7'
+    get('step').click()
+    expect(socket.request).toEqual({ type: 'Pause' })
+    socket.respond(frameOf())
+    await settle()
+    expect(socket.request).toEqual({ type: 'Step', ticks: 7 })
+  })
+
+  test.each(['', '0', '-3', '2.6', '1e3', '10001', 'ten'])('a step of %j ticks is refused with the reason', (text) => {
+    const { socket } = page()
+    get<HTMLInputElement>('ticks').value = text
+    get('step').click()
+    expect(socket.of('Request')).toEqual([])
+    expect(get('ticks-error').textContent).toBe('Enter a whole number of ticks from 1 to 10000.')
+    expect(get('ticks').getAttribute('aria-invalid')).toBe('true')
+    get<HTMLInputElement>('ticks').value = '10000'
+    get('ticks').dispatchEvent(new Event('input'))
+    expect(get('ticks-error').hidden).toBe(true)
+    get('ticks').dispatchEvent(new KeyboardEvent('keydown', { key: 'Enter' }))
+    expect(socket.request).toEqual({ type: 'Pause' })
+  })
+
+  test('the camera button goes through all cameras', () => {
+    const { store } = page()
+    const seen = [0, 1, 2, 3].map(() => {
+      get('camera').click()
+      expect(get('camera-status').textContent).toBe(store.camera.value)
+      return store.camera.value
+    })
+    expect(seen).toEqual(["Bird's Eye", "God's Eye", 'Orbit', "Driver's Eye"])
+  })
+
+  test('vehicles can be selected if there are several', () => {
+    const { store, socket } = page()
+    const select = get<HTMLSelectElement>('vehicle')
+    expect(select.closest('label')?.hidden).toBe(true)
+    socket.receive(sceneOf(['V1', 'V2'], 'two_cars'))
+    expect(select.closest('label')?.hidden).toBe(false)
+    select.value = 'V2'
+    select.dispatchEvent(new Event('change'))
+    expect(store.vehicle.value).toBe('V2')
+    store.vehicle.value = 'V1'
+    expect(select.value).toBe('V1')
+  })
+
+  test('a scenario is loaded, with a note meanwhile and an error in its place', async () => {
+    const { socket } = page()
+    const select = get<HTMLSelectElement>('scenario')
+    expect([...select.options].map((option) => option.value)).toEqual(['plane', 'two_cars'])
+    select.value = 'two_cars'
+    select.dispatchEvent(new Event('change'))
+    expect(socket.request).toEqual({ type: 'LoadScenario', name: 'two_cars' })
+    expect(select.disabled).toBe(true)
+    expect(get('note').textContent).toBe('Loading Two cars…')
+    socket.respond('out of memory')
+    await settle()
+    expect(get('scenario-error').textContent).toBe('Out of memory.')
+    expect(select.disabled).toBe(false)
+    expect(select.value).toBe('plane')
+    expect(get('note').hidden).toBe(true)
+  })
+
+  test('a scenario that is not in the list of the server is shown by its title', () => {
+    const { socket } = page()
+    socket.receive({ ...sceneOf(['V1'], 'my_file'), title: 'My own' })
+    expect(get<HTMLSelectElement>('scenario').selectedOptions[0].textContent).toBe('My own')
+  })
+
+  test('quality and scan are chosen', () => {
+    const { store } = page()
+    const quality = get<HTMLSelectElement>('quality')
+    expect([...quality.options].map((option) => option.value)).toEqual(['auto', 'low', 'high', 'ultra', 'stream'])
+    quality.value = 'ultra'
+    quality.dispatchEvent(new Event('change'))
+    expect(store.quality.value).toBe('ultra')
+    store.quality.value = 'low'
+    expect(quality.value).toBe('low')
+    get<HTMLInputElement>('lidar').click()
+    expect(store.isScanShown.value).toBe(false)
+  })
+
+  test('the theme is chosen and saved', () => {
+    page()
+    button(get('theme'), 'Dark').click()
+    expect(document.documentElement.dataset.theme).toBe('dark')
+    expect(savedTheme()).toBe('dark')
+    setTheme('system')
+    expect(document.documentElement.dataset.theme).toBeUndefined()
+    expect(savedTheme()).toBe('system')
+  })
+
+  test('a browser without storage keeps the theme for the page', () => {
+    vi.spyOn(Storage.prototype, 'setItem').mockImplementation(() => {
+      throw new Error('disabled')
+    })
+    setTheme('light')
+    expect(document.documentElement.dataset.theme).toBe('light')
+    setTheme('system')
+  })
+})
+
+describe('the bridge', () => {
+  function page() {
+    const all = connectedPage()
+    document.body.append(bridge(all.store, all.connection, () => {}))
+    const submit = (host: string, port: string) => {
+      get<HTMLInputElement>('ip').value = host
+      get<HTMLInputElement>('port').value = port
+      for (const name of ['ip', 'port']) get(name).dispatchEvent(new Event('input'))
+      get('ip')
+        .closest('form')
+        ?.dispatchEvent(new Event('submit', { cancelable: true }))
+    }
+    return { ...all, submit }
+  }
+
+  test.each([
+    ['', '4567', 'ip', 'The IP address is empty'],
+    ['http://10.0.0.1', '4567', 'ip', 'Enter only the address'],
+    ['10.0.0.1:80', '4567', 'ip', 'Enter only the address'],
+    ['127.0.0.1', '', 'port', 'The port must be a number'],
+    ['127.0.0.1', '4567a', 'port', 'The port must be a number'],
+    ['127.0.0.1', '0', 'port', 'Port 0 is out of range'],
+    ['127.0.0.1', '65536', 'port', 'Port 65536 is out of range'],
+  ])('address %j and port %j are refused', (host, port, field, message) => {
+    const { socket, submit } = page()
+    submit(host, port)
+    expect(socket.of('Request')).toEqual([])
+    expect(get('bridge-error').hidden).toBe(false)
+    expect(get('bridge-error').textContent).toContain(message)
+    expect(get(field).getAttribute('aria-invalid')).toBe('true')
+    expect(document.activeElement).toBe(get(field))
+    get(field).dispatchEvent(new Event('input'))
+    expect(get('bridge-error').hidden).toBe(true)
+    expect(get(field).getAttribute('aria-invalid')).toBe('false')
+  })
+
+  test.each(['127.0.0.1', '::1', '[fe80::1]', 'lab.example.org'])('%s is an address', (host) => {
+    const { socket, submit } = page()
+    submit(` ${host} `, '4568')
+    expect(socket.request).toEqual({ type: 'ConnectBridge', host, port: 4568 })
+  })
+
+  test('shows the state of the connection, and the error of the simulator', () => {
+    const { socket } = page()
+    const state = (state: 'closed' | 'connecting' | 'connected', error = '') => {
+      const { bridge } = statusOf()
+      socket.receive(statusOf({ bridge: { ...bridge, address: '[::1]:4568', state, error } }))
+    }
+    state('connecting', 'nothing listens on port 4568')
+    expect(get('bridge-status').textContent).toBe('Connecting…')
+    expect(get('bridge-error').textContent).toBe('Nothing listens on port 4568.')
+    expect([get<HTMLInputElement>('ip').value, get<HTMLInputElement>('port').value]).toEqual(['[::1]', '4568'])
+    expect(get<HTMLInputElement>('ip').disabled).toBe(true)
+    expect(get<HTMLButtonElement>('connect').disabled).toBe(true)
+    state('connected', 'old')
+    expect(get('bridge-status').textContent).toBe('Connected')
+    expect(get('bridge-error').hidden).toBe(true)
+    get('disconnect').click()
+    expect(socket.request).toEqual({ type: 'DisconnectBridge' })
+    state('closed')
+    expect(get('disconnect').hidden).toBe(true)
+    expect(get<HTMLButtonElement>('connect').disabled).toBe(false)
+  })
+
+  test('a refused request is shown', async () => {
+    const { socket, submit } = page()
+    submit('10.0.0.1', '4567')
+    socket.respond('this simulator has no bridge')
+    await settle()
+    expect(get('bridge-error').textContent).toBe('This simulator has no bridge.')
+  })
+
+  test('a reset restores the default address', () => {
+    const { store, submit } = page()
+    submit('10.0.0.1', 'x')
+    store.resets.value += 1
+    expect([get<HTMLInputElement>('ip').value, get<HTMLInputElement>('port').value]).toEqual(['127.0.0.1', '4567'])
+    expect(get('bridge-error').hidden).toBe(true)
+  })
+})
+
+describe('notices', () => {
+  const position = new Float64Array(3)
+  const hit = (vehicle: string) => ({
+    type: 'Collision' as const,
+    time: 0,
+    vehicle,
+    other: 'wall',
+    impulse: 1,
+    position,
+  })
+
+  function page() {
+    vi.useFakeTimers()
+    const { store } = connectedPage()
+    document.body.append(notices(store))
+    const texts = () => [...get('notices').children].map((each) => each.textContent)
+    return { store, texts }
+  }
+  beforeEach(() => () => vi.useRealTimers())
+
+  test('events are described, and repeated ones are counted', () => {
+    const { store, texts } = page()
+    store.events.value = [hit('V1'), hit('V2')]
+    store.events.value = [hit('V1')]
+    expect(texts()).toEqual(['V1 hit wall× 2', 'V2 hit wall'])
+    store.events.value = [{ type: 'OffRoad', time: 0, vehicle: 'V1', position }]
+    expect(texts().at(-1)).toBe('V1 left the road')
+  })
+
+  test('a notice ends after five seconds, and a repetition prolongs it', () => {
+    const { store, texts } = page()
+    store.notice.value = 'somebody drives'
+    vi.advanceTimersByTime(4000)
+    store.notice.value = 'somebody drives'
+    vi.advanceTimersByTime(4000)
+    expect(texts()).toEqual(['Somebody drives.'])
+    vi.advanceTimersByTime(1000)
+    expect(texts()).toEqual([])
+  })
+
+  test('at most three are shown', () => {
+    const { store, texts } = page()
+    for (const text of ['one', 'two', 'three', 'four']) store.notice.value = text
+    expect(texts()).toEqual(['Two.', 'Three.', 'Four.'])
+  })
+})
+
+describe('the toolbar', () => {
+  test('its buttons open and close the panels', () => {
+    const { store, connection } = connectedPage()
+    document.body.append(toolbar(store, new Actions(store, connection), () => {}))
+    for (const [name, isOpen] of [
+      ['menu', store.isMenuOpen],
+      ['hud', store.isHudOpen],
+    ] as const) {
+      get(`${name}-button`).click()
+      expect(isOpen.value).toBe(true)
+      expect(get(`${name}-button`).getAttribute('aria-expanded')).toBe('true')
+      get(`${name}-button`).click()
+      expect(get(`${name}-button`).getAttribute('aria-expanded')).toBe('false')
+    }
+  })
+
+  test('shows the real-time factor, or that the simulation is paused', () => {
+    const { store, connection, socket } = connectedPage()
+    document.body.append(toolbar(store, new Actions(store, connection), () => {}))
+    socket.receive(statusOf({ real_time_factor: 1.994 }))
+    expect(get('real-time-factor').textContent).toBe('1.99 ×')
+    expect(get('paused').hidden).toBe(true)
+    socket.receive(statusOf({ is_paused: true }))
+    expect(get('paused').hidden).toBe(false)
+  })
+
+  test('the banner is hidden while the connection is open, and late at the first attempt', () => {
+    vi.useFakeTimers()
+    const { store, connection } = connectedPage()
+    document.body.append(banner(store, new Actions(store, connection)))
+    expect(get('banner').hidden).toBe(true)
+    store.link.value = 'lost'
+    expect(get('banner').hidden).toBe(false)
+    expect(get('banner').textContent).toContain('Reconnecting…')
+    store.link.value = 'open'
+    store.link.value = 'connecting'
+    vi.advanceTimersByTime(399)
+    expect(get('banner').hidden).toBe(true)
+    vi.advanceTimersByTime(1)
+    expect(get('banner').hidden).toBe(false)
+    vi.useRealTimers()
+  })
+})
+
+describe('the banner', () => {
+  test('says why the physics cannot go on and offers a Reset', () => {
+    const { store, connection, socket } = connectedPage()
+    document.body.append(banner(store, new Actions(store, connection)))
+    socket.receive(statusOf({ is_paused: true, error: 'the physics became unstable at 1.000 s' }))
+    expect(get('banner').hidden).toBe(false)
+    expect(get('banner').textContent).toContain('The physics became unstable at 1.000 s.')
+    get('banner-reset').click()
+    expect(socket.request).toEqual({ type: 'Reset' })
+    socket.receive(statusOf())
+    expect(get('banner').hidden).toBe(true)
+  })
+})
+
+describe('the help', () => {
+  test('opens and closes, and lists every key', () => {
+    const { element, toggle } = help()
+    document.body.append(element)
+    toggle()
+    expect(element.open).toBe(true)
+    expect(element.textContent).toContain('Drive forward')
+    expect(element.textContent).toContain('Shift')
+    element.dispatchEvent(new KeyboardEvent('keydown', { key: '?' }))
+    expect(element.open).toBe(false)
+    toggle()
+    get('help-close').click()
+    expect(element.open).toBe(false)
+  })
+})
+
+describe('actions', () => {
+  test('the error of a request is a notice', async () => {
+    const { store, connection, socket } = connectedPage()
+    const done = new Actions(store, connection).reset()
+    socket.respond('not while loading')
+    await done
+    expect(store.warning.value).toBe('Not while loading.')
+    expect(store.resets.value).toBe(0)
+  })
+
+  test('vehicles are selected in turn', () => {
+    const { store, connection } = connectedPage(['V1', 'V2'])
+    const actions = new Actions(store, connection)
+    actions.nextVehicle()
+    expect(store.vehicle.value).toBe('V2')
+    actions.nextVehicle()
+    expect(store.vehicle.value).toBe('V1')
+  })
+
+  test('messages become sentences', () => {
+    expect(sentence(new Error('a'))).toBe('A.')
+    expect(sentence('Is it?')).toBe('Is it?')
+    expect(sentence('done (twice)')).toBe('Done (twice)')
+  })
+})
+
+test('attributes of elements follow HTML', () => {
+  const press = vi.fn()
+  const element = h(
+    'button',
+    { testid: 'x', disabled: false, hidden: true, title: null, onclick: press },
+    'a',
+    null,
+    'b',
+  )
+  expect(element.outerHTML).toBe('<button data-testid="x" hidden="">ab</button>')
+  element.click()
+  expect(press).toHaveBeenCalledOnce()
+})

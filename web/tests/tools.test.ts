@@ -1,0 +1,258 @@
+import { beforeEach, describe, expect, test, vi } from 'vitest'
+
+import { Actions } from '../src/actions'
+import { logOf } from '../src/log'
+import { logPanel } from '../src/panels/log'
+import { measure } from '../src/panels/measure'
+import { tools } from '../src/panels/tools'
+import type { SceneView } from '../src/scene/view'
+import { Store } from '../src/store'
+import { TRAIL_POINTS, Trails } from '../src/trails'
+import { hasSeveralVehicles, vehicleColour } from '../src/vehicle_colours'
+import { followViewInLink } from '../src/view_link'
+import { connectedPage, frameOf, pose, sceneOf, statusOf, vehicleOf } from './support'
+
+beforeEach(() => {
+  document.body.replaceChildren()
+  history.replaceState(null, '', location.pathname + location.search)
+})
+
+describe('the link', () => {
+  function pageAt(hash: string): Store {
+    vi.useFakeTimers()
+    history.replaceState(null, '', location.pathname + location.search + hash)
+    const { store } = connectedPage(['V1', 'V2'])
+    followViewInLink(store)
+    vi.advanceTimersByTime(1000)
+    return store
+  }
+  beforeEach(() => () => vi.useRealTimers())
+
+  test('of the standard view has no fragment', () => {
+    pageAt('')
+    expect(location.hash).toBe('')
+  })
+
+  test('holds camera, vehicle, quality and panels, and opens the same view', () => {
+    const store = pageAt('')
+    store.camera.value = 'Orbit'
+    store.orbit.value = { azimuth: Math.PI / 2, elevation: 0.5, distance: 2 }
+    store.birdHeight.value = 1.5
+    store.lensZoom.value = { "Driver's Eye": 2, "God's Eye": 1 }
+    store.vehicle.value = 'V2'
+    store.quality.value = 'high'
+    store.isHudOpen.value = store.isMapOpen.value = store.areTrailsShown.value = true
+    store.isScanShown.value = false
+    store.bearing.value = -Math.PI / 4
+    vi.advanceTimersByTime(1000)
+    const hash = location.hash
+    expect(hash).toContain('camera=orbit&')
+    expect(hash).toContain('orbit=90,28.648,2')
+    const opened = pageAt(hash)
+    expect(opened.camera.value).toBe('Orbit')
+    expect(opened.orbit.value).toEqual({ azimuth: Math.PI / 2, elevation: expect.closeTo(0.5, 4), distance: 2 })
+    expect(opened.birdHeight.value).toBe(1.5)
+    expect(opened.lensZoom.value).toEqual({ "Driver's Eye": 2, "God's Eye": 1 })
+    expect(opened.vehicle.value).toBe('V2')
+    expect(opened.quality.value).toBe('high')
+    const { isMenuOpen, isHudOpen, isMapOpen, isLogOpen, areTrailsShown, isScanShown } = opened
+    const shown = [isMenuOpen, isHudOpen, isMapOpen, isLogOpen, areTrailsShown, isScanShown].map(({ value }) => value)
+    expect(shown).toEqual([false, true, true, false, true, false])
+    expect(opened.bearing.value).toBeCloseTo(-Math.PI / 4)
+    expect(location.hash).toBe(hash)
+  })
+
+  test('without meaning is the standard view', () => {
+    const store = pageAt('#camera=none&orbit=1,x&height=abc&quality=best&zoom=2&bearing=&hud=yes')
+    expect(store.camera.value).toBe("Driver's Eye")
+    expect([store.orbit.value, store.birdHeight.value, store.quality.value]).toEqual([null, 3, 'auto'])
+    expect([store.bearing.value, store.isHudOpen.value]).toEqual([0, false])
+  })
+
+  test('that is typed into the same page changes the view', () => {
+    const store = pageAt('#camera=orbit')
+    history.replaceState(null, '', '#camera=birds-eye&hud=1')
+    window.dispatchEvent(new Event('hashchange'))
+    expect([store.camera.value, store.isHudOpen.value]).toEqual(["Bird's Eye", true])
+  })
+
+  test('does not hold a quality that the page chose because another one was impossible', () => {
+    const store = pageAt('')
+    store.fallbackQuality = 'stream'
+    store.quality.value = 'stream'
+    vi.advanceTimersByTime(1000)
+    expect(location.hash).toBe('')
+  })
+})
+
+describe('the log', () => {
+  test('keeps notices, warnings, events and errors with their times', () => {
+    const { store, socket } = connectedPage()
+    const entries = logOf(store)
+    document.body.append(logPanel(store, entries))
+    socket.receive(frameOf(['V1'], { time: 61 }))
+    store.notice.value = 'somebody drives'
+    store.warning.value = 'no image'
+    const position = new Float64Array(3)
+    store.events.value = [{ type: 'OffRoad', time: 60.5, vehicle: 'V1', position }]
+    const { bridge } = statusOf()
+    for (const _ of [1, 2]) socket.receive(statusOf({ bridge: { ...bridge, state: 'connecting', error: 'refused' } }))
+    socket.receive(
+      statusOf({ bridge: { ...bridge, state: 'connecting', error: 'refused' }, error: 'V1 is not finite' }),
+    )
+    store.connectionError.value = 'no answer'
+    for (const _ of [1, 2]) store.link.value = 'lost'
+    store.link.value = 'open'
+    expect(entries.value.map(({ level, time, text }) => [level, time, text])).toEqual([
+      ['good', 0, 'Connected.'],
+      ['info', 61, 'Somebody drives.'],
+      ['warning', 61, 'No image.'],
+      ['warning', 60.5, 'V1 left the road'],
+      ['error', 61, 'Bridge: Refused.'],
+      ['info', 61, 'Bridge: Connecting, 127.0.0.1:4567.'],
+      ['error', 61, 'V1 is not finite.'],
+      ['error', 61, 'The connection is lost. No answer.'],
+      ['good', 61, 'Connected again.'],
+    ])
+    store.isLogOpen.value = true
+    const rows = [...document.querySelectorAll('tbody tr')].map((row) =>
+      [...row.children].map((cell) => cell.textContent),
+    )
+    expect(rows.length).toBe(9)
+    expect(rows[2].slice(1)).toEqual(['00:01:01', 'Warning', 'No image.'])
+    expect(rows[2][0]).toMatch(/^\d\d:\d\d:\d\d$/)
+    store.notice.value = 'another'
+    expect(document.querySelectorAll('tbody tr').length).toBe(10)
+    document.querySelector<HTMLElement>("[data-testid='log-clear']")?.click()
+    expect(document.querySelectorAll('tbody tr').length).toBe(0)
+  })
+
+  test('drops the oldest of more than 500 entries', () => {
+    const store = new Store()
+    const entries = logOf(store)
+    for (let i = 0; i < 510; i++) store.notice.value = `number ${i}`
+    expect(entries.value.length).toBe(500)
+    expect(entries.value[0].text).toBe('Number 10.')
+  })
+})
+
+describe('trails', () => {
+  const at = (time: number, x: number, speed = 0.2) =>
+    frameOf([], { time, vehicles: { V1: vehicleOf({ pose: pose(x), velocity: new Float64Array([speed, 0, 0]) }) } })
+  const xs = (trails: Trails) => {
+    const { points, length } = trails.all.get('V1') ?? { points: [], length: 0 }
+    return Array.from({ length }, (_, i) => points[3 * i])
+  }
+
+  test('have a point for each 2 cm of the way, on the ground', () => {
+    const trails = new Trails()
+    for (let i = 0; i <= 100; i++) trails.add(at(0.01 * i, 0.005 * i), () => 0.03)
+    expect(xs(trails).length).toBeGreaterThanOrEqual(0.5 / 0.025)
+    expect(xs(trails).length).toBeLessThanOrEqual(0.5 / 0.02 + 1)
+    expect(trails.all.get('V1')?.points[2]).toBeCloseTo(-0.03)
+  })
+
+  test('have a gap at a jump, but not where Frames are rare', () => {
+    const trails = new Trails()
+    for (const [time, x] of [
+      [0, 0],
+      [1, 0.4],
+      [1.01, 5],
+    ])
+      trails.add(at(time, x), () => 0)
+    expect(xs(trails)).toEqual([0, expect.closeTo(0.4), NaN, 5])
+  })
+
+  test('start again when time goes back, and keep the later half when they are full', () => {
+    const trails = new Trails()
+    for (let i = 0; i <= TRAIL_POINTS; i++) trails.add(at(0.1 * i, 0.0201 * i), () => 0)
+    expect(xs(trails).length).toBe(TRAIL_POINTS / 2 + 1)
+    expect(xs(trails).at(-1)).toBeCloseTo(0.0201 * TRAIL_POINTS, 3)
+    trails.add(at(0, 1), () => 0)
+    expect(xs(trails)).toEqual([1])
+  })
+})
+
+describe('measuring', () => {
+  function page() {
+    const { store } = connectedPage()
+    const canvas = document.body.appendChild(document.createElement('canvas'))
+    const view = {
+      groundPoint: (x: number, y: number) => (y < 10 ? null : [x / 100, y / 100]),
+      screenPoint: (x: number, y: number) => [100 * x, 100 * y],
+    } as unknown as SceneView
+    document.body.append(measure(store, canvas, () => view))
+    const click = (x: number, y: number, movedBy = 0) => {
+      canvas.dispatchEvent(new MouseEvent('pointerdown', { clientX: x, clientY: y }))
+      canvas.dispatchEvent(new MouseEvent('pointerup', { clientX: x + movedBy, clientY: y }))
+      store.imageCount.value += 1
+    }
+    const distance = () => document.querySelector("[data-testid='distance']")?.textContent
+    return { store, click, distance }
+  }
+
+  test('two clicks on the ground give their distance; a third one starts again', () => {
+    const { store, click, distance } = page()
+    click(100, 100)
+    click(400, 500)
+    expect(distance()).toBe('') // it is not switched on
+    store.isMeasuring.value = true
+    click(100, 100)
+    click(400, 5) // the sky
+    click(300, 100, 50) // a drag
+    expect(distance()).toBe('')
+    click(400, 500)
+    expect(distance()).toBe('5.00 m')
+    click(100, 100)
+    expect(distance()).toBe('')
+    click(100, 150)
+    expect(distance()).toBe('0.50 m')
+    store.isMeasuring.value = false
+    expect(distance()).toBe('')
+  })
+
+  test('the keyboard sets points, too', () => {
+    const { store, distance } = page()
+    store.isMeasuring.value = true
+    const cross = document.querySelector<HTMLElement>("[data-testid='measure-cross']")
+    const outside = vi.fn()
+    window.addEventListener('keydown', outside)
+    const press = (key: string, times = 1) => {
+      for (let i = 0; i < times; i++) cross?.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }))
+    }
+    // the canvas of the test has no size, so that the cross stays within 0
+    press('Enter')
+    expect(distance()).toBe('')
+    press('Escape')
+    expect(store.isMeasuring.value).toBe(false)
+    expect(outside).not.toHaveBeenCalled() // the keys do not drive
+    window.removeEventListener('keydown', outside)
+  })
+})
+
+test('vehicles have different colours', () => {
+  const scene = sceneOf(['V1', 'V2', 'V3'])
+  expect(new Set(['V1', 'V2', 'V3'].map((name) => vehicleColour(scene, name))).size).toBe(3)
+  expect(hasSeveralVehicles(scene)).toBe(true)
+  expect(hasSeveralVehicles(sceneOf(['V1']))).toBe(false)
+})
+
+test('key V says which vehicle is viewed now', () => {
+  const { store, connection } = connectedPage(['V1', 'V2'])
+  new Actions(store, connection).nextVehicle()
+  expect(store.notice.value).toBe('V2 is viewed now.')
+})
+
+test('the buttons of the tools switch their panels', () => {
+  const { store, connection } = connectedPage()
+  document.body.append(tools(store, new Actions(store, connection)))
+  for (const [testid, is] of [
+    ['measure-button', store.isMeasuring],
+    ['log-button', store.isLogOpen],
+    ['minimap-switch', store.isMapOpen],
+    ['trails-switch', store.areTrailsShown],
+  ] as const) {
+    document.querySelector<HTMLElement>(`[data-testid='${testid}']`)?.click()
+    expect(is.value, testid).toBe(true)
+  }
+})
