@@ -290,16 +290,12 @@ class World(OneThread):
     @property
     def scene_light(self) -> bool:
         """True by day, False by night."""
-        time_of_day = self.time_of_day
-        return self._light.is_on if time_of_day is None else is_day_at(time_of_day)
+        return self._light.at(self.time)[0]
 
     @property
     def time_of_day(self) -> float | None:
         """Time since midnight [s]; None if the light is fixed."""
-        light = self._light
-        if light.time_of_day is None:
-            return None
-        return (light.time_of_day + light.scale * (self.time - light.since)) % DAY_LENGTH
+        return self._light.at(self.time)[1]
 
     @by_one_thread
     def set_scene_light(self, enabled: bool) -> None:
@@ -467,14 +463,9 @@ class World(OneThread):
 
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""
+        time = self.time
         frame = self._frames.build(
-            self._tick,
-            self.time,
-            self._controls.vehicles,
-            self._referee.collision_counts,
-            events,
-            self.scene_light,
-            self.time_of_day,
+            self._tick, time, self._controls.vehicles, self._referee.collision_counts, events, *self._light.at(time)
         )
         self.frame = frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved)
         return self.frame
@@ -491,6 +482,13 @@ class Light(NamedTuple):
     """Seconds of the day per simulated second."""
     since: float = 0.0
     """[s]."""
+
+    def at(self, time: float) -> tuple[bool, float | None]:
+        """At the simulated time [s]: day (True) or night, and the time since midnight [s], None if it is fixed."""
+        if self.time_of_day is None:
+            return self.is_on, None
+        time_of_day = (self.time_of_day + self.scale * (time - self.since)) % DAY_LENGTH
+        return is_day_at(time_of_day), time_of_day
 
 
 class Snapshot(NamedTuple):

@@ -30,7 +30,7 @@ def by_one_thread(
 
     @functools.wraps(method)
     def guarded(self: User, *args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        if not self._in_use.acquire(blocking=False):
+        if not self._in_use.acquire(False):
             raise WorldInUseError(
                 f"World.{method.__name__} was called while another thread is inside this World: let one thread at a "
                 "time use it, or use a Simulation, whose methods may be called from any thread"

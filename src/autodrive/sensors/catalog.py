@@ -85,7 +85,9 @@ class SensorSuite:
 
     def readings(self) -> dict[str, Any]:
         """The latest reading of each sensor by its name in the Spec; None: no reading yet, or no such sensor."""
-        return {name: sensor.latest for name, sensor in self._sensors.items()} | self._absent
+        readings = {name: sensor.latest for name, sensor in self._sensors.items()}
+        readings.update(self._absent)
+        return readings
 
     def save(self) -> Any:
         """The complete internal state, for `restore`."""
