@@ -80,9 +80,9 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """The exit code of a run with such skips is 1."""
-    if _refused and exitstatus == 0 and not hasattr(session.config, "workerinput"):
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    """The exit code of a run with such skips is 3: scripts/test does not repeat it."""
+    if _refused and not hasattr(session.config, "workerinput"):
+        session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
