@@ -1,4 +1,4 @@
-"""Runs a World at a pace: commands and requests in, Frames to sinks out. The only place with threads and a clock."""
+"""Runs a World at a pace, in the thread of the caller or in a thread of its own."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ import contextlib
 import logging
 import math
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Protocol
 
 from autodrive.editing.editor import Editor
-from autodrive.errors import AutodriveError, CommandError, EngineError
-from autodrive.pace import MAX_SPEED, MIN_SPEED, Pace
-from autodrive.protocol.commands import MAX_DISTANCE, check_command
+from autodrive.errors import AutodriveError, EngineError
+from autodrive.pace import Pace
+from autodrive.protocol.commands import check_command
 from autodrive.protocol.messages import (
     AddBox,
     Command,
@@ -40,7 +39,8 @@ from autodrive.protocol.messages import (
     Undo,
 )
 from autodrive.protocol.native import Source
-from autodrive.specs import suggest
+from autodrive.simulation.checks import check_request, check_speed, check_vehicle
+from autodrive.simulation.clock import Clock, WallClock
 
 if TYPE_CHECKING:
     from autodrive.scenario import ScenarioSpec
@@ -64,30 +64,6 @@ class Sink(Protocol):
         """Receive a Frame, in the thread of the simulation: return quickly, and process the Frame in another thread."""
 
 
-class Clock(Protocol):
-    """The time by which a Simulation paces its ticks."""
-
-    def now(self) -> float:
-        """Time from any origin [s]; it never goes back."""
-        ...
-
-    def wait(self, condition: threading.Condition, timeout: float | None) -> None:
-        """Wait until `condition`, which is held, is notified, or for `timeout` [s] (None: without limit)."""
-        ...
-
-
-class WallClock:
-    """The clock of this machine."""
-
-    def now(self) -> float:
-        """Time since the machine started [s]."""
-        return time.perf_counter()
-
-    def wait(self, condition: threading.Condition, timeout: float | None) -> None:
-        """Wait until notified or for `timeout` [s]."""
-        condition.wait(timeout)
-
-
 class Simulation:
     """One World at a time, ticking in real time, at another speed, or as fast as it can.
 
@@ -108,7 +84,7 @@ class Simulation:
         pause_on_error: bool = False,
         clock: Clock | None = None,
     ) -> None:
-        _check_speed(speed)
+        check_speed(speed)
         self.world = world
         self.error = ""
         """Why the physics cannot go on; empty if it can. A Reset or another scenario clears it."""
@@ -194,7 +170,7 @@ class Simulation:
 
         The vehicle obeys it only if its driving mode selects this source at that tick.
         """
-        self._check_vehicle(vehicle)
+        check_vehicle(vehicle, self._frame)
         check_command(vehicle, command)
         with self._mailbox:
             self._commands[vehicle, source] = command
@@ -205,7 +181,7 @@ class Simulation:
         The result of the Future is the Frame after the request. `here`: a short Step of a paused simulation may run in
         the thread of the caller, including the sinks, which avoids two thread switches.
         """
-        self._check_request(request)
+        check_request(request, self._frame, error=self.error, can_load=self._load is not None)
         done: Future[Frame] = Future()
         if here and isinstance(request, Step) and request.ticks <= SHORT and self._step_here(request, done):
             return done
@@ -454,49 +430,9 @@ class Simulation:
             before.close()
             self._pace.set_tick_duration(world.tick_duration, self._clock.now())
 
-    # -- checks -------------------------------------------------------------------------------------
-
     def _ticks_in(self, duration: float | None) -> float:
         if duration is None:
             return math.inf
         if not duration >= 0:
             raise ValueError(f"duration must be 0 or more seconds, not {duration}")
         return math.ceil(duration / self.world.tick_duration - 1e-6)  # a multiple of the tick is not one tick more
-
-    def _check_vehicle(self, vehicle: str) -> None:
-        if vehicle not in self._frame.vehicles:
-            raise CommandError(f"vehicle '{vehicle}' is not known. {suggest(vehicle, list(self._frame.vehicles))}")
-
-    def _check_request(self, request: Operation) -> None:
-        match request:
-            case Resume() if self.error:
-                raise CommandError(f"{self.error}; request Reset first")
-            case Reset(seed=seed) if seed is not None and not 0 <= seed < 2**63:
-                raise CommandError(f"the seed of a Reset must be from 0 to 2^63 - 1, not {seed}")
-            case SetSpeed(factor=factor):
-                _check_speed(factor)
-            case Step(ticks=ticks, commands=commands):
-                if ticks < 1:
-                    raise CommandError(f"a Step runs 1 tick or more, not {ticks}")
-                for vehicle, command in commands.items():
-                    self._check_vehicle(vehicle)
-                    check_command(vehicle, command)
-            case LoadScenario() if self._load is None:
-                raise CommandError("this Simulation was made for one World and loads no other scenario")
-            case SetDrivingMode(vehicle=vehicle):
-                self._check_vehicle(vehicle)
-            case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
-                if vehicle not in self._frame.objects:
-                    self._check_vehicle(vehicle)
-                if not all(abs(value) <= MAX_DISTANCE for value in (x, y, yaw)):
-                    raise CommandError(
-                        f"a Teleport needs x, y [m] and yaw [rad] from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}, "
-                        f"not {x}, {y}, {yaw}"
-                    )
-
-
-def _check_speed(speed: float | None) -> None:
-    if speed is not None and not MIN_SPEED <= speed <= MAX_SPEED:
-        raise CommandError(
-            f"speed must be a number from {MIN_SPEED:g} to {MAX_SPEED:g}, or None for as fast as possible, not {speed}"
-        )

@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
-import reprlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
 
 from autodrive.arrays import Floats
 from autodrive.compile import Compiled
-from autodrive.controls import Controls, VehicleControls
-from autodrive.errors import CommandError, EngineError, SnapshotError
+from autodrive.controls import Controls
+from autodrive.errors import CommandError, EngineError
 from autodrive.frames import FrameBuilder
 from autodrive.jit import resolved
 from autodrive.physics.one_thread import OneThread, by_one_thread
 from autodrive.physics.tick import advance, observe
-from autodrive.protocol.commands import MAX_DISTANCE, MAX_TIME_SCALE, check_flag, check_seed, is_number
+from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
 from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import Command, Event, Frame
 from autodrive.referee import Referee
-from autodrive.render.look import DAY_LENGTH, is_day_at
 from autodrive.state import State, VehicleView
 from autodrive.transforms import Quaternion, Vector, quaternion_from_yaw
+from autodrive.world.light import SceneLight
+from autodrive.world.poses import Poses
+from autodrive.world.snapshot import Snapshot, check_snapshot, identity
 
 if TYPE_CHECKING:
     from autodrive.cameras.backend import CameraBackend
@@ -71,7 +71,8 @@ class World(OneThread):
             self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
         )
         self._frames = FrameBuilder(compiled)
-        self._identity = _identity(compiled)
+        self._poses = Poses(compiled, self._controls)
+        self._identity = identity(compiled)
         c, controls = compiled, self._controls
         self._advance = resolved(
             advance, c.model, c.state, c.views, c.contacts, c.scratch, controls.throttle, controls.steering, 0, 0
@@ -128,7 +129,9 @@ class World(OneThread):
             self._substeps,
         )
         self._tick += 1
-        self._hold_vehicles()
+        if self._poses.held:
+            self._poses.apply_held()
+            observe(c.model, c.state, c.views)
         if not is_sound:
             raise EngineError(
                 f"the physics became unstable at {self.time:.3f} s; reset the world, and use a shorter substep or "
@@ -155,8 +158,8 @@ class World(OneThread):
         c.contacts.pair_count[0] = 0
         self._tick = 0
         self._controls.reset()
-        self._light = Light(self.spec.scene_light)
-        self._held: dict[str, tuple[float, ...]] = {}
+        self._light = SceneLight(self.spec.scene_light)
+        self._poses.held = {}
         self._referee.reset()
         observe(c.model, c.state, c.views)
         for sensors in c.sensors.values():
@@ -179,10 +182,10 @@ class World(OneThread):
 
         Encoders keep their counts. Raises `CommandError` if it would overlap something there; then nothing has moved.
         """
-        self._check_name(name)
+        self._poses.check_name(name)
         if not all(is_number(value, MAX_DISTANCE) for value in (x, y, yaw)):
             raise CommandError(
-                f"{self._noun(name)} cannot be placed at x={x}, y={y}, yaw={yaw}: they must be numbers from "
+                f"{self._poses.noun(name)} cannot be placed at x={x}, y={y}, yaw={yaw}: they must be numbers from "
                 f"{-MAX_DISTANCE:g} to {MAX_DISTANCE:g}"
             )
         x, y, yaw = float(x), float(y), float(yaw)
@@ -193,9 +196,7 @@ class World(OneThread):
     @by_one_thread
     def pose(self, name: str) -> Floats:
         """Position [m] and orientation (wxyz) of a vehicle or an object, shape (7,). Raises `CommandError`."""
-        self._check_name(name)
-        qpos = self._compiled.engine.body(name)[1]
-        return self._compiled.views.qpos[qpos : qpos + 7].copy()
+        return self._poses.get(name)
 
     @by_one_thread
     def set_poses(self, poses: Mapping[str, Floats]) -> None:
@@ -204,27 +205,8 @@ class World(OneThread):
         Raises `CommandError` for values that are not a pose, and if one of them would overlap something there; then
         nothing has moved.
         """
+        self._poses.place(poses)
         c = self._compiled
-        if not isinstance(poses, Mapping):
-            raise CommandError(f"poses must be a dictionary with a pose for each name, not {reprlib.repr(poses)}")
-        for name in poses:
-            self._check_name(name)
-        poses = {name: self._checked_pose(name, pose) for name, pose in poses.items()}
-        before = {name: self.pose(name) for name in poses}
-        self._write_poses(poses)
-        for name, pose in poses.items():
-            if others := _overlaps(c, name):
-                self._write_poses(before)
-                x, y = (float(f"{value:.6g}") for value in pose[:2])
-                raise CommandError(f"{self._noun(name)} cannot be placed at x={x}, y={y}: it would overlap {others}")
-        for name in poses:
-            dof = c.engine.body(name)[2]
-            c.views.qvel[dof : dof + 6] = 0.0
-            if name not in self.boxes:
-                i = self._controls.index(name)
-                for column in (c.state.wheel_angular_velocity, c.state.wheel_force, c.state.wheel_hold):
-                    column[4 * i : 4 * i + 4] = 0.0
-        c.engine.update()
         observe(c.model, c.state, c.views)
         self._show(is_moved=True)
 
@@ -253,7 +235,7 @@ class World(OneThread):
             if not name.startswith("shape_"):
                 column[:] = old
         self._tick, self._seed = before._tick, before._seed
-        self._light, self._held = before._light, dict(before._held)
+        self._light, self._poses.held = before._light, dict(before._poses.held)
         self._controls.restore(before._controls.save())
         self._referee.restore(before._referee.save())
         c.engine.update()
@@ -277,15 +259,7 @@ class World(OneThread):
 
         None lets it go. Raises `CommandError` for values that are not a pose.
         """
-        self._controls.index(vehicle)
-        if position is None:
-            self._held.pop(vehicle, None)
-            return
-        try:
-            pose = self._checked_pose(vehicle, [*position, *orientation])
-        except (CommandError, TypeError):
-            raise CommandError(f"vehicle '{vehicle}' cannot be held at {position}, {orientation}: not a pose") from None
-        self._held[vehicle] = tuple(pose.tolist())
+        self._poses.hold(vehicle, position, orientation)
 
     @property
     def scene_light(self) -> bool:
@@ -301,7 +275,7 @@ class World(OneThread):
     def set_scene_light(self, enabled: bool) -> None:
         """Day (True) or night (False), whatever the time of day."""
         check_flag(enabled, "the scene light")
-        self._set_light(Light(bool(enabled)))
+        self._set_light(SceneLight(bool(enabled)))
 
     @by_one_thread
     def set_time_of_day(self, time_of_day: float | None, scale: float = 0.0) -> None:
@@ -309,16 +283,9 @@ class World(OneThread):
 
         `scale`: seconds of the day per simulated second. Raises `CommandError` if a value is not finite.
         """
-        now = self.time_of_day if time_of_day is None else time_of_day
-        now = 0.5 * DAY_LENGTH if now is None else now
-        if not (is_number(now) and is_number(scale, MAX_TIME_SCALE)):
-            raise CommandError(
-                f"a time of day and its scale must be finite numbers, the scale at most {MAX_TIME_SCALE:g}, "
-                f"not {now} and {scale}"
-            )
-        self._set_light(Light(self._light.is_on, float(now) % DAY_LENGTH, float(scale), self.time))
+        self._set_light(self._light.following(time_of_day, scale, self.time))
 
-    def _set_light(self, light: Light) -> None:
+    def _set_light(self, light: SceneLight) -> None:
         before = self.scene_light, self.time_of_day
         self._light = light
         self._show(is_moved=before != (self.scene_light, self.time_of_day))
@@ -339,7 +306,7 @@ class World(OneThread):
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
             light=self._light,
-            held=dict(self._held),
+            held=dict(self._poses.held),
             frame=self.frame,
         )
         return saved._replace(contents=saved.outline())
@@ -350,7 +317,12 @@ class World(OneThread):
 
         Raises `SnapshotError` if the snapshot is of another scenario or has been changed; then nothing has changed.
         """
-        self._check(saved)
+        check_snapshot(
+            saved,
+            self._identity,
+            self.spec.map,
+            needs_cameras=self._cameras is not None and self._cameras.save() is not None,
+        )
         c = self._compiled
         c.engine.restore(saved.engine)
         self._tick, self._seed, self.frame = saved.tick, saved.seed, saved.frame
@@ -364,22 +336,8 @@ class World(OneThread):
         if self._cameras is not None:
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
-        self._light, self._held = saved.light, dict(saved.held)
+        self._light, self._poses.held = saved.light, dict(saved.held)
         return self.frame
-
-    def _check(self, saved: object) -> None:
-        """Raises `SnapshotError` unless it is an unchanged snapshot that fits this world."""
-        if not isinstance(saved, Snapshot):
-            raise SnapshotError(f"restore() needs a Snapshot, which save() returns, not {type(saved).__name__}")
-        if saved.world != self._identity:
-            raise SnapshotError(
-                "the snapshot is of another world: scenario, vehicles, map, sensors and version of the engine must be "
-                f"the same as in this world of map '{self.spec.map}'"
-            )
-        if saved.contents != saved.outline():
-            raise SnapshotError("the snapshot has been changed since save(); give restore() what save() returned")
-        if saved.cameras is None and self._cameras is not None and self._cameras.save() is not None:
-            raise SnapshotError("the snapshot is of a world without cameras; save it in a world with cameras")
 
     # -- views and cameras ---------------------------------------------------------------------------------------
 
@@ -413,49 +371,6 @@ class World(OneThread):
 
     # -- parts of a tick -----------------------------------------------------------------------------------------
 
-    def _noun(self, name: str) -> str:
-        return f"object '{name}'" if name in self.boxes else f"vehicle '{name}'"
-
-    def _check_name(self, name: object) -> None:
-        """Raises `CommandError` if there is no vehicle or object of that name."""
-        if not (isinstance(name, str) and name in self.boxes):
-            self._controls.index(name)  # pyright: ignore[reportArgumentType]
-
-    def _checked_pose(self, name: str, pose: Any) -> Floats:
-        """As an array with a quaternion of length 1. Raises `CommandError`."""
-        values = list(pose) if isinstance(pose, Sequence | np.ndarray) and np.ndim(pose) == 1 else []
-        if len(values) == 7 and all(is_number(value, MAX_DISTANCE) for value in values):
-            checked = np.array(values, dtype=np.float64)
-            length = math.hypot(*checked[3:].tolist())
-            if abs(length - 1.0) > 1e-9:  # otherwise a pose of this world keeps its bits
-                checked[3:] /= max(length, 1e-300)
-            if length > 1e-6:
-                return checked
-        raise CommandError(
-            f"{self._noun(name)} cannot be placed at {reprlib.repr(pose)}: a pose is x, y, z [m] up to "
-            f"{MAX_DISTANCE:g} and a quaternion wxyz"
-        )
-
-    def _write_poses(self, poses: Mapping[str, Floats]) -> None:
-        c = self._compiled
-        for name, pose in poses.items():
-            qpos = c.engine.body(name)[1]
-            c.views.qpos[qpos : qpos + 7] = pose
-        c.engine.update()
-
-    def _hold_vehicles(self) -> None:
-        """Put the vehicles that are held back to their poses, at rest."""
-        if not self._held:
-            return
-        c = self._compiled
-        for vehicle, pose in self._held.items():
-            row = c.model.vehicles[self._controls.index(vehicle)]
-            qpos, dof = int(row["qpos"]), int(row["dof"])
-            c.views.qpos[qpos : qpos + 7] = pose
-            c.views.qvel[dof : dof + 6] = 0.0
-        c.engine.update()
-        observe(c.model, c.state, c.views)
-
     def _sample(self) -> None:
         c = self._compiled
         for sensors in c.sensors.values():
@@ -469,90 +384,3 @@ class World(OneThread):
         )
         self.frame = frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved)
         return self.frame
-
-
-class Light(NamedTuple):
-    """The light of a scene."""
-
-    is_on: bool
-    """Day or night, without a time of day."""
-    time_of_day: float | None = None
-    """At the simulated time `since` [s since midnight]."""
-    scale: float = 0.0
-    """Seconds of the day per simulated second."""
-    since: float = 0.0
-    """[s]."""
-
-    def at(self, time: float) -> tuple[bool, float | None]:
-        """At the simulated time [s]: day (True) or night, and the time since midnight [s], None if it is fixed."""
-        if self.time_of_day is None:
-            return self.is_on, None
-        time_of_day = (self.time_of_day + self.scale * (time - self.since)) % DAY_LENGTH
-        return is_day_at(time_of_day), time_of_day
-
-
-class Snapshot(NamedTuple):
-    """The saved state of a World."""
-
-    world: str
-    """Identity of the world, the same for all worlds that the snapshot fits."""
-    contents: str
-    """The `outline` when it was saved."""
-    tick: int
-    seed: int
-    engine: Any
-    state: State
-    referee: Any
-    sensors: dict[str, Any]
-    cameras: Any
-    controls: Sequence[VehicleControls]
-    light: Light
-    held: dict[str, tuple[float, ...]]
-    frame: Frame
-
-    def outline(self) -> str:
-        """Hash of all types, names, numbers and texts, and of the shapes of arrays, but not of their values."""
-        parts = [
-            text
-            for field, value in zip(self._fields, self, strict=True)
-            if field != "contents"
-            for text in _outline(value)
-        ]
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-def _identity(c: Compiled) -> str:
-    """Hash of everything that a snapshot must have in common with a world."""
-    tables = c.model.vehicles.tolist(), c.model.wheels.tolist()
-    parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables
-    return hashlib.sha256(repr(parts).encode() + c.map.drivable_edges.tobytes()).hexdigest()
-
-
-def _outline(value: Any) -> Iterator[str]:
-    """See `Snapshot.outline`; of a message, which cannot be changed, and of types of other packages the type counts."""
-    kind = type(value)
-    if kind in _PLAIN:
-        yield repr(value)
-        return
-    yield kind.__name__
-    if kind is np.ndarray:
-        yield f"{value.dtype.str} {value.shape}"
-    elif isinstance(value, Mapping):
-        for key, item in value.items():
-            yield repr(key)
-            yield from _outline(item)
-    elif isinstance(value, tuple | list):
-        yield str(len(value))
-        for part in value:
-            yield from _outline(part)
-    elif dataclasses.is_dataclass(value):
-        yield from _outline(vars(value))
-
-
-_PLAIN = {type(None), bool, int, float, str}
-
-
-def _overlaps(c: Compiled, name: str) -> str:
-    """Names of the things that a vehicle or an object overlaps."""
-    pairs = [{c.owners[a], c.owners[b]} for a, b in c.engine.overlapping()]
-    return ", ".join(sorted({f"'{other}'" for pair in pairs if name in pair for other in pair - {name}}))

@@ -1,0 +1,116 @@
+"""The poses of the vehicles and objects of a World: read, checked, changed and held."""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from autodrive.arrays import Floats
+from autodrive.compile import Compiled
+from autodrive.controls import Controls
+from autodrive.errors import CommandError
+from autodrive.protocol.commands import MAX_DISTANCE, is_number
+from autodrive.transforms import Quaternion, Vector
+
+
+class Poses:
+    """The poses of a world. A pose is a position [m] and a quaternion wxyz, shape (7,)."""
+
+    def __init__(self, compiled: Compiled, controls: Controls) -> None:
+        self._compiled = compiled
+        self._controls = controls
+        self.held: dict[str, tuple[float, ...]] = {}
+        """The vehicles that are held, with their poses."""
+
+    def noun(self, name: str) -> str:
+        """Such as "vehicle 'V1'", for messages."""
+        return f"object '{name}'" if name in self._compiled.objects else f"vehicle '{name}'"
+
+    def check_name(self, name: object) -> None:
+        """Raises `CommandError` if there is no vehicle or object of that name."""
+        if not (isinstance(name, str) and name in self._compiled.objects):
+            self._controls.index(name)  # pyright: ignore[reportArgumentType]
+
+    def get(self, name: str) -> Floats:
+        """A copy of the pose of a vehicle or an object. Raises `CommandError`."""
+        self.check_name(name)
+        qpos = self._compiled.engine.body(name)[1]
+        return self._compiled.views.qpos[qpos : qpos + 7].copy()
+
+    def place(self, poses: Mapping[str, Floats]) -> None:
+        """Place vehicles and objects, at rest, at these poses. Raises `CommandError`; then nothing has moved."""
+        c = self._compiled
+        if not isinstance(poses, Mapping):
+            raise CommandError(f"poses must be a dictionary with a pose for each name, not {reprlib.repr(poses)}")
+        for name in poses:
+            self.check_name(name)
+        poses = {name: self._checked(name, pose) for name, pose in poses.items()}
+        before = {name: self.get(name) for name in poses}
+        self._write(poses)
+        for name, pose in poses.items():
+            if others := _overlaps(c, name):
+                self._write(before)
+                x, y = (float(f"{value:.6g}") for value in pose[:2])
+                raise CommandError(f"{self.noun(name)} cannot be placed at x={x}, y={y}: it would overlap {others}")
+        for name in poses:
+            dof = c.engine.body(name)[2]
+            c.views.qvel[dof : dof + 6] = 0.0
+            if name not in c.objects:
+                i = self._controls.index(name)
+                for column in (c.state.wheel_angular_velocity, c.state.wheel_force, c.state.wheel_hold):
+                    column[4 * i : 4 * i + 4] = 0.0
+        c.engine.update()
+
+    def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
+        """See `World.hold`."""
+        self._controls.index(vehicle)
+        if position is None:
+            self.held.pop(vehicle, None)
+            return
+        try:
+            pose = self._checked(vehicle, [*position, *orientation])
+        except (CommandError, TypeError):
+            raise CommandError(f"vehicle '{vehicle}' cannot be held at {position}, {orientation}: not a pose") from None
+        self.held[vehicle] = tuple(pose.tolist())
+
+    def apply_held(self) -> None:
+        """Put the vehicles that are held back to their poses, at rest."""
+        c = self._compiled
+        for vehicle, pose in self.held.items():
+            row = c.model.vehicles[self._controls.index(vehicle)]
+            qpos, dof = int(row["qpos"]), int(row["dof"])
+            c.views.qpos[qpos : qpos + 7] = pose
+            c.views.qvel[dof : dof + 6] = 0.0
+        c.engine.update()
+
+    def _checked(self, name: str, pose: Any) -> Floats:
+        """As an array with a quaternion of length 1. Raises `CommandError`."""
+        values = list(pose) if isinstance(pose, Sequence | np.ndarray) and np.ndim(pose) == 1 else []
+        if len(values) == 7 and all(is_number(value, MAX_DISTANCE) for value in values):
+            checked = np.array(values, dtype=np.float64)
+            length = math.hypot(*checked[3:].tolist())
+            if abs(length - 1.0) > 1e-9:  # otherwise a pose of this world keeps its bits
+                checked[3:] /= max(length, 1e-300)
+            if length > 1e-6:
+                return checked
+        raise CommandError(
+            f"{self.noun(name)} cannot be placed at {reprlib.repr(pose)}: a pose is x, y, z [m] up to "
+            f"{MAX_DISTANCE:g} and a quaternion wxyz"
+        )
+
+    def _write(self, poses: Mapping[str, Floats]) -> None:
+        c = self._compiled
+        for name, pose in poses.items():
+            qpos = c.engine.body(name)[1]
+            c.views.qpos[qpos : qpos + 7] = pose
+        c.engine.update()
+
+
+def _overlaps(c: Compiled, name: str) -> str:
+    """Names of the things that a vehicle or an object overlaps."""
+    pairs = [{c.owners[a], c.owners[b]} for a, b in c.engine.overlapping()]
+    return ", ".join(sorted({f"'{other}'" for pair in pairs if name in pair for other in pair - {name}}))

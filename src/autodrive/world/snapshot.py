@@ -1,0 +1,96 @@
+"""Snapshots: the saved state of a World, and the check that a snapshot fits a world."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from autodrive.compile import Compiled
+from autodrive.controls import VehicleControls
+from autodrive.errors import SnapshotError
+from autodrive.protocol.messages import Frame
+from autodrive.state import State
+from autodrive.world.light import SceneLight
+
+
+class Snapshot(NamedTuple):
+    """The saved state of a World."""
+
+    world: str
+    """Identity of the world, the same for all worlds that the snapshot fits."""
+    contents: str
+    """The `outline` when it was saved."""
+    tick: int
+    seed: int
+    engine: Any
+    state: State
+    referee: Any
+    sensors: dict[str, Any]
+    cameras: Any
+    controls: Sequence[VehicleControls]
+    light: SceneLight
+    held: dict[str, tuple[float, ...]]
+    frame: Frame
+
+    def outline(self) -> str:
+        """Hash of all types, names, numbers and texts, and of the shapes of arrays, but not of their values."""
+        parts = [
+            text
+            for field, value in zip(self._fields, self, strict=True)
+            if field != "contents"
+            for text in _outline(value)
+        ]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def identity(c: Compiled) -> str:
+    """Hash of everything that a snapshot must have in common with a world."""
+    tables = c.model.vehicles.tolist(), c.model.wheels.tolist()
+    parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables
+    return hashlib.sha256(repr(parts).encode() + c.map.drivable_edges.tobytes()).hexdigest()
+
+
+def check_snapshot(saved: object, world: str, map_: str, *, needs_cameras: bool) -> None:
+    """Raises `SnapshotError` unless it is an unchanged snapshot that fits the world with this identity and map.
+
+    `needs_cameras`: the world has cameras, whose state the snapshot must contain.
+    """
+    if not isinstance(saved, Snapshot):
+        raise SnapshotError(f"restore() needs a Snapshot, which save() returns, not {type(saved).__name__}")
+    if saved.world != world:
+        raise SnapshotError(
+            "the snapshot is of another world: scenario, vehicles, map, sensors and version of the engine must be "
+            f"the same as in this world of map '{map_}'"
+        )
+    if saved.contents != saved.outline():
+        raise SnapshotError("the snapshot has been changed since save(); give restore() what save() returned")
+    if saved.cameras is None and needs_cameras:
+        raise SnapshotError("the snapshot is of a world without cameras; save it in a world with cameras")
+
+
+def _outline(value: Any) -> Iterator[str]:
+    """See `Snapshot.outline`; of a message, which cannot be changed, and of types of other packages the type counts."""
+    kind = type(value)
+    if kind in _PLAIN:
+        yield repr(value)
+        return
+    yield kind.__name__
+    if kind is np.ndarray:
+        yield f"{value.dtype.str} {value.shape}"
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            yield repr(key)
+            yield from _outline(item)
+    elif isinstance(value, tuple | list):
+        yield str(len(value))
+        for part in value:
+            yield from _outline(part)
+    elif dataclasses.is_dataclass(value):
+        yield from _outline(vars(value))
+
+
+_PLAIN = {type(None), bool, int, float, str}
