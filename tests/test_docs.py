@@ -14,14 +14,19 @@ from autodrive.protocol.messages import CameraImage
 from autodrive.scenario import load_scenario
 from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.camera_imperfections import PRESETS
-from autodrive.specs import find
 from autodrive.vehicles.spec import load_vehicle
+from tests.support.cars import car_file
 
 DOCS = Path(__file__).parent.parent / "docs"
 
 
 def examples(document: str) -> list[str]:
     return re.findall(r"```yaml\n(.*?)```", (DOCS / document).read_text(), flags=re.DOTALL)
+
+
+def sensors(text: str) -> dict[str, Any]:
+    """The sensors in a YAML text, as changes of a vehicle file."""
+    return {f"sensors.{name}": spec for name, spec in yaml.safe_load(text).items()}
 
 
 def test_scenario_of_the_document_runs(tmp_path: Path) -> None:
@@ -53,31 +58,19 @@ def test_map_of_the_document_is_in_order(tmp_path: Path) -> None:
 
 
 def test_lidar_of_the_document_fits_the_car(tmp_path: Path) -> None:
-    tree = yaml.safe_load(find("vehicle", "nigel").read_text())
-    tree["sensors"] |= yaml.safe_load(examples("scenarios.md")[2])
-    file = tmp_path / "fast.yaml"
-    file.write_text(yaml.safe_dump(tree))
-    lidar = load_vehicle(str(file)).sensors.lidar
+    lidar = load_vehicle(car_file(tmp_path, sensors(examples("scenarios.md")[2]))).sensors.lidar
     assert lidar is not None
     assert (lidar.rays, lidar.rate) == (1080, 40.0)
 
 
 def test_the_range_sensor_of_the_document_fits_the_car(tmp_path: Path) -> None:
-    tree = yaml.safe_load(find("vehicle", "nigel").read_text())
-    tree["sensors"] |= yaml.safe_load(examples("adding_a_sensor.md")[0])
-    file = tmp_path / "ranging.yaml"
-    file.write_text(yaml.safe_dump(tree))
-    sensor = load_vehicle(str(file)).sensors.range
+    sensor = load_vehicle(car_file(tmp_path, sensors(examples("adding_a_sensor.md")[0]))).sensors.range
     assert sensor is not None
     assert (sensor.range_max, sensor.rate) == (4.0, 20.0)
 
 
 def test_cameras_of_the_document_fit_the_car(tmp_path: Path) -> None:
-    tree = yaml.safe_load(find("vehicle", "nigel").read_text())
-    tree |= yaml.safe_load(examples("vehicle.md")[0])
-    file = tmp_path / "seeing.yaml"
-    file.write_text(yaml.safe_dump(tree))
-    cameras = load_vehicle(str(file)).cameras
+    cameras = load_vehicle(car_file(tmp_path, yaml.safe_load(examples("vehicle.md")[0]))).cameras
     assert cameras["front"].imperfections.exposure == -0.5
     assert cameras["rear"] == load_vehicle("nigel").cameras["rear"].model_copy(
         update={

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+import autodrive
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.world import World
 from tests.support.cars import car_file
 
 SMALL = {f"cameras.{name}.{edge}": size for name in ("front", "rear") for edge, size in (("width", 96), ("height", 72))}
@@ -15,6 +17,18 @@ def two_cars(car: str) -> ScenarioSpec:
     """V2 stands 0.6 m ahead of V1."""
     vehicles = {"V1": VehiclePlacement(type=car), "V2": VehiclePlacement(type=car, x=0.6)}
     return ScenarioSpec(map="mini_map", vehicles=vehicles, seed=3)
+
+
+@pytest.fixture(scope="module")
+def shared_world() -> World:
+    return autodrive.make("two_cars")
+
+
+@pytest.fixture
+def world(shared_world: World) -> World:
+    """The world that the tests of a module share, after a reset."""
+    shared_world.reset()
+    return shared_world
 
 
 @pytest.fixture(scope="package")

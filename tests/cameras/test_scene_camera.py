@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import autodrive
 from autodrive.cameras.scene_camera import SceneCamera, check_view, image_size
 from autodrive.cameras.viewpoints import GOD_POSITION, GOD_TURN_TIME, Viewpoint, birds_eye, drivers_eye
 from autodrive.errors import AutodriveError
@@ -17,17 +16,6 @@ from autodrive.transforms import rotate
 from autodrive.world import World
 
 GOD = SetCamera("God's Eye")
-
-
-@pytest.fixture(scope="module")
-def shared_world() -> World:
-    return autodrive.make("two_cars")
-
-
-@pytest.fixture
-def world(shared_world: World) -> World:
-    shared_world.reset()
-    return shared_world
 
 
 def pose(world: World, name: str) -> tuple[Any, Any]:

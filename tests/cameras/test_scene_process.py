@@ -48,18 +48,6 @@ class Clock:
 
 
 @pytest.fixture(scope="module")
-def shared_world() -> World:
-    return autodrive.make("two_cars")
-
-
-@pytest.fixture
-def world(shared_world: World) -> World:
-    shared_world.reset()
-    shared_world.set_scene_light(True)
-    return shared_world
-
-
-@pytest.fixture(scope="module")
 def clock() -> Clock:
     return Clock()
 

@@ -30,13 +30,6 @@ def shared_world(gl: str, scenario: ScenarioSpec) -> World:
     return autodrive.make(scenario, cameras=True)
 
 
-@pytest.fixture
-def world(shared_world: World) -> World:
-    shared_world.reset()
-    shared_world.set_scene_light(True)
-    return shared_world
-
-
 @pytest.fixture(scope="module")
 def other_world(gl: str, scenario: ScenarioSpec) -> World:
     """Another world of the same scenario, with a renderer of its own."""

@@ -34,20 +34,20 @@ def summary_of(folder: Path, *arguments: str) -> tuple[dict[str, Any], str, str]
 def test_images_are_rendered_asynchronously_and_counted(gl: str, tmp_path: Path) -> None:
     summary, text, _ = summary_of(tmp_path, "mini_map", "--cameras", "--duration", "4")
     cameras = summary["cameras"]
-    assert (cameras["fault"], cameras["drawn_in"], cameras["renderer"]) == (None, "process", gl)
+    assert (cameras["error"], cameras["drawn_in"], cameras["renderer"]) == (None, "process", gl)
     assert cameras["draw_time"] > 0.0
     for name in ("front", "rear"):
-        taken = cameras["pictures"]["V1"][name]
+        taken = cameras["images"]["V1"][name]
         assert taken["count"] > 1
         assert taken["rate"] == pytest.approx(taken["count"] / 4.0)
-    assert f"cameras: V1 front {cameras['pictures']['V1']['front']['count']} images" in text
+    assert f"cameras: V1 front {cameras['images']['V1']['front']['count']} images" in text
 
 
 def test_in_lockstep_no_image_is_missing(gl: str, tmp_path: Path) -> None:
     summary, _, _ = summary_of(tmp_path, "mini_map", "--cameras", "--lockstep", "--speed", "max", "--duration", "1")
     assert RATE is not None
     assert summary["cameras"]["drawn_in"] == "tick"
-    assert summary["cameras"]["pictures"]["V1"]["front"]["count"] == int(RATE) + 1  # including those at 0 and 1 s
+    assert summary["cameras"]["images"]["V1"]["front"]["count"] == int(RATE) + 1  # including those at 0 and 1 s
 
 
 def test_without_cameras_the_output_does_not_mention_them(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_without_opengl_a_run_continues_and_one_line_names_the_packages(how: str
     assert summary["ticks"] == 20
     lines = [line for line in done.stderr.splitlines() if "apt-get install" in line]
     assert len(lines) == 1
-    assert summary["cameras"]["fault"] == lines[0]
+    assert summary["cameras"]["error"] == lines[0]
     assert "cameras: unavailable" in done.stdout
 
 
@@ -97,7 +97,7 @@ def test_a_script_receives_images_of_the_requested_size(
     summary, _, _ = summary_of(
         tmp_path, "mini_map", "--devkit", f"127.0.0.1:{port}", "--duration", "2", "--image-size", "320x240"
     )
-    assert summary["cameras"]["pictures"]["V1"]["front"]["count"] > 1  # the default with --devkit
+    assert summary["cameras"]["images"]["V1"]["front"]["count"] > 1  # the default with --devkit
     for key in ("V1 Front Camera Image", "V1 Rear Camera Image"):
         picture = simplejpeg.decode_jpeg(base64.b64decode(came[-1][key]))
         assert picture.shape == (240, 320, 3)

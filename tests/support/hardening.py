@@ -22,18 +22,22 @@ def cases(short: T, long: T) -> T:
     return long if LONG else short
 
 
-@contextlib.contextmanager
-def small_disk(folder: Path, kilobytes: int = 64) -> Iterator[Path]:
-    """A file system of that size in a new folder; the test is skipped where none can be mounted."""
-    disk = folder / "disk"
-    disk.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(disk)]
+def mount_or_skip(command: list[str]) -> None:
+    """Run a command that mounts a file system; skip the test where that is not possible."""
     try:
         done = subprocess.run(command, check=False, capture_output=True, text=True)
     except OSError as error:
         pytest.skip(f"no small file system can be mounted: {error}")
     if done.returncode:
         pytest.skip(f"no small file system can be mounted: {done.stderr.strip()}")
+
+
+@contextlib.contextmanager
+def small_disk(folder: Path, kilobytes: int = 64) -> Iterator[Path]:
+    """A file system of that size in a new folder; the test is skipped where none can be mounted."""
+    disk = folder / "disk"
+    disk.mkdir()
+    mount_or_skip(["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(disk)])
     try:
         yield disk
     finally:

@@ -98,12 +98,12 @@ def print_summary(summary: Summary) -> None:
 
 def _cameras_line(cameras: CamerasSummary) -> str:
     """Image counts in one line; the reason for missing images was already logged."""
-    if cameras.fault:
+    if cameras.error:
         return "cameras: unavailable"
     counts = [
-        f"{vehicle} {camera} {images.count} images ({images.rate:.1f} Hz)"
-        for vehicle, by_camera in cameras.pictures.items()
-        for camera, images in by_camera.items()
+        f"{vehicle} {camera} {of_camera.count} images ({of_camera.rate:.1f} Hz)"
+        for vehicle, by_camera in cameras.images.items()
+        for camera, of_camera in by_camera.items()
     ]
     median = "" if cameras.draw_time is None else f", {1e3 * cameras.draw_time:.1f} ms (median)"
     return f"cameras: {', '.join(counts) or 'no images'}; rendered by {cameras.renderer}{median}"

@@ -77,6 +77,18 @@ def inverse_distance(kind: int, size: Vector, o: Vector, r: Vector) -> float:
 
 
 @inlined
+def misses_sphere(d: Vector, r: Vector, radius: float, range_max: float) -> bool:
+    """Whether a ray does not touch a sphere whose centre is at d from its start, or touches it beyond `range_max` [m].
+
+    A ray that passes within the rounding error counts as touching.
+    """
+    along = d[0] * r[0] + d[1] * r[1] + d[2] * r[2]
+    if abs(along - 0.5 * range_max) > 0.5 * range_max + radius:
+        return True
+    return d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - along * along > radius * radius * (1.0 + 1e-9) + 1e-9
+
+
+@inlined
 def _interval(kind: int, size: Vector | Floats, o: Vector, r: Vector) -> tuple[float, float, int]:
     """`enter`, `leave` and the face of entry of a shape (kind and size as in `model.Shapes`)."""
     if kind == BOX:

@@ -30,8 +30,9 @@ Reduction: TypeAlias = Literal["element", "nearest", "beam"]
 """How a plot makes one number of a signal: by taking an element, the least range, or the range at the bearing that the
 user sets."""
 
-RosQos: TypeAlias = Literal["sensor", "state"]
-"""Quality of service of a ROS topic, a name of `autodrive.ros.message.Qos`."""
+RosQos: TypeAlias = Literal["sensor", "state", "latched", "clock", "tf"]
+"""QoS class of a ROS topic: 'sensor' and 'clock' may lose messages, 'latched' keeps the last one for late
+subscribers."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,11 @@ class Plot:
 
 @dataclass(frozen=True)
 class RosTopic:
-    """A ROS topic that carries a channel; `name` is relative to that of the vehicle."""
+    """A published ROS topic.
+
+    `name` is relative unless it begins with a slash; in a channel, it is relative to the name of the vehicle. `text`
+    describes the content.
+    """
 
     name: str
     type: str

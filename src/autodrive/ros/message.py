@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
-Qos: TypeAlias = Literal["sensor", "state", "latched", "clock", "tf"]
-"""QoS class of a topic: 'sensor' and 'clock' may lose messages, 'latched' keeps the last one for late subscribers."""
+from autodrive.protocol.channels import RosTopic
+
+Topic: TypeAlias = RosTopic
 
 Fields: TypeAlias = dict[str, Any]
 """Field -> number, text, bytes (uint8[]), numpy array (float32[], float64[], ...), `Time`, `Fields` of a nested
@@ -32,16 +33,6 @@ class Message(NamedTuple):
 
     type: str
     fields: Fields
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A published topic. `name` is relative unless it begins with a slash; `text` describes the content."""
-
-    name: str
-    type: str
-    text: str
-    qos: Qos = "state"
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from autodrive.protocol.channels import CHANNELS, ROS_TOPICS, Channel, RosTopic
+from autodrive.protocol.channels import CHANNELS, ROS_TOPICS, Channel, RosQos
 from autodrive.ros import nigel
 from autodrive.ros.config import Config
-from autodrive.ros.message import Qos, Topic
+from autodrive.ros.message import Topic
 
 
 class VehicleTopics:
@@ -71,10 +71,10 @@ class VehicleTopics:
         topic = self._others.pop(name)
         return self._topic(own_name or name, topic.type, topic.text.format(**words), topic.qos)
 
-    def _unhandled(self) -> list[tuple[Channel, RosTopic]]:
+    def _unhandled(self) -> list[tuple[Channel, Topic]]:
         return [(channel, topic) for channel in CHANNELS for topic in channel.topics if topic.name in self._others]
 
-    def _topic(self, name: str, type_: str, text: str, qos: Qos = "state") -> Topic:
+    def _topic(self, name: str, type_: str, text: str, qos: RosQos = "state") -> Topic:
         return Topic(f"{self.root}/{name}", type_, text, qos)
 
 

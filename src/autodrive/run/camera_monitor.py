@@ -102,11 +102,11 @@ class CameraMonitor:
         """Counts and rates over that simulated time [s]."""
         draw_time = self._process.statistics.draw_time if self._process else math.nan
         return CamerasSummary(
-            fault=self.error or None,
+            error=self.error or None,
             drawn_in="process" if self._process else "tick",
             renderer=self._renderer() or None,
             draw_time=None if math.isnan(draw_time) else draw_time,
-            pictures={
+            images={
                 name: {
                     camera: ImageCount(count, count / simulated_time if simulated_time else 0.0)
                     for camera, count in counts.items()

@@ -52,14 +52,14 @@ class ImageCount:
 class CamerasSummary:
     """The cameras of the last world of the run."""
 
-    fault: str | None
+    error: str | None
     """Why there are no images; None if there are."""
     drawn_in: Literal["process", "tick"]
     renderer: str | None
     """Name of the OpenGL renderer; None if nothing was rendered."""
     draw_time: float | None
     """Median time to render all images that are due at once [s]; None if they are rendered in the tick."""
-    pictures: dict[str, dict[str, ImageCount]]
+    images: dict[str, dict[str, ImageCount]]
     """Images by vehicle and camera."""
 
 

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from autodrive.arrays import Floats, Integers
 from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
-from autodrive.physics.ray import inverse_distance
+from autodrive.physics.ray import inverse_distance, misses_sphere
 from autodrive.protocol.messages import RangeReading
 from autodrive.sensors.lidar_noise import classify
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -138,11 +138,7 @@ def _nearest(
             if shape_vehicle[g] == vehicle:
                 continue
             dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
-            along = dx * ray[0] + dy * ray[1] + dz * ray[2]
-            radius = bounding_radius[g]
-            if abs(along - 0.5 * range_max) > 0.5 * range_max + radius:
-                continue
-            if dx * dx + dy * dy + dz * dz - along * along > radius * radius * (1.0 + 1e-9) + 1e-9:
+            if misses_sphere((dx, dy, dz), ray, bounding_radius[g], range_max):
                 continue
             inverse_range = inverse_distance(
                 kind[g],

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from autodrive.arrays import Floats, Integers
 from autodrive.jit import jit
 from autodrive.model import Shapes
-from autodrive.physics.ray import inverse_distance
+from autodrive.physics.ray import inverse_distance, misses_sphere
 from autodrive.state import State
 from autodrive.transforms import Quaternion, Vector, compose, rotate, slerp
 
@@ -113,11 +113,7 @@ def _cast(
             dx = shape_position_before[g, 0] + f * (shape_position[g, 0] - shape_position_before[g, 0]) - p[0]
             dy = shape_position_before[g, 1] + f * (shape_position[g, 1] - shape_position_before[g, 1]) - p[1]
             dz = shape_position_before[g, 2] + f * (shape_position[g, 2] - shape_position_before[g, 2]) - p[2]
-            along = dx * ray[0] + dy * ray[1] + dz * ray[2]
-            radius = bounding_radius[g]
-            if abs(along - 0.5 * range_max) > 0.5 * range_max + radius:
-                continue
-            if dx * dx + dy * dy + dz * dz - along * along > radius * radius * (1.0 + 1e-9) + 1e-9:
+            if misses_sphere((dx, dy, dz), ray, bounding_radius[g], range_max):
                 continue
             w = inverse_distance(
                 kind[g],
