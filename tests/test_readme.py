@@ -53,11 +53,11 @@ ELSEWHERE = {
     "scripts/ros2": "scripts/test",
     "scripts/run run mini_map --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
 }
-"""Command in the table of stacks -> what runs it."""
+"""Command in the table of that section -> the file that runs it."""
 
 
-def test_each_command_of_the_table_of_stacks_is_run() -> None:
-    table = README.partition("## Connect your stack")[2].partition("\n## ")[0]
+def test_each_command_that_connects_software_is_run() -> None:
+    table = README.partition("## Connect your software")[2].partition("\n## ")[0]
     commands = re.findall(r"`((?:scripts/|\.venv/)[^`]+)`", table.partition("|")[2])
     assert set(commands) == set(ELSEWHERE)
     for command, file in ELSEWHERE.items():

@@ -126,7 +126,7 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
 
 
 def placement_errors(spec: ScenarioSpec, source: Source) -> list[str]:
-    """What a run accepts and is hardly meant: vehicles outside the walls, and boxes that overlap other objects."""
+    """Probable mistakes that a run accepts: vehicles outside the walls, and boxes that overlap other objects."""
     try:
         map_, _, _ = read_map(spec.map)
     except SpecError:
@@ -207,7 +207,7 @@ def _overlapping_boxes(spec: ScenarioSpec, map_: Map, source: Source) -> list[st
 
 
 def _boxes(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[list[BoxPlacement], list[str]]:
-    """The boxes of the map, then those of the scenario, which may take the place of one of the map; and errors."""
+    """The boxes of the map, then those of the scenario, which may replace a box of the map; and errors."""
     of_map = {box.name: box for box in map_.boxes}
     errors = [
         f"{source.at('removed_boxes')}: the map has no box '{name}'. {suggest(name, list(of_map))}"

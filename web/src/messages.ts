@@ -72,7 +72,7 @@ export interface SetSpeed {
 }
 
 /**
- * Place a vehicle, at rest, at x, y [m] in the map frame with heading yaw [rad]; a Reset takes it back.
+ * Place a vehicle, at rest, at x, y [m] in the map frame with heading yaw [rad], until a Reset.
  *
  * `vehicle` may also be the name of a movable object.
  */
@@ -87,7 +87,7 @@ export interface Teleport {
 /**
  * Hold a vehicle at a pose in the map frame, against all forces, from the next tick on: another program moves it.
  *
- * `position` [m] of the rear axle centre; None lets the vehicle go. `orientation`: quaternion wxyz of any length.
+ * `position` [m] of the rear axle centre; None ends the hold. `orientation`: quaternion wxyz of any length.
  */
 export interface Hold {
   type: 'Hold'
@@ -183,21 +183,21 @@ export interface SetSensor {
 }
 
 /**
- * Take the latest edit back.
+ * Revert the latest edit.
  */
 export interface Undo {
   type: 'Undo'
 }
 
 /**
- * Make the edit again that was taken back last.
+ * Make the edit again that was reverted last.
  */
 export interface Redo {
   type: 'Redo'
 }
 
 /**
- * Answer with the scenario and all its edits, as YAML, in the `text` of the Response.
+ * Request the scenario with all edits, as YAML, in the `text` of the Response.
  */
 export interface SaveScenario {
   type: 'SaveScenario'
@@ -222,9 +222,9 @@ export interface DisconnectBridge {
 /**
  * Let the simulator render a scene camera for this client and send `Rendered` images; `camera` None: stop.
  *
- * `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first. `height` [m] of the
- * Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom` multiplies
- * the focal length.
+ * `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first vehicle. `height` [m] of
+ * the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom`
+ * multiplies the focal length.
  */
 export interface SetCamera {
   type: 'SetCamera'
@@ -288,7 +288,8 @@ export interface Hello {
  *
  * `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether scans are sent.
  * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
- * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest, never a backlog.
+ * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
+ * backlog.
  */
 export interface Subscribe {
   type: 'Subscribe'
@@ -418,7 +419,7 @@ export interface Scene {
 }
 
 /**
- * State of the connection to a devkit script; `error` says why there is none.
+ * State of the connection to a devkit script; `error` is the reason why there is none.
  */
 export interface BridgeStatus {
   address: string

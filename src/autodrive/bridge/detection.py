@@ -22,7 +22,7 @@ NOTE = (
 
 
 class Detection:
-    """The profile of a script, and what tells it; it serves all connections of a bridge, one after another."""
+    """The profile of a script, chosen or detected; one object for all connections of a bridge."""
 
     def __init__(self, settings: DevkitSettings) -> None:
         self.settings = settings
@@ -46,14 +46,14 @@ class Detection:
         return self._profile and replace(self.settings.applied_to(self._profile), lidar=self._lidar)
 
     def lidar(self, attempt: int) -> LidarFormat:
-        """Format of the scan of a message; while it is not known what the script reads, it alternates."""
+        """Format of the scan of a message; alternates until it is known which format the script can read."""
         is_known = self.settings.lidar is not None or self._has_commands or self._dialect is Dialect.RAW
         if is_known or attempt % 2 == 0:
             return self._lidar
         return "text" if self._lidar == "gzip" else "gzip"
 
     def observe(self, commands: Mapping[str, object]) -> bool:
-        """Read the keys of a command message; whether they change the choice.
+        """Read the keys of a command message. Returns whether they change the choice.
 
         Later keys may change 2023 to 2025, and text to gzip, nothing else.
         """

@@ -47,8 +47,8 @@ QUALITY_FACTORS = (1.0, 0.7, 0.45, 0.25, 0.12)
 image of a road by day becomes 1, 0.66, 0.5, 0.36 and 0.27 (measured)."""
 
 RESET_INTERVAL = 0.5
-"""Least simulated time between two resets [s], the default time-out of commands: a script that keeps the key pressed
-and released in turn would stop the time otherwise."""
+"""Least simulated time between two resets [s], equal to the default time-out of commands. Without it, a script that
+sets and clears the key repeatedly would keep simulated time at 0."""
 
 CLOSE_TIMEOUT = 0.2
 """Time to send the close packets [s]."""
@@ -211,7 +211,7 @@ class Session:
             self._metrics.warn("value", f"refused {error}")
 
     def _request_operations(self, frame: Frame) -> None:
-        """Request what the script has set since the last time, at most once in a tick; later messages do the rest."""
+        """Request what the script has set since the last time, at most once in a tick; later messages do the same."""
         if frame is self._requested_at:
             return
         operations: list[Operation] = []
@@ -246,7 +246,7 @@ class Session:
     def _note_weather(self, environment: dict[str, float]) -> None:
         """Note once that there is no weather."""
         if not _WEATHER & self._environment.keys() and _WEATHER & environment.keys():
-            log.info("devkit bridge: the script sets the weather; this simulator has none, and ignores it")
+            log.info("devkit bridge: the script sets the weather; ignored, because this simulator has no weather")
 
     def _note_detection(self) -> None:
         counters, detection = self._metrics.counters, self._detection
@@ -282,7 +282,8 @@ class Session:
         if self.flow_control.resends:
             self._metrics.warn(
                 "silence",
-                "the script sends no commands; telemetry is resent (if the script raises: set its devkit profile)",
+                "the script sends no commands; telemetry is resent (if the script raises an exception: set its devkit "
+                "profile)",
             )
         text = self._telemetry_packet(frame, number)
         if text is None:
@@ -313,7 +314,7 @@ class Session:
         """The packet for a raw server: none is shorter than an earlier one, the first is as long as any expected.
 
         The published C++ devkit reads a message up to the end of what its receive buffer contains, so that the rest of
-        a longer message spoils a shorter one.
+        a longer message corrupts a shorter one.
         """
         sizes = self._image_sizes() if self._image_sizes else {}
         expected = self._size or min(devkit.expected_size(frame, sizes), self.engineio.max_payload - 4)

@@ -11,7 +11,7 @@ from autodrive.render.renderer import Renderer
 from autodrive.render.scene import RenderScene
 
 TRIAL = 20
-"""Drawing times of so many states decide."""
+"""Number of states whose drawing times decide."""
 
 SMOOTH, PLAIN = "software-fxaa", "software"
 """The profile that 'auto' starts with in software, and the one that it changes to."""

@@ -90,7 +90,7 @@ class SceneCamera:
         return _orbit(view, pose)
 
     def _gods_eye(self, name: str, frame: Frame, now: float) -> Viewpoint:
-        """Turns after the vehicle; jumps to another vehicle, and after a reset."""
+        """Turns to follow the vehicle; jumps to another vehicle, and after a reset."""
         if self._god is None or name != self._followed or frame.time < self._time:
             self._god = GodsEye(0.5 * max(self._vehicles[name].size))
             self._at = now

@@ -117,7 +117,7 @@ class GodsEye:
         dx, dy, dz = (there - here for there, here in zip(target, self.place, strict=True))
         level = math.hypot(dx, dy)
         before = self._state
-        pan = math.atan2(dy, dx) if level > 1e-9 else before[0] if before else 0.0  # straight below: any pan will do
+        pan = math.atan2(dy, dx) if level > 1e-9 else before[0] if before else 0.0  # straight below: any angle is right
         tilt = math.atan2(-dz, level)
         zoom = GOD_ZOOM * math.atan2(self._half_length, math.hypot(level, dz)) / DEGREE
         zoom = min(zoom, 170.0)

@@ -330,16 +330,16 @@ class Client:
         rate: float | None = None,
         noise: Literal["ideal", "file", "realistic", "strong"] | None = None,
     ) -> Frame:
-        """Set a sensor or camera of a vehicle; what is left out is as in the vehicle's file. See `SetSensor`."""
+        """Set a sensor or camera of a vehicle; an omitted value is as in the vehicle's file. See `SetSensor`."""
         settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else float(rate), noise)
         return self._connection.request(settings, LOADING)
 
     def undo(self) -> Frame:
-        """Take the latest edit back; `status.undo` names it."""
+        """Revert the latest edit; `status.undo` names it."""
         return self._connection.request(Undo(), LOADING)
 
     def redo(self) -> Frame:
-        """Make the edit again that was taken back last; `status.redo` names it."""
+        """Make the edit again that was reverted last; `status.redo` names it."""
         return self._connection.request(Redo(), LOADING)
 
     def scenario_text(self) -> str:

@@ -16,7 +16,7 @@ from autodrive.scenario import ScenarioSpec
 from autodrive.world import World
 
 MAX_EDITS = 200
-"""Edits that can be taken back; older ones are forgotten."""
+"""Edits that can be undone; older ones are forgotten."""
 
 Poses: TypeAlias = Mapping[str, Floats | None]
 """Where vehicles and objects are placed, by name; None: where the scenario starts with them."""
@@ -34,10 +34,10 @@ class Change:
 
 
 class Editor:
-    """One history for all who edit a world. `make` makes the World of a scenario; None: edits only move things.
+    """One history of edits for all clients. `make` makes the World of a scenario; None: edits can only change poses.
 
     A move, which changes poses only, happens in the World. Every other edit makes a new World, which continues from the
-    present one: time goes on, and what was not edited keeps its pose, speed and readings.
+    present one: time continues, and everything that was not edited keeps its pose, speed and readings.
     """
 
     def __init__(self, make: Callable[[ScenarioSpec], World] | None) -> None:
@@ -47,7 +47,7 @@ class Editor:
 
     @property
     def undo_name(self) -> str:
-        """The edit that `undo` takes back; empty if there is none."""
+        """The edit that `undo` reverts; empty if there is none."""
         return self._undo[-1].name if self._undo else ""
 
     @property
@@ -69,7 +69,7 @@ class Editor:
         return result
 
     def undo(self, world: World) -> World:
-        """Take the latest edit back."""
+        """Revert the latest edit."""
         if not self._undo:
             raise CommandError("there is no edit to undo")
         change = self._undo[-1]
@@ -78,7 +78,7 @@ class Editor:
         return result
 
     def redo(self, world: World) -> World:
-        """Make the edit again that was taken back last."""
+        """Make the edit again that was reverted last."""
         if not self._redo:
             raise CommandError("there is no edit to redo")
         change = self._redo[-1]
@@ -87,7 +87,7 @@ class Editor:
         return result
 
     def on_reset(self) -> None:
-        """After a reset, an edit that is taken back leaves its vehicle or object at its start."""
+        """After a reset, undoing an earlier edit moves its vehicle or object to its start."""
         for i, change in enumerate(self._undo):
             self._undo[i] = replace(change, poses_before=dict.fromkeys(change.poses_before))
 
@@ -105,7 +105,7 @@ class Editor:
             world.start_from(compiled)
             return world
         if self._make is None:
-            raise CommandError("this Simulation was made for one World: vehicles and boxes can be moved, no more")
+            raise CommandError("this Simulation was made for one World: only poses of vehicles and boxes can be edited")
         made = self._make(spec)
         try:
             made.continue_from(world)

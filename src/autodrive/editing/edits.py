@@ -1,4 +1,4 @@
-"""What an edit makes of a ScenarioSpec."""
+"""Applies an edit to a ScenarioSpec."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def edited(spec: ScenarioSpec, boxes: Mapping[str, BoxPlacement], edit: Edit) ->
 
 
 def name_of(edit: Edit) -> str:
-    """The edit in a few words, for the button that takes it back."""
+    """The edit in a few words, for the button that undoes it."""
     match edit:
         case Place(name=name):
             return f"place {name}"

@@ -54,7 +54,7 @@ LABEL_COLOURS: dict[Label, str] = {
     Label.POST: "1d3557",
     Label.VEHICLE: "1746ff",
 }
-"""sRGB by which people tell labels apart; ours."""
+"""sRGB colour of each label, for people; our values."""
 
 
 def occupancy(map_: Map, resolution: float = 0.01, *, free: Free = "ground") -> NDArray[np.uint8]:

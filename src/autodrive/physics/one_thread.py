@@ -15,7 +15,7 @@ class OneThread:
 
     def __init__(self) -> None:
         self._in_use = threading.RLock()
-        """Held by the thread that is inside a method; nobody waits for it."""
+        """Held by the thread that is inside a method; no thread waits for it."""
 
 
 User = TypeVar("User", bound=OneThread)

@@ -1,7 +1,7 @@
 """The compiled substep loop of a tick: actuators, wheels, engine. It runs without the interpreter lock.
 
 The order of a substep: the actuators follow their commands, each wheel finds the ground below it, forces of tyres and
-air are applied, the engine moves the bodies, contacts of the vehicles are noted.
+air are applied, the engine moves the bodies, contacts of the vehicles are recorded.
 """
 
 from __future__ import annotations

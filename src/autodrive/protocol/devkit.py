@@ -230,7 +230,7 @@ class DevkitCommands:
     resets: dict[str, bool] = field(default_factory=dict)
     """Whether 'Reset' is held, by vehicle; a change to True requests a reset."""
     holds: list[Hold] = field(default_factory=list)
-    """Poses of co-simulated vehicles; a vehicle whose co-simulation is off is let go."""
+    """Poses of co-simulated vehicles; a vehicle whose co-simulation is off is no longer held."""
     environment: dict[str, float] = field(default_factory=dict)
     """Time of day and weather, by the keys of `ENVIRONMENT`."""
     refused: list[str] = field(default_factory=list)

@@ -100,7 +100,7 @@ class SetSpeed(msgspec.Struct, frozen=True, tag=True):
 
 
 class Teleport(msgspec.Struct, frozen=True, tag=True):
-    """Place a vehicle, at rest, at x, y [m] in the map frame with heading yaw [rad]; a Reset takes it back.
+    """Place a vehicle, at rest, at x, y [m] in the map frame with heading yaw [rad], until a Reset.
 
     `vehicle` may also be the name of a movable object.
     """
@@ -114,7 +114,7 @@ class Teleport(msgspec.Struct, frozen=True, tag=True):
 class Hold(msgspec.Struct, frozen=True, tag=True):
     """Hold a vehicle at a pose in the map frame, against all forces, from the next tick on: another program moves it.
 
-    `position` [m] of the rear axle centre; None lets the vehicle go. `orientation`: quaternion wxyz of any length.
+    `position` [m] of the rear axle centre; None ends the hold. `orientation`: quaternion wxyz of any length.
     """
 
     vehicle: Name
@@ -151,7 +151,7 @@ class LoadScenario(msgspec.Struct, frozen=True, tag=True):
     name: Name
 
 
-# Edits change the scenario of the running world. Time goes on; `Undo` and `Redo` belong to all clients together.
+# Edits change the scenario of the running world. Simulated time continues. All clients share one history of edits.
 
 
 class Place(msgspec.Struct, frozen=True, tag=True):
@@ -199,15 +199,15 @@ class SetSensor(msgspec.Struct, frozen=True, tag=True):
 
 
 class Undo(msgspec.Struct, frozen=True, tag=True):
-    """Take the latest edit back."""
+    """Revert the latest edit."""
 
 
 class Redo(msgspec.Struct, frozen=True, tag=True):
-    """Make the edit again that was taken back last."""
+    """Make the edit again that was reverted last."""
 
 
 class SaveScenario(msgspec.Struct, frozen=True, tag=True):
-    """Answer with the scenario and all its edits, as YAML, in the `text` of the Response."""
+    """Request the scenario with all edits, as YAML, in the `text` of the Response."""
 
 
 Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor

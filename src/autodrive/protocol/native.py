@@ -42,7 +42,8 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
 
     `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether scans are sent.
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
-    the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest, never a backlog.
+    the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
+    backlog.
     """
 
     frame_rate: Rate | None = 60.0
@@ -84,9 +85,9 @@ class DisconnectBridge(msgspec.Struct, frozen=True, tag=True):
 class SetCamera(msgspec.Struct, frozen=True, tag=True):
     """Let the simulator render a scene camera for this client and send `Rendered` images; `camera` None: stop.
 
-    `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first. `height` [m] of the
-    Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom` multiplies
-    the focal length.
+    `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first vehicle. `height` [m] of
+    the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom`
+    multiplies the focal length.
     """
 
     camera: Name | None
@@ -213,7 +214,7 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
 
 
 class BridgeStatus(msgspec.Struct, frozen=True):
-    """State of the connection to a devkit script; `error` says why there is none."""
+    """State of the connection to a devkit script; `error` is the reason why there is none."""
 
     address: str = f"127.0.0.1:{DEVKIT_PORT}"
     state: Literal["closed", "connecting", "connected"] = "closed"
@@ -247,7 +248,7 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     note: str = ""
     """A long operation in progress, for example the loading of a scenario."""
     undo: str = ""
-    """The edit that an `Undo` takes back, for example 'place V1'; empty: none."""
+    """The edit that an `Undo` reverts, for example 'place V1'; empty: none."""
     redo: str = ""
     """The edit that a `Redo` makes again; empty: none."""
     error: str = ""

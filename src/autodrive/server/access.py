@@ -64,7 +64,7 @@ def checked_token(token: str) -> str:
     """The token. Raises `AutodriveError` if it can be guessed or does not fit into a link."""
     if len(token) < LEAST_TOKEN or not re.fullmatch(r"[A-Za-z0-9._~-]+", token):
         raise AutodriveError(
-            f"a token has {LEAST_TOKEN} or more characters, letters, digits and '-._~'; without --token a good one is "
+            f"a token has {LEAST_TOKEN} or more characters, letters, digits and '-._~'; without --token, a token is "
             "generated"
         )
     return token

@@ -1,4 +1,4 @@
-"""One connected client: its subscription, what it was sent, and what it is sent next, which is always the latest."""
+"""One connected client: its subscription, and the messages that it is sent, always with the latest state."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from autodrive.server.encoded_frames import EncodedFrames
 
 MAX_EVENTS = 1000
-"""Events kept for a client that takes no Frames; the oldest are dropped."""
+"""Events kept for a client that reads no Frames; the oldest are dropped."""
 MAX_REPLIES, MAX_UNSENT = 200, 2**24
 """Responses and Errors that wait for a client, and their size [bytes]; a client that lets more wait is disconnected."""
 

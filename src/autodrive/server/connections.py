@@ -20,11 +20,11 @@ MAX_HTTP, MAX_WEBSOCKETS = 200, 200
 DEAD_PEER_TIMEOUT = 60.0
 """A client that acknowledges nothing for this time [s] is disconnected."""
 CLOSE_TIMEOUT = 1.0
-"""A client that has not answered the end of the connection after this time [s] is cut off."""
+"""A client that has not answered the end of the connection after this time [s] is disconnected."""
 MAX_UNSENT = 16_384
 """Bytes that may wait in the kernel for a slow reader."""
 MAX_PONGS = 2**16
-"""A client that sends pings without reading is cut off when this many bytes of answers wait."""
+"""A client that sends pings without reading is disconnected when this many bytes of answers wait."""
 
 
 class HttpProtocol(H11Protocol):
@@ -55,7 +55,7 @@ class HttpProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def on_response_complete(self) -> None:
-        """Begin the time-out anew."""
+        """Restart the time-out."""
         super().on_response_complete()
         self._start_timer()
 

@@ -33,7 +33,7 @@ async def receive_hello(receive: Any) -> Hello | None:
         async with asyncio.timeout(HELLO_TIMEOUT):
             data = await next_message(receive)
     except TimeoutError:
-        raise RefusedError("message", f"no Hello came within {HELLO_TIMEOUT:g} s") from None
+        raise RefusedError("message", f"no Hello was received within {HELLO_TIMEOUT:g} s") from None
     if data is None:
         return None
     try:
@@ -60,7 +60,7 @@ async def next_message(receive: Any) -> bytes | str | None:
 
 
 class _Numbered(msgspec.Struct):
-    """The part of a Request that tells which one it is."""
+    """The part of a Request that identifies it."""
 
     id: int | None = None
 
@@ -76,7 +76,7 @@ def id_of(data: bytes | str) -> int | None:
 def decoded(data: bytes | str) -> ClientMessage:
     """The decoded message. Raises `AutodriveError`."""
     if isinstance(data, str):
-        raise AutodriveError("a text message came; messages are binary, in MessagePack")
+        raise AutodriveError("a text message was received; messages must be binary, in MessagePack")
     try:
         return decode_client(data)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:

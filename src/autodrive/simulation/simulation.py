@@ -150,7 +150,7 @@ class Simulation:
 
     @property
     def undo_name(self) -> str:
-        """The edit that an `Undo` takes back, for example 'place V1'; empty if there is none."""
+        """The edit that an `Undo` reverts, for example 'place V1'; empty if there is none."""
         return self._editor.undo_name
 
     @property
@@ -393,7 +393,7 @@ class Simulation:
             case Redo():
                 self._use(self._editor.redo(self.world))
             case SaveScenario():
-                pass  # the world's scenario is written where it is wanted; the request waits for earlier ones
+                pass  # whoever requested it reads the scenario of the world; the request only waits for earlier ones
             case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
                 self.world.teleport(vehicle, x, y, yaw)
             case Hold(vehicle=vehicle, position=position, orientation=orientation):
@@ -435,4 +435,4 @@ class Simulation:
             return math.inf
         if not duration >= 0:
             raise ValueError(f"duration must be 0 or more seconds, not {duration}")
-        return math.ceil(duration / self.world.tick_duration - 1e-6)  # a multiple of the tick is not one tick more
+        return math.ceil(duration / self.world.tick_duration - 1e-6)  # a rounding error must not add a tick

@@ -40,7 +40,7 @@ def check_bridge(make: Callable[[Simulation], Bridge], *, scenario: str | Path =
 
     `make` returns a bridge that is not started, for a Simulation that runs as fast as it can. The rules:
 
-    - Without a peer the simulation goes on: `start` and `publish` do not wait.
+    - Without a peer the simulation continues: `start` and `publish` do not wait.
     - `publish` works before `start` and after `close`, and does not raise.
     - `close` ends all threads of the bridge, also when it is called twice or before `start`.
     - A closed bridge can be started again.

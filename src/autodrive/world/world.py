@@ -219,10 +219,10 @@ class World(OneThread):
 
     @by_one_thread
     def continue_from(self, before: World) -> None:
-        """Go on at the time and in the state of another world, which has the same vehicles.
+        """Continue at the time and in the state of another world, which has the same vehicles.
 
         Objects that both worlds have keep their poses and velocities; other objects are at their start. Sensors with
-        other settings start now; all images are rendered anew.
+        other settings start now; all images are rendered again.
         """
         c, b = self._compiled, before._compiled
         for name in (*self.vehicle_names, *self.boxes):
@@ -257,7 +257,7 @@ class World(OneThread):
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)) -> None:
         """Hold a vehicle at rest at a pose (position [m], quaternion wxyz of any length), from the next tick on.
 
-        None lets it go. Raises `CommandError` for values that are not a pose.
+        None ends the hold. Raises `CommandError` for values that are not a pose.
         """
         self._poses.hold(vehicle, position, orientation)
 
@@ -313,7 +313,7 @@ class World(OneThread):
 
     @by_one_thread
     def restore(self, saved: Snapshot) -> Frame:
-        """Go back to the state of `save`, of this world or another of the same scenario: the same future, bit for bit.
+        """Continue from a snapshot of this world or of another world of the same scenario, with the same bits.
 
         Raises `SnapshotError` if the snapshot is of another scenario or has been changed; then nothing has changed.
         """
