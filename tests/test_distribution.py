@@ -109,7 +109,7 @@ def texts() -> Iterator[tuple[str, str]]:
                 yield name, (ROOT / name).read_text(encoding="utf-8")
 
 
-def test_no_install_command_names_the_distribution_of_somebody_else() -> None:
+def test_no_install_command_names_a_distribution_of_another_project() -> None:
     wrong = [f"{name}: {found[0]}" for name, text in texts() for found in INSTALLS_STRANGER.finditer(text)]
     assert wrong == []
 

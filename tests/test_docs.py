@@ -96,7 +96,7 @@ def test_table_of_pinholes_is_right(fit: str, vertical: str, horizontal: str, fx
     assert 2.0 * math.degrees(math.atan(320.0 / k.fx)) == pytest.approx(float(horizontal), abs=0.0051)
 
 
-def test_pictures_of_the_document_are_taken(gl: str) -> None:
+def test_the_camera_program_of_the_document_runs(gl: str) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "vehicle.md").read_text(), flags=re.DOTALL)
     names: dict[str, object] = {}
     exec(code, names)

@@ -1,4 +1,5 @@
-"""The licences of all dependencies suit the project, and the documented list is the one of the installed packages."""
+"""The licences of all dependencies are compatible with the project, and the documented list is that of the installed
+packages."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def test_a_wall_takes_the_momentum_that_the_car_loses(walled: World) -> None:
     assert lost * 0.9 - tyres < collision.impulse < (lost + tyres) * math.hypot(1.0, 0.6)
 
 
-def test_two_cars_tell_one_collision_each_with_the_same_impulse() -> None:
+def test_two_cars_report_one_collision_each_with_the_same_impulse() -> None:
     world = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=0.8)}))
     frames = drive(world, 300)
     first, second = events(frames)

@@ -75,7 +75,7 @@ def test_tick_must_be_a_whole_number_of_substeps() -> None:
     assert ScenarioSpec(tick=0.03, substep=0.001).substeps == 30  # 0.03 / 0.001 is 29.999... in binary
 
 
-def test_seed_given_to_make_rules_over_that_of_the_file() -> None:
+def test_seed_given_to_make_replaces_that_of_the_file() -> None:
     assert autodrive.make("plane", seed=7).spec.seed == 7
 
 
@@ -106,7 +106,7 @@ def test_a_duplicate_name_is_reported() -> None:
         autodrive.make(spec)
 
 
-def test_file_of_ones_own_is_as_good_as_a_name(tmp_path: Path) -> None:
+def test_a_scenario_can_be_given_as_a_file(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("map: mini_map\nvehicles:\n  V1: {x: 0.2}\nscene_light: false\n")
     frame = autodrive.make(file).frame
@@ -114,7 +114,7 @@ def test_file_of_ones_own_is_as_good_as_a_name(tmp_path: Path) -> None:
     assert frame.vehicles["V1"].pose.position[0] == pytest.approx(0.2)
 
 
-def test_realistic_sensors_err_and_ideal_ones_do_not() -> None:
+def test_realistic_sensors_have_errors_and_ideal_ones_have_none() -> None:
     spec = ScenarioSpec(
         map="mini_map",
         vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=1.0, has_realistic_sensors=True)},

@@ -113,7 +113,7 @@ def test_a_removed_sink_gets_nothing_more(world: World) -> None:
     assert len(sink.frames) == count
 
 
-def test_a_sink_that_raises_is_logged_and_dropped_and_the_others_go_on(
+def test_a_sink_that_raises_is_logged_and_removed_and_the_others_continue(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
     class Faulty:
@@ -225,7 +225,7 @@ def test_a_command_that_is_not_a_finite_number_is_refused(world: World, field: s
         Simulation(world).submit("V1", Command(**{field: bad}))  # pyright: ignore[reportArgumentType]
 
 
-def test_a_lamp_that_there_is_not_is_refused(world: World) -> None:
+def test_an_unknown_state_of_a_lamp_is_refused(world: World) -> None:
     with pytest.raises(CommandError, match="headlights of vehicle 'V1' must be one of 0 off, 1 low, 2 high, not 7"):
         Simulation(world).submit("V1", Command(headlights=7))  # pyright: ignore[reportArgumentType]
 
@@ -249,13 +249,13 @@ def test_a_command_to_an_unknown_vehicle_names_the_known_ones(world: World) -> N
         (Teleport("V1", float("nan"), 0.0), "from -10000 to 10000, not nan"),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused_at_once(world: World, request_: object, says: str) -> None:
+def test_an_invalid_request_is_refused_at_once(world: World, request_: object, says: str) -> None:
     with pytest.raises(CommandError, match=says):
         Simulation(world).request(request_)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, float("inf"), float("nan")])
-def test_a_speed_that_makes_no_sense_is_refused(world: World, speed: float) -> None:
+def test_an_invalid_speed_is_refused(world: World, speed: float) -> None:
     with pytest.raises(CommandError, match="speed must be a number from 1e-06 to"):
         Simulation(world, speed=speed)
 
@@ -273,7 +273,7 @@ def test_steps_run_exactly_that_many_ticks_while_paused(simulation: Simulation) 
     assert simulation.request(Step(1)).result(LIMIT).tick == paused.tick + 4
 
 
-def test_who_asks_may_carry_out_a_short_step_while_the_world_stands_still(simulation: Simulation) -> None:
+def test_a_short_step_may_run_in_the_thread_of_the_caller_during_a_pause(simulation: Simulation) -> None:
     simulation.request(Pause()).result(LIMIT)
     threads: set[str] = set()
 
@@ -291,7 +291,7 @@ def test_who_asks_may_carry_out_a_short_step_while_the_world_stands_still(simula
     assert threads == {threading.current_thread().name}
 
 
-def test_a_step_here_waits_its_turn_where_the_world_moves(simulation: Simulation) -> None:
+def test_a_step_here_is_queued_while_the_simulation_runs(simulation: Simulation) -> None:
     pause = simulation.request(Pause())
     step, long = simulation.request(Step(1), here=True), simulation.request(Step(11), here=True)
     first = pause.result(LIMIT).tick
@@ -318,7 +318,7 @@ def test_steps_here_from_many_threads_between_pauses_all_count(simulation: Simul
     assert simulation.request(Pause()).result(LIMIT).tick == before + 400
 
 
-def test_the_commands_of_a_step_are_for_its_first_tick_and_count_whoever_drives(world: World) -> None:
+def test_the_commands_of_a_step_apply_in_its_first_tick_in_every_driving_mode(world: World) -> None:
     with Simulation(world, is_paused=True) as simulation:
         simulation.request(SetDrivingMode("V1", is_autonomous=False))
         frame = simulation.request(Step(50, {"V1": Command(0.5)})).result(LIMIT)
@@ -327,7 +327,7 @@ def test_the_commands_of_a_step_are_for_its_first_tick_and_count_whoever_drives(
     assert frame.vehicles["V1"].speed == alone[-1].vehicles["V1"].speed > 0.1
 
 
-def test_another_scenario_takes_the_place_of_the_world_and_readers_stay(world: World) -> None:
+def test_another_scenario_replaces_the_world_and_sinks_stay(world: World) -> None:
     recorder = Recorder()
     with Simulation(world, is_paused=True, load=autodrive.make) as simulation:
         simulation.add_sink(recorder)
@@ -373,7 +373,7 @@ def test_the_speed_can_be_changed_while_running(world: World) -> None:
         wait_until(lambda: simulation.simulated_time > 2.0)
 
 
-def test_requests_are_carried_out_in_order_before_the_next_tick(world: World) -> None:
+def test_requests_are_executed_in_order_before_the_next_tick(world: World) -> None:
     simulation = Simulation(world, speed=None)
     simulation.run(0.2)
     done = [
@@ -389,7 +389,7 @@ def test_requests_are_carried_out_in_order_before_the_next_tick(world: World) ->
     assert simulation.frame.tick == 1
 
 
-def test_an_error_of_the_physics_pauses_where_others_watch_until_a_reset(world: World) -> None:
+def test_with_pause_on_error_an_error_of_the_physics_pauses_until_a_reset(world: World) -> None:
     with Simulation(world, speed=None, pause_on_error=True) as simulation:
         simulation.request(Pause()).result(LIMIT)
         world._compiled.views.qvel[0] = math.nan
@@ -407,7 +407,7 @@ def test_an_error_of_the_physics_pauses_where_others_watch_until_a_reset(world: 
         wait_until(lambda: simulation.ticks > then)
 
 
-def test_without_anybody_to_watch_an_error_of_the_physics_ends_the_run(world: World) -> None:
+def test_without_pause_on_error_an_error_of_the_physics_ends_the_run(world: World) -> None:
     world._compiled.views.qvel[0] = math.nan
     with pytest.raises(EngineError, match="unstable"):
         Simulation(world, speed=None).run(1.0)
@@ -421,7 +421,7 @@ def test_sinks_see_what_a_request_changed_even_while_paused(world: World) -> Non
         assert [frame.scene_light for frame in sink.frames] == [False]
 
 
-def test_a_reset_does_not_take_back_what_was_run(world: World) -> None:
+def test_a_reset_does_not_change_the_time_that_was_run(world: World) -> None:
     simulation = Simulation(world, speed=None)
     simulation.run(0.2)
     simulation.request(Reset())
@@ -481,13 +481,13 @@ def test_a_running_simulation_cannot_be_started_twice(simulation: Simulation) ->
         simulation.run(1.0)
 
 
-def test_waiting_says_whether_the_run_has_ended(world: World) -> None:
+def test_wait_returns_whether_the_run_has_ended(world: World) -> None:
     with Simulation(world, is_paused=True) as simulation:
         assert not simulation.wait(0.01)
     assert simulation.wait(0.0)
 
 
-def test_what_ends_the_thread_early_is_raised_to_whoever_waits(world: World) -> None:
+def test_an_error_that_ends_the_thread_is_raised_by_wait(world: World) -> None:
     simulation = Simulation(world, speed=None)
     world.step = lambda *_: (_ for _ in ()).throw(ArithmeticError("the state is not finite"))  # type: ignore[method-assign]
     try:
@@ -499,7 +499,7 @@ def test_what_ends_the_thread_early_is_raised_to_whoever_waits(world: World) -> 
     assert not simulation.is_running
 
 
-def test_commands_from_many_threads_at_once_do_no_harm(simulation: Simulation) -> None:
+def test_commands_from_many_threads_at_once_are_safe(simulation: Simulation) -> None:
     stop = threading.Event()
     errors: list[Exception] = []
 

@@ -120,7 +120,7 @@ class ReadsNoMessage(Position):
         return object()
 
 
-def test_a_sensor_of_ones_own_conforms() -> None:
+def test_a_custom_sensor_conforms() -> None:
     check_sensor(Position, ticks=20)
 
 
@@ -204,7 +204,7 @@ class NeverStarts(Relay):
         threading.Event().wait()
 
 
-def test_a_bridge_of_ones_own_conforms() -> None:
+def test_a_custom_bridge_conforms() -> None:
     check_bridge(Relay)
 
 

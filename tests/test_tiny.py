@@ -1,4 +1,4 @@
-"""The smallest use of the simulator: a world, a step, a Frame. Takes less than three seconds."""
+"""The smallest use of the simulator: a world, a step, a Frame."""
 
 import math
 

@@ -78,7 +78,7 @@ def test_a_frame_is_read_only() -> None:
         frame.time = 0.0  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_a_frame_stays_as_it_was_when_the_world_goes_on() -> None:
+def test_later_ticks_do_not_change_a_frame() -> None:
     world = plane(boxes={"box": BoxSpec(x=0.36, y=0.0)})
     frame = drive(world, 50, throttle=1.0)
     before = digest(frame)
@@ -152,7 +152,7 @@ def test_a_car_without_commands_brakes_and_straightens_its_wheels() -> None:
     assert not vehicle.wheels.angular_velocity.any()
 
 
-def test_a_command_given_again_keeps_the_car_going() -> None:
+def test_a_repeated_command_keeps_the_car_moving() -> None:
     world = plane()
     for k in range(200):
         frame = world.step({"V1": Command(throttle=1.0)} if k % 40 == 0 else None)
@@ -202,7 +202,7 @@ def test_indicators_blink_at_one_hertz_dark_first_from_the_moment_they_are_switc
         assert not lights.right_indicator
 
 
-def test_the_blinking_goes_on_when_the_side_changes_and_begins_anew_after_off() -> None:
+def test_the_blinking_continues_when_the_side_changes_and_restarts_after_off() -> None:
     world = plane()
     drive(world, 60, indicators=Indicators.LEFT)
     lights = drive(world, 1, indicators=Indicators.RIGHT).vehicles["V1"].lights
@@ -225,7 +225,7 @@ def test_tail_lights_are_bright_while_braking_partial_with_headlights_and_else_o
     assert tail(throttle=-0.3, headlights=Headlights.OFF) == TailLights.OFF
 
 
-def test_reverse_lights_burn_from_the_command_until_the_wheels_turn_forward() -> None:
+def test_reverse_lights_are_on_from_the_command_until_the_wheels_turn_forward() -> None:
     world = plane()
     assert not drive(world, 100, throttle=1.0).vehicles["V1"].lights.reverse_lights
     assert drive(world, 2, throttle=-0.5).vehicles["V1"].lights.reverse_lights
@@ -273,7 +273,7 @@ def test_a_teleport_to_nowhere_is_an_error(arguments: tuple[Any, ...], text: str
     assert digest(world.frame) == before
 
 
-def test_reset_makes_a_world_as_new() -> None:
+def test_a_reset_world_equals_a_new_one() -> None:
     spec = ScenarioSpec(map="mini_map", boxes={"box": BoxSpec(x=0.36, y=0.0)})
     world, new = autodrive.make(spec), autodrive.make(spec)
     drive(world, 90, throttle=1.0, steering=0.3, headlights=Headlights.LOW, indicators=Indicators.HAZARD)
@@ -313,7 +313,7 @@ def test_scene_light_and_driving_mode_change_at_once_and_stay() -> None:
         world.set_driving_mode("V7", True)
 
 
-def test_a_restore_mends_a_state_that_burst_while_touching_a_box() -> None:
+def test_a_restore_recovers_from_a_diverged_state_in_contact_with_a_box() -> None:
     world = plane(boxes={"box": BoxSpec(x=0.36, y=0.0)})
     drive(world, 60, throttle=1.0)  # it pushes
     saved = world.save()
@@ -347,7 +347,7 @@ def test_a_view_reads_the_ground_truth_of_the_frame() -> None:
         world.vehicle("V5")
 
 
-def test_a_held_vehicle_stays_at_its_pose_until_it_is_let_go() -> None:
+def test_a_held_vehicle_stays_at_its_pose_until_the_hold_ends() -> None:
     world = plane(vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(y=2.0)})
     pose = (1.0, -2.0, 0.2), (0.0, 0.0, 0.0, -2.0)
     world.hold("V1", *pose)

@@ -145,7 +145,7 @@ OLD, NEW = {"V1 Throttle": "0", "V1 Headlights": "0"}, {"V1 Throttle": "0", "V1 
         (DevkitSettings(lidar="text"), NEW, "inf "),
     ],
 )
-def test_scans_have_the_format_that_the_commands_tell(
+def test_scans_have_the_format_that_the_commands_imply(
     simulation: Simulation, settings: DevkitSettings, commands: dict[str, str], expected: str
 ) -> None:
     received: list[str] = []
@@ -233,9 +233,7 @@ def test_a_server_that_never_clears_its_buffer_reads_every_message(simulation: S
     assert sizes[0] > 4 / 3 * 2 * 31000  # room for two images, which the first one may not fill
 
 
-def test_no_mask_of_a_frame_spells_the_end_of_a_message(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_frame_mask_contains_the_end_of_a_message(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
     """uWebSockets 0.14 leaves the mask behind the text of a frame, and the published C++ devkit reads it."""
     masks: list[bytes] = []
 
@@ -278,7 +276,7 @@ def test_a_script_sets_the_time_of_day_and_places_the_vehicle(
     assert len([line for line in caplog.messages if "the weather" in line]) == 1
 
 
-def test_keys_that_fit_two_generations_are_told(simulation: Simulation) -> None:
+def test_ambiguous_keys_are_reported(simulation: Simulation) -> None:
     with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 3)
         counters = bridge.counters

@@ -220,7 +220,7 @@ def test_the_worker_starts_when_images_are_first_wanted_and_again_three_times_wh
     assert len(os.listdir("/proc/self/fd")) <= before + 1  # the engine's own log file may be open
 
 
-def test_without_opengl_one_line_is_logged_and_the_simulation_goes_on(
+def test_without_opengl_one_line_is_logged_and_the_simulation_continues(
     car: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", os.devnull)

@@ -192,7 +192,7 @@ def test_headless_serves_no_page(tmp_path: Path) -> None:
         ({"DISPLAY": ":0"}, ""),
     ],
 )
-def test_an_ssh_session_gets_the_command_of_the_tunnel(environment: dict[str, str], command: str) -> None:
+def test_an_ssh_session_shows_the_command_for_the_tunnel(environment: dict[str, str], command: str) -> None:
     with mock.patch.dict(os.environ, {"LOGNAME": "ada", **environment}, clear=True):
         assert tunnel("http://127.0.0.1:8731/") == command
         assert has_screen() == (not command)

@@ -1,4 +1,4 @@
-"""The client against a real simulator in this process; the World itself says what is right."""
+"""The client against a real simulator in this process; the expected values are those of the World."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def sim(server: Server) -> Iterator[Client]:
         yield client
 
 
-def test_steps_over_the_wire_give_the_bits_of_world_step(sim: Client) -> None:
+def test_steps_of_a_client_give_the_bits_of_world_step(sim: Client) -> None:
     world = autodrive.make("mini_map")
     rng = np.random.default_rng(4)
     events = 0
@@ -42,7 +42,7 @@ def test_steps_over_the_wire_give_the_bits_of_world_step(sim: Client) -> None:
     assert frame.vehicles["V1"].lidar is not None
 
 
-def test_several_ticks_in_one_step_are_those_one_by_one(sim: Client) -> None:
+def test_one_step_of_several_ticks_equals_several_steps(sim: Client) -> None:
     world = autodrive.make("mini_map")
     with sim.lockstep():
         sim.reset()
@@ -54,7 +54,7 @@ def test_several_ticks_in_one_step_are_those_one_by_one(sim: Client) -> None:
     assert encode(frame.vehicles) == encode(there.vehicles)
 
 
-def test_lockstep_pauses_and_resumes_what_ran(sim: Client, simulation: Simulation) -> None:
+def test_lockstep_pauses_and_resumes_a_running_simulation(sim: Client, simulation: Simulation) -> None:
     with sim.lockstep():
         assert simulation.is_paused
     assert not simulation.is_paused
@@ -72,13 +72,13 @@ def test_the_status_is_never_older_than_the_answer_to_a_pause_or_resume(sim: Cli
         assert not sim.status.is_paused
 
 
-def test_the_first_step_pauses_and_the_next_goes_on_from_there(sim: Client, simulation: Simulation) -> None:
+def test_the_first_step_pauses_and_the_next_one_continues(sim: Client, simulation: Simulation) -> None:
     first = sim.step()
     assert simulation.is_paused
     assert sim.step().tick == first.tick + 1
 
 
-def test_frames_come_in_order_and_whole(sim: Client) -> None:
+def test_frames_are_complete_and_in_order(sim: Client) -> None:
     frames = list(islice(sim.frames(), 30))
     ticks = [frame.tick for frame in frames]
     assert ticks == sorted(set(ticks))
@@ -93,7 +93,7 @@ def test_wait_news_returns_once_for_each_update(sim: Client) -> None:
     assert second > first > 0
 
 
-def test_frames_can_be_asked_for_less_often(sim: Client) -> None:
+def test_frames_can_be_requested_at_a_lower_rate(sim: Client) -> None:
     start = time.monotonic()
     for _ in islice(sim.frames(rate=20.0), 11):
         pass
@@ -115,7 +115,7 @@ def test_a_script_that_did_not_read_for_long_gets_a_fresh_frame(sim: Client, sim
     assert sim.frame.tick >= now
 
 
-def test_events_of_frames_that_nobody_read_are_kept(sim: Client, simulation: Simulation) -> None:
+def test_events_of_skipped_frames_are_kept(sim: Client, simulation: Simulation) -> None:
     seen: list[object] = []
 
     class Witness:
@@ -154,7 +154,7 @@ def drive(sim: Client) -> bool:
     return True
 
 
-def test_what_a_drive_was_refused_is_raised_by_the_next_call(sim: Client) -> None:
+def test_a_refused_drive_raises_at_the_next_call(sim: Client) -> None:
     sim.set_driving_mode("V1", False)
     sim.drive("V1", throttle=0.5)
     with pytest.raises(CommandError, match=r"manual mode .*: sim\.set_driving_mode\(vehicle, is_autonomous=True\)"):
@@ -165,19 +165,19 @@ def test_what_a_drive_was_refused_is_raised_by_the_next_call(sim: Client) -> Non
         wait_until(lambda: not sim.wait())
 
 
-def test_a_command_that_is_no_command_is_an_error_that_shows_one(sim: Client) -> None:
+def test_a_wrong_command_is_an_error_with_an_example(sim: Client) -> None:
     with pytest.raises(CommandError, match=r"a dictionary with a Command for each vehicle, .* not \(0\.5, 0\)"):
         sim.step((0.5, 0))  # type: ignore[arg-type]
     with pytest.raises(CommandError, match=r"the command of vehicle 'V1' must be a Command, .* not \(0\.5, 0\)"):
         sim.drive("V1", (0.5, 0))  # type: ignore[arg-type]
 
 
-def test_the_images_of_a_frame_say_how_to_get_pictures(sim: Client) -> None:
+def test_missing_images_explain_how_to_get_pictures(sim: Client) -> None:
     with pytest.raises(KeyError, match=r"Client\(picture_rate=10\) and client\.image"):
         _ = sim.wait().vehicles["V1"].cameras["front"]
 
 
-def test_only_one_of_two_drives(sim: Client, server: Server) -> None:
+def test_only_one_of_two_clients_drives(sim: Client, server: Server) -> None:
     sim.drive("V1", throttle=0.1)
     wait_until(lambda: sim.status.drivers == {"V1": "script"})
     with Client(server.url, name="script", timeout=LIMIT) as other:
@@ -195,7 +195,7 @@ def test_only_one_of_two_drives(sim: Client, server: Server) -> None:
         wait_until(lambda: other.status.drivers == {"V1": "script 2"})
 
 
-def test_requests_are_carried_out(sim: Client, simulation: Simulation) -> None:
+def test_requests_are_executed(sim: Client, simulation: Simulation) -> None:
     assert not sim.set_scene_light(False).scene_light
     assert sim.pause().tick <= simulation.frame.tick
     there = sim.teleport("V1", 0.5, 0.25, 1.0).vehicles["V1"].pose.position
@@ -230,19 +230,19 @@ def test_another_scenario_brings_its_own_frames(sim: Client) -> None:
         (lambda sim: sim.drive("V1", headlights=7), "7 is not a valid Headlights"),
     ],
 )
-def test_what_is_refused_is_a_command_error_with_the_simulators_words(sim: Client, ask: object, words: str) -> None:
+def test_a_refused_request_is_a_command_error_with_the_reason(sim: Client, ask: object, words: str) -> None:
     with pytest.raises(CommandError, match=words):
         ask(sim)  # type: ignore[operator]
     assert sim.reset().tick == 0  # and the conversation goes on
 
 
-def test_a_wait_in_a_pause_ends_and_says_why(sim: Client) -> None:
+def test_a_wait_during_a_pause_ends_with_the_reason(sim: Client) -> None:
     sim.pause()
     with pytest.raises(TimeoutError, match=r"no Frame came within 0\.2 s; the simulation is paused: sim\.resume"):
         sim.wait(timeout=0.2)
 
 
-def test_a_picture_that_was_not_asked_for_is_not_waited_for(sim: Client) -> None:
+def test_a_picture_without_a_subscription_is_an_error_at_once(sim: Client) -> None:
     with pytest.raises(autodrive.AutodriveError, match="create the Client with a picture_rate"):
         sim.image("V1", "front")
 
@@ -257,7 +257,7 @@ def test_a_token_is_needed_where_there_is_one(simulation: Simulation) -> None:
                 assert sim.frame.vehicles
 
 
-def test_a_client_that_left_no_longer_drives(sim: Client, server: Server) -> None:
+def test_a_disconnected_client_no_longer_drives(sim: Client, server: Server) -> None:
     with Client(server.address, timeout=LIMIT) as other:
         other.drive("V1", throttle=0.1)
     sim.drive("V1", throttle=0.1)
@@ -266,7 +266,7 @@ def test_a_client_that_left_no_longer_drives(sim: Client, server: Server) -> Non
         _ = other.frame
 
 
-def test_a_served_simulation_that_starts_anew_is_found_again(simulation: Simulation) -> None:
+def test_a_client_finds_a_restarted_simulator(simulation: Simulation) -> None:
     server = Server(simulation, scene_files=bare, port=0)
     server.start()
     with Client(server.address, name="script", timeout=LIMIT) as sim:

@@ -1,4 +1,4 @@
-"""The client against servers made of another WebSocket implementation, where a simulator would not help."""
+"""The client against servers of another WebSocket implementation, for cases that a simulator does not produce."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_a_server_that_does_not_answer_is_left_after_the_timeout(monkeypatch: py
         Client(address, timeout=0.2)
 
 
-def test_fragments_pings_and_unknown_messages_are_taken_as_they_come() -> None:
+def test_fragments_pings_and_unknown_messages_are_accepted() -> None:
     ponged = threading.Event()
 
     def talk(connection: ServerConnection) -> None:
@@ -144,7 +144,7 @@ def test_events_of_skipped_frames_come_with_the_latest() -> None:
         assert sim.wait().events == ()
 
 
-def test_a_picture_is_decoded_when_it_is_wanted_and_once() -> None:
+def test_a_picture_is_decoded_once_on_first_access() -> None:
     pixels = np.zeros((48, 64, 3), np.uint8)
     pixels[:, 32:] = 200, 60, 20
     jpeg = simplejpeg.encode_jpeg(pixels, quality=95)
@@ -162,7 +162,7 @@ def test_a_picture_is_decoded_when_it_is_wanted_and_once() -> None:
     np.testing.assert_allclose(image[:, 48:].astype(int), pixels[:, 48:], atol=6)  # of JPEG at quality 95
 
 
-def test_a_request_that_was_under_way_is_a_connection_error_and_the_next_goes_through() -> None:
+def test_a_request_during_a_disconnection_is_a_connection_error_and_the_next_succeeds() -> None:
     asked: list[object] = []
 
     def talk(connection: ServerConnection) -> None:
@@ -181,7 +181,7 @@ def test_a_request_that_was_under_way_is_a_connection_error_and_the_next_goes_th
     assert asked == [Reset(1), Reset(2)]
 
 
-def test_an_answer_that_does_not_come_is_a_timeout_and_is_not_taken_for_the_next() -> None:
+def test_a_missing_answer_is_a_timeout_and_a_late_answer_is_ignored() -> None:
     def talk(connection: ServerConnection) -> None:
         connection.send(WELCOME)
         first = decode_client(connection.recv())  # type: ignore[arg-type]
@@ -201,7 +201,7 @@ def test_an_answer_that_does_not_come_is_a_timeout_and_is_not_taken_for_the_next
             sim.pause()
 
 
-def test_a_lost_simulator_is_waited_for_only_so_long() -> None:
+def test_the_wait_for_a_lost_simulator_is_limited() -> None:
     with serving(lambda connection: connection.send(WELCOME)) as address:
         sim = Client(address, patience=0.3)
     with pytest.raises(NoSimulatorError, match=r"waited 0\.3 s"):
@@ -224,7 +224,7 @@ def test_an_address_or_the_link_leads_to_the_socket(text: str, uri: str) -> None
 
 
 @pytest.mark.parametrize("text", ["", "ftp://here", "host:port", "host:99999999"])
-def test_what_is_no_address_says_what_would_be(text: str) -> None:
+def test_an_invalid_address_is_an_error_with_an_example(text: str) -> None:
     with pytest.raises(AutodriveError, match="is not the address of a simulator"):
         Client(text)
 

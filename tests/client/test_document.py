@@ -1,4 +1,4 @@
-"""What docs/client.md and the examples show is run, against a simulator."""
+"""The programs of docs/client.md and the examples run against a simulator."""
 
 from __future__ import annotations
 

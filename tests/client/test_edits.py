@@ -1,4 +1,4 @@
-"""Edits through the client: what another viewer sees, the shared history, and the text of the scenario."""
+"""Edits through the client: what another client sees, the shared history, and the text of the scenario."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def sim(server: Server) -> Iterator[Client]:
         yield client
 
 
-def test_another_viewer_sees_an_edit_and_can_undo_it(server: Server, sim: Client) -> None:
+def test_another_client_sees_an_edit_and_can_undo_it(server: Server, sim: Client) -> None:
     with Client(server.address, name="viewer", timeout=LIMIT) as viewer:
         before = viewer.frame
         frame = sim.add_box("crate", 1.0, 0.9, 0.5, mass=0.3)

@@ -120,6 +120,6 @@ def test_a_browser_gets_an_explanation(echo: Server) -> None:
     assert b"driving script" in refused.value.read()
 
 
-def test_a_taken_port_is_an_error_at_once(echo: Server) -> None:
+def test_a_port_in_use_is_an_error_at_once(echo: Server) -> None:
     with pytest.raises(OSError, match="in use"):
         Server(lambda data: None, port=echo.port)

@@ -1,4 +1,4 @@
-"""Edits of a running World: what moves, what goes on, what a reset and an undo restore, and the file that is saved."""
+"""Edits of a running World: what changes, what continues, what reset and undo restore, and the saved file."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def pose(frame: Frame, name: str) -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize(("name", "height"), [("V1", 0.0325), ("crate", 0.05)])
-def test_a_thing_that_is_placed_rests_there_now_and_after_a_reset(name: str, height: float) -> None:
+def test_a_placed_vehicle_or_object_is_there_now_and_after_a_reset(name: str, height: float) -> None:
     editing = plane(boxes={"crate": CRATE})
     editing.drive(100, throttle=1.0)
     tick = editing.world.frame.tick
@@ -93,7 +93,7 @@ def test_a_teleported_object_is_back_after_a_reset() -> None:
     assert pose(editing.ask(Reset()), "crate") == pytest.approx((1.0, 0.5, 0.0))
 
 
-def test_undo_and_redo_go_back_and_forth() -> None:
+def test_undo_reverts_edits_and_redo_repeats_them() -> None:
     editing = plane(boxes={"crate": CRATE})
     x, *_ = pose(editing.drive(100, throttle=1.0), "V1")
     editing.ask(Place("V1", 2.0, -1.0), Place("crate", 0.0, 2.0, 1.0))
@@ -123,7 +123,7 @@ def test_what_stood_on_a_box_falls_when_the_box_is_moved() -> None:
 # -- boxes -------------------------------------------------------------------------------------------------------
 
 
-def test_a_world_with_a_new_box_goes_on_as_one_that_always_had_it() -> None:
+def test_a_world_with_a_new_box_continues_as_one_that_always_had_it() -> None:
     """The box is not touched before it is added, so both worlds are the same."""
     always = plane(boxes={"crate": CRATE})
     editing = plane()
@@ -174,7 +174,7 @@ def test_boxes_of_the_map_can_be_moved_and_removed() -> None:
 # -- sensors -----------------------------------------------------------------------------------------------------
 
 
-def test_rates_of_sensors_change_at_once_and_the_others_go_on() -> None:
+def test_rates_of_sensors_change_at_once_and_the_others_continue() -> None:
     editing = plane()
     editing.drive(33, throttle=1.0)
     before = editing.world.frame.vehicles["V1"]
@@ -294,7 +294,7 @@ def test_a_wrong_edit_is_an_error_and_changes_nothing(operation: Operation, text
     assert editing.simulation.undo_name == ""
 
 
-def test_a_simulation_of_one_world_only_moves_things() -> None:
+def test_a_simulation_of_one_world_only_changes_poses() -> None:
     simulation = Simulation(autodrive.make(ScenarioSpec(boxes={"crate": CRATE})))
 
     def ask(operation: Operation) -> Frame:

@@ -1,4 +1,4 @@
-"""Hostile devkit scripts: time goes on, memory stays bounded, and the run ends when it is told to."""
+"""Hostile devkit scripts: time continues, memory is bounded, and a signal ends the run."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_answers_to_a_server_that_does_not_read_are_bounded() -> None:
         connection.receive('427["Bridge",{}]', 0.0)
 
 
-def test_time_goes_on_while_a_script_toggles_reset(simulation: Simulation) -> None:
+def test_time_continues_while_a_script_toggles_reset(simulation: Simulation) -> None:
     with peer(toggles_reset) as port, DevkitBridge(simulation, port=port) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 100)
         for _ in range(2):

@@ -217,7 +217,7 @@ def test_anchors_aliases_and_merges_of_a_plain_file_work(tmp_path: Path) -> None
         (b"#" * (MAX_BYTES + 1), "a file must have at most 1 MiB"),
     ],
 )
-def test_a_file_that_is_no_text_is_refused(data: bytes, expected: str, tmp_path: Path) -> None:
+def test_a_binary_file_is_refused(data: bytes, expected: str, tmp_path: Path) -> None:
     path = tmp_path / "binary.yaml"
     path.write_bytes(data)
     for kind in SPECS:

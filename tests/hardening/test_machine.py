@@ -40,7 +40,7 @@ def run_in_shell(before: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize("descriptors", [9])
 def test_few_file_descriptors_cost_the_cameras_at_most(descriptors: int, tmp_path: Path, gl: str) -> None:
-    """The physics needs none; what is missing is said in a line."""
+    """The physics needs none; one line reports what is missing."""
     done = run_in_shell(f"ulimit -n {descriptors}", tmp_path)
     assert "Traceback" not in done.stderr
     assert done.returncode == 0, done.stderr

@@ -109,9 +109,7 @@ def test_a_flood_of_resets_is_answered_with_few_resets(
     assert seeds[-1] == 59
 
 
-def test_requests_of_a_client_use_a_fifth_of_the_time_that_runs(
-    server: Server, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_requests_use_at_most_a_fifth_of_the_time(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     spans = []
     reset = World.reset
 
@@ -161,7 +159,7 @@ def test_requests_of_a_client_that_left_are_dropped(
     assert len(loads) <= 3
 
 
-def test_more_bytes_than_the_limit_end_their_sender(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_above_the_byte_limit_is_disconnected(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.server.rate_limit.MOST_DROPPED", 100)
     with native_client(server) as loud:
         loud.send("Subscribe", frame_rate=0.0)
@@ -174,7 +172,7 @@ def test_more_bytes_than_the_limit_end_their_sender(server: Server, monkeypatch:
             flood()
 
 
-def test_pings_without_reading_are_cut_off(server: Server) -> None:
+def test_pings_without_reading_end_the_connection(server: Server) -> None:
     with _websocket(server) as peer:
         ping = bytes([0x89, 0x80 | 125]) + bytes(4) + bytes(125)
 
@@ -213,7 +211,7 @@ def _exchange(server: Server, request: bytes) -> bytes:
 GET = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 
 
-def test_idle_connections_lock_nobody_out(server: Server) -> None:
+def test_idle_connections_do_not_block_new_ones(server: Server) -> None:
     idle = [socket.create_connection(("127.0.0.1", server.port), LIMIT) for _ in range(450)]
     try:
         assert _exchange(server, GET + b"Connection: close\r\n\r\n").startswith(b"HTTP/1.1 404")  # no page is built

@@ -1,4 +1,4 @@
-"""Pictures of maps: valid, of the right size, and of the very polygons."""
+"""Drawings of maps: valid SVG, of the right size, with the polygons of the simulation."""
 
 import struct
 from typing import get_args
@@ -35,14 +35,14 @@ def png_size(data):
 
 
 @pytest.mark.parametrize("name", ["mini_map", "tiny_town"])
-def test_road_in_the_picture_is_the_road_that_is_driven_on(name):
+def test_drawn_road_is_the_drivable_area(name):
     map_ = load_map(name)
     (road,) = paths(to_svg(map_), "road")
     # coordinates are written to a tenth of a millimetre, along 50 m of kerb
     assert area(road) == pytest.approx(map_.drivable.area, abs=5e-3)
 
 
-def test_picture_has_the_size_of_the_map_and_a_margin(tmp_path):
+def test_drawing_has_the_size_of_the_map_and_a_margin(tmp_path):
     map_ = load_map("mini_map")
     x0, y0, x1, y1 = map_.bounds
     path = tmp_path / "map.png"
@@ -77,7 +77,7 @@ def test_every_sign_has_a_face(kind):
     assert png_size(resvg_py.svg_to_bytes(svg_string=icon_svg(kind, 64))) == (64, 64)
 
 
-def test_title_of_a_map_cannot_break_its_picture(tmp_path):
+def test_title_of_a_map_cannot_break_its_drawing(tmp_path):
     path = tmp_path / "odd.yaml"
     path.write_text("title: A <b> & c\n")
     assert ElementTree.fromstring(to_svg(load_map(path))).findtext(f"{SVG}title") == "A <b> & c"

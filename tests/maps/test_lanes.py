@@ -86,7 +86,7 @@ def test_nearest_point_has_lane_distance_heading_and_side():
     assert right.offset == pytest.approx(-0.1)
 
 
-def test_nearest_lane_can_be_asked_for_in_a_driving_direction():
+def test_nearest_lane_can_be_limited_to_a_driving_direction():
     point = square().nearest(0.5, 0.1, yaw=math.pi)
     assert point is not None
     assert point.lane == 2

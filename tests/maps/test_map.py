@@ -40,7 +40,7 @@ def test_vehicle_starts_in_the_middle_of_a_lane_and_along_it(name):
     assert (point.offset, point.yaw) == pytest.approx((0.0, start.yaw), abs=1e-9)
 
 
-def test_mini_map_holds_every_module():
+def test_mini_map_contains_every_module():
     map_ = load_map("mini_map")
     assert {one.module.name for one in map_.modules} == set(specs.names("module"))
     assert len(map_.boxes) == 8

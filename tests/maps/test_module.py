@@ -42,7 +42,7 @@ MINIMUM_TURNING_RADIUS = 0.24515
 """Of the car, rear axle [m] (report, table 10)."""
 
 
-def test_kit_holds_the_nine_modules_of_the_report_and_the_filler():
+def test_the_modules_are_the_nine_of_the_report_and_the_filler():
     kit = {load_module(name).spec.title: load_module(name).spec.type for name in specs.names("module")}
     assert kit == {**TABLE_11, "Road Patch": "road"}
 

@@ -168,7 +168,7 @@ def test_names_of_solid_objects_must_be_unique(tmp_path):
     assert "the name 'house' is used by 2 solid objects" in str(broken(tmp_path, f"title: T\nblocks:\n{block}{block}"))
 
 
-def test_module_files_may_lie_beside_the_map(tmp_path):
+def test_module_files_may_be_in_the_folder_of_the_map(tmp_path):
     (tmp_path / "round.yaml").write_text(
         "title: Round\ntype: road\nlength: 2\nwidth: 2\n"
         "drivable:\n  - {shape: sector, outer_radius: 1, start_deg: 0, end_deg: 360}\n"

@@ -1,4 +1,4 @@
-"""Occupancy grids and label pictures, read back and held against the polygons."""
+"""Occupancy grids and label images, read back and compared with the polygons."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from autodrive.protocol.png import decode_png
 
 @pytest.mark.parametrize("name", ["mini_map", "tiny_town"])
 @pytest.mark.parametrize("free", ["ground", "drivable"])
-def test_cell_of_the_grid_is_what_stands_at_its_middle(name, free, tmp_path):
+def test_cell_of_the_grid_shows_the_object_at_its_centre(name, free, tmp_path):
     map_ = load_map(name)
     about = yaml.safe_load(write_occupancy(map_, tmp_path, 0.02, free=free).read_text())
     grid = decode_png((tmp_path / about["image"]).read_bytes())[..., 0]

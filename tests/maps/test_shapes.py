@@ -29,7 +29,7 @@ def test_whole_disc_is_a_sector_too():
     assert shape.area == pytest.approx(math.pi / 4.0, abs=CHORD_ERROR * math.pi)
 
 
-def test_no_chord_is_further_from_its_arc_than_promised():
+def test_no_chord_is_farther_from_its_arc_than_the_tolerance():
     for radius in (0.01, 0.4, 1.0, 30.0):
         points = arc((0.0, 0.0), radius, 0.3, 2.9)
         middles = (points[1:] + points[:-1]) / 2.0
@@ -64,7 +64,7 @@ def test_dashes_follow_an_arc_in_a_whole_number_of_periods():
         ("{shape: circle, radius: 1}", "rectangle"),
     ],
 )
-def test_impossible_shape_is_refused_with_what_would_be_right(shape, message):
+def test_impossible_shape_is_refused_with_the_valid_range(shape, message):
     with pytest.raises(SpecError, match=message):
         parse(f"title: T\ntype: road\nlength: 1\nwidth: 1\ndrivable:\n  - {shape}\n", ModuleSpec)
 

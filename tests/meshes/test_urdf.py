@@ -238,7 +238,7 @@ def test_the_package_contains_the_generated_files_and_is_small() -> None:
         assert np.allclose(ours["corners"], theirs["corners"], atol=1e-6), f"{path}: {remedy}"
 
 
-def test_the_command_line_writes_the_package_of_a_car_of_ones_own(spec: VehicleSpec, tmp_path: Path) -> None:
+def test_the_command_line_writes_the_package_of_a_custom_car(spec: VehicleSpec, tmp_path: Path) -> None:
     file = tmp_path / "wide.yaml"
     file.write_text(yaml.safe_dump(spec.model_dump(mode="json", exclude_none=True) | {"track": 0.2}))
     done = CliRunner().invoke(app, ["urdf", str(file), "--output", str(tmp_path / "package")])

@@ -1,4 +1,4 @@
-"""The page on screens of all sizes: controls that can be reached and touched, readable text, a layout that stays."""
+"""The page on screens of all sizes: controls can be reached and touched, text is readable, the layout is stable."""
 
 from __future__ import annotations
 

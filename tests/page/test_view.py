@@ -102,7 +102,7 @@ def test_a_link_opens_the_same_view_and_a_reload_keeps_it(two_cars: PageServer, 
         assert after[0] == before[0]
 
 
-def test_vehicles_are_told_apart_by_label_and_colour(two_cars: PageServer, new_tab: NewTab) -> None:
+def test_vehicles_differ_by_label_and_colour(two_cars: PageServer, new_tab: NewTab) -> None:
     two_cars.request(Pause())
     tab = new_tab(size=(640, 480), draws=True).open(f"{two_cars.url}?quality=low#camera=birds-eye&height=2&scan=0")
     tab.wait_for_image()

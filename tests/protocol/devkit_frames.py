@@ -1,4 +1,4 @@
-"""Frames with known numbers for the tests of the devkit's wire."""
+"""Frames with known numbers for the tests of the devkit protocol."""
 
 from __future__ import annotations
 
@@ -72,6 +72,6 @@ def vehicle(**changes: Any) -> VehicleFrame:
 
 
 def frame(*vehicles: VehicleFrame) -> Frame:
-    """Of vehicles named 'red', 'green', 'blue': names of ours are not those of the wire."""
+    """Of vehicles named 'red', 'green', 'blue': the names differ from those of the protocol."""
     named: dict[str, VehicleFrame] = dict(zip(("red", "green", "blue"), vehicles or (vehicle(),), strict=False))
     return Frame(time=0.0, tick=0, vehicles=named, objects={}, events=(), scene_light=True)

@@ -1,4 +1,4 @@
-"""The devkit's wire against recorded frames, the measured sign table, and anything that a script may send."""
+"""The devkit protocol against recorded messages, the measured table of signs, and random messages of a script."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ def test_lidar_text_is_the_recorded_text() -> None:
         assert data["V1 LIDAR Range Array"] == text
 
 
-def test_the_2020_wire_has_neither_prefixes_nor_traffic_lights() -> None:
+def test_messages_of_2020_have_neither_prefixes_nor_traffic_lights() -> None:
     recorded = [key.removeprefix("V1 ") for key in RECORDED["telemetry"] if not key.startswith("TL")]
     assert list(telemetry(frame(), PROFILES["2020"])) == recorded
 
 
-def test_the_2025_wire_adds_the_speed_and_a_decimal() -> None:
+def test_messages_of_2025_add_the_speed_and_a_decimal() -> None:
     data = telemetry(frame(), PROFILES["2025"])
     assert [key for key in data if key not in RECORDED["telemetry"]] == ["V1 Speed"]
     assert list(data).index("V1 Speed") == list(data).index("V1 Steering") + 1
@@ -103,7 +103,7 @@ def test_an_unknown_setting_is_an_error_that_names_the_known_ones(setting: str) 
         DevkitSettings(**{setting: "sideways"})  # pyright: ignore[reportArgumentType]
 
 
-def test_quaternions_go_out_as_xyzw() -> None:
+def test_quaternions_are_sent_as_xyzw() -> None:
     assert telemetry(frame(), PROFILES["2023"])["V1 Orientation Quaternion"] == "0.000 0.000 0.707 0.707"
 
 
@@ -113,7 +113,7 @@ def test_the_2020_position_is_that_of_the_body_centre() -> None:
 
 
 @given(st.floats(-10, 10), st.sampled_from(list(PROFILES)))
-def test_euler_angles_go_out_in_zero_to_two_pi_even_when_rounded(angle: float, year: str) -> None:
+def test_euler_angles_are_sent_in_zero_to_two_pi_even_when_rounded(angle: float, year: str) -> None:
     imu = msgspec.structs.replace(vehicle().imu, euler=np.array([angle, 0.0, -1e-9]))
     data = telemetry(frame(vehicle(imu=imu)), PROFILES[year])
     texts = data["Orientation Euler Angles" if year == "2020" else "V1 Orientation Euler Angles"].split()
@@ -173,7 +173,7 @@ def test_an_encoded_image_is_sent_unchanged() -> None:
     assert data["V1 Front Camera Image"] == devkit.black_image(1280, 720)
 
 
-def test_a_missing_picture_is_black_and_has_the_size_of_its_camera() -> None:
+def test_a_missing_image_is_black_and_has_the_size_of_its_camera() -> None:
     data = telemetry(frame(), PROFILES["2023"], image_sizes={("red", "front"): (640, 480), ("red", "rear"): (33, 17)})
     for side, width, height in (("Front", 640, 480), ("Rear", 33, 17)):
         picture = simplejpeg.decode_jpeg(base64.b64decode(data[f"V1 {side} Camera Image"]))
@@ -188,7 +188,7 @@ def poisoned(at: int) -> bytes:
 
 
 @pytest.mark.parametrize("at", range(4))
-def test_no_picture_spells_null(at: int) -> None:
+def test_no_image_contains_the_letters_null(at: int) -> None:
     picture = poisoned(at)
     assert b"null" in base64.b64encode(picture)
     text = telemetry(frame(), PROFILES["2023"], images={("red", "front"): picture})["V1 Front Camera Image"]
@@ -200,7 +200,7 @@ def test_no_picture_spells_null(at: int) -> None:
     assert int.from_bytes(sent[4:6], "big") == comment - 2
 
 
-def test_no_scan_spells_null() -> None:
+def test_no_scan_contains_the_letters_null() -> None:
     def spells_null(ranges: list[float]) -> bool:
         text = "\n".join(f"{value:.7g}" for value in ranges)
         return b"null" in base64.b64encode(gzip.compress(text.encode(), 6, mtime=0))
@@ -235,7 +235,7 @@ def test_the_generation_is_recognised_by_the_keys_of_the_commands(keys: list[str
     assert (found.name if found else None) == year
 
 
-def test_a_script_may_tell_its_sign() -> None:
+def test_a_script_may_send_its_steering_sign() -> None:
     data = {"V1 Steering": "0.5", "V1 Headlights": "0", "V1 Steering Sign": "right"}
     profile = detect_profile(data)
     assert profile
@@ -257,12 +257,12 @@ def test_the_keys_of_2022_are_ambiguous(keys: list[str], expected: bool) -> None
     assert is_ambiguous(dict.fromkeys(keys, "0")) is expected
 
 
-def test_the_introduction_holds_the_keys_of_all_eras() -> None:
+def test_the_initial_message_has_the_keys_of_all_generations() -> None:
     data = initial_telemetry(frame())
     assert all(set(telemetry(frame(), profile)) <= set(data) for profile in PROFILES.values())
 
 
-def test_the_introduction_has_a_scan_in_the_requested_format() -> None:
+def test_the_initial_message_has_a_scan_in_the_requested_format() -> None:
     for year in ("2023", "2025"):
         data = initial_telemetry(frame(), lidar=PROFILES[year].lidar)
         assert data["V1 LIDAR Range Array"] == telemetry(frame(), PROFILES[year])["V1 LIDAR Range Array"]
@@ -272,27 +272,27 @@ def test_the_introduction_has_a_scan_in_the_requested_format() -> None:
 # -- orders ------------------------------------------------------------------------------------------------------
 
 
-def test_recorded_commands_are_understood() -> None:
+def test_recorded_commands_are_read() -> None:
     orders = read_commands(RECORDED["commands"], PROFILES["2025"], {"red": Command()})
     assert orders.commands == {"red": Command(1.0, 1.0, Headlights.LOW, Indicators.HAZARD)}
     assert orders.refused == []
 
 
-def test_every_key_is_optional_and_the_last_value_stands() -> None:
+def test_every_key_is_optional_and_the_last_value_is_kept() -> None:
     before = Command(throttle=0.3, steering=-0.4, headlights=Headlights.HIGH)
     orders = read_commands({"V1 Throttle": "0.5"}, PROFILES["2025"], {"red": before})
     assert orders.commands == {"red": msgspec.structs.replace(before, throttle=0.5)}
 
 
 @pytest.mark.parametrize("text", ["1", "1.000000", 1, 1.0, " 1e0 ", 7, "99"])
-def test_numbers_come_as_text_or_as_numbers_and_are_clamped(text: object) -> None:
+def test_numbers_may_be_texts_or_numbers_and_are_clamped(text: object) -> None:
     orders = read_commands({"V1 Throttle": text, "V1 Headlights": text}, PROFILES["2025"], {"red": Command()})
     assert orders.commands["red"].throttle == 1.0
     assert orders.commands["red"].headlights in {Headlights.LOW, Headlights.HIGH}
 
 
 @pytest.mark.parametrize("value", [None, "None", ""])
-def test_keys_that_the_user_never_set_are_left_out(value: object) -> None:
+def test_keys_that_were_never_set_are_ignored(value: object) -> None:
     orders = read_commands({"V1 Throttle": value, "V1 Indicators": value}, PROFILES["2023"], {"red": Command()})
     assert (orders.commands, orders.refused) == ({}, [])
 
@@ -305,7 +305,7 @@ def test_a_number_that_is_not_finite_is_refused(value: object) -> None:
     assert orders.refused[0].startswith("V1 Steering: must be a finite number, not ")
 
 
-def test_a_vehicle_that_is_not_there_is_refused() -> None:
+def test_an_unknown_vehicle_is_refused() -> None:
     orders = read_commands({"V2 Throttle": "1"}, PROFILES["2025"], {"red": Command()})
     assert orders.refused == ["V2 Throttle: unknown vehicle; the scenario has 1"]
 

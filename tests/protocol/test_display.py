@@ -1,4 +1,4 @@
-"""Messages and worlds at a prompt and in a notebook: short texts that contain what a person looks for first."""
+"""Messages and worlds at a prompt and in a notebook: short texts with the most important values."""
 
 from __future__ import annotations
 

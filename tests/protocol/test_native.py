@@ -1,4 +1,4 @@
-"""The native protocol's messages over the wire, checked with another implementation of MessagePack."""
+"""Encoded messages of the native protocol, checked with another implementation of MessagePack."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_the_error_of_an_invalid_message_names_cause_and_place(message: dict[str
 
 
 @given(st.binary(max_size=200))
-def test_no_bytes_at_all_raise_anything_else(data: bytes) -> None:
+def test_random_bytes_raise_only_decoding_errors(data: bytes) -> None:
     for decode in (decode_client, decode_server):
         with contextlib.suppress(msgspec.DecodeError, ValueError):
             decode(data)

@@ -1,4 +1,4 @@
-"""Who may come in, and what can be read: tokens, origins, hosts, paths, with the standard library's HTTP client."""
+"""Access to the server: tokens, origins, hosts and paths, with the HTTP client of the standard library."""
 
 from __future__ import annotations
 
@@ -187,14 +187,14 @@ def test_a_websocket_at_another_path_gets_the_right_path(server: Server) -> None
     assert refused.value.response.status_code == 404
 
 
-def test_a_port_that_was_asked_for_and_is_taken_is_an_error(still: Simulation) -> None:
+def test_a_requested_port_that_is_in_use_is_an_error(still: Simulation) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         with pytest.raises(AutodriveError, match=f"port {port} of 127.0.0.1 is in use"):
             Server(still, scene_files=scene_files, port=port).start()
 
 
-def test_without_a_wish_the_next_free_port_is_taken(still: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_requested_port_the_next_free_one_is_used(still: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         monkeypatch.setattr("autodrive.server.server.PORT", other.getsockname()[1])
         with Server(still, scene_files=scene_files) as server:

@@ -1,4 +1,4 @@
-"""A viewer alone, without sockets: what it is sent while the world goes on, and that the last Frame always comes."""
+"""A single client, without sockets: which messages it is sent, and that the last Frame is always sent."""
 
 from __future__ import annotations
 

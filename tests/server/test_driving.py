@@ -1,4 +1,4 @@
-"""Who drives over the wire, and what clients that misbehave or vanish can do to others, which is nothing."""
+"""Driving through the server; clients that misbehave or disconnect do not affect others."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_a_person_drives_in_manual_mode_only(server: Server) -> None:
         ann.until(drivers({"V1": "ann"}))  # type: ignore[arg-type]
 
 
-def test_a_step_with_a_command_needs_the_wheel(server: Server) -> None:
+def test_a_step_with_a_command_needs_the_driver_lease(server: Server) -> None:
     with native_client(server, "ann") as ann, native_client(server, "bob") as bob:
         bob.ask("Pause")
         drive(ann)
@@ -154,7 +154,7 @@ def test_an_invalid_message_is_answered_with_an_error(server: Server, data: byte
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.binary(max_size=100), max_size=10))
-def test_no_bytes_at_all_disturb_others(server: Server, messages: list[bytes]) -> None:
+def test_random_bytes_do_not_disturb_other_clients(server: Server, messages: list[bytes]) -> None:
     with raw(server) as socket_:
         with contextlib.suppress(ConnectionClosed):
             for message in messages:
@@ -163,7 +163,7 @@ def test_no_bytes_at_all_disturb_others(server: Server, messages: list[bytes]) -
             assert other.receive()["type"] == "Welcome"
 
 
-def test_a_message_that_is_too_long_ends_its_sender_only(server: Server) -> None:
+def test_a_message_that_is_too_long_disconnects_only_its_sender(server: Server) -> None:
     with native_client(server) as long, native_client(server) as other:
         long.socket.send(bytes(2**16 + 1))
         with pytest.raises(ConnectionClosed) as end:
@@ -195,21 +195,21 @@ def test_a_client_above_the_rate_limit_gets_an_error_and_is_disconnected_at_last
         assert other.receive()["type"] == "Welcome"
 
 
-def test_requests_without_end_are_refused(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_pending_requests_are_refused(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.server.request_queue.MAX_PENDING", 0)
     with native_client(server) as it:
         error = it.ask("Reset")
         assert (error["code"], error["type"]) == ("rate", "Error")
 
 
-def test_too_many_viewers_are_sent_away(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_clients_are_refused(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.server.hub.MAX_CLIENTS", 1)
     with native_client(server) as first, native_client(server) as second:
         first.until("Frame")
         assert "no more are accepted" in second.error("rate")
 
 
-def test_a_client_that_is_killed_during_a_step_disturbs_no_other(server: Server) -> None:
+def test_a_client_that_is_killed_during_a_step_does_not_disturb_others(server: Server) -> None:
     with native_client(server) as other:
         other.ask("Pause")
         with native_client(server) as victim:
@@ -245,7 +245,7 @@ def test_twenty_clients_connect_and_disconnect_at_once(server: Server) -> None:
     wait_until(lambda: not server._hub._clients)
 
 
-def test_it_ends_soon_although_somebody_does_not_read() -> None:
+def test_the_server_closes_soon_although_a_client_does_not_read() -> None:
     simulation = Simulation(autodrive.make("plane"), speed=None)
     server = Server(simulation, scene_files=scene_files, port=free_port())
     with simulation, server, native_client(server, max_queue=1) as lazy:

@@ -1,4 +1,4 @@
-"""A viewer can draw a world from its Scene and the files that it names."""
+"""A client can draw a world from its Scene and the files that the Scene names."""
 
 from __future__ import annotations
 
@@ -48,6 +48,6 @@ def test_the_lamps_stand_where_the_spec_says_and_the_right_ones_mirror_the_left(
     assert (lamps["tail_left"].position, lamps["tail_right"].position) == ((x, y, z), (x, -y, z))
 
 
-def test_a_scene_survives_the_wire() -> None:
+def test_a_decoded_scene_equals_the_encoded_one() -> None:
     scene = SceneFiles.of(autodrive.make("two_cars"), "two_cars").scene
     assert encode(decode_server(encode(scene))) == encode(scene)

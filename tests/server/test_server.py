@@ -76,7 +76,7 @@ def test_a_client_without_hello_is_disconnected(server: Server, monkeypatch: pyt
         assert "no Hello" in mute.error("message")
 
 
-def test_viewers_of_one_name_get_names_of_their_own(server: Server) -> None:
+def test_clients_with_the_same_name_get_different_names(server: Server) -> None:
     with (
         native_client(server, "page") as first,
         native_client(server, "page") as second,
@@ -200,7 +200,7 @@ def test_steps_of_a_client_equal_those_of_a_world_in_the_process(server: Server,
     assert list(bytes_of(last)) == list(bytes_of(streamed(mine, mine.events)))
 
 
-def test_a_reset_keeps_all_viewers(server: Server, one: NativeClient) -> None:
+def test_a_reset_keeps_all_clients(server: Server, one: NativeClient) -> None:
     with native_client(server, "two") as two:
         one.until(lambda message: message["type"] == "Status" and message["clients"] == 2)
         assert one.ask("Reset", seed=1)["frame"]["tick"] <= 1
@@ -208,7 +208,7 @@ def test_a_reset_keeps_all_viewers(server: Server, one: NativeClient) -> None:
         assert two.until("Status")["clients"] == 2
 
 
-def test_every_simple_request_is_carried_out(one: NativeClient, simulation: Simulation) -> None:
+def test_every_simple_request_is_executed(one: NativeClient, simulation: Simulation) -> None:
     assert one.ask("SetSceneLight", enabled=False)["frame"]["scene_light"] is False
     teleported = one.ask("Teleport", vehicle="V1", x=1.0, y=2.0, yaw=0.5)["frame"]
     assert teleported["vehicles"]["V1"]["pose"]["position"][:2] == pytest.approx((1.0, 2.0), abs=1e-6)
@@ -297,7 +297,7 @@ def test_scene_cameras_are_rendered_for_other_clients(gl: str, one: NativeClient
     assert "Rendered" not in seen[10:]
 
 
-def test_scene_cameras_go_on_in_another_scenario(gl: str, one_world: World) -> None:
+def test_scene_cameras_continue_in_another_scenario(gl: str, one_world: World) -> None:
     one_world.reset(0)
     simulation = Simulation(one_world, load=autodrive.make)
     scenarios = {"two_cars": "Two cars"}

@@ -211,7 +211,7 @@ class Session:
             self._metrics.warn("value", f"refused {error}")
 
     def _request_operations(self, frame: Frame) -> None:
-        """Request what the script has set since the last time, at most once in a tick; later messages do the same."""
+        """Request, at most once in a tick, what the script has set since the last time."""
         if frame is self._requested_at:
             return
         operations: list[Operation] = []
