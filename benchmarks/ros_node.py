@@ -41,7 +41,7 @@ def head() -> None:
 
 
 def report(mode: str, pictures: str, share: float, seen: Seen, heard: Heard) -> None:
-    """A line of the table. The devkits' protocol tells no time: there the stamps are the node's."""
+    """A line of the table. The devkit protocol has no time stamps: there the stamps are those of the node."""
     scans = [seen.lag(wall, stamp) for topic, stamp, wall in heard if _is_scan(topic) and mode == "direct"]
     shown = [(round(stamp, 6), wall) for topic, stamp, wall in heard if "front_camera" in topic]
     late = [wall - seen.pictures[stamp] for stamp, wall in shown if stamp in seen.pictures]

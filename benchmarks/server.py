@@ -109,7 +109,7 @@ def view(port: int, count: int) -> None:
 
 
 def press(port: int, count: int) -> None:
-    """So many commands, at odd moments; the throttle tells which, and a line when it was sent."""
+    """Send this number of commands at random times; the throttle numbers them, and a line has the time of each."""
     client = Client(port)
     threading.Thread(target=lambda: [client.hear() for _ in iter(int, 1)], daemon=True).start()
     time.sleep(0.5)

@@ -72,7 +72,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """With CI=true a skip that nobody has agreed to is an error: it would hide a test that never runs."""
+    """With CI=true a skip that is not in the list is an error: it would hide a test that never runs."""
     if report.skipped and os.environ.get("CI") and not hasattr(report, "wasxfail"):
         reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
         if not reason.removeprefix("Skipped: ").startswith(ACCEPTED_SKIPS or ("\0",)):

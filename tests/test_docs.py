@@ -53,7 +53,7 @@ def test_map_of_the_document_is_in_order(tmp_path: Path) -> None:
     file = tmp_path / "street.yaml"
     file.write_text(examples("scenarios.md")[1])
     map_ = load_map(file)
-    assert len(map_.joins) == 4  # two joints, told from both sides
+    assert len(map_.joins) == 4  # two joints, in both directions
     assert [box.mass for box in map_.boxes] == [0.5]
 
 

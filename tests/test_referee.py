@@ -1,4 +1,4 @@
-"""The referee: collisions once a contact, and leaving the road where shapely says so."""
+"""The referee: one collision for each contact; departures from the road compared with shapely."""
 
 import math
 from pathlib import Path

@@ -126,7 +126,7 @@ def test_realistic_sensors_have_errors_and_ideal_ones_have_none() -> None:
         readings.append([float(vehicles[name].imu.angular_velocity[2]) for name in ("V1", "V2")])
     ideal, real = zip(*readings, strict=True)
     assert max(map(abs, ideal)) < 1e-9
-    assert len(set(real)) > 10  # each draws anew, on a grid of the least digit
+    assert len(set(real)) > 10  # each reading has its own noise, rounded to the resolution
 
 
 @pytest.mark.parametrize("name", ["", 'q"<&', "a/b", "two words"])

@@ -156,10 +156,10 @@ def test_scans_have_the_format_that_the_commands_imply(
 
     with engine_io_4(answer) as port, DevkitBridge(simulation, port=port, settings=settings) as bridge:
         wait_until(lambda: len(received) > 5)
-        told = bridge.counters.devkit
+        devkit = bridge.counters.devkit
     assert "" not in received
     assert received[-1] == expected
-    assert f"LIDAR as {'text' if expected == 'inf ' else 'gzip'}" in told
+    assert f"LIDAR as {'text' if expected == 'inf ' else 'gzip'}" in devkit
 
 
 def test_the_next_connection_begins_with_the_format_of_the_last_one(simulation: Simulation) -> None:

@@ -105,7 +105,7 @@ def test_its_images_equal_those_drawn_in_the_tick(world: World) -> None:
 
 
 def test_ticks_do_not_wait_for_images(world: World, process: CameraProcess) -> None:
-    """While the worker is stopped, ticks go on with the old images; those are never overwritten."""
+    """While the worker is stopped, ticks continue with the old images, which are never overwritten."""
     old = captured(world)["front"]
     before = old.rgba.copy()
     os.kill(process.pid, signal.SIGSTOP)

@@ -233,7 +233,7 @@ def test_another_scenario_brings_its_own_frames(sim: Client) -> None:
 def test_a_refused_request_is_a_command_error_with_the_reason(sim: Client, ask: object, words: str) -> None:
     with pytest.raises(CommandError, match=words):
         ask(sim)  # type: ignore[operator]
-    assert sim.reset().tick == 0  # and the conversation goes on
+    assert sim.reset().tick == 0  # the connection still works
 
 
 def test_a_wait_during_a_pause_ends_with_the_reason(sim: Client) -> None:

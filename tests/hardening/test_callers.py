@@ -1,6 +1,6 @@
 """Hostile callers of the Python API: any calls in any order, with any arguments.
 
-Only documented errors are raised, and the world goes on as a fresh world that was given the accepted calls alone.
+Only documented errors are raised, and the world continues like a new world that got only the accepted calls.
 AUTODRIVE_HARDENING=long makes 100 000 calls.
 """
 

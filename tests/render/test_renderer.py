@@ -130,7 +130,7 @@ def test_the_shadow_of_a_box_points_away_from_the_sun(quality: str) -> None:
 
 
 def test_shadows_follow_the_time_of_day() -> None:
-    """In the morning, at noon and in the afternoon; the shadow map of the towers is drawn anew."""
+    """In the morning, at noon and in the afternoon; the shadow map of the towers is rendered again."""
     tower = box((0.0, 0.0, 0.25), (0.1, 0.1, 0.5), GREY, Label.BLOCK)
     own = pinhole(400, 400, 60.0)
     look = view(0.0, 0.0, 3.0, pitch_deg=90.0, own=own)

@@ -174,7 +174,7 @@ def test_other_addresses_need_the_token_of_the_link(locked: Server) -> None:
 def test_the_websocket_needs_the_token_too_and_it_is_enough(locked: Server, caplog: pytest.LogCaptureFixture) -> None:
     with pytest.raises(InvalidStatus), raw(locked, query="?token=wrong"):
         pass
-    assert not caplog.records  # a stranger at the door is no error
+    assert not caplog.records  # a refused client is no error
     with native_client(locked, origin="https://anywhere.example") as it:
         assert it.receive()["type"] == "Welcome"
 

@@ -1,6 +1,6 @@
 """The layers of the package: which imports are allowed, what the code imports, and the table in ARCHITECTURE.md.
 
-`python -m tests.support.layers` writes the table anew.
+`python -m tests.support.layers` writes the table again.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ class Material:
     texture: str = ""
     """Key in `Asset.textures`; none if empty."""
     is_paint: bool = False
-    """Whether the page may show it in the colour that tells a vehicle from others."""
+    """Whether the page may show it in the colour of the vehicle, if there are several vehicles."""
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ class SceneProcess:
         self._restarts = 0
 
     def check(self, view: SetCamera) -> None:
-        """Raises `AutodriveError` if that view cannot be drawn, whatever the Frame."""
+        """Raises `AutodriveError` if that view cannot be drawn in any Frame."""
         check_view(view, list(self._contents.vehicles))
         if self._is_unavailable:
             raise AutodriveError(self._error)

@@ -203,7 +203,7 @@ def _report(summary: Summary, path: Path | None) -> None:
 
 
 STOP_TIME = 1.5
-"""Time in which a run ends after a signal [s]; after that the process ends, whatever still works in it."""
+"""Time in which a run ends after a signal [s]; after that the process ends at once."""
 
 
 class _Signals:

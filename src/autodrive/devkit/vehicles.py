@@ -35,7 +35,7 @@ class Vehicle:
     `front_camera_image`, `rear_camera_image`: BGR uint8, shape (height, width, 3), decoded on first access.
 
     Commands: `throttle_command` and `steering_command` [-1, 1]; None sends nothing. A positive steering command turns
-    right, as in the simulators of 2020 to 2023; this simulator is told so. With `is_left_positive` it turns left, as
+    right, as in the simulators of 2020 to 2023; the messages state this sign. With `is_left_positive` it turns left, as
     since 2025; then `reset_command` (soft reset while True) is sent, too, from which the simulator detects the devkit
     generation.
     """

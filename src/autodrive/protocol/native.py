@@ -252,7 +252,7 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     redo: str = ""
     """The edit that a `Redo` makes again; empty: none."""
     error: str = ""
-    """Why the physics cannot go on and the simulation is paused; empty if it can. A Reset clears it."""
+    """Why the physics cannot continue and the simulation is paused; empty if it can. A Reset clears it."""
 
 
 class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):

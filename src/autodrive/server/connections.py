@@ -122,7 +122,7 @@ def _address(protocol: HttpProtocol) -> str:
 
 
 def _limit_buffers(transport: Any) -> None:
-    """Limit the data that waits in the kernel, and disconnect clients that vanished without closing."""
+    """Limit the data that waits in the kernel, and disconnect clients that disappeared without closing."""
     tcp = transport.get_extra_info("socket")
     drop_dead_peer(tcp, DEAD_PEER_TIMEOUT)
     if hasattr(socket, "TCP_NOTSENT_LOWAT"):

@@ -22,8 +22,8 @@ from autodrive.specs import suggest
 def check_request(request: Operation, frame: Frame, *, error: str, can_load: bool) -> None:
     """Raises `CommandError` for a request that cannot be executed.
 
-    `frame`: the latest Frame. `error`: why the physics cannot go on; empty if it can. `can_load`: whether scenarios can
-    be loaded.
+    `frame`: the latest Frame. `error`: why the physics cannot continue; empty if it can. `can_load`: whether scenarios
+    can be loaded.
     """
     match request:
         case Resume() if error:

@@ -87,7 +87,7 @@ class Simulation:
         check_speed(speed)
         self.world = world
         self.error = ""
-        """Why the physics cannot go on; empty if it can. A Reset or another scenario clears it."""
+        """Why the physics cannot continue; empty if it can. A Reset or another scenario clears it."""
         self._load = load
         self._editor = Editor(load)
         self._pause_on_error = pause_on_error
@@ -393,7 +393,7 @@ class Simulation:
             case Redo():
                 self._use(self._editor.redo(self.world))
             case SaveScenario():
-                pass  # whoever requested it reads the scenario of the world; the request only waits for earlier ones
+                pass  # the caller reads the scenario from the world; the request only waits for earlier ones
             case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
                 self.world.teleport(vehicle, x, y, yaw)
             case Hold(vehicle=vehicle, position=position, orientation=orientation):

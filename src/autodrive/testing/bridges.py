@@ -57,7 +57,7 @@ def check_bridge(make: Callable[[Simulation], Bridge], *, scenario: str | Path =
         simulation.start(ticks * world.tick_duration)
         goes_on = simulation.wait(PATIENCE)
         if not goes_on:
-            errors.append(f"the simulation does not go on after {attempt} `start`: `publish` must return at once")
+            errors.append(f"the simulation stops after {attempt} `start`: `publish` must return at once")
         _call(bridge.close, f"`close` after {attempt} `start`", errors)
         _call(simulation.stop, "the simulation's `stop`", errors)
         if not goes_on:

@@ -110,8 +110,8 @@ class World(OneThread):
         """Run one tick with these commands; a vehicle without a command keeps its last one until its time-out.
 
         Raises `CommandError` for anything but a dictionary of Commands, an unknown vehicle or a value that is not
-        finite; nothing has moved then. Raises `EngineError` if the physics cannot go on; `reset` or `restore` brings
-        the world back.
+        finite; nothing has moved then. Raises `EngineError` if the physics cannot continue; after that, call `reset`
+        or `restore`.
         """
         c, controls = self._compiled, self._controls
         if commands is not None:
@@ -273,7 +273,7 @@ class World(OneThread):
 
     @by_one_thread
     def set_scene_light(self, enabled: bool) -> None:
-        """Day (True) or night (False), whatever the time of day."""
+        """Day (True) or night (False), instead of a time of day."""
         check_flag(enabled, "the scene light")
         self._set_light(SceneLight(bool(enabled)))
 

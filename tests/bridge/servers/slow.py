@@ -1,4 +1,4 @@
-"""A script that thinks for a while about each telemetry and tells what it does, a line each.
+"""A script that waits before it answers each telemetry message, and prints a line for each step.
 
 It wants a sign of life every second, as Engine.IO of either version understands that.
 """
