@@ -50,7 +50,7 @@ def show(
     in_3d: Annotated[
         Path | None, typer.Option("--3d", metavar="FILE.png", help="Render a 3D image; works for all kinds.")
     ] = None,
-    night: Annotated[bool, typer.Option("--night", help="With --3d: without the scene light.")] = False,
+    night: Annotated[bool, typer.Option("--night", help="With --3d: render the scene at night.")] = False,
     occupancy: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Write an occupancy grid for the ROS map_server: NAME.png and NAME.yaml."),

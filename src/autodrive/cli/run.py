@@ -83,7 +83,7 @@ def run(
     ] = None,
     devkit_lidar: Annotated[
         LidarFormat | None,
-        typer.Option(help="Format of LIDAR scans for the script.  [default: what its commands tell that it can read]"),
+        typer.Option(help="Format of LIDAR scans for the script.  [default: detected from its commands]"),
     ] = None,
     devkit_keys: Annotated[
         Keys | None,

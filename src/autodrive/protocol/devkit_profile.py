@@ -83,7 +83,7 @@ class DevkitSettings:
     keys: Keys | None = None
     """Keys of the messages."""
     lidar: LidarFormat | None = None
-    """Format of scans; None: what the keys of the commands tell that the script can read."""
+    """Format of scans; None: detected from the keys of the commands."""
     steering: Side | None = None
     """Direction of a positive steering command."""
     feedback: Side | None = None

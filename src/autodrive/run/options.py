@@ -33,7 +33,7 @@ class RunOptions:
     devkit_keys: Keys | None = None
     """Keys of the messages; None: as in the profile."""
     devkit_lidar: LidarFormat | None = None
-    """Format of scans; None: what the script can read, as far as its commands tell."""
+    """Format of scans; None: detected from the commands of the script."""
     devkit_steering: Side | None = None
     """Direction of a positive steering command; None: as in the profile."""
     devkit_feedback: Side | None = None
