@@ -240,7 +240,7 @@ def test_a_command_to_an_unknown_vehicle_names_the_known_ones(world: World) -> N
     [
         (SetSpeed(0.0), "speed must be a number from 1e-06 to"),
         (SetSpeed(1e-12), "speed must be a number from 1e-06 to"),
-        (Reset(-1), r"seed of a Reset must be from 0 to 2\^63 - 1, not -1"),
+        (Reset(-1), r"a seed must be a whole number from 0 to 2\^63 - 1, not -1"),
         (Teleport("V1", 1e10, 0.0, 0.0), "from -10000 to 10000, not 10000000000.0"),
         (SetSpeed(float("nan")), "speed must be a number from 1e-06 to"),
         (Step(0), "1 tick or more"),
