@@ -142,7 +142,7 @@ def test_an_invalid_command_is_refused(server: Server, drive_: Message, text: st
         (pack({"type": "Hello", "protocol": 2}), "a Hello is sent once"),
         (pack({"type": "Subscribe", "frame_rate": -1.0}), ">= 0.0 - at `$.frame_rate`"),
         (b"\x91" * 5000, "not understood"),
-        ("text", "messages are binary"),
+        ("text", "messages must be binary"),
     ],
 )
 def test_an_invalid_message_is_answered_with_an_error(server: Server, data: bytes | str, text: str) -> None:
