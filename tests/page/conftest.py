@@ -21,7 +21,7 @@ from autodrive.server.server import Server
 from autodrive.simulation import Simulation
 from tests.support.page import ROOT, NewTab, PageServer, Tab, tabs
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = [
     *("--disable-gpu", "--enable-unsafe-swiftshader"),  # as without a GPU: only WebGL is drawn by SwiftShader
     *("--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync"),
