@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
+from msgspec.structs import replace
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import autodrive
 from autodrive import AutodriveError, Simulation
 from autodrive.bridge.devkit import DevkitBridge
-from autodrive.server import connections
-from autodrive.server.server import Server
+from autodrive.protocol.messages import Collision, SetSpeed
+from autodrive.server import connections, hub
+from autodrive.server.bridge_control import BridgeControl
+from autodrive.server.connections import HttpProtocol
+from autodrive.server.frame_queue import FrameQueue, FrameUpdate
+from autodrive.server.request_queue import BURST, SHARE, TimeLimit
+from autodrive.server.requests import Requests
+from autodrive.server.server import Server, scene_renderer_factory
 from autodrive.world import World
-from tests.support.native_clients import native_client, raw, scene_files
+from tests.support.attackers import frame
+from tests.support.native_clients import native_client, pack, raw, scene_files
 from tests.support.waiting import LIMIT, free_port, wait_until
 
 HUGE = 1e300
@@ -127,6 +138,92 @@ def test_requests_use_at_most_a_fifth_of_the_time(server: Server, monkeypatch: p
         assert following - end > 3.9 * (end - start)  # the load of the machine makes the left side longer only
 
 
+def test_the_simulation_gets_one_request_of_all_clients_at_a_time(
+    server: Server, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise clients that connect, request and leave, again and again, would let no time for ticks."""
+    is_free, begun, received = threading.Event(), threading.Event(), []
+    reset, execute = World.reset, Requests.execute
+
+    def waiting(self: World, seed: int | None = None) -> Any:
+        begun.set()
+        assert is_free.wait(LIMIT)
+        return reset(self, seed)
+
+    monkeypatch.setattr(World, "reset", waiting)
+    monkeypatch.setattr(Requests, "execute", lambda *words: (received.append(1), execute(*words))[1])
+    with contextlib.ExitStack() as stack:
+        for _ in range(20):
+            stack.enter_context(native_client(server)).begin("Reset")
+        assert begun.wait(LIMIT)
+        wait_until(lambda: len(received) == 20)
+        assert len(simulation._requests) == 0
+        is_free.set()
+
+
+def test_all_requests_together_use_a_fifth_of_the_time() -> None:
+    limit = TimeLimit(0.0)
+    assert limit.free_at == 0.0
+    limit.use(BURST, 0.0)
+    assert limit.free_at == 0.0
+    limit.use(1.0, 0.0)
+    assert limit.free_at == 1.0 / SHARE
+    limit.use(0.0, 1000.0)
+    limit.use(BURST + 1.0, 1000.0)
+    assert limit.free_at == 1000.0 + 1.0 / SHARE  # a rest saves no more than the burst
+
+
+def test_many_refused_requests_end_the_connection(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("autodrive.server.rate_limit.MOST_DROPPED", 100)
+    with native_client(server, max_queue=None) as loud:
+
+        def flood() -> None:
+            for id in range(100_000):
+                loud.send("Request", id=id, operation={"type": "Undo"})
+
+        with pytest.raises(ConnectionClosed):
+            flood()
+
+
+def test_a_step_of_unknown_vehicles_is_refused_and_gives_no_lease(server: Server) -> None:
+    with native_client(server) as client:
+        client.ask("Pause")
+        commands = {f"car {number}": {"throttle": 1.0} for number in range(1000)}
+        assert client.ask("Step", commands=commands)["code"] == "request"
+        client.ask("Resume")
+        assert client.until("Status")["drivers"] == {}
+    assert not server._hub._leases._leases
+
+
+def test_a_request_that_fails_inside_is_answered_and_the_next_one_executed(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: object) -> str:
+        raise ValueError("inside")
+
+    monkeypatch.setattr("autodrive.server.requests.scenario_text", fail)
+    with native_client(server) as client:
+        assert client.ask("SaveScenario")["text"] == "inside"
+        assert client.ask("Resume")["type"] == "Response"
+
+
+def test_changes_cause_a_status_only_now_and_then(server: Server) -> None:
+    with native_client(server) as client, native_client(server, max_queue=None) as other:
+        other.send("Subscribe", frame_rate=0.0)
+        other.until("Welcome")
+        begin = time.monotonic()
+        for _ in range(400):
+            client.send("Drive", vehicle="V1", command={}, source="person")
+            client.send("Release", vehicle="V1")
+            time.sleep(0.001)
+        client.ask("Resume")
+        count = 0
+        other.begin("Resume")
+        while (message := other.receive())["type"] != "Response":
+            count += message["type"] == "Status"
+        assert count < (time.monotonic() - begin) * (1 / hub.LEAST_STATUS_INTERVAL + 1 / hub.STATUS_INTERVAL) + 3
+
+
 def test_a_client_that_reads_no_replies_is_disconnected(server: Server) -> None:
     with native_client(server, max_queue=1) as lazy:
         lazy.send("Subscribe", frame_rate=0.0)
@@ -195,6 +292,78 @@ def _websocket(server: Server) -> socket.socket:
     return peer
 
 
+def _deaf_client(server: Server) -> socket.socket:
+    """A client that subscribes to everything and reads nothing."""
+    peer = _websocket(server)
+    peer.sendall(frame(pack({"type": "Hello", "protocol": 2})))
+    peer.sendall(frame(pack({"type": "Subscribe", "frame_rate": None, "scans": True})))
+    return peer
+
+
+def test_clients_that_do_not_read_lock_nobody_out(
+    server: Server, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hub, "MAX_CLIENTS", 3)
+    monkeypatch.setattr(hub, "MAX_WAIT", 0.1)
+    wait_until(lambda: not server.clients)
+    simulation.request(SetSpeed(None)).result(LIMIT)  # the buffers of the system are soon full
+    with contextlib.ExitStack() as stack:
+        for _ in range(3):
+            stack.enter_context(_deaf_client(server))
+        wait_until(lambda: server.clients == 3)
+        loop = server._hub._loop
+        wait_until(lambda: all(loop.time() - one.waits_since > 0.1 for one in set(server._hub._clients)))
+        with native_client(server) as client:
+            assert client.receive()["type"] == "Welcome"
+            assert client.until("Frame")
+            assert server.clients == 3
+    simulation.request(SetSpeed(1.0)).result(LIMIT)
+
+
+def test_a_client_that_neither_reads_nor_stops_sending_is_cut_off(server: Server) -> None:
+    with _deaf_client(server) as peer:
+
+        def flood() -> None:
+            for id in range(1_000_000):
+                peer.sendall(frame(pack({"type": "Request", "id": id, "operation": {"type": "Undo"}})))
+
+        with pytest.raises((ConnectionResetError, BrokenPipeError)):
+            flood()
+
+
+def test_websockets_without_a_hello_lock_nobody_out(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "MAX_WEBSOCKETS", 3)
+    with contextlib.ExitStack() as stack, native_client(server) as client:
+        assert client.receive()["type"] == "Welcome"
+        for _ in range(5):
+            stack.enter_context(_websocket(server))
+        with native_client(server) as other:
+            assert other.receive()["type"] == "Welcome"
+        assert client.until("Frame")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        frame(pack({"type": "Hello", "protocol": 2})) + frame(b"", opcode=3),
+        frame(pack({"type": "Hello", "protocol": 9})) + frame(b"", opcode=3),
+        frame(b"", opcode=3),
+        frame(b"\xff", opcode=1),
+        frame(pack({"type": "Hello", "protocol": 2})) + frame(b"\xff", opcode=1),
+        frame(b"x", opcode=8),
+    ],
+)
+def test_a_wrong_frame_ends_its_connection_without_a_traceback_in_the_log(
+    server: Server, caplog: pytest.LogCaptureFixture, data: bytes
+) -> None:
+    for _ in range(5):
+        with _websocket(server) as peer, contextlib.suppress(ConnectionResetError):
+            peer.sendall(data)
+            while peer.recv(65536):
+                pass
+    assert not [one for one in caplog.records if one.name.startswith("uvicorn")]
+
+
 # -- HTTP ----------------------------------------------------------------------------------------------------------
 
 
@@ -220,6 +389,20 @@ def test_idle_connections_do_not_block_new_ones(server: Server) -> None:
     finally:
         for one in idle:
             one.close()
+
+
+def test_downloads_that_nobody_reads_lock_nobody_out(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "MAX_HTTP", 5)
+    wait_until(lambda: "scene/map.glb" in server._hub.files)
+    with contextlib.ExitStack() as stack:
+        for _ in range(5):
+            peer = stack.enter_context(socket.create_connection(("127.0.0.1", server.port), LIMIT))
+            peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            peer.sendall(300 * b"GET /scene/map.glb HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert server._server
+        state = server._server.server_state
+        wait_until(lambda: sum(not one.is_idle for one in set(state.connections) if isinstance(one, HttpProtocol)) == 5)
+        assert _exchange(server, GET + b"Connection: close\r\n\r\n").startswith(b"HTTP/1.1 404")
 
 
 def test_a_connection_without_a_complete_request_is_closed(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -298,3 +481,65 @@ def test_the_server_closes_while_a_client_neither_reads_nor_leaves(server: Serve
         wait_until(lambda: other.clients == 1)
         other.close()
         assert other.clients == 0
+
+
+# -- inside --------------------------------------------------------------------------------------------------------
+
+
+def test_frames_go_on_where_scene_cameras_cannot_start(caplog: pytest.LogCaptureFixture) -> None:
+    made = []
+
+    def factory(world: World) -> Any:
+        made.append(world)
+        if len(made) > 1:
+            raise OSError("no more processes")
+        return scene_renderer_factory()(world)
+
+    simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
+    scenarios = {"two_cars": "Two cars"}
+    with (
+        Server(
+            simulation, scene_files=scene_files, scenarios=scenarios, port=free_port(), renderer_factory=factory
+        ) as server,
+        simulation,
+        native_client(server) as client,
+    ):
+        client.until("Frame")
+        client.ask("SetCamera", camera="Bird's Eye", width=64)
+        assert client.ask("LoadScenario", name="two_cars")["type"] == "Response"
+        client.until(lambda message: message["type"] == "Frame" and "V2" in message["vehicles"])
+        simulation.stop()
+    assert "no more processes" in caplog.text
+
+
+def test_events_that_wait_for_the_server_are_bounded(simulation: Simulation) -> None:
+    queue = FrameQueue(simulation, lambda: None)
+    event = Collision(0.0, "V1", "box", 1.0, np.zeros(3))
+    for _ in range(1500):
+        queue.publish(replace(simulation.frame, events=(event,)))
+    (update,) = queue.take()
+    assert isinstance(update, FrameUpdate)
+    assert len(update.events) == 1000
+
+
+def test_the_bridge_is_connected_after_it_is_disconnected(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever asks, and however long it takes to disconnect."""
+    bridge = DevkitBridge(simulation)
+    may_close, close = threading.Event(), bridge.close
+    monkeypatch.setattr(bridge, "close", lambda: (may_close.wait(LIMIT), close()))
+
+    async def both() -> None:
+        control = BridgeControl(bridge)
+        await control.connect("127.0.0.1", free_port())
+        tasks = [asyncio.create_task(control.disconnect())]
+        await asyncio.sleep(0.05)
+        tasks.append(asyncio.create_task(control.connect("127.0.0.1", free_port())))
+        await asyncio.sleep(0.05)
+        may_close.set()
+        await asyncio.gather(*tasks)
+
+    asyncio.run(both())
+    assert bridge.status == "connecting"
+    bridge.close()

@@ -1,11 +1,13 @@
-"""Attacks: how many cases a test runs, and a disk that is soon full."""
+"""Attacks: how many cases a test runs, memory and files of a process, hostile clients, and a disk that is soon full."""
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import subprocess
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,6 +22,34 @@ LONG = os.environ.get("AUTODRIVE_HARDENING") == "long"
 def cases(short: T, long: T) -> T:
     """`short` in the default tests, `long` with AUTODRIVE_HARDENING=long in the environment."""
     return long if LONG else short
+
+
+def memory(pid: int | str = "self") -> float:
+    """Memory of a process [MB]."""
+    if pid == "self":
+        gc.collect()
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1e3
+
+
+def open_files(pid: int | str = "self") -> int:
+    """Number of open files of a process, with its sockets."""
+    return len(list(Path(f"/proc/{pid}/fd").iterdir()))
+
+
+@contextlib.contextmanager
+def attackers(port: int, counts: Mapping[str, int]) -> Iterator[subprocess.Popen[bytes]]:
+    """So many hostile clients of each role in `attackers.py`, in a process of their own, after all have connected."""
+    words = [sys.executable, str(Path(__file__).with_name("attackers.py")), str(port)]
+    words += [f"{role}={count}" for role, count in counts.items()]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        try:
+            yield process
+            assert process.poll() is None
+        finally:
+            process.kill()
 
 
 def mount_or_skip(command: list[str]) -> None:

@@ -9,13 +9,14 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
+from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
 from autodrive.protocol.native import Scene
 from autodrive.server.scene_files import SceneFiles
 from autodrive.server.server import Server
 from autodrive.world import World
-from tests.support.waiting import LIMIT
+from tests.support.waiting import LIMIT, wait_until
 
 pack = msgspec.msgpack.encode
 
@@ -95,6 +96,25 @@ class NativeClient:
 def native_client(server: Server, name: str = "client", **options: Any) -> Iterator[NativeClient]:
     with raw(server, **options) as socket:
         yield NativeClient(socket, name)
+
+
+@contextlib.contextmanager
+def connected(port: int) -> Iterator[NativeClient]:
+    """A client of a server in another process; where it is refused, it tries again."""
+    with contextlib.ExitStack() as stack:
+
+        def welcomed() -> NativeClient | None:
+            with contextlib.suppress(OSError, WebSocketException):
+                address = f"ws://127.0.0.1:{port}/ws"
+                socket = connect(address, compression=None, max_size=None, close_timeout=1, ping_interval=None)
+                client = NativeClient(stack.enter_context(socket))
+                client.until("Welcome")
+                return client
+            return None
+
+        client = wait_until(welcomed)
+        assert client is not None
+        yield client
 
 
 @contextlib.contextmanager

@@ -23,17 +23,21 @@ class BridgeControl:
     def __init__(self, bridge: DevkitBridge | None) -> None:
         self._bridge = bridge
         self._rate_meter = RateMeter(bridge) if bridge is not None else None
+        self._lock = asyncio.Lock()
 
-    def connect(self, host: str, port: int) -> None:
+    async def connect(self, host: str, port: int) -> None:
         """Connect to the devkit script at that address, now or as soon as it listens."""
         bridge = self._required()
-        bridge.connect(host, port)
-        if bridge.status == "closed":
-            bridge.start()
+        async with self._lock:
+            bridge.connect(host, port)
+            if bridge.status == "closed":
+                bridge.start()
 
     async def disconnect(self) -> None:
         """Close the connection, or stop trying to connect."""
-        await asyncio.to_thread(self._required().close)
+        bridge = self._required()
+        async with self._lock:
+            await asyncio.to_thread(bridge.close)
 
     def status(self, now: float) -> BridgeStatus:
         """State and rates of the bridge."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from autodrive.server.encoded_frames import EncodedFrames
 from autodrive.server.files import File, immutable_files
-from autodrive.server.frame_queue import Completion, FrameQueue, FrameUpdate
+from autodrive.server.frame_queue import MAX_EVENTS, Completion, FrameQueue, FrameUpdate
 from autodrive.server.remote_view import RemoteViews
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class Broadcast:
         """Keep an item for later; of consecutive updates only the last is kept."""
         if isinstance(item, FrameUpdate) and self._held and isinstance(before := self._held[-1], FrameUpdate):
             events = (*before.events, *item.events) if before.world is item.world else item.events
-            self._held[-1] = FrameUpdate(item.world, item.frame, events[-1000:])
+            self._held[-1] = FrameUpdate(item.world, item.frame, events[-MAX_EVENTS:])
         else:
             self._held.append(item)
 
@@ -127,7 +127,10 @@ class Broadcast:
             self.encoded.set_scene(loaded.scene)
         except Exception:
             log.exception("server: the scene files cannot be loaded; clients get no scene")
-        await self.remote_views.set_world(world)
+        try:
+            await self.remote_views.set_world(world)
+        except Exception:
+            log.exception("server: the scene cameras cannot be started; clients get no images of them")
         self.note = ""
         self._world = world
         for client in self._clients:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import deque
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any
@@ -23,10 +24,16 @@ Send = Callable[[bytes], Awaitable[None]]
 
 
 class ConnectedClient:
-    """A client after its Hello. Used in the server's event loop. `encoded` is shared by all clients."""
+    """A client after its Hello. Used in the server's event loop. `encoded` is shared by all clients.
 
-    def __init__(self, name: str, encoded: EncodedFrames) -> None:
+    `abort` cuts the connection off.
+    """
+
+    def __init__(self, name: str, encoded: EncodedFrames, abort: Callable[[], None] = lambda: None) -> None:
         self.name = name
+        self.abort = abort
+        self.waits_since = math.inf
+        """Time since which it has not read a message that is being sent [s], of the clock of the event loop."""
         self.subscription = Subscribe()
         self.is_overrun = False
         """Whether the client does not read its replies, so that it must be disconnected."""
@@ -103,8 +110,15 @@ class ConnectedClient:
 
     # -- sending ------------------------------------------------------------------------------------------------
 
-    async def send_loop(self, send: Send) -> None:
+    async def send_loop(self, write: Send) -> None:
         """Send until cancelled; each message is chosen when the previous one was written."""
+        clock = asyncio.get_running_loop().time
+
+        async def send(message: bytes) -> None:
+            self.waits_since = clock()
+            await write(message)
+            self.waits_since = math.inf
+
         while True:
             await self._wake.wait()
             self._wake.clear()

@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections import Counter
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, TypeVar
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
 
@@ -16,11 +18,18 @@ from autodrive.protocol.tcp_options import drop_dead_peer
 IDLE_TIMEOUT = 10.0
 """A connection without a complete request for this time [s] is closed."""
 MAX_HTTP, MAX_WEBSOCKETS = 200, 200
-"""Connections at most. One more HTTP connection takes the place of an idle one, of the address that has the most."""
+"""Connections at most. One more takes the place of the oldest one of the address that has the most; of WebSockets only
+those whose client has not said Hello."""
+BUSY_AGE = 0.1
+"""An HTTP connection that gets an answer counts as younger than an idle one of the same age, by this factor."""
+IS_CLIENT, ABORT = "autodrive.is_client", "autodrive.abort"
+"""Keys of the scope of a WebSocket: whether its client has said Hello, and a function that cuts it off."""
 DEAD_PEER_TIMEOUT = 60.0
 """A client that acknowledges nothing for this time [s] is disconnected."""
 CLOSE_TIMEOUT = 1.0
 """A client that has not answered the end of the connection after this time [s] is disconnected."""
+INVALID_DATA = 1007
+"""Close code of a WebSocket (RFC 6455)."""
 MAX_UNSENT = 16_384
 """Bytes that may wait in the kernel for a slow reader."""
 MAX_PONGS = 2**16
@@ -31,6 +40,12 @@ class HttpProtocol(H11Protocol):
     """An HTTP connection. Connections that request nothing have a time-out, and do not lock others out."""
 
     _timer: asyncio.TimerHandle | None = None
+    _began = 0.0
+
+    @property
+    def age(self) -> float:
+        """Time since its beginning or since the last answer [s], less while a request is being answered."""
+        return (self.loop.time() - self._began) * (1.0 if self.is_idle else BUSY_AGE)
 
     @property
     def is_idle(self) -> bool:
@@ -38,16 +53,13 @@ class HttpProtocol(H11Protocol):
         return self.cycle is None or self.cycle.response_complete
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore  # as in the base class
-        """Begin the time-out, and make room among the idle connections."""
+        """Begin the time-out, and make room among the other connections."""
         super().connection_made(transport)
         _limit_buffers(transport)
-        self._start_timer()
-        others = [one for one in self.connections if isinstance(one, HttpProtocol) and not one.transport.is_closing()]
-        if len(others) > MAX_HTTP:
-            by_address = Counter(_address(one) for one in others)
-            idle = [one for one in others if one.is_idle and one is not self]
-            victim = max(idle, key=lambda one: (by_address[_address(one)], one._age()), default=self)
-            victim.transport.abort()
+        self._begin()
+        others = [one for one in _open(self.connections, HttpProtocol) if one is not self]
+        if len(others) >= MAX_HTTP:
+            _oldest(others, others).transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End the time-out."""
@@ -57,15 +69,25 @@ class HttpProtocol(H11Protocol):
     def on_response_complete(self) -> None:
         """Restart the time-out."""
         super().on_response_complete()
-        self._start_timer()
+        self._begin()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """Refuse the WebSocket if there are too many."""
+        """Make room among the other WebSockets, or refuse this one if all have clients."""
         self._stop_timer()
-        if sum(isinstance(one, WebSocketProtocol) for one in self.connections) >= MAX_WEBSOCKETS:
-            self.transport.abort()
-        else:
+        others = _open(self.connections, WebSocketProtocol)
+        strangers = [one for one in others if not one.is_client]
+        if len(others) < MAX_WEBSOCKETS:
             super().handle_websocket_upgrade(event)
+        elif strangers:
+            _oldest(strangers, others).transport.abort()
+            super().handle_websocket_upgrade(event)
+        else:
+            self.transport.abort()
+
+    def _begin(self) -> None:
+        """The connection is idle from now on."""
+        self._began = self.loop.time()
+        self._start_timer()
 
     def _start_timer(self) -> None:
         self._stop_timer()
@@ -82,27 +104,57 @@ class HttpProtocol(H11Protocol):
         else:
             self._start_timer()
 
-    def _age(self) -> float:
-        """The greater, the longer it has been idle."""
-        return -self._timer.when() if self._timer is not None else 0.0
-
 
 class WebSocketProtocol(WebSocketsSansIOProtocol):
     """A WebSocket on which `send` returns when the bytes were written, so that the next message is chosen then."""
 
+    scope: Any = None
+    _began = 0.0
+
+    @property
+    def age(self) -> float:
+        """Time since its beginning [s]."""
+        return self.loop.time() - self._began
+
+    @property
+    def is_client(self) -> bool:
+        """Whether the client has said Hello."""
+        return self.scope is not None and IS_CLIENT in self.scope
+
     def connection_made(self, transport: Any) -> None:
         """Keep the buffers small."""
+        self._began = self.loop.time()
         transport.set_write_buffer_limits(high=0)
         _limit_buffers(transport)
         super().connection_made(transport)
 
+    def handle_connect(self, event: Any) -> None:
+        """Let the application cut the client off."""
+        super().handle_connect(event)
+        if self.scope is not None:
+            self.scope[ABORT] = self.transport.abort
+
     async def send(self, message: Any) -> None:
         """Write, and wait until the bytes were written."""
-        await super().send(message)
-        if message["type"] == "websocket.close":
+        if self.transport.is_closing():  # also while uvicorn does not know it yet, and would log a traceback
+            raise ClientDisconnected
+        is_last = message["type"] == "websocket.close"
+        if is_last:  # before the bytes are written: a client that does not read would prevent it
             self.loop.call_later(CLOSE_TIMEOUT, self.transport.abort)
-        else:
+        await super().send(message)
+        if not is_last:
             await self.writable.wait()
+
+    def send_receive_event_to_app(self) -> None:
+        """End the connection at a text that is not UTF-8, for which uvicorn would log a traceback."""
+        try:
+            if self.curr_msg_data_type == "text":
+                b"".join(self.frames).decode()
+        except UnicodeDecodeError:
+            self.conn.send_close(INVALID_DATA)
+            self.handle_parser_exception()
+        else:
+            super().send_receive_event_to_app()
 
     def handle_cont(self, event: Frame) -> None:
         """Drop empty fragments, which no limit of the length of messages counts."""
@@ -117,7 +169,20 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             super().handle_ping()
 
 
-def _address(protocol: HttpProtocol) -> str:
+_Protocol = TypeVar("_Protocol", HttpProtocol, WebSocketProtocol)
+
+
+def _open(connections: Iterable[Any], type_: type[_Protocol]) -> list[_Protocol]:
+    return [one for one in connections if isinstance(one, type_) and not one.transport.is_closing()]
+
+
+def _oldest(candidates: list[_Protocol], others: list[_Protocol]) -> _Protocol:
+    """The oldest one of the address that has the most of all."""
+    by_address = Counter(map(_address, others))
+    return max(candidates, key=lambda one: (by_address[_address(one)], one.age))
+
+
+def _address(protocol: HttpProtocol | WebSocketProtocol) -> str:
     return protocol.client[0] if protocol.client else ""
 
 

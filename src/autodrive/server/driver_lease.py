@@ -40,11 +40,13 @@ class DriverLeases:
         self._leases[vehicle] = _Lease(driver, source, now + LEASE_TIME)
         return None
 
-    def release(self, vehicle: str, driver: Any) -> None:
-        """End the lease of a vehicle if that driver holds it."""
+    def release(self, vehicle: str, driver: Any) -> bool:
+        """End the lease of a vehicle if that driver holds it; whether it did."""
         lease = self._leases.get(vehicle)
-        if lease is not None and lease.driver is driver:
-            del self._leases[vehicle]
+        if lease is None or lease.driver is not driver:
+            return False
+        del self._leases[vehicle]
+        return True
 
     def release_all(self, driver: Any) -> None:
         """End all leases of that driver."""

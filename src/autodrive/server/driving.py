@@ -61,8 +61,8 @@ class Driving:
 
     def release(self, client: ConnectedClient, vehicle: str) -> None:
         """End the lease of that vehicle if this client holds it."""
-        self._leases.release(vehicle, client)
-        self._on_change()
+        if self._leases.release(vehicle, client):
+            self._on_change()
 
     def forget(self, client: ConnectedClient) -> None:
         """The client disconnected."""

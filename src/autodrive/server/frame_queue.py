@@ -20,6 +20,10 @@ LONGEST_WAIT = 0.02
 """Frames of a long Step wake the event loop at least once in this time [s]."""
 
 
+MAX_EVENTS = 1000
+"""Events that wait for the event loop; the oldest are dropped."""
+
+
 class HasWorld(Protocol):
     """The part of a Simulation that is used here."""
 
@@ -76,7 +80,7 @@ class FrameQueue:
             last = self._items[-1] if self._items else None
             if isinstance(last, FrameUpdate):
                 if last.events and last.world is update.world:
-                    update = FrameUpdate(update.world, frame, (*last.events, *frame.events))
+                    update = FrameUpdate(update.world, frame, (*last.events, *frame.events)[-MAX_EVENTS:])
                 self._items[-1] = update
             else:
                 self._items.append(update)

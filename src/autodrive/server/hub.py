@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ from autodrive.protocol.native import (
 from autodrive.server.bridge_control import BridgeControl
 from autodrive.server.broadcast import Broadcast
 from autodrive.server.connected_client import ConnectedClient
+from autodrive.server.connections import ABORT, IS_CLIENT
 from autodrive.server.driver_lease import DriverLeases
 from autodrive.server.driving import Driving
 from autodrive.server.files import File
@@ -44,8 +46,10 @@ if TYPE_CHECKING:
 
 MAX_CLIENTS = 100
 """More are refused."""
-STATUS_INTERVAL = 0.25
-"""Time between two Status messages [s]."""
+MAX_WAIT = 10.0
+"""A client that has not read a message for this time [s] is disconnected if its place is needed."""
+STATUS_INTERVAL, LEAST_STATUS_INTERVAL = 0.25, 0.02
+"""Time between two Status messages without and with changes [s]."""
 POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
 """Close codes of a WebSocket (RFC 6455)."""
 
@@ -92,6 +96,7 @@ class Hub:
             clock=self._now,
         )
         self._is_status_due = False
+        self._last_status = -math.inf
         self._are_pictures_wanted = False
 
     async def __aenter__(self) -> Hub:
@@ -134,13 +139,25 @@ class Hub:
             return
         if hello is None:
             return
-        if len(self._clients) >= MAX_CLIENTS:
+        if not self._has_room():
             await send_bytes(encode(Error("rate", f"{MAX_CLIENTS} clients are connected; no more are accepted")))
             await send({"type": "websocket.close", "code": TRY_AGAIN_LATER})
             return
-        client = ConnectedClient(self._free_name(hello.name), self._broadcast.encoded)
+        scope[IS_CLIENT] = True
+        client = ConnectedClient(self._free_name(hello.name), self._broadcast.encoded, scope.get(ABORT, lambda: None))
         await send_bytes(encode(Welcome(PROTOCOL, __version__, client.name, self._scenarios)))
         await self._serve_client(client, receive, send, send_bytes)
+
+    def _has_room(self) -> bool:
+        """Whether one more client is accepted; it takes the place of one that has not read for `MAX_WAIT`."""
+        if len(self._clients) < MAX_CLIENTS:
+            return True
+        slowest = min(self._clients, key=lambda client: client.waits_since)
+        if self._now() - slowest.waits_since < MAX_WAIT:
+            return False
+        self._clients.discard(slowest)
+        slowest.abort()
+        return True
 
     async def _serve_client(self, client: ConnectedClient, receive: Any, send: Any, send_bytes: Any) -> None:
         self._clients.add(client)
@@ -173,7 +190,10 @@ class Hub:
                 except AutodriveError as error:
                     id = id_of(data)
                     message = Error("message" if id is None else "request", str(error), id)
-                if isinstance(message, Request) or limit.allows(self._now()):
+                if isinstance(message, Request):
+                    if not self._requests.execute(client, message):
+                        limit.drop()
+                elif limit.allows(self._now()):
                     self._handle(client, message)
                 elif warnings.admits("messages"):
                     client.send_error(Error("rate", f"more than {RATE:g} messages per second; some are dropped"))
@@ -183,6 +203,7 @@ class Hub:
                 return
 
     def _handle(self, client: ConnectedClient, message: ClientMessage | Error) -> None:
+        """A message that is no Request."""
         match message:
             case Error():
                 client.send_error(message)
@@ -192,8 +213,6 @@ class Hub:
                 self._driving.drive(client, message)
             case Release(vehicle=vehicle):
                 self._driving.release(client, vehicle)
-            case Request():
-                self._requests.execute(client, message)
             case Hello():
                 client.send_error(Error("message", "a Hello is sent once, at the beginning"))
 
@@ -219,10 +238,10 @@ class Hub:
         return self._loop.time()
 
     def _send_status_soon(self) -> None:
-        """Send one Status for all changes of this turn of the event loop."""
+        """Send one Status for all changes of this turn of the event loop, or of `LEAST_STATUS_INTERVAL`."""
         if not self._is_status_due:
             self._is_status_due = True
-            self._loop.call_soon(self._send_status)
+            self._loop.call_at(max(self._last_status + LEAST_STATUS_INTERVAL, self._now()), self._send_status)
 
     async def _send_status_regularly(self) -> None:
         while True:
@@ -234,7 +253,7 @@ class Hub:
         if not self._clients:
             return
         simulation = self._simulation
-        now = self._now()
+        self._last_status = now = self._now()
         note = self._broadcast.note or self._requests.note
         status = encode(
             Status(

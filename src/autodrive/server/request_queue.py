@@ -1,4 +1,4 @@
-"""The requests of one client: one is executed at a time, the others wait in order."""
+"""The requests of one client, which wait in order, and the time that the requests of all clients may use."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, S
 
 MAX_PENDING = 64
 """Requests of one client that wait; more are refused."""
+
+SHARE, BURST = 0.2, 2.0
+"""Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
 
 REPLACED = (Reset, LoadScenario, SetSpeed, SetSceneLight, SetTimeOfDay, SetCamera, ConnectBridge)
 """Of several such requests in a row only the last one is executed; it answers all of them."""
@@ -23,6 +26,8 @@ class Entry:
     ids: list[int]
     started: float = 0.0
     """Time at which its execution began [s]."""
+    ended: float = 0.0
+    """Time at which the simulation had executed it [s]."""
 
 
 @dataclass
@@ -33,8 +38,6 @@ class RequestQueue:
     """Whether a request is being executed."""
     free_at: float = 0.0
     """Earliest time of the next execution."""
-    is_scheduled: bool = False
-    """Whether the next execution is scheduled for `free_at`."""
     _entries: deque[Entry] = field(default_factory=deque)
 
     def add(self, request: Request) -> bool:
@@ -49,19 +52,41 @@ class RequestQueue:
             self._entries.append(Entry(request.operation, [request.id]))
         return True
 
-    def take(self, now: float) -> Entry | None:
-        """Remove and return the next request, if it can be executed now."""
-        if self.is_busy or not self._entries or now < self.free_at:
-            return None
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request waits or is being executed."""
+        return not self._entries and not self.is_busy
+
+    @property
+    def next(self) -> Entry | None:
+        """The request that is executed next; None if none waits, or while one is being executed."""
+        return self._entries[0] if self._entries and not self.is_busy else None
+
+    def take(self, now: float) -> Entry:
+        """Remove and return the next request, to execute it now."""
         self.is_busy = True
         entry = self._entries.popleft()
-        entry.started = now
+        entry.started = entry.ended = now
         return entry
 
     def clear(self) -> None:
         """Drop all requests that wait."""
         self._entries.clear()
 
-    def __len__(self) -> int:
-        """Number of operations that wait."""
-        return len(self._entries)
+
+class TimeLimit:
+    """Limits the time that requests use together: `SHARE` of the time, and up to `BURST` at once. Times are in s."""
+
+    def __init__(self, now: float) -> None:
+        self._left = BURST
+        self._updated = now
+
+    def use(self, time: float, now: float) -> None:
+        """Count the time that a request used."""
+        self._left = min(self._left + SHARE * (now - self._updated), BURST) - time
+        self._updated = now
+
+    @property
+    def free_at(self) -> float:
+        """Time at which the next request may be executed."""
+        return self._updated + max(-self._left, 0.0) / SHARE

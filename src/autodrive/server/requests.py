@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import math
 import time
-from collections.abc import Callable, Coroutine
-from concurrent.futures import Future
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Awaitable, Callable
+from concurrent.futures import CancelledError, Future
+from typing import TYPE_CHECKING
 
 from autodrive.errors import AutodriveError
 from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.scenario import scenario_text
 from autodrive.server.driving import taken
-from autodrive.server.request_queue import MAX_PENDING, Entry, RequestQueue
+from autodrive.server.request_queue import MAX_PENDING, SHARE, Entry, RequestQueue, TimeLimit
 from autodrive.specs import suggest
 
 if TYPE_CHECKING:
@@ -24,18 +26,23 @@ if TYPE_CHECKING:
     from autodrive.server.remote_view import RemoteViews
     from autodrive.simulation import Simulation
 
+log = logging.getLogger(__name__)
+
 MAX_TICKS = 10_000
 """Longest Step."""
-REST = 4.0
-"""While time runs, a client's next request waits for this multiple of the time that the last one took, and longer if
-other clients request something as well: all requests together use at most a fifth of the time."""
+OF_SERVER = (ConnectBridge, DisconnectBridge, SetCamera)
+"""Operations of the server; all others are operations of the simulation, which executes one at a time."""
 LEAST_WORK = {ConnectBridge: 0.05, SetCamera: 0.004}
 """Operations that cause work elsewhere count as if they took this time [s]."""
 NOT_PAUSED = "a Step needs a paused simulation; request Pause first"
 
 
 class Requests:
-    """Used in the server's event loop. `on_change` is called when the Status changes."""
+    """Used in the server's event loop. `on_change` is called when the Status changes.
+
+    While time runs, the requests of a client, and those of all clients together, use at most `SHARE` of the time. A
+    client that connects again waits for its turn like the others.
+    """
 
     def __init__(
         self,
@@ -60,78 +67,109 @@ class Requests:
         self._on_change = on_change
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
+        """The queue of each client; the client whose turn is next comes first."""
+        self._limit = TimeLimit(time.perf_counter())
+        self._is_busy = False
+        """Whether the simulation executes a request."""
+        self._timer: asyncio.Handle | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def execute(self, client: ConnectedClient, request: Request) -> None:
-        """Execute a request after the earlier ones of this client; its Response or Error follows."""
+    def execute(self, client: ConnectedClient, request: Request) -> bool:
+        """Execute a request after the earlier ones of this client; its Response or Error follows.
+
+        Returns False if the request is refused because too many are waiting.
+        """
         queue = self._queues.setdefault(client, RequestQueue())
+        was_idle = queue.is_idle
         if isinstance(request.operation, LoadScenario) and (error := self._unknown(request.operation.name)):
             client.send_error(Error("request", error, request.id))
-        elif queue.add(request):
-            self._execute_next(client, queue)
-        else:
+        elif not queue.add(request):
             text = f"more than {MAX_PENDING} requests are pending: wait for a Response"
             client.send_error(Error("rate", text, request.id))
+            return False
+        elif was_idle:
+            self._execute_next()
+        return True
 
     def forget(self, client: ConnectedClient) -> None:
         """The client disconnected: requests that wait are dropped."""
         if queue := self._queues.pop(client, None):
             queue.clear()
 
-    def _execute_next(self, client: ConnectedClient, queue: RequestQueue) -> None:
+    def _execute_next(self) -> None:
+        """Execute what may be executed now: the clients in turn, and one operation of the simulation at a time."""
+        self._stop_timer()
         now = time.perf_counter()  # exact: the time of the event loop stands still during a turn
-        entry = queue.take(now)
-        if entry is None:
-            if queue and not queue.is_busy and not queue.is_scheduled:
-                queue.is_scheduled = True
-                asyncio.get_running_loop().call_later(queue.free_at - now, self._execute_scheduled, client, queue)
-            return
+        earliest = math.inf
+        for client, queue in list(self._queues.items()):
+            if (entry := queue.next) is None:
+                continue
+            free_at = queue.free_at
+            if not isinstance(entry.operation, OF_SERVER):
+                if self._is_busy:
+                    continue
+                free_at = max(free_at, -math.inf if self._simulation.is_paused else self._limit.free_at)
+            if now < free_at:
+                earliest = min(earliest, free_at)
+                continue
+            self._queues[client] = self._queues.pop(client)  # next time it is the turn of the others
+            self._begin(client, queue, queue.take(now))
+        if earliest < math.inf:
+            self._timer = asyncio.get_running_loop().call_later(earliest - now, self._execute_next)
+
+    def _execute_soon(self) -> None:
+        """In a new turn of the event loop, so that many short Steps do not nest."""
+        self._stop_timer()
+        self._timer = asyncio.get_running_loop().call_soon(self._execute_next)
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _begin(self, client: ConnectedClient, queue: RequestQueue, entry: Entry) -> None:
         try:
             match entry.operation:
                 case ConnectBridge(host=host, port=port):
-                    self._bridge.connect(host, port)
-                    self._on_change()
-                    self._respond(client, queue, entry, self._simulation.frame)
+                    self._start(client, queue, entry, lambda: self._bridge.connect(host, port))
                 case DisconnectBridge():
-                    self._start(self._disconnect(client, queue, entry))
+                    self._start(client, queue, entry, self._bridge.disconnect)
                 case SetCamera() as view:
                     self._remote_views.set_view(client, view, self._clock())
                     self._respond(client, queue, entry, self._simulation.frame)
                 case operation:
+                    self._is_busy = True
                     self._submit(client, queue, entry, operation)
-        except AutodriveError as error:
-            self._refuse(client, queue, entry, "request", str(error))
-        except _TakenError as error:
-            self._refuse(client, queue, entry, "taken", str(error))
-
-    def _execute_scheduled(self, client: ConnectedClient, queue: RequestQueue) -> None:
-        queue.is_scheduled = False
-        self._execute_next(client, queue)
+        except Exception as error:
+            self._refuse(client, queue, entry, error)
 
     def _respond(
         self, client: ConnectedClient, queue: RequestQueue, entry: Entry, frame: Frame, text: str = ""
     ) -> None:
         for id in entry.ids:
             client.respond(id, frame, text)
-        self._end(client, queue, entry)
+        self._end(queue, entry)
 
-    def _refuse(
-        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, code: Literal["request", "taken"], text: str
-    ) -> None:
+    def _refuse(self, client: ConnectedClient, queue: RequestQueue, entry: Entry, error: BaseException) -> None:
+        if not isinstance(error, AutodriveError | _TakenError):
+            log.error("server: a %s failed", type(entry.operation).__name__, exc_info=error)
         for id in entry.ids:
-            client.send_error(Error(code, text, id))
-        self._end(client, queue, entry)
+            client.send_error(Error("taken" if isinstance(error, _TakenError) else "request", str(error), id))
+        self._end(queue, entry)
 
-    def _end(self, client: ConnectedClient, queue: RequestQueue, entry: Entry) -> None:
+    def _end(self, queue: RequestQueue, entry: Entry) -> None:
         """The request was executed: choose the time of the client's next one."""
         now = time.perf_counter()
         queue.is_busy = False
+        is_of_server = isinstance(entry.operation, OF_SERVER)
         if not isinstance(entry.operation, Step) and not self._simulation.is_paused:
             work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
-            active = sum(bool(other) or other is queue for other in self._queues.values())
-            queue.free_at = now + REST * work * max(active, 1)
-        if queue:  # in a new turn of the event loop, so that many short Steps do not nest
-            asyncio.get_running_loop().call_soon(self._execute_next, client, queue)
+            queue.free_at = now + (1.0 / SHARE - 1.0) * work
+            if not is_of_server:
+                self._limit.use(entry.ended - entry.started, now)
+        if not is_of_server:
+            self._is_busy = False
+        self._execute_soon()
 
     def _unknown(self, name: str) -> str:
         """The error for a scenario that is not known; empty if it is."""
@@ -145,15 +183,22 @@ class Requests:
         future = self._simulation.request(operation, here=True)
         self._on_submitted(operation)
 
+        def note_end(_: Future[Frame]) -> None:
+            entry.ended = time.perf_counter()
+
         def reply(done: Future[Frame]) -> None:
             self._on_done(operation)
-            if done.cancelled():
-                self._refuse(client, queue, entry, "request", "the simulation has ended")
-            elif error := done.exception():
-                self._refuse(client, queue, entry, "request", str(error))
+            try:
+                frame = done.result()
+                text = self._text(operation)
+            except CancelledError:
+                self._refuse(client, queue, entry, AutodriveError("the simulation has ended"))
+            except Exception as error:
+                self._refuse(client, queue, entry, error)
             else:
-                self._respond(client, queue, entry, done.result(), self._text(operation))
+                self._respond(client, queue, entry, frame, text)
 
+        future.add_done_callback(note_end)
         self._frame_queue.call_when_done(future, reply)
         if future.done():
             self._frame_queue.deliver()
@@ -170,6 +215,8 @@ class Requests:
             raise AutodriveError(NOT_PAUSED)
         if step.ticks > MAX_TICKS:
             raise AutodriveError(f"a requested Step has at most {MAX_TICKS} ticks, not {step.ticks}: request several")
+        if step.commands.keys() - self._simulation.frame.vehicles.keys():
+            return  # the simulation refuses it
         now = self._clock()
         drivers = self._leases.drivers(now)
         for vehicle in step.commands:
@@ -201,17 +248,23 @@ class Requests:
                 pass
         self._on_change()
 
-    async def _disconnect(self, client: ConnectedClient, queue: RequestQueue, entry: Entry) -> None:
-        try:
-            await self._bridge.disconnect()
-        except AutodriveError as error:
-            self._refuse(client, queue, entry, "request", str(error))
-        else:
-            self._respond(client, queue, entry, self._simulation.frame)
-        self._on_change()
+    def _start(
+        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, work: Callable[[], Awaitable[None]]
+    ) -> None:
+        """Let the server work on a request, and respond after that."""
+        if len(self._tasks) >= MAX_PENDING:
+            raise AutodriveError("too many clients connect and disconnect the bridge")
 
-    def _start(self, work: Coroutine[object, object, None]) -> None:
-        task = asyncio.create_task(work)
+        async def execute() -> None:
+            try:
+                await work()
+            except Exception as error:
+                self._refuse(client, queue, entry, error)
+            else:
+                self._respond(client, queue, entry, self._simulation.frame)
+            self._on_change()
+
+        task = asyncio.create_task(execute())
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 

@@ -9,6 +9,7 @@ import logging
 import secrets
 import socket
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from autodrive.errors import AutodriveError
+from autodrive.protocol.log_throttle import LogThrottle
 from autodrive.protocol.ports import PORT
 from autodrive.server.access import AccessPolicy, checked_token, is_loopback
 from autodrive.server.connections import HttpProtocol, WebSocketProtocol
@@ -35,6 +37,8 @@ log = logging.getLogger(__name__)
 
 PORTS = 20
 """Number of ports that are tried, from the default one on."""
+LOG_INTERVAL = 10.0
+"""Errors of the same kind are logged once in this time [s]."""
 MESSAGE_LIMIT = 2**16
 """A client that sends a longer message [bytes] is disconnected."""
 
@@ -169,9 +173,18 @@ class Server:
             timeout_graceful_shutdown=1,
         )
         self._server = uvicorn.Server(config)
+        logging.getLogger("uvicorn.error").addFilter(_admits)
         is_ready.set()
         async with self._hub:
             await self._server.serve(sockets=[listener])
+
+
+_throttle = LogThrottle(LOG_INTERVAL, time.monotonic)
+
+
+def _admits(record: logging.LogRecord) -> bool:
+    """Whether a line of uvicorn is logged: clients could cause many."""
+    return _throttle.admits(record.msg)
 
 
 def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneProcess]:
