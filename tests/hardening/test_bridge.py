@@ -37,6 +37,15 @@ def toggles_reset(connection: ServerConnection) -> None:
         connection.send(reset_packet(is_held=False))
 
 
+def floods_with_commands(connection: ServerConnection) -> None:
+    """Commands as fast as it can, of all kinds that need the autonomous mode."""
+    commands = {"V1 Throttle": "1", "V1 Steering": "1", "V1 Reset": "True", "V2 Throttle": "x", "V1 CoSim": "True"}
+    pose = dict.fromkeys(("V1 PosX", "V1 PosY", "V1 PosZ", "V1 RotX", "V1 RotY", "V1 RotZ", "V1 RotW"), "1")
+    while True:
+        connection.send("42" + json.dumps(["Bridge", commands | pose]))
+        connection.send("42" + json.dumps(["Bridge", {"V1 Reset": "False", "V1 CoSim": "False"}]))
+
+
 def pings_without_reading(connection: ServerConnection) -> None:
     connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000}')
     connection.send("40")
@@ -55,6 +64,14 @@ def test_answers_to_a_server_that_does_not_read_are_bounded() -> None:
     assert connection.outbox == 1000 * ["3probe"]
     with pytest.raises(ConnectionEnd, match="does not read"):
         connection.receive('427["Bridge",{}]', 0.0)
+
+
+def test_handshakes_of_a_server_that_does_not_read_are_bounded() -> None:
+    connection = Connection(0.0)
+    for _ in range(1000):
+        connection.receive('0{"sid":"x","maxPayload":1000000}', 0.0)
+    with pytest.raises(ConnectionEnd, match="does not read"):
+        connection.receive('0{"sid":"x","maxPayload":1000000}', 0.0)
 
 
 def test_time_continues_while_a_script_toggles_reset(simulation: Simulation) -> None:
@@ -135,6 +152,53 @@ def test_a_signal_ends_a_run_with_a_hostile_script(
         run.wait_for("connected to a script")
         assert run.end(number) == 0
     assert json.loads((tmp_path / "s.json").read_text())["ended_by"] == number.name
+
+
+def test_a_redirect_is_not_followed(simulation: Simulation) -> None:
+    """A script could send the simulator to any machine."""
+    connections: list[socket.socket] = []
+    with socket.create_server(("127.0.0.1", 0)) as elsewhere, socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def redirect() -> None:
+            client, _ = listener.accept()
+            with client:
+                client.recv(65536)
+                address = f"ws://127.0.0.1:{elsewhere.getsockname()[1]}/".encode()
+                client.sendall(b"HTTP/1.1 302 Found\r\nContent-Length: 0\r\nLocation: " + address + b"\r\n\r\n")
+
+        def accept() -> None:
+            with contextlib.suppress(OSError):
+                connections.append(elsewhere.accept()[0])
+
+        threads = [threading.Thread(target=target, daemon=True) for target in (redirect, accept)]
+        for thread in threads:
+            thread.start()
+        with DevkitBridge(simulation, port=listener.getsockname()[1]) as bridge:
+            wait_until(lambda: "HTTP 302" in bridge.error or connections)
+        assert not connections
+        elsewhere.shutdown(socket.SHUT_RDWR)
+        for thread in threads:
+            thread.join(LIMIT)
+
+
+@pytest.mark.parametrize("is_reason", [False, True])
+def test_what_a_script_says_cannot_write_to_the_terminal(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture, *, is_reason: bool
+) -> None:
+    text = "\x1b[2J\x1b]0;title\x07\nautodrive: all is well\r" + 30 * "x"
+
+    def refuse(connection: ServerConnection) -> None:
+        if is_reason:
+            connection.close(1011, text)
+        else:
+            connection.send("44" + 100 * text)
+
+    with peer(refuse) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: "all is well" in bridge.error)
+        assert bridge.error.isprintable()
+    lines = [record.getMessage() for record in caplog.records if record.name.startswith("autodrive.bridge")]
+    assert [line for line in lines if "all is well" in line]
+    assert all(line.isprintable() and len(line) < 600 for line in lines)
 
 
 STUCK = """

@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import errno
 import ipaddress
-import logging
 import re
 import socket
 import threading
@@ -20,10 +19,12 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 from websockets.frames import Frame as WebSocketFrame
+from websockets.protocol import Event
 
 from autodrive.bridge.detection import Detection
 from autodrive.bridge.engineio import ConnectionEnd
-from autodrive.bridge.metrics import Counters, Metrics
+from autodrive.bridge.metrics import Counters, Metrics, printable
+from autodrive.bridge.read_limit import ReadLimit
 from autodrive.bridge.session import Session, SimulationControl
 from autodrive.errors import AutodriveError
 from autodrive.protocol.devkit import Images, ImageSizes
@@ -34,11 +35,9 @@ from autodrive.protocol.tcp_options import drop_dead_peer
 if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
 
-log = logging.getLogger(__name__)
-
 RETRY, RETRY_MAX = 0.1, 2.0
 """Delay before a new attempt to connect [s]: it doubles from the first to the second value until a script answers."""
-MESSAGE_LIMIT = 2**20
+MESSAGE_LIMIT = 2**16
 """Longest message of the server [bytes]; a longer one closes the connection. Commands have a few hundred bytes."""
 
 MAX_UNSENT = 2**23
@@ -184,7 +183,7 @@ class DevkitBridge:
     async def _try(self, address: str) -> None:
         """One attempt: a connection until it ends, then the retry delay."""
         try:
-            async with connect(
+            async with _Connect(
                 f"ws://{address}/socket.io/?EIO=4&transport=websocket",
                 compression=None,
                 proxy=None,
@@ -199,16 +198,17 @@ class DevkitBridge:
                 await self._exchange(connection)
         except* (OSError, WebSocketException, ConnectionEnd, TimeoutError) as group:
             reason = group.exceptions[0]
-            self._metrics.error = f"no script at {address} ({_text_of(reason)}); trying again"
+            self._metrics.error = printable(f"no script at {address} ({_text_of(reason)}); trying again")
             self._metrics.warn("connection", self._metrics.error)
         except* Exception as group:
-            self._metrics.error = f"internal error: {group.exceptions[0]}; trying again"
-            log.error("devkit bridge: internal error", exc_info=group)
+            self._metrics.error = printable(f"internal error: {group.exceptions[0]}; trying again")
+            self._metrics.report(group)
         await asyncio.sleep(self._retry)
         self._retry = min(2.0 * self._retry, RETRY_MAX)
 
     async def _exchange(self, connection: ClientConnection) -> None:
         _avoid_brackets_in_masks(connection)
+        assert isinstance(connection, _BoundedConnection)
         session = Session(
             connection,
             self._simulation,
@@ -217,6 +217,7 @@ class DevkitBridge:
             traffic_lights=self._traffic_lights,
             images=self._images,
             image_sizes=self._image_sizes,
+            on_telemetry=connection.read_limit.allow,
         )
         self._session = session
         try:
@@ -230,14 +231,40 @@ class DevkitBridge:
             await session.close()
 
 
+class _Connect(connect):
+    """Connects to the address that the user has chosen and to no other."""
+
+    def process_redirect(self, exc: Exception) -> Exception | str:
+        """Follow no redirect: a script could send the simulator to any machine."""
+        return exc
+
+
 class _BoundedConnection(ClientConnection):
-    """A WebSocket that ends if its peer does not read the pongs that it asks for."""
+    """A WebSocket that is read at a bounded rate, and ends if its peer does not read the pongs that it asks for."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin to read."""
+        self.read_limit = ReadLimit(self.loop.time())
+        super().connection_made(transport)
 
     def data_received(self, data: bytes) -> None:
         """Process bytes of the peer."""
         super().data_received(data)
         if self.transport.get_write_buffer_size() > MAX_UNSENT:
             self.transport.abort()
+        elif delay := self.read_limit.delay(self.loop.time()):
+            self.transport.pause_reading()
+            self.loop.call_later(delay, self._read_on)
+
+    def process_event(self, event: Event) -> None:
+        """Count a frame, also of a ping."""
+        if isinstance(event, WebSocketFrame):
+            self.read_limit.count(len(event.data))
+        super().process_event(event)
+
+    def _read_on(self) -> None:
+        if not self.transport.is_closing() and not self.recv_messages.paused:
+            self.transport.resume_reading()
 
 
 def _text_of(reason: Exception) -> str:

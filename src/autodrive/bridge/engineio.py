@@ -146,7 +146,7 @@ class Connection:
 
     def _request_connection(self, now: float) -> None:
         self.dialect = Dialect.ENGINE_IO_4
-        self.outbox.append("40")
+        self._answer("40")
         self._deadline = now + HANDSHAKE_TIME
 
     def _accept(self, dialect: Dialect, now: float) -> None:

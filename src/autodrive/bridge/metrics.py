@@ -16,6 +16,9 @@ from autodrive.protocol.log_throttle import LogThrottle
 WARNING_INTERVAL = 10.0
 """Minimum time between two warnings of the same kind [s]."""
 
+MAX_TEXT = 400
+"""Longest text of a warning [characters]."""
+
 log = logging.getLogger(__name__)
 
 
@@ -68,7 +71,20 @@ class Metrics:
 
     def warn(self, kind: str, text: str) -> None:
         """Log a warning, unless one of that kind was logged within the last `WARNING_INTERVAL`."""
+        self._log(logging.WARNING, kind, text)
+
+    def report(self, error: BaseException) -> None:
+        """Log an error of the bridge itself with its traceback, as often as a warning."""
+        self._log(logging.ERROR, "internal", "internal error", error)
+
+    def _log(self, level: int, kind: str, text: str, error: BaseException | None = None) -> None:
         if not self._throttle.admits(kind):
             return
         suppressed = self._throttle.take_suppressed(kind)
-        log.warning("devkit bridge: %s%s", text, f" ({suppressed} similar warnings suppressed)" if suppressed else "")
+        more = f" ({suppressed} similar warnings suppressed)" if suppressed else ""
+        log.log(level, "devkit bridge: %s%s", printable(text), more, exc_info=error)
+
+
+def printable(text: str) -> str:
+    """The text on one line of bounded length: what a script sends can do nothing to a terminal."""
+    return "".join(one if one.isprintable() else "?" for one in text[:MAX_TEXT])

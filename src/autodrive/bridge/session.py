@@ -84,6 +84,7 @@ class Session:
 
     `detection` holds the devkit generation of the script. `traffic_lights` holds the states that scripts have set, by
     number; telemetry reports them. `clock` gives monotonic time [s]; None: the time of the event loop.
+    `on_telemetry` is called after each telemetry message.
     """
 
     def __init__(
@@ -97,6 +98,7 @@ class Session:
         images: Callable[[Frame, float], devkit.Images] | None = None,
         image_sizes: Callable[[], devkit.ImageSizes] | None = None,
         clock: Callable[[], float] | None = None,
+        on_telemetry: Callable[[], None] = lambda: None,
     ) -> None:
         self._clock = clock or asyncio.get_running_loop().time
         self.flow_control = FlowControl()
@@ -111,6 +113,7 @@ class Session:
         self._traffic_lights = traffic_lights
         self._images = images
         self._image_sizes = image_sizes
+        self._on_telemetry = on_telemetry
         self._size = 0
         """Length of the longest message to a raw server [characters]."""
         self._quality = 0
@@ -294,6 +297,7 @@ class Session:
         if self.engineio.dialect is Dialect.RAW:
             text = self._padded(text, frame)
         await self._socket.send(text)
+        self._on_telemetry()
         counters.telemetry_sent += 1
 
     def _telemetry_packet(self, frame: Frame, number: int | None) -> str | None:
