@@ -10,6 +10,7 @@ import json
 import logging
 import math
 import random
+import time
 from collections import Counter
 from typing import Any
 
@@ -25,7 +26,7 @@ from autodrive.bridge.session import Session
 from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.server.hub import Hub
 from autodrive.world import World
-from tests.support.hardening import cases
+from tests.support.hardening import cases, memory
 from tests.support.native_clients import pack, scene_files
 
 EXTREMES = (
@@ -235,6 +236,7 @@ def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, mo
     hello = pack({"type": "Hello", "protocol": 2, "name": "x"})
     random_ = random.Random(7)
     errors: list[str] = []
+    clients, at_start, begin = cases(30, 2000), list[float](), time.monotonic()
 
     async def attack() -> None:
         hub = Hub(
@@ -249,7 +251,9 @@ def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, mo
         )
         scope = {"subprotocols": ["autodrive.v2"]}
         async with hub:
-            for _ in range(cases(30, 2000)):
+            for number in range(clients):
+                if number == clients // 5:
+                    at_start.append(memory())
                 peer = Peer([hello, *(hostile_message(random_) for _ in range(cases(100, 500)))])
                 await asyncio.wait_for(hub.serve(scope, peer.receive, peer.send), 600.0)
                 assert hub.client_count == 0
@@ -268,6 +272,10 @@ def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, mo
 
     with simulation:
         asyncio.run(attack())
+    end = memory()
+    print(f"{clients} clients in {time.monotonic() - begin:.0f} s; memory {at_start[0]:.1f} MB, then {end:.1f} MB")
     assert not errors
     assert not simulation.error
     assert not [one for one in caplog.records if one.exc_info or one.levelno >= logging.ERROR]
+    if cases(short=False, long=True):
+        assert end < 1.05 * at_start[0]
