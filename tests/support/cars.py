@@ -16,6 +16,12 @@ OBEYS_AT_ONCE = {
 """Changes of a vehicle file: actuators without dead time and lag; the rate limit of the steering remains."""
 
 
+def small_images(width: int, height: int) -> dict[str, int]:
+    """Changes of a vehicle file: both cameras have images of that size [pixels]."""
+    names = ("front", "rear")
+    return {f"cameras.{name}.{edge}": size for name in names for edge, size in (("width", width), ("height", height))}
+
+
 def car_file(folder: Path, changes: dict[str, Any], vehicle: str = "nigel") -> str:
     """Path of a changed copy of an included vehicle file; `changes`: keys such as 'steering.dead_time', and values."""
     tree = yaml.safe_load(find("vehicle", vehicle).read_text(encoding="utf-8"))

@@ -37,6 +37,13 @@ def open_files(pid: int | str = "self") -> int:
     return len(list(Path(f"/proc/{pid}/fd").iterdir()))
 
 
+class Calls:
+    """Counts the calls of an attack."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+
 @contextlib.contextmanager
 def attackers(port: int, counts: Mapping[str, int]) -> Iterator[subprocess.Popen[bytes]]:
     """So many hostile clients of each role in `attackers.py`, in a process of their own, after all have connected."""
@@ -72,6 +79,11 @@ def small_disk(folder: Path, kilobytes: int = 64) -> Iterator[Path]:
         yield disk
     finally:
         subprocess.run(["umount", str(disk)], check=True)
+
+
+def make_read_only(disk: Path) -> None:
+    """For a `small_disk`. The mode of a folder would not do: it does not stop a superuser."""
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
 
 
 def fill(file: Path) -> None:

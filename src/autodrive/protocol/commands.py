@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import reprlib
 import sys
 from collections.abc import Mapping
 from numbers import Integral, Real
+from typing import Any, get_args, get_type_hints
 
+import msgspec
 import numpy as np
 
 from autodrive.errors import CommandError
-from autodrive.protocol.messages import Command, Headlights, Indicators
+from autodrive.protocol.messages import Command, Headlights, Indicators, Operation
 
 MAX_DISTANCE = 1e4
 """A vehicle or an object is placed at most this far from the origin of the map, along each axis [m]."""
@@ -45,6 +48,21 @@ def check_command(vehicle: str, command: Command) -> None:
         raise CommandError(_not_known(vehicle, "headlights", command.headlights, Headlights))
     if command.indicators is not None and not _is_one_of(command.indicators, _INDICATORS):
         raise CommandError(_not_known(vehicle, "indicators", command.indicators, Indicators))
+
+
+def check_operation(request: object) -> None:
+    """Raises `CommandError` unless it is an Operation whose values have the types of its fields."""
+    kind = type(request)
+    if kind not in _OPERATIONS:
+        raise CommandError(f"a request must be an Operation, such as Reset(), not {reprlib.repr(request)}")
+    try:
+        msgspec.convert(msgspec.to_builtins(request, enc_hook=_number), _without_limits(kind))
+    except msgspec.ValidationError as error:
+        problem, _, place = str(error).partition(" - at `$.")
+        problem = problem.replace("`", "")
+        raise CommandError(f"{place.rstrip('`')} of {kind.__name__}: {problem[0].lower()}{problem[1:]}") from None
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:  # a value that no message can hold
+        raise CommandError(f"a {kind.__name__} has a value of a wrong type: {error}") from None
 
 
 def check_flag(flag: object, subject: str) -> None:
@@ -82,3 +100,19 @@ def _not_finite(vehicle: str, name: str, value: object) -> str:
 def _not_known(vehicle: str, name: str, value: object, lamps: type[Headlights | Indicators]) -> str:
     known = ", ".join(f"{int(lamp)} {lamp.name.lower()}" for lamp in lamps)
     return f"{name} of vehicle '{vehicle}' must be one of {known}, not {value}"
+
+
+_OPERATIONS = frozenset(get_args(Operation))
+
+
+@functools.cache
+def _without_limits(operation: type) -> type[msgspec.Struct]:
+    """A message with the same fields. Limits of values are checked where they are used, with a better message."""
+    return msgspec.defstruct(operation.__name__, list(get_type_hints(operation).items()))
+
+
+def _number(value: object) -> Any:
+    """A number of numpy as one of Python."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} is not supported")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from autodrive.errors import CommandError
 from autodrive.pace import MAX_SPEED, MIN_SPEED
-from autodrive.protocol.commands import MAX_DISTANCE, check_command, check_seed
+from autodrive.protocol.commands import MAX_DISTANCE, check_command, check_operation, check_seed, is_number
 from autodrive.protocol.messages import (
     Frame,
     LoadScenario,
@@ -25,6 +25,7 @@ def check_request(request: Operation, frame: Frame, *, error: str, can_load: boo
     `frame`: the latest Frame. `error`: why the physics cannot continue; empty if it can. `can_load`: whether scenarios
     can be loaded.
     """
+    check_operation(request)
     match request:
         case Resume() if error:
             raise CommandError(f"{error}; request Reset first")
@@ -54,13 +55,13 @@ def check_request(request: Operation, frame: Frame, *, error: str, can_load: boo
 
 def check_vehicle(vehicle: str, frame: Frame) -> None:
     """Raises `CommandError` if there is no vehicle of that name."""
-    if vehicle not in frame.vehicles:
-        raise CommandError(f"vehicle '{vehicle}' is not known. {suggest(vehicle, list(frame.vehicles))}")
+    if not isinstance(vehicle, str) or vehicle not in frame.vehicles:
+        raise CommandError(f"vehicle '{vehicle}' is not known. {suggest(str(vehicle), list(frame.vehicles))}")
 
 
 def check_speed(speed: float | None) -> None:
     """Raises `CommandError` unless it is a number of simulated seconds per wall second, or None."""
-    if speed is not None and not MIN_SPEED <= speed <= MAX_SPEED:
+    if speed is not None and not (is_number(speed) and MIN_SPEED <= speed <= MAX_SPEED):
         raise CommandError(
             f"speed must be a number from {MIN_SPEED:g} to {MAX_SPEED:g}, or None for as fast as possible, not {speed}"
         )

@@ -9,12 +9,12 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, get_args
 
 from autodrive.editing.editor import Editor
-from autodrive.errors import AutodriveError, EngineError
+from autodrive.errors import AutodriveError, CommandError, EngineError
 from autodrive.pace import Pace
-from autodrive.protocol.commands import check_command
+from autodrive.protocol.commands import check_command, check_commands, is_number
 from autodrive.protocol.messages import (
     AddBox,
     Command,
@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from autodrive.world import World
 
 NO_COMMANDS: Mapping[str, Command] = {}
+
+SOURCES: tuple[Source, ...] = get_args(Source)
 
 log = logging.getLogger(__name__)
 
@@ -171,7 +173,10 @@ class Simulation:
         The vehicle obeys it only if its driving mode selects this source at that tick.
         """
         check_vehicle(vehicle, self._frame)
+        check_commands({vehicle: command})
         check_command(vehicle, command)
+        if source not in SOURCES:
+            raise CommandError(f"the source of a command must be 'person' or 'script', not {source!r}")
         with self._mailbox:
             self._commands[vehicle, source] = command
 
@@ -433,6 +438,6 @@ class Simulation:
     def _ticks_in(self, duration: float | None) -> float:
         if duration is None:
             return math.inf
-        if not duration >= 0:
+        if not (is_number(duration) and duration >= 0):
             raise ValueError(f"duration must be 0 or more seconds, not {duration}")
         return math.ceil(duration / self.world.tick_duration - 1e-6)  # a rounding error must not add a tick

@@ -1,0 +1,230 @@
+"""Hostile callers of a Simulation: any requests in any order, with any arguments.
+
+Only documented errors are raised, a refused request changes nothing, and at the end the simulation has the bits of a
+fresh one that was given the accepted calls alone. With test_callers.py AUTODRIVE_HARDENING=long makes 100 000 calls.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+
+import autodrive
+from autodrive.errors import AutodriveError, EngineError
+from autodrive.protocol import messages
+from autodrive.protocol.messages import Command, Frame
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.simulation import Simulation
+from autodrive.world import Snapshot, World
+from tests.hardening.test_callers import COMMANDS, FLAGS, NAMES, NUMBERS, QUATERNIONS, SEEDS, VECTORS
+from tests.support.cars import car_file, small_images
+from tests.support.frames import digest
+from tests.support.hardening import Calls, cases
+from tests.support.waiting import LIMIT
+
+STEPS = 50
+EXAMPLES, WITH_CAMERAS = cases((3, 1), (800, 20))
+"""Of `STEPS` calls each; with cameras each World needs a renderer."""
+
+NEW = st.sampled_from(["a", "b", "c"])
+PLACES = st.floats(-2.0, 2.0)
+SCENARIOS = st.sampled_from(
+    ["plane", "boxes", "two_cars", "nowhere", "", "../plane", "plane\0", "/etc/passwd", "x.yaml"]
+)
+SENSORS = st.sampled_from(["lidar", "imu", "ips", "encoders", "front", "rear", "range", "nothing", "", None, 3])
+NOISES = st.sampled_from([None, "ideal", "file", "realistic", "strong", "loud", 1])
+STEPPED = st.one_of(
+    st.dictionaries(st.sampled_from(["V1", "V2"]), st.builds(Command, st.floats(-1, 1), st.floats(-1, 1))),
+    st.dictionaries(st.sampled_from(["V1", "V9", 7, None]), st.one_of(COMMANDS, NUMBERS)),
+    NUMBERS,
+)
+REQUESTS: st.SearchStrategy[Any] = st.one_of(
+    st.builds(messages.Step, st.one_of(st.integers(1, 5), st.sampled_from([0, -1, None, 2.0, "1"])), STEPPED),
+    st.builds(messages.Reset, SEEDS),
+    st.builds(messages.Pause),
+    st.builds(messages.SetSpeed, st.one_of(st.none(), st.floats(0.1, 10), NUMBERS)),
+    st.builds(messages.Teleport, NAMES, NUMBERS, NUMBERS, NUMBERS),
+    st.builds(messages.Hold, NAMES, VECTORS, QUATERNIONS),
+    st.builds(messages.SetSceneLight, FLAGS),
+    st.builds(messages.SetTimeOfDay, st.one_of(st.none(), st.floats(0, 1e5), NUMBERS), NUMBERS),
+    st.builds(messages.SetDrivingMode, NAMES, FLAGS),
+    st.builds(messages.LoadScenario, st.one_of(SCENARIOS, NAMES)),
+    st.builds(messages.SaveScenario),
+    st.sampled_from([None, 7, "Reset", {}, messages.Reset, object(), Command()]),
+)
+EDITS: st.SearchStrategy[Any] = st.one_of(
+    st.builds(messages.Place, st.one_of(NEW, NAMES), PLACES, PLACES, PLACES),
+    st.builds(messages.Place, NAMES, NUMBERS, NUMBERS, NUMBERS),
+    st.builds(messages.AddBox, NEW, PLACES, PLACES, PLACES),
+    st.builds(messages.AddBox, st.one_of(NEW, NAMES), NUMBERS, NUMBERS, NUMBERS, VECTORS, NUMBERS),
+    st.builds(messages.RemoveBox, st.one_of(NEW, NAMES)),
+    st.builds(messages.SetSensor, NAMES, SENSORS, FLAGS, st.one_of(st.none(), st.floats(1, 100), NUMBERS), NOISES),
+    st.builds(messages.Undo),
+    st.builds(messages.Redo),
+)
+
+
+class Running(NamedTuple):
+    """A paused simulation in its thread, and the snapshots of its worlds."""
+
+    simulation: Simulation
+    saved: list[Snapshot]
+
+
+Call = Callable[[Running], object]
+
+
+class Operator(RuleBasedStateMachine):
+    """Requests and calls of a Simulation; those that it accepts are kept, and made again in a fresh one at the end."""
+
+    car = ""
+    has_cameras = False
+    calls = Calls()
+
+    def started(self) -> Running:
+        def load(scenario: str | ScenarioSpec) -> World:
+            return autodrive.make(scenario, cameras=self.has_cameras)
+
+        vehicles = {"V1": VehiclePlacement(type=self.car), "V2": VehiclePlacement(type=self.car, x=0.6)}
+        world = load(ScenarioSpec(vehicles=vehicles, boxes={"box": BoxSpec(x=0.3, y=0.4)}))
+        simulation = Simulation(world, is_paused=True, speed=None, load=load, pause_on_error=True)
+        simulation.start()
+        return Running(simulation, [])
+
+    @initialize()
+    def start(self) -> None:
+        self.running = self.started()
+        self.accepted: list[Call] = []
+
+    def call(self, made: Call) -> None:
+        """Make a call; a refused one changes nothing, and an unstable physics pauses until a reset."""
+        self.calls.count += 1
+        simulation = self.running.simulation
+        before, refusal = digest(simulation.frame), None
+        try:
+            made(self.running)
+        except EngineError:
+
+            def broken(running: Running) -> None:
+                with pytest.raises(EngineError):
+                    made(running)
+                running.simulation.request(messages.Reset()).result(LIMIT)
+
+            simulation.request(messages.Reset()).result(LIMIT)
+            self.accepted.append(broken)
+        except AutodriveError as error:
+            refusal = str(error)
+        else:
+            self.accepted.append(made)
+        if refusal is not None:
+            assert refusal
+            assert digest(simulation.frame) == before, refusal
+
+    @rule(request=REQUESTS, is_here=st.booleans())
+    def request(self, request: Any, is_here: bool) -> None:
+        self.call(lambda running: running.simulation.request(request, here=is_here).result(LIMIT))
+
+    @rule(edit=EDITS)
+    def edit(self, edit: Any) -> None:
+        self.call(lambda running: running.simulation.request(edit).result(LIMIT))
+
+    @rule(name=NAMES, command=st.one_of(COMMANDS, NUMBERS), source=st.sampled_from(["script", "person", "", None, []]))
+    def submit(self, name: Any, command: Any, source: Any) -> None:
+        self.call(lambda running: running.simulation.submit(name, command, source))
+
+    @rule(ticks=st.integers(1, 10), throttle=st.floats(-1, 1), steering=st.floats(-1, 1))
+    def drive(self, ticks: int, throttle: float, steering: float) -> None:
+        step = messages.Step(ticks, {"V1": Command(throttle, steering)})
+        self.call(lambda running: running.simulation.request(step).result(LIMIT))
+
+    @rule()
+    def save(self) -> None:
+        self.call(lambda running: running.saved.append(running.simulation.world.save()))
+
+    @precondition(lambda self: self.running.saved)
+    @rule(data=st.data(), is_pickled=st.booleans())
+    def restore(self, data: st.DataObject, is_pickled: bool) -> None:
+        """Of this world, or of one before an edit, which may be refused."""
+        number = data.draw(st.integers(0, len(self.running.saved) - 1))
+
+        def made(running: Running) -> None:
+            saved = running.saved[number]
+            running.simulation.world.restore(pickle.loads(pickle.dumps(saved)) if is_pickled else saved)
+
+        self.call(made)
+
+    @invariant()
+    def is_running(self) -> None:
+        assert self.running.simulation.is_running
+        assert self.running.simulation.is_paused
+
+    def teardown(self) -> None:
+        """The same bits as a simulation that has got the accepted calls only, now and later."""
+        fresh = self.started()
+        both = self.running, fresh
+        for made in self.accepted:
+            made(fresh)
+        for _ in range(3):
+            first, second = (one.simulation.request(messages.Step()).result(LIMIT) for one in both)
+            assert digest(first) == digest(second)
+        for one in both:
+            one.simulation.stop()
+            one.simulation.world.close()
+
+
+def attack(car: str, examples: int, *, has_cameras: bool) -> None:
+    class Attack(Operator):
+        calls = Calls()
+
+    Attack.car, Attack.has_cameras = car, has_cameras
+    run_state_machine_as_test(
+        Attack,
+        settings=settings(
+            max_examples=examples,
+            stateful_step_count=STEPS,
+            deadline=None,
+            suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+        ),
+    )
+    print(f"{Attack.calls.count} calls")
+    assert Attack.calls.count >= examples * STEPS // 2
+
+
+def test_any_calls_in_any_order(tmp_path: Path) -> None:
+    attack(car_file(tmp_path, {}), EXAMPLES, has_cameras=False)
+
+
+def test_any_calls_in_any_order_with_cameras(tmp_path: Path, gl: str) -> None:
+    attack(car_file(tmp_path, small_images(48, 36)), WITH_CAMERAS, has_cameras=True)
+
+
+@pytest.mark.parametrize(
+    ("request_", "expected"),
+    [
+        (None, "a request must be an Operation, such as Reset()"),
+        (messages.Teleport("V1", "far", 0.0), "x of Teleport: expected float, got str"),  # type: ignore[arg-type]
+        (messages.Place([], 0.0, 0.0), "name of Place: expected str, got array"),  # type: ignore[arg-type]
+        (messages.Step(1, {"V1": 3}), r"commands\[...\] of Step: expected object, got int"),  # type: ignore[dict-item]
+        (messages.Reset(object()), "a Reset has a value of a wrong type"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_request_of_wrong_types_is_refused_at_once_and_the_run_goes_on(request_: Any, expected: str) -> None:
+    with Simulation(autodrive.make("plane"), is_paused=True) as simulation:
+        with pytest.raises(autodrive.CommandError, match=expected):
+            simulation.request(request_)
+        frame: Frame = simulation.request(messages.Step(3)).result(LIMIT)
+    assert frame.tick == 3
