@@ -87,7 +87,7 @@ def test_a_number_that_is_not_finite_is_refused(number: str) -> None:
 
 @pytest.mark.parametrize(("text", "found"), [("", "NoneType"), ("- a\n- b\n", "list"), ("just words", "str")])
 def test_a_file_without_keys_is_refused_with_what_is_expected(text: str, found: str) -> None:
-    assert errors_in(text) == [f"expected 'key: value' lines (Street), found {found}"]
+    assert errors_in(text) == [f"line 1: expected 'key: value' lines (Street), found {found}"]
 
 
 def test_invalid_yaml_is_reported_with_its_line() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import os
 import re
 from collections.abc import Sequence
@@ -163,7 +164,7 @@ class Source:
 
     def duplicate_keys(self) -> list[str]:
         """An error for each duplicate key."""
-        return self._duplicate_keys
+        return list(self._duplicate_keys)
 
     def _pairs(self, node: yaml.MappingNode) -> dict[str, Any]:
         """Nodes of key and value by key."""
@@ -189,7 +190,13 @@ def source(path: Path) -> Source:
         line = data.count(b"\n", 0, error.start) + 1
         problem = f"line {line}: a file must be text in UTF-8; it has the byte 0x{data[error.start]:02x}"
         raise SpecError([problem], str(path)) from None
-    return Source(text, str(path))
+    return _source(text, str(path))
+
+
+@functools.lru_cache(maxsize=8)
+def _source(text: str, path: str) -> Source:
+    """Kept, because a map or vehicle is read several times: by a check, by each World, and by each edit."""
+    return Source(text, path)
 
 
 def read(kind: Kind, name: str | Path, spec: type[T]) -> T:
@@ -211,7 +218,7 @@ def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
     A faulty entry of a collection, such as one vehicle, is left out, or else the whole value of the key.
     """
     if not isinstance(source.tree, dict):
-        return None, [f"expected 'key: value' lines ({spec.__name__}), found {type(source.tree).__name__}"]
+        return None, [f"line 1: expected 'key: value' lines ({spec.__name__}), found {type(source.tree).__name__}"]
     duplicates = source.duplicate_keys()
     try:
         return spec.model_validate(source.tree), duplicates

@@ -24,6 +24,7 @@ from autodrive.maps.map import MAX_EXTENT, MAX_PLACEMENTS, MAX_STATICS, load_map
 from autodrive.maps.module import ModuleSpec
 from autodrive.maps.shapes import Rectangle
 from autodrive.maps.solids import BlockSpec
+from autodrive.meshes import store
 from autodrive.scenario import MAX_BOXES, MAX_VEHICLES, BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.sensors.camera import MAX_PIXELS, CameraSpec
 from autodrive.sensors.lidar import LidarSpec
@@ -114,13 +115,26 @@ TEXTS: dict[str, tuple[Kind, str, str]] = {
     "a block named ground": (
         "map",
         "title: a\nblocks:\n  - {name: ground, x: 1, y: 1, length: 1, width: 1, height: 1}\n",
-        "the name 'ground' is reserved",
+        r"block 1 \(line 3\): the name 'ground' is reserved",
+    ),
+    "a name used twice": (
+        "map",
+        "title: a\nwalls:\n  - {points: [[0, 0], [1, 0]], height: 1}\n  - {points: [[3, 0], [4, 0]], height: 1}\n"
+        "blocks:\n  - {name: wall_1, x: 9, y: 1, length: 1, width: 1, height: 1}\n",
+        r"wall 2 \(line 4\): the name 'wall_1' is used by 3 solid objects; names must be unique",
     ),
     "a map of 9 km": (
         "map",
         "title: a\npaved:\n  - {shape: polygon, points: [[0, 0], [9000, 0], [0, 1]]}\n",
-        "the map is 9000 m x 1 m; it must be at most 1000 m",
+        r"paved 1 \(line 3\): the map is 9000 m x 1 m; it must be at most 1000 m",
     ),
+    "a block far from the map": (
+        "map",
+        "title: a\nwalls:\n  - {points: [[0, 0], [1, 0], [1, 1]], height: 1}\nblocks:\n"
+        "  - {x: -9000, y: 0, length: 1, width: 1, height: 1}\n  - {x: 0, y: 0, length: 1, width: 1, height: 1}\n",
+        r"block 1 \(line 5\): the map is 9002 m x ",
+    ),
+    "a text that is no mapping": ("map", "- a\n- b\n", r"line 1: expected 'key: value' lines"),
     "a lane that is almost straight": (
         "module",
         "title: a\ntype: road\nlength: 1\nwidth: 1\nports:\n"
@@ -407,25 +421,24 @@ class Mutator:
                     of[mark] = of.pop(key)
 
 
-def made(kind: Kind, path: Path) -> World:
+def made(kind: Kind, path: Path, *, cameras: bool = False) -> World:
     """The World of a scenario that uses that file."""
     if kind == "scenario":
-        return autodrive.make(path)
+        return autodrive.make(path, cameras=cameras)
     if kind == "vehicle":
-        return autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=str(path))}))
+        return autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=str(path))}), cameras=cameras)
     if kind == "module":
         of_module = path.with_name(f"of_{path.name}")
         of_module.write_text(f"title: a\nplacements: [{{module: {path}, x: 0, y: 0, open: true}}]\n")
         path = of_module
     x0, _, x1, y1 = load_map(path).bounds
     beside = VehiclePlacement(x=x0 - 5.0 if x1 > 9000.0 else x1 + 5.0, y=max(-1e4, min(1e4, y1)))
-    return autodrive.make(ScenarioSpec(map=str(path), vehicles={"V1": beside}))
+    return autodrive.make(ScenarioSpec(map=str(path), vehicles={"V1": beside}), cameras=cameras)
 
 
 WITHOUT_LINE = (
-    r"is required$",  # a key that the file does not have
-    r"^(map '\w+': )?(expected 'key: value' lines|and \d+ more (errors|overlaps))",
-    r"^map '\w+': (the name|the map is|.* overlaps)",  # objects of the map by name
+    r"^(map '\w+': )?\w+: is required$",  # a key of the file itself, which the file does not have
+    r"^(map '\w+': )?and \d+ more (errors|overlaps)",
 )
 
 
@@ -453,13 +466,52 @@ def test_a_mutated_file_runs_or_is_refused_with_its_place(kind: Kind, tmp_path: 
     autodrive.make("mini_map").step()  # compiles
     mutator = Mutator(kind)
     problems: dict[int, str] = {}
+    times: dict[int, float] = {}
     for number in range(cases(80, 2500)):
         path = tmp_path / f"f{number}.yaml"  # a new name, because modules are cached by name and time
         path.write_bytes(mutator.mutated(number))
+        start = time.process_time()
         if text := problem(kind, path):
             problems[number] = text
+        times[number] = time.process_time() - start
         path.unlink()
+    slowest = {number: round(times[number], 1) for number in sorted(times, key=times.__getitem__)[:-6:-1]}
+    print(f"{len(times)} files, {sum(times.values()):.0f} s; the slowest [s]: {slowest}")
     assert not problems, "\n".join(f"{kind} {number}: {text}" for number, text in list(problems.items())[:10])
+
+
+WITH_CAMERAS: dict[Kind, int] = cases(
+    {"scenario": 5, "vehicle": 5, "map": 2, "module": 2}, {"scenario": 500, "vehicle": 200, "map": 100, "module": 100}
+)
+"""Mutated files, by kind."""
+
+
+@pytest.mark.parametrize("kind", WITH_CAMERAS)
+def test_a_mutated_file_that_is_valid_can_be_drawn(
+    kind: Kind, tmp_path: Path, gl: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store, "_folder", lambda: tmp_path / "cache")
+    mutator = Mutator(kind)
+    problems: dict[int, str] = {}
+    drawn, slowest = 0, 0.0
+    for number in range(10_000, 10_000 + WITH_CAMERAS[kind]):
+        path = tmp_path / f"f{number}.yaml"
+        path.write_bytes(mutator.mutated(number))
+        start = time.process_time()
+        try:
+            check(str(path), kind)
+            world = made(kind, path, cameras=True)
+        except SpecError:
+            continue
+        except Exception:
+            problems[number] = traceback.format_exc(limit=-3)
+            continue
+        world.step()
+        world.close()
+        drawn, slowest = drawn + 1, max(slowest, time.process_time() - start)
+    print(f"{drawn} of {WITH_CAMERAS[kind]} were drawn, the slowest in {slowest:.1f} s of processor time")
+    assert not problems, "\n".join(f"{kind} {number}: {text}" for number, text in list(problems.items())[:10])
+    assert drawn
 
 
 @pytest.mark.parametrize("kind", SPECS)

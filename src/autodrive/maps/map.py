@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Annotated, TypeAlias
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 from shapely.geometry.base import BaseGeometry
 
@@ -172,10 +172,14 @@ def _compiled(
     """The map without its faulty placements, and its errors. `folder`: where its module files are."""
     placed, errors = place(enumerate(spec.placements, 1), folder, source)
     joins, unjoined = join(placed, is_complete=len(placed) == len(spec.placements))
-    statics, props = _statics(spec)
-    boxes = tuple(_box(one) for one in placed if one.module.spec.type == "obstruction")
+    statics, props, places = _statics(spec, source or specs.Source())
+    obstructions = [one for one in placed if one.module.spec.type == "obstruction"]
+    boxes = tuple(_box(one) for one in obstructions)
     bounds = _bounds(spec, placed, statics)
-    errors += [*unjoined, *_overlaps(placed, statics), *_duplicate_names([*statics, *boxes]), *_too_large(bounds)]
+    labels = [*places, *(one.label for one in obstructions)]
+    errors += [*unjoined, *_overlaps(placed, statics), *_wrong_names([*statics, *boxes], labels)]
+    if max(bounds[2] - bounds[0], bounds[3] - bounds[1]) > MAX_EXTENT:
+        errors.append(_too_large(spec, placed, statics, places, bounds, source or specs.Source()))
     drivable = _united([*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)])
     lawns = [one.footprint for one in placed if one.module.spec.type == "terrain"]
     lawn = shapely.difference(shapely.union_all(lawns, grid_size=GRID), drivable, grid_size=GRID)
@@ -200,11 +204,23 @@ def _compiled(
     return map_, [f"map '{name}': {error}" for error in errors]
 
 
-def _too_large(bounds: tuple[float, float, float, float]) -> list[str]:
+def _too_large(
+    spec: MapSpec,
+    placed: list[PlacedModule],
+    statics: tuple[StaticShape, ...],
+    places: list[str],
+    bounds: tuple[float, float, float, float],
+    source: specs.Source,
+) -> str:
+    """The error of a map that is too large, with the place of what is farthest from its other parts."""
     x0, y0, x1, y1 = bounds
-    if max(x1 - x0, y1 - y0) <= MAX_EXTENT:
-        return []
-    return [f"the map is {x1 - x0:.4g} m x {y1 - y0:.4g} m; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m"]
+    axis = 0 if x1 - x0 > y1 - y0 else 1
+    labels = [*(one.label for one in placed), *places, *(source.at("paved", i) for i in range(len(spec.paved)))]
+    low, high = shapely.bounds(_contents(spec, placed, statics))[:, axis::2].T
+    middle = np.median(low + high) / 2.0
+    label = labels[int(np.argmax(np.maximum(high - middle, middle - low)))]
+    size = f"{x1 - x0:.4g} m x {y1 - y0:.4g} m"
+    return f"{label}: the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m"
 
 
 def _enclosure(spec: MapSpec, drivable: BaseGeometry) -> BaseGeometry | None:
@@ -247,12 +263,18 @@ def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> l
     ]
 
 
-def _duplicate_names(solids: Sequence[StaticShape | BoxPlacement]) -> list[str]:
-    """Solid objects are identified by name, so each name must be unique."""
-    count = Counter(solid.name for solid in solids)
-    errors = [f"the name '{name}' is reserved; choose another one" for name in RESERVED if name in count]
+def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[str]) -> list[str]:
+    """Solid objects are identified by name, so each name must be unique. `labels` say where they are."""
+    places: dict[str, list[str]] = {}
+    for solid, label in zip(solids, labels, strict=True):
+        places.setdefault(solid.name, []).append(label)
+    errors = [
+        f"{places[name][0]}: the name '{name}' is reserved; choose another one" for name in RESERVED if name in places
+    ]
     return errors + [
-        f"the name '{name}' is used by {n} solid objects; names must be unique" for name, n in count.items() if n > 1
+        f"{where[1]}: the name '{name}' is used by {len(where)} solid objects; names must be unique"
+        for name, where in places.items()
+        if len(where) > 1
     ]
 
 
@@ -263,11 +285,13 @@ def _box(one: PlacedModule) -> BoxPlacement:
     return BoxPlacement(one.name, one.size, mass, (own.x, own.y, own.z + one.size[2] / 2.0), own.pose[2])
 
 
-def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...]]:
+def _statics(spec: MapSpec, source: specs.Source) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[str]]:
+    """The fixed solids, the signs and lights, and where each of the solids is in the text."""
     props = tuple(Prop(prop.name or f"{prop.kind}_{i}", prop.kind, prop.pose) for i, prop in enumerate(spec.props, 1))
-    walls = [shape for wall in spec.walls for shape in wall_shapes(wall)]
-    blocks = [block_shape(block, block.name or f"block_{i}") for i, block in enumerate(spec.blocks, 1)]
-    return (*walls, *blocks, *(shape for prop in props for shape in prop_shapes(prop))), props
+    solids = [("walls", i, shape) for i, wall in enumerate(spec.walls) for shape in wall_shapes(wall)]
+    solids += [("blocks", i, block_shape(block, block.name or f"block_{i + 1}")) for i, block in enumerate(spec.blocks)]
+    solids += [("props", i, shape) for i, prop in enumerate(props) for shape in prop_shapes(prop)]
+    return tuple(shape for _, _, shape in solids), props, [source.at(key, i) for key, i, _ in solids]
 
 
 def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:
@@ -310,8 +334,14 @@ def _wrapped(angle: float) -> float:
 def _bounds(
     spec: MapSpec, placed: list[PlacedModule], statics: tuple[StaticShape, ...]
 ) -> tuple[float, float, float, float]:
-    content = [one.footprint for one in placed] + [shape.plan for shape in statics]
-    content += [shape.geometry() for shape in spec.paved]
-    content = content or [rectangle((0.0, 0.0, 0.0), spec.ground.length, spec.ground.width)]
-    x0, y0, x1, y1 = shapely.total_bounds(np.array(content, dtype=object))
+    content = _contents(spec, placed, statics)
+    if not len(content):
+        content = np.array([rectangle((0.0, 0.0, 0.0), spec.ground.length, spec.ground.width)], dtype=object)
+    x0, y0, x1, y1 = shapely.total_bounds(content)
     return float(x0), float(y0), float(x1), float(y1)
+
+
+def _contents(spec: MapSpec, placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> NDArray[np.object_]:
+    """The outlines of all that was placed."""
+    outlines = [one.footprint for one in placed] + [shape.plan for shape in statics]
+    return np.array([*outlines, *(shape.geometry() for shape in spec.paved)], dtype=object)
