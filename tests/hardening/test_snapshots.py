@@ -6,6 +6,7 @@ import copy
 import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,9 @@ from tests.support.frames import digest, digests
 from tests.support.waiting import LIMIT
 from tests.test_world import arrays
 
-SPEC = ScenarioSpec(boxes={"box": BoxSpec(x=0.36, y=0.0)})
+SPEC = ScenarioSpec(
+    vehicles={"V1": VehiclePlacement(has_realistic_sensors=True)}, boxes={"box": BoxSpec(x=0.36, y=0.0)}
+)
 
 
 def drive(frame: Frame) -> dict[str, Command]:
@@ -89,7 +92,38 @@ def tampered(saved: Snapshot) -> dict[str, Any]:
         "no Frame": saved._replace(frame=None),  # pyright: ignore[reportArgumentType]
         "no identity": saved._replace(world=""),
         "another engine": saved._replace(engine=driven(FOREIGN["two vehicles"]).save().engine),
+        "NaN in the state": edited(saved, lambda its: its.state.vehicle_position.fill(np.nan)),
+        "a huge number in the state": edited(saved, lambda its: its.state.wheel_angular_velocity.fill(1e300)),
+        "the last bit of a number": edited(saved, _add_a_bit),
+        "another position in the engine": edited(saved, lambda its: its.engine.data.qpos.fill(0.5)),
+        "NaN in the engine": edited(saved, lambda its: its.engine.data.qvel.fill(np.nan)),
+        "another bias of a sensor": edited(saved, lambda its: its.sensors["V1"][1][2][1][0].fill(9.0)),
+        "NaN with a new outline": outlined(edited(saved, lambda its: its.state.throttle_queue.fill(np.nan))),
+        "infinity with a new outline": outlined(edited(saved, lambda its: its.state.wheel_slip_angle.fill(np.inf))),
+        "other shapes with a new outline": outlined(
+            saved._replace(state=saved.state._replace(vehicle_position=np.zeros((1, 1))))
+        ),
+        "other numbers with a new outline": outlined(
+            saved._replace(state=saved.state._replace(throttle=np.zeros(1, np.float32)))
+        ),
     }
+
+
+def edited(saved: Snapshot, edit: Callable[[Snapshot], object]) -> Snapshot:
+    """A copy that was changed in place."""
+    its = copy.deepcopy(saved)
+    edit(its)
+    return its
+
+
+def outlined(saved: Snapshot) -> Snapshot:
+    """As by a caller who knows the outline."""
+    return saved._replace(contents=saved.outline())
+
+
+def _add_a_bit(saved: Snapshot) -> None:
+    column = saved.state.vehicle_velocity
+    column[0, 0] = np.nextafter(column[0, 0], 1e3)
 
 
 @pytest.mark.parametrize("name", tampered(autodrive.make(SPEC).save()))

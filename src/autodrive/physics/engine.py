@@ -9,6 +9,7 @@ import copy
 import ctypes
 import functools
 import hashlib
+import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -111,6 +112,15 @@ class Geom(NamedTuple):
     """Index of its body's velocity in qvel, or -1 if it is fixed."""
 
 
+class SavedData(NamedTuple):
+    """What `Engine.restore` needs; can be pickled."""
+
+    data: Any
+    """A copy of mjData, which is not derived from the state alone."""
+    checksum: int
+    """Of the positions, velocities and forces in it."""
+
+
 class Engine:
     """Rigid bodies and contacts. Movable bodies are free bodies: 7 numbers in qpos and 6 in qvel each."""
 
@@ -196,21 +206,28 @@ class Engine:
         """Recomputes all derived quantities after positions or velocities were set directly."""
         mujoco.mj_forward(self.model, self.data)
 
-    def save(self) -> Any:
+    def save(self) -> SavedData:
         """The complete data, because the state vectors of MuJoCo do not contain which bodies sleep."""
-        return copy.copy(self.data)
+        return SavedData(copy.copy(self.data), _checksum(self.data))
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: SavedData) -> None:
         """Restores saved data; the simulation continues with the same bits as after `save`.
 
-        Raises `SnapshotError` for anything but data of such an engine; then nothing has changed.
+        Raises `SnapshotError` for anything but unchanged data of such an engine; then nothing has changed.
         """
         try:
-            mujoco.mj_copyData(self.data, self.model, saved)
-        except (TypeError, mujoco.FatalError):
+            if _checksum(saved.data) != saved.checksum:
+                raise SnapshotError("the engine's data of the snapshot have been changed since save()")
+            mujoco.mj_copyData(self.data, self.model, saved.data)
+        except (AttributeError, TypeError, mujoco.FatalError):
             raise SnapshotError(
                 "the snapshot has no data of this world's engine; give restore() what save() returned"
             ) from None
+
+
+def _checksum(data: Any) -> int:
+    parts = data.qpos, data.qvel, data.qacc_warmstart, data.qfrc_applied
+    return zlib.crc32(b"".join([part.tobytes() for part in parts]))
 
 
 _BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,13 +38,11 @@ class Snapshot(NamedTuple):
     frame: Frame
 
     def outline(self) -> str:
-        """Hash of all types, names, numbers and texts, and of the shapes of arrays, but not of their values."""
-        parts = [
-            text
-            for field, value in zip(self._fields, self, strict=True)
-            if field != "contents"
-            for text in _outline(value)
-        ]
+        """Hash of all types, names, numbers, texts and arrays; see `_outline` for what is left out."""
+        parts: list[str] = []
+        for field, value in zip(self._fields, self, strict=True):
+            if field != "contents":
+                _outline(value, parts)
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
@@ -54,8 +53,8 @@ def identity(c: Compiled) -> str:
     return hashlib.sha256(repr(parts).encode() + c.map.drivable_edges.tobytes()).hexdigest()
 
 
-def check_snapshot(saved: object, world: str, map_: str, *, needs_cameras: bool) -> None:
-    """Raises `SnapshotError` unless it is an unchanged snapshot that fits the world with this identity and map.
+def check_snapshot(saved: object, world: str, map_: str, state: State, *, needs_cameras: bool) -> None:
+    """Raises `SnapshotError` unless it is an unchanged snapshot that fits the world with this identity, map and State.
 
     `needs_cameras`: the world has cameras, whose state the snapshot must contain.
     """
@@ -68,29 +67,34 @@ def check_snapshot(saved: object, world: str, map_: str, *, needs_cameras: bool)
         )
     if saved.contents != saved.outline():
         raise SnapshotError("the snapshot has been changed since save(); give restore() what save() returned")
+    columns = zip(saved.state, state, strict=True)
+    if any(kept.shape != own.shape or kept.dtype != own.dtype for kept, own in columns):
+        raise SnapshotError("the state of the snapshot has other shapes than that of this world")
+    if not np.isfinite(np.frombuffer(b"".join([column.tobytes() for column in saved.state]))).all():
+        raise SnapshotError("the state of the snapshot has numbers that are not finite")
     if saved.cameras is None and needs_cameras:
         raise SnapshotError("the snapshot is of a world without cameras; save it in a world with cameras")
 
 
-def _outline(value: Any) -> Iterator[str]:
+def _outline(value: Any, parts: list[str]) -> None:
     """See `Snapshot.outline`; of a message, which cannot be changed, and of types of other packages the type counts."""
     kind = type(value)
     if kind in _PLAIN:
-        yield repr(value)
+        parts.append(repr(value))
         return
-    yield kind.__name__
+    parts.append(kind.__name__)
     if kind is np.ndarray:
-        yield f"{value.dtype.str} {value.shape}"
-    elif isinstance(value, Mapping):
-        for key, item in value.items():
-            yield repr(key)
-            yield from _outline(item)
+        parts.append(f"{value.dtype.char}{value.shape}{zlib.crc32(value.tobytes())}")
     elif isinstance(value, tuple | list):
-        yield str(len(value))
+        parts.append(str(len(value)))
         for part in value:
-            yield from _outline(part)
+            _outline(part, parts)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            parts.append(repr(key))
+            _outline(item, parts)
     elif dataclasses.is_dataclass(value):
-        yield from _outline(vars(value))
+        _outline(vars(value), parts)
 
 
 _PLAIN = {type(None), bool, int, float, str}

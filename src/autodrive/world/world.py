@@ -321,6 +321,7 @@ class World(OneThread):
             saved,
             self._identity,
             self.spec.map,
+            self._compiled.state,
             needs_cameras=self._cameras is not None and self._cameras.save() is not None,
         )
         c = self._compiled
