@@ -1,0 +1,54 @@
+"""A day of driving in one World: no error, no more memory, the same bits again.
+
+AUTODRIVE_HARDENING=long drives 24 simulated hours in one World, and an hour in others, instead of minutes.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.hardening import cases
+from tests.support.long_drive import SCENARIOS
+
+pytestmark = pytest.mark.process
+
+HOURS: dict[str, float] = cases({"day": 0.1, "two cars": 0.02}, {"day": 24.0, "loop": 1.0, "two cars": 1.0})
+"""Simulated, by scenario."""
+GROWTH = 1.05
+"""Memory at the end, relative to that after a tenth of the drive."""
+
+
+def driven(scenario: str, hours: float) -> dict[str, Any]:
+    """The drive in a process of its own, whose memory is that of one World."""
+    command = [sys.executable, "-m", "tests.support.long_drive", scenario, str(hours)]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=root)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("scenario", HOURS)
+def test_a_long_drive_has_no_error_and_needs_no_more_memory(scenario: str) -> None:
+    done = driven(scenario, HOURS[scenario])
+    print(done)
+    assert done["ticks"] == round(HOURS[scenario] * 3600 / SCENARIOS[scenario].tick)
+    assert min(done[what] for what in ("contacts", "teleports")) > 0
+    memory = done["memory"]
+    assert max(memory[2:]) < GROWTH * memory[1]  # after a tenth
+    assert done["threads"] <= 4
+    assert done["descriptors"] < 20
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_the_same_drive_in_two_processes_ends_with_the_same_bits(scenario: str) -> None:
+    hours = cases(0.01, 0.5)
+    first, second = driven(scenario, hours), driven(scenario, hours)
+    print(first["digest"], second["digest"])
+    assert first["digest"] == second["digest"]
