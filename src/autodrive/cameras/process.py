@@ -49,9 +49,10 @@ class CameraProcess:
     """A camera backend whose images arrive later: each Frame has the latest finished images, each with its own time.
 
     A state is sent when an image is due and the previous state is finished, so the rate is what the machine can do.
-    A worker that dies is started again, `RESTARTS` times; until it draws, Frames have no images. If nothing can be
-    drawn, or the last worker dies, one line is logged and Frames have no images from then on. While images are not
-    wanted, Frames have none either; the worker starts when they are first wanted.
+    A worker that dies, or is killed because it does not answer, is started again, `RESTARTS` times; until it draws,
+    Frames have no images. If nothing can be drawn, or the last worker dies, one line is logged and Frames have no
+    images from then on. While images are not wanted, Frames have none either; the worker starts when they are first
+    wanted.
     """
 
     def __init__(

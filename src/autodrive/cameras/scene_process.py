@@ -35,9 +35,9 @@ class PendingImage(NamedTuple):
 class SceneProcess:
     """Draws the scene cameras of any number of clients, one image at a time, each client in turn.
 
-    The worker starts with the first `draw`. If it dies, a new one draws the image that was being drawn, `RESTARTS`
-    times. After that, or if nothing can be drawn, as without OpenGL, each `draw` fails and `error` says why. All
-    methods may be called in any thread.
+    The worker starts with the first `draw`. If it dies, or is killed because it does not answer, a new one draws the
+    image that was being drawn, `RESTARTS` times. After that, or if nothing can be drawn, as without OpenGL, each `draw`
+    fails and `error` says why. All methods may be called in any thread.
     """
 
     def __init__(self, contents: SceneContents, *, clock: Callable[[], float] = time.monotonic) -> None:

@@ -13,6 +13,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, Generic, TypeVar
@@ -24,8 +25,14 @@ from autodrive.errors import AutodriveError
 SHUTDOWN_TIME = 5.0
 """A worker that has not ended after that wall time is killed [s]."""
 
+WATCH_PERIOD = 1.0
+"""Wall time between two looks at whether a worker answers [s]."""
+
 RESTARTS = 3
 """A worker that ends unexpectedly is started again this often in the life of a world."""
+
+ANSWER_TIME, START_TIME = 30.0, 120.0
+"""A worker that has not answered a request, or its set-up, after that wall time is killed [s]."""
 
 Message = TypeVar("Message", bound=msgspec.Struct)
 
@@ -63,6 +70,10 @@ class Worker(Generic[Message]):
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._stdin, self._stdout = self._process.stdin, self._process.stdout
+        self._requests = self._answers = 0
+        self._is_late = False
+        self._is_closed = threading.Event()
+        threading.Thread(target=self._watch, name="autodrive-watchdog", daemon=True).start()
 
     @property
     def pid(self) -> int:
@@ -70,7 +81,7 @@ class Worker(Generic[Message]):
         return self._process.pid
 
     def send_setup(self, setup: object) -> None:
-        """Send the first, pickled, object."""
+        """Send the first, pickled, object. It is answered, as each request is."""
         self._send(pickle.dumps(setup, pickle.HIGHEST_PROTOCOL))
 
     def send(self, request: msgspec.Struct) -> None:
@@ -83,6 +94,7 @@ class Worker(Generic[Message]):
             line = self._stdout.readline()
         except ValueError:  # `close` was called
             return None
+        self._answers += 1
         return self._decode(line) if line.endswith(b"\n") else None
 
     def request_end(self) -> None:
@@ -96,6 +108,7 @@ class Worker(Generic[Message]):
 
     def close(self) -> None:
         """Kill the worker if it is still running, and free its pipes."""
+        self._is_closed.set()
         self._process.kill()
         for pipe in (self._stdin, self._stdout):
             with contextlib.suppress(OSError, ValueError):
@@ -110,9 +123,27 @@ class Worker(Generic[Message]):
             self._process.kill()
             self._process.wait()
             return "it stopped answering and was killed"
+        if self._is_late:
+            return "it stopped answering and was killed"
         return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
+    def _watch(self) -> None:
+        """Kill a worker that does not answer, for example because the graphics driver hangs.
+
+        Counts its own waits instead of reading a clock: time in which this process or the machine sleeps is not late.
+        """
+        waited, answers = 0.0, 0
+        while not self._is_closed.wait(WATCH_PERIOD):
+            is_waiting = self._requests > self._answers == answers
+            waited = waited + WATCH_PERIOD if is_waiting else 0.0
+            answers = self._answers
+            if is_waiting and waited > (ANSWER_TIME if answers else START_TIME):
+                self._is_late = True
+                self._process.kill()
+                return
+
     def _send(self, data: bytes) -> None:
+        self._requests += 1
         with contextlib.suppress(OSError, ValueError):
             self._stdin.write(data)
             self._stdin.flush()

@@ -1,0 +1,228 @@
+"""Processes that render and are killed or hang: started again three times, then said; the simulation goes on.
+
+AUTODRIVE_HARDENING=long kills each kind of process 100 times.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import autodrive
+from autodrive.cameras import process as process_module
+from autodrive.cameras import scene_process as scene_process_module
+from autodrive.cameras import worker as worker_module
+from autodrive.cameras.process import CameraProcess
+from autodrive.cameras.scene_process import SceneProcess
+from autodrive.cameras.worker import RESTARTS
+from autodrive.errors import AutodriveError
+from autodrive.protocol.native import SetCamera
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.server.server import scene_renderer_factory
+from autodrive.simulation import Simulation
+from autodrive.world import World
+from tests.support.cars import car_file, small_images
+from tests.support.hardening import cases
+from tests.support.long_drive import resident
+from tests.support.waiting import LIMIT, is_alive, wait_until
+
+pytestmark = pytest.mark.process
+
+INSTANCES = cases(2, 26)
+"""Each is killed `RESTARTS` + 1 times. The first fills the caches of the process."""
+VIEW = SetCamera("Driver's Eye", width=160)
+
+
+@pytest.fixture(scope="module")
+def spec(tmp_path_factory: pytest.TempPathFactory) -> ScenarioSpec:
+    """A car whose cameras have small images."""
+    car = car_file(tmp_path_factory.mktemp("car"), small_images(48, 36))
+    return ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car)})
+
+
+def resources() -> dict[str, object]:
+    """What this process holds, besides memory."""
+    children = [
+        path.name
+        for path in Path("/proc").iterdir()
+        if path.name.isdecimal() and is_alive(int(path.name)) and _parent(path) == os.getpid()
+    ]
+    return {
+        "threads": len(os.listdir("/proc/self/task")),
+        "descriptors": len(os.listdir("/proc/self/fd")),
+        "shared memory": sorted(os.listdir("/dev/shm")),
+        "children": len(children),
+    }
+
+
+def _parent(process: Path) -> int:
+    try:
+        return int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+    except OSError:
+        return 0
+
+
+def attack(instance: Callable[[], int]) -> None:
+    """Use and kill instances; what remains is what remained after the first."""
+    kills = instance()
+    before, memory = resources(), resident()
+    for _ in range(INSTANCES - 1):
+        kills += instance()
+        print(f"{kills} kills, {resident():.0f} MB", flush=True)
+    wait_until(lambda: resources() == before)
+    print(f"{kills} kills; {before}; {memory:.0f} MB, then {resident():.0f} MB")
+    assert kills == INSTANCES * (RESTARTS + 1)
+    assert resident() < 1.05 * memory
+
+
+def lines(caplog: pytest.LogCaptureFixture, module: str) -> list[str]:
+    """What was logged by a module since the last call."""
+    found = [record.message for record in caplog.records if record.name == module]
+    caplog.clear()
+    return found
+
+
+# -- cameras of vehicles --------------------------------------------------------------------------------------------
+
+
+def made(spec: ScenarioSpec) -> tuple[World, CameraProcess]:
+    world = autodrive.make(spec, cameras=CameraProcess.of)
+    process = world._cameras
+    assert isinstance(process, CameraProcess)
+    return world, process
+
+
+def has_images_since(simulation: Simulation, time: float) -> bool:
+    images = simulation.frame.vehicles["V1"].cameras
+    return bool(images) and all(image.time > time for image in images.values())
+
+
+def test_kills_of_the_camera_process(spec: ScenarioSpec, gl: str, caplog: pytest.LogCaptureFixture) -> None:
+    """While it starts, draws or waits."""
+    rng = random.Random(0)
+
+    def instance() -> int:
+        world, process = made(spec)
+        caplog.clear()
+        with Simulation(world) as simulation:
+            for death in range(RESTARTS + 1):
+                if rng.random() < 0.7:
+                    wait_until(lambda: simulation.frame.vehicles["V1"].cameras)
+                pid, ticks = process.pid, simulation.ticks
+                os.kill(pid, signal.SIGKILL)
+                wait_until(lambda n=death, pid=pid: process.pid != pid if n < RESTARTS else process.statistics.error)
+                wait_until(lambda ticks=ticks: simulation.ticks > ticks)
+            wait_until(lambda: not simulation.frame.vehicles["V1"].cameras)
+        world.close()
+        logged = lines(caplog, process_module.__name__)
+        assert [f"({n} of {RESTARTS})" in line for n, line in enumerate(logged, 1)] == [*[True] * RESTARTS, False]
+        assert logged[-1] == process.statistics.error
+        assert f"{RESTARTS + 1} times, now with SIGKILL" in logged[-1]
+        return RESTARTS + 1
+
+    attack(instance)
+
+
+@pytest.fixture
+def kill_at_once(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bool], None]]:
+    """Sets whether a worker that has not answered yet is killed; otherwise only after the time that users wait."""
+    usual = worker_module.ANSWER_TIME
+    monkeypatch.setattr(worker_module, "WATCH_PERIOD", 0.01)
+
+    def kill(at_once: bool) -> None:
+        monkeypatch.setattr(worker_module, "ANSWER_TIME", 0.0 if at_once else usual)
+
+    yield kill
+    kill(False)
+
+
+def test_a_camera_process_that_hangs_is_started_again_and_after_three_times_it_is_said(
+    spec: ScenarioSpec, gl: str, caplog: pytest.LogCaptureFixture, kill_at_once: Callable[[bool], None]
+) -> None:
+    world, process = made(spec)
+    with Simulation(world) as simulation:
+        for hang in range(RESTARTS + 1):
+            now, pid = simulation.frame.time, process.pid
+            wait_until(lambda now=now: has_images_since(simulation, now))
+            os.kill(pid, signal.SIGSTOP)
+            ticks = simulation.ticks
+            wait_until(lambda ticks=ticks: simulation.ticks > ticks + 5)
+            kill_at_once(True)
+            wait_until(lambda n=hang, pid=pid: process.pid != pid if n < RESTARTS else process.statistics.error)
+            kill_at_once(False)
+            assert not is_alive(pid)
+    world.close()
+    logged = lines(caplog, process_module.__name__)
+    assert len(logged) == RESTARTS + 1
+    assert all("it stopped answering and was killed" in line for line in logged)
+
+
+# -- scene cameras of clients ---------------------------------------------------------------------------------------
+
+
+def test_kills_of_the_scene_process(spec: ScenarioSpec, gl: str, caplog: pytest.LogCaptureFixture) -> None:
+    """While it draws or waits; the image comes all the same."""
+    world, rng = autodrive.make(spec), random.Random(0)
+
+    def instance() -> int:
+        scene: SceneProcess = scene_renderer_factory()(world)
+        first = scene.draw(1, VIEW, world.frame).result(LIMIT)
+        caplog.clear()
+        for death in range(RESTARTS + 1):
+            image = None
+            if rng.random() < 0.5:
+                os.kill(scene.pid, signal.SIGSTOP)
+                image = scene.draw(1, VIEW, world.frame)
+                wait_until(image.running)
+            os.kill(scene.pid, signal.SIGKILL)
+            image = image or scene.draw(1, VIEW, world.frame)
+            if death < RESTARTS:
+                assert image.result(LIMIT) == first
+            else:
+                with pytest.raises(AutodriveError, match=f"{RESTARTS + 1} times, now with SIGKILL"):
+                    image.result(LIMIT)
+        scene.close()
+        logged = lines(caplog, scene_process_module.__name__)
+        assert [f"({n} of {RESTARTS})" in line for n, line in enumerate(logged, 1)] == [*[True] * RESTARTS, False]
+        assert logged[-1] == scene.error
+        return RESTARTS + 1
+
+    attack(instance)
+
+
+def test_a_scene_process_that_hangs_is_killed_and_the_image_comes_from_a_new_one(
+    spec: ScenarioSpec, gl: str, caplog: pytest.LogCaptureFixture, kill_at_once: Callable[[bool], None]
+) -> None:
+    world = autodrive.make(spec)
+    scene: SceneProcess = scene_renderer_factory()(world)
+    first = scene.draw(1, VIEW, world.frame).result(LIMIT)
+    pid = scene.pid
+    os.kill(pid, signal.SIGSTOP)
+    image = scene.draw(1, VIEW, world.frame)
+    wait_until(image.running)
+    kill_at_once(True)
+    wait_until(lambda: scene.pid not in (0, pid))
+    kill_at_once(False)
+    assert image.result(LIMIT) == first
+    scene.close()
+    (line,) = lines(caplog, scene_process_module.__name__)
+    assert "(it stopped answering and was killed); it is started again (1 of 3)" in line
+
+
+def test_a_process_that_never_gets_ready_is_killed(
+    spec: ScenarioSpec, gl: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """At each of its starts."""
+    monkeypatch.setattr(worker_module, "WATCH_PERIOD", 0.01)
+    monkeypatch.setattr(worker_module, "START_TIME", 0.0)
+    world, process = made(spec)
+    assert not process.wait(LIMIT)
+    wait_until(lambda: process.statistics.error)
+    assert "it stopped answering and was killed" in process.statistics.error
+    world.step()
+    world.close()
