@@ -1,50 +1,229 @@
-"""Files are written whole or not at all; a full disk is one line."""
+"""Every place that writes a file: whole or not at all; a full disk or a read-only folder is one line."""
 
 from __future__ import annotations
 
+import ast
+import math
 import os
 import resource
 import stat
 import subprocess
-from collections.abc import Iterator
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from autodrive.cache import check_writable, write_file
-from autodrive.errors import AutodriveError
+import autodrive
+from autodrive import jit
+from autodrive.cache import PACKAGE, check_writable, write_file
+from autodrive.cameras.process import CameraProcess
+from autodrive.cameras.rig import camera_rig
+from autodrive.cameras.shared_memory import FileMemory
+from autodrive.cli import generate, messages
+from autodrive.compile import Compiled
+from autodrive.errors import AutodriveError, EngineError
+from autodrive.meshes import store
+from autodrive.run import RunOptions, simulate
 from tests.support.command_line import AUTODRIVE, call, refused
-from tests.support.hardening import fill, small_disk
+from tests.support.hardening import fill, make_read_only, small_disk
 from tests.support.waiting import LIMIT
 
 OLD = "old content"
 
+RUN = ("run", "plane", "--headless", "--no-cameras", "--speed", "max", "--duration", "0.1", "--summary", "s.json")
+COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "cli/run.py": (RUN, ("s.json",)),
+    "maps/draw.py": (("show", "mini_map", "-o", "map.png"), ("map.png",)),
+    "cli/spec_files.py": (("show", "mini_map", "-o", "map.svg"), ("map.svg",)),
+    "cli/preview.py": (("show", "construction_box", "--3d", "view.png"), ("view.png",)),
+    "maps/raster.py": (("show", "mini_map", "--occupancy", "."), ("mini_map.png", "mini_map.yaml")),
+    "maps/raster.py, labels": (("show", "mini_map", "--labels", "labels.png"), ("labels.png",)),
+    "cli/urdf.py": (("urdf", "nigel", "--output", "ros"), ("ros/package.xml",)),
+}
+"""A command for each module that writes a file for a user, and files that it writes."""
+OPTIONS = RunOptions("plane", duration=0.1, speed=None, cameras=False, has_page=False)
+PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
+    "cli/generate.py": (lambda folder: generate.main([str(folder)]), ("vehicles/nigel.glb", "lights.json")),
+    "cli/messages.py": (messages.main, ("messages.ts", "channels.ts")),
+    "run/runner.py": (
+        lambda folder: simulate(replace(OPTIONS, summary=folder / "summary.json")),
+        ("summary.json",),
+    ),
+}
+"""Likewise, for what is not a command of `autodrive`."""
+CACHES = {"jit.py", "meshes/store.py"}
+"""They work without their files; see below."""
+OTHERS = {
+    "cache.py": {"mkstemp", "TemporaryFile", "write_bytes", "open"},  # `write_file` and `write_cached` themselves
+    "cameras/shared_memory.py": {"mkstemp", "open"},  # memory, where a machine has no better one
+    "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
+    "cli/app.py": {"open"},  # /dev/null
+}
+"""All other calls that can write, by module."""
+WRITERS = {"write_text", "write_bytes", "mkstemp", "mkdtemp", "TemporaryFile", "NamedTemporaryFile", "savez", "tofile"}
 
-@pytest.fixture
-def full(tmp_path: Path) -> Iterator[Path]:
-    """A disk with a file of each name that a test writes, and no room for more."""
-    with small_disk(tmp_path) as disk:
-        for name in ("s.json", "map.png", "map.svg", "labels.png", "mini_map.png", "mini_map.yaml"):
-            (disk / name).write_text(OLD)
+
+def writes(module: Path) -> set[str]:
+    """Names of the functions with which a module may write a file."""
+    found = set()
+    for node in ast.walk(ast.parse(module.read_text())):
+        if not isinstance(node, ast.Call):
+            continue
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        values = [*node.args, *(keyword.value for keyword in node.keywords)]
+        texts = {value.value for value in values if isinstance(value, ast.Constant) and isinstance(value.value, str)}
+        is_os = isinstance(node.func, ast.Attribute) and getattr(node.func.value, "id", "") == "os"
+        is_open = name == "open" and (is_os or any(set(text) & set("wax+") and len(text) <= 3 for text in texts))
+        if is_open or name in WRITERS:
+            found.add(name)
+    return found
+
+
+def test_every_place_that_writes_is_attacked_here() -> None:
+    modules = {path.relative_to(PACKAGE).as_posix(): path for path in PACKAGE.rglob("*.py")}
+    assert {name: found for name, path in modules.items() if (found := writes(path))} == OTHERS
+    callers = {name for name, path in modules.items() if {"write_file", "write_cached"} & _calls(path)}
+    assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES
+
+
+def _calls(path: Path) -> set[str]:
+    """Calls of functions by their name alone."""
+    calls = (node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call))
+    return {function.id for function in calls if isinstance(function, ast.Name)}
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(params=["No space left on device", "Read-only file system"])
+def disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Path, str]]:
+    """A disk with an old file of each name that is written here, on which nothing can be written; and the reason."""
+    with small_disk(tmp_path, kilobytes=256) as disk:
+        for _, names in (*COMMANDS.values(), *PROGRAMS.values()):
+            for name in names:
+                (disk / name).parent.mkdir(exist_ok=True)
+                (disk / name).write_text(OLD)
         fill(disk / "full")
-        yield disk
+        if request.param.startswith("Read-only"):
+            make_read_only(disk)
+        yield disk, request.param
 
 
-def test_a_full_disk_is_one_line_and_leaves_the_old_files(full: Path) -> None:
-    before = {path.name: path.read_bytes() for path in full.iterdir()}
-    run = ("run", "plane", "--headless", "--no-cameras", "--speed", "max", "--duration", "0.1", "--summary", "s.json")
-    done = call(*run, cwd=full)
-    assert done.returncode == 2
-    assert "ended by duration" in done.stdout  # the summary, which is nowhere else
-    assert done.stderr.splitlines()[-1] == "autodrive: cannot write: No space left on device  (s.json)"
-    for arguments in (
-        ("show", "mini_map", "-o", "map.png"),
-        ("show", "mini_map", "-o", "map.svg"),
-        ("show", "mini_map", "--labels", "labels.png"),
-        ("show", "mini_map", "--occupancy", "."),
-    ):
-        assert "cannot write: No space left on device" in refused(*arguments, cwd=full)
-    assert {path.name: path.read_bytes() for path in full.iterdir() if path.is_file()} == before
+@pytest.mark.parametrize("module", COMMANDS)
+def test_a_command_that_cannot_write_is_one_line_and_leaves_the_old_files(
+    module: str, disk: tuple[Path, str], gl: str
+) -> None:
+    folder, reason = disk
+    before = contents(folder)
+    arguments, _ = COMMANDS[module]
+    if arguments == RUN and "space" in reason:  # only the end of the run finds out
+        done = call(*arguments, cwd=folder)
+        assert done.returncode == 2
+        assert "ended by duration" in done.stdout  # the summary, which is nowhere else
+        assert done.stderr.splitlines()[-1] == f"autodrive: cannot write: {reason}  (s.json)"
+    else:
+        assert f"cannot write: {reason}  (" in refused(*arguments, cwd=folder)
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize("module", PROGRAMS)
+def test_a_program_that_cannot_write_raises_one_line_and_leaves_the_old_files(
+    module: str, disk: tuple[Path, str]
+) -> None:
+    folder, reason = disk
+    before = contents(folder)
+    program, _ = PROGRAMS[module]
+    with pytest.raises(AutodriveError, match=f"^cannot write: {reason}  "):
+        program(folder)
+    assert contents(folder) == before
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("module", ["autodrive.cli.messages", "autodrive.cli.generate"])
+def test_a_program_of_developers_prints_that_line(module: str, disk: tuple[Path, str]) -> None:
+    folder, reason = disk
+    done = subprocess.run(
+        [sys.executable, "-m", module, str(folder)], check=False, capture_output=True, text=True, timeout=LIMIT
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert f": cannot write: {reason}  (" in line
+
+
+def test_without_a_writable_cache_meshes_are_built_in_memory(
+    disk: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, _ = disk
+    before = contents(folder)
+    expected = store.file("box", (0.1, 0.2, 0.3))
+    monkeypatch.setattr(store, "_folder", lambda: folder / "assets")
+    for _ in range(2):
+        assert store.file("box", (0.1, 0.2, 0.3)) == expected
+    assert contents(folder) == before
+
+
+def test_without_a_writable_cache_functions_are_compiled_in_memory_with_one_line(
+    disk: tuple[Path, str], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder, reason = disk
+    before = contents(folder)
+    monkeypatch.setattr(jit, "CACHE", folder)
+    monkeypatch.setattr(jit, "_warnings", [])
+    for _ in range(2):
+        assert jit.jit(_doubled)(1.5) == 3.0
+    (line,) = caplog.messages
+    assert reason in line
+    assert contents(folder) == before
+
+
+def _doubled(x: float) -> float:
+    return 2.0 * x
+
+
+def test_the_doctor_names_a_cache_that_cannot_be_written(
+    disk: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, reason = disk
+    monkeypatch.setattr(jit, "CACHE", folder / "numba")
+    done = call("doctor")
+    assert "Traceback" not in done.stderr
+    if "Read-only" in reason:
+        assert f"numba: {reason}; every start would compile again" in done.stdout
+
+
+def test_images_in_a_file_need_room_before_they_are_drawn(
+    disk: tuple[Path, str], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The memory of the cameras on platforms that have no memory without a file."""
+    folder, reason = disk
+    before = contents(folder)
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+
+    def cameras(compiled: Compiled) -> CameraProcess:
+        return CameraProcess(camera_rig(compiled), allocate_memory=FileMemory)
+
+    world = autodrive.make("plane", cameras=cameras)
+    assert world.step().vehicles["V1"].cameras == {}
+    (line,) = caplog.messages
+    assert line == f"cameras are unavailable: their process cannot be started: {reason}"
+    world.close()
+    assert contents(folder) == before
+
+
+def test_the_log_of_the_engine_is_not_needed(disk: tuple[Path, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """MuJoCo writes its warnings to a file in the current folder."""
+    folder, _ = disk
+    monkeypatch.chdir(folder)
+    world = autodrive.make("plane")
+    world._compiled.views.qvel[0] = math.nan
+    with pytest.raises(EngineError, match="unstable"):
+        world.step()
+    assert world.reset().tick == 0
+    assert world.step().tick == 1
 
 
 @pytest.mark.process

@@ -53,10 +53,13 @@ class FileMemory:
     def __init__(self, size: int) -> None:
         descriptor, self._path = tempfile.mkstemp(prefix="autodrive-cameras-")
         try:
-            os.ftruncate(descriptor, size)
-            self.memory = mmap.mmap(descriptor, size)
-        finally:
-            os.close(descriptor)
+            with os.fdopen(descriptor, "r+b") as file:
+                file.write(bytes(size))  # a file with holes would end both processes when the disk becomes full
+                file.flush()
+                self.memory = mmap.mmap(descriptor, size)
+        except OSError:
+            self.detach()
+            raise
         self.address = f"file:{self._path}"
 
     def detach(self) -> None:

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from autodrive.assets.asset import Asset, Detail
 from autodrive.assets.glb import write_glb
 from autodrive.cache import make_folder, write_file
+from autodrive.errors import AutodriveError
 from autodrive.maps.draw import module_alone
 from autodrive.maps.map import Map, load_map
 from autodrive.meshes import store
@@ -25,7 +27,7 @@ DETAILS: tuple[Detail, ...] = ("full", "reduced", "shadow")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the files and print a table of their contents."""
+    """Write the files and print a table of their contents. Raises `AutodriveError`."""
     parser = argparse.ArgumentParser(prog="scripts/generate", description=__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=FOLDER, help="default: %(default)s")
     parser.add_argument(
@@ -64,4 +66,7 @@ def _module(alone: Map) -> Asset:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except AutodriveError as error:
+        sys.exit(f"generate: {error}")

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import inspect
 import json
-import sys
 import types
 from collections.abc import Iterator
 from enum import IntEnum
-from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -164,9 +162,3 @@ def _literal(value: str | float) -> str:
     if isinstance(value, str):
         return "'" + value.replace("'", "\\'") + "'"
     return json.dumps(value)
-
-
-if __name__ == "__main__":
-    folder = Path(sys.argv[1])
-    (folder / "messages.ts").write_text(declarations(), encoding="utf-8")
-    (folder / "channels.ts").write_text(signal_tables(), encoding="utf-8")
