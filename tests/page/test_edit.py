@@ -179,6 +179,8 @@ def test_text_of_edit_mode_is_large_enough_and_has_contrast(plane: PageServer, n
     tab.show()
     tab.click("edit-button")
     tab.wait_until(lambda: tab.get("edit").is_visible())
+    # its hint is text of the panel, not a card over the scene
+    assert tab.get("edit").locator("p").first.evaluate("(p) => getComputedStyle(p).boxShadow") == "none"
     texts = tab.page.evaluate(TEXTS)
     assert {"Save as scenario", "Sensors of V1", "LIDAR"} <= {each["text"] for each in texts}
     assert [each for each in texts if each["contrast"] < MIN_CONTRAST or each["size"] < MIN_TEXT] == []

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import CDPSession, Locator
 
 from tests.page.test_access import VISIBLE
+from tests.page.test_stream import HELD_IMAGES
 from tests.support.page import NewTab, PageServer, Tab
 from tests.support.waiting import free_port
 
@@ -206,6 +207,17 @@ def test_camera_images_are_visible_on_a_small_screen_without_scrolling(plane: Pa
     tab.show("hud")
     for side in ("front", "rear"):
         assert box(tab.get(f"hud-{side}-camera"))["bottom"] <= box(tab.get("hud"))["bottom"]
+
+
+def test_the_first_camera_images_move_nothing_in_the_hud(gl: str, plane: PageServer, new_tab: NewTab) -> None:
+    tab = new_tab(size=(1280, 720), script=HELD_IMAGES).open(f"{plane.url}?quality=low#hud=1")
+    tab.wait_until(lambda: tab.value("store.cameraImages.size") == 2)
+    place = box(tab.get("hud-polar"))
+    previews = [tab.get(f"hud-{side}-camera") for side in ("front", "rear")]
+    assert [preview.get_attribute("data-state") for preview in previews] == ["none", "none"]
+    tab.page.evaluate("() => releaseImages()")
+    tab.wait_until(lambda: all(preview.get_attribute("data-state") != "none" for preview in previews))
+    assert box(tab.get("hud-polar")) == place
 
 
 def test_an_error_of_the_bridge_moves_no_control(plane: PageServer, tab: Tab) -> None:
