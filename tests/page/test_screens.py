@@ -174,7 +174,7 @@ def test_all_text_is_large_enough_and_has_contrast(two_cars: PageServer, new_tab
         assert [each for each in texts if each["contrast"] < MIN_CONTRAST or each["size"] < MIN_TEXT] == []
 
     tab.page.evaluate(SHOW_CARDS)
-    assert tab.page.locator(".vehicle-labels span").count() == 2
+    tab.wait_until(lambda: tab.page.locator(".vehicle-labels span").count() == 2)
     check()
     tab.get("ip").fill("")
     tab.get("port").fill(str(free_port()))

@@ -126,7 +126,7 @@ def test_vehicles_differ_by_label_and_colour(two_cars: PageServer, new_tab: NewT
 
 
 def test_a_screenshot_is_a_png_of_the_view(two_cars: PageServer, new_tab: NewTab, tmp_path: Path) -> None:
-    tab = new_tab(size=(640, 480)).open(f"{two_cars.url}?quality=low#camera=birds-eye")
+    tab = new_tab(size=(640, 480), draws=True).open(f"{two_cars.url}?quality=low#camera=birds-eye")
     tab.wait_for_image()
     with tab.page.expect_download() as download:
         tab.page.keyboard.press("i")
@@ -174,7 +174,7 @@ def test_two_clicks_measure_a_distance_on_the_ground(mini_map: PageServer, tab: 
 
 
 def test_the_driven_line_is_drawn_in_the_scene_and_on_the_small_map(mini_map: PageServer, new_tab: NewTab) -> None:
-    tab = new_tab(size=(640, 480), expects="willReadFrequently")
+    tab = new_tab(size=(640, 480), draws=True, expects="willReadFrequently")
     tab.open(f"{mini_map.url}?quality=low#camera=birds-eye&map=1&scan=0")
     tab.wait_for_image()
     tab.page.keyboard.down("w")

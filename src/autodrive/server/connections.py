@@ -12,6 +12,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
+from websockets.protocol import State
 
 from autodrive.protocol.tcp_options import drop_dead_peer
 
@@ -151,8 +152,9 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             if self.curr_msg_data_type == "text":
                 b"".join(self.frames).decode()
         except UnicodeDecodeError:
-            self.conn.send_close(INVALID_DATA)
-            self.handle_parser_exception()
+            if self.conn.state is State.OPEN:  # only once: more such texts can be in the same packet
+                self.conn.send_close(INVALID_DATA)
+                self.handle_parser_exception()
         else:
             super().send_receive_event_to_app()
 
