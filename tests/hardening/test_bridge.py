@@ -197,7 +197,6 @@ def test_what_a_script_says_cannot_write_to_the_terminal(
         wait_until(lambda: "all is well" in bridge.error)
         assert bridge.error.isprintable()
     lines = [record.getMessage() for record in caplog.records if record.name.startswith("autodrive.bridge")]
-    assert [line for line in lines if "all is well" in line]
     assert all(line.isprintable() and len(line) < 600 for line in lines)
 
 

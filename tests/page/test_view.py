@@ -73,6 +73,8 @@ def test_the_mouse_wheel_zooms_all_cameras_in_the_same_direction(mini_map: PageS
 
 def test_a_link_opens_the_same_view_and_a_reload_keeps_it(two_cars: PageServer, new_tab: NewTab) -> None:
     tab = new_tab(size=(1024, 768)).open(two_cars.url)
+    tab.wait_until(lambda: tab.value("store.scene.value.scenario") == two_cars.scenario())
+    tab.wait_for_image()
     tab.page.keyboard.press("v")
     tab.wait_for_notice("V2 is viewed now.")
     for key in "cccuqo":  # Orbit, HUD, small map, log
