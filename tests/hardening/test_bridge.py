@@ -183,8 +183,9 @@ def test_a_redirect_is_not_followed(simulation: Simulation) -> None:
 
 @pytest.mark.parametrize("is_reason", [False, True])
 def test_what_a_script_says_cannot_write_to_the_terminal(
-    simulation: Simulation, caplog: pytest.LogCaptureFixture, *, is_reason: bool
+    simulation: Simulation, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, *, is_reason: bool
 ) -> None:
+    monkeypatch.setattr("autodrive.bridge.metrics.WARNING_INTERVAL", 0.0)  # no other warning suppresses this one
     text = "\x1b[2J\x1b]0;title\x07\nautodrive: all is well\r" + 30 * "x"
 
     def refuse(connection: ServerConnection) -> None:
@@ -197,6 +198,7 @@ def test_what_a_script_says_cannot_write_to_the_terminal(
         wait_until(lambda: "all is well" in bridge.error)
         assert bridge.error.isprintable()
     lines = [record.getMessage() for record in caplog.records if record.name.startswith("autodrive.bridge")]
+    assert [line for line in lines if "all is well" in line]
     assert all(line.isprintable() and len(line) < 600 for line in lines)
 
 
