@@ -6,6 +6,7 @@ import json
 import signal
 import time
 from pathlib import Path
+from statistics import median
 
 import pytest
 
@@ -28,12 +29,12 @@ def test_a_run_goes_on_beside_two_hundred_connections(tmp_path: Path) -> None:
             _watch(before, cases(2.0, 20.0))  # until the buffers of all connections are in use
             start = memory(pid)
             with connected(port) as honest:
-                factors = _watch(honest, cases(2.0, 70.0))
+                factors = [one for _ in range(cases(1, 35)) for who in (honest, before) for one in _watch(who, 1.0)]
                 if cases(short=False, long=True):
                     end = memory(pid)
-                    print(f"memory {start:.1f} MB, then {end:.1f} MB; real-time factors {min(factors):.4f} and more")
+                    print(f"memory {start:.1f} MB, then {end:.1f} MB")
+                    print(f"real-time factors: median {median(factors):.4f}, least {min(factors):.4f}")
                     assert end < 1.05 * start
-            _watch(before, 1.0)
         wait_until(lambda: open_files(pid) < 50)
     finally:
         code = run.end(signal.SIGTERM)
@@ -43,11 +44,11 @@ def test_a_run_goes_on_beside_two_hundred_connections(tmp_path: Path) -> None:
 
 
 def _watch(client: NativeClient, seconds: float) -> list[float]:
-    """Receive Frames of so much wall time and 60 ticks at least; the real-time factors that were reported."""
+    """Receive Frames of so much wall time and 30 ticks at least; the real-time factors that were reported."""
     end = time.monotonic() + seconds
     factors, first = [], client.until("Frame")["tick"]
     tick = first
-    while time.monotonic() < end or abs(tick - first) < 60:
+    while time.monotonic() < end or abs(tick - first) < 30:
         message = client.receive()
         if message["type"] == "Status":
             factors.append(message["real_time_factor"])

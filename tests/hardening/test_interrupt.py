@@ -13,6 +13,7 @@ from tests.support.waiting import LIMIT
 PROGRAM = """
 import os, signal, sys
 from autodrive.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have started the tests with SIGINT ignored
 number, sys.argv = int(sys.argv[1]), ["autodrive", *sys.argv[2:]]
 imports = 0
 def interrupt(event, arguments):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import socket
+import time
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any, TypeVar
@@ -33,6 +35,10 @@ INVALID_DATA = 1007
 """Close code of a WebSocket (RFC 6455)."""
 MAX_UNSENT = 16_384
 """Bytes that may wait in the kernel for a slow reader."""
+PIECE = 8192
+"""Bytes of a WebSocket that are processed at once."""
+SHARE = 0.02
+"""Greatest share of the time of the server's thread for a WebSocket on which more than a piece waits."""
 MAX_PONGS = 2**16
 """A client that sends pings without reading is disconnected when this many bytes of answers wait."""
 
@@ -107,10 +113,23 @@ class HttpProtocol(H11Protocol):
 
 
 class WebSocketProtocol(WebSocketsSansIOProtocol):
-    """A WebSocket on which `send` returns when the bytes were written, so that the next message is chosen then."""
+    """A WebSocket on which `send` returns when the bytes were written, so that the next message is chosen then.
+
+    It reads in pieces, with pauses: a client that sends as fast as it can does not delay the others.
+    """
 
     scope: Any = None
     _began = 0.0
+    _timer: asyncio.TimerHandle | None = None
+    """Ends a pause."""
+    _busy = 0.0
+    """Time that the latest piece took, here and in the application [s]."""
+    _received = math.inf
+    """When the application received its latest message [s]."""
+
+    def __init__(self, *arguments: Any, **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        self._unread = bytearray()
 
     @property
     def age(self) -> float:
@@ -134,6 +153,51 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         super().handle_connect(event)
         if self.scope is not None:
             self.scope[ABORT] = self.transport.abort
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End the pause."""
+        self._unread.clear()
+        if self._timer is not None:
+            self._timer.cancel()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Process the first piece; the next ones follow when the application has received its messages."""
+        self._unread += data
+        if self._timer is not None:  # uvicorn reads on after its close message
+            self.transport.pause_reading()
+        elif not self.read_paused:
+            self._process_piece()
+
+    def _process_piece(self) -> None:
+        self._timer = None
+        piece = bytes(self._unread[:PIECE])
+        del self._unread[:PIECE]
+        begin = time.perf_counter()
+        super().data_received(piece)
+        self._busy = time.perf_counter() - begin
+        if not self.read_paused:
+            self._read_on()
+
+    def _read_on(self) -> None:
+        """Process the next piece after a pause, or read on if there is none."""
+        if self.transport.is_closing():
+            return
+        if self._unread:
+            self.transport.pause_reading()
+            self._timer = self.loop.call_later(self._busy / SHARE, self._process_piece)
+        else:
+            self.transport.resume_reading()
+
+    async def receive(self) -> Any:
+        """The next message for the application, which is done with the previous one."""
+        self._busy += max(time.perf_counter() - self._received, 0.0)
+        if self.read_paused and self.queue.empty():
+            self.read_paused = False
+            self._read_on()
+        message = await self.queue.get()
+        self._received = time.perf_counter()
+        return message
 
     async def send(self, message: Any) -> None:
         """Write, and wait until the bytes were written."""
