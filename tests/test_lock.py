@@ -6,15 +6,13 @@ import pytest
 
 from tests.support.lockfile import PLATFORMS, PROJECT, PYTHONS, Platform, needed, packages, wheels
 
-PACKAGES = packages()
-
 
 @pytest.mark.parametrize("python", PYTHONS, ids=lambda python: f"{python[0]}.{python[1]}")
 @pytest.mark.parametrize("platform", PLATFORMS, ids=lambda platform: platform.name)
 @pytest.mark.parametrize("dev", [False, True], ids=["user", "developer"])
 def test_every_package_has_a_wheel(platform: Platform, python: tuple[int, int], dev: bool) -> None:
     tags = platform.wheel_tags(python)
-    chosen = needed(PACKAGES, platform.environment(python), dev=dev)
+    chosen = needed(packages(), platform.environment(python), dev=dev)
     assert {"numpy", "mujoco-core", "numba"} <= {package["name"] for package in chosen}
     without = [
         f"{package['name']} {package['version']}"
@@ -25,7 +23,7 @@ def test_every_package_has_a_wheel(platform: Platform, python: tuple[int, int], 
 
 
 def test_the_lock_is_for_this_project_and_uses_uvloop_where_it_exists() -> None:
-    assert any(package["name"] == PROJECT for package in PACKAGES)
+    assert any(package["name"] == PROJECT for package in packages())
     for platform in PLATFORMS:
-        names = {package["name"] for package in needed(PACKAGES, platform.environment((3, 13)))}
+        names = {package["name"] for package in needed(packages(), platform.environment((3, 13)))}
         assert ("uvloop" in names) == (platform.sys_platform != "win32")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,6 +68,7 @@ PLATFORMS = (
 PYTHONS = ((3, 11), (3, 12), (3, 13), (3, 14))
 
 
+@cache
 def packages() -> list[Package]:
     """Every package of the lock."""
     return tomllib.loads(LOCK.read_text(encoding="utf-8"))["package"]
