@@ -14,12 +14,13 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
 import autodrive
-from autodrive.errors import AutodriveError, EngineError
+from autodrive.errors import AutodriveError, CommandError, EngineError
 from autodrive.protocol.messages import Command
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World
@@ -188,3 +189,12 @@ def test_any_calls_in_any_order() -> None:
     )
     print(f"{Caller.calls.count} calls")
     assert Caller.calls.count >= EXAMPLES * STEPS // 2
+
+
+@pytest.mark.parametrize(
+    "pose", [(0.1, 0.2, []), ((1.0,), 2.0), np.zeros((7, 7)), np.array(5.0), "1234567", 7 * [np.zeros(2)]], ids=repr
+)
+def test_a_pose_of_nested_values_is_refused(pose: Any) -> None:
+    world = autodrive.make("plane")
+    with pytest.raises(CommandError, match="a pose is x, y, z"):
+        world.set_poses({"V1": pose})

@@ -89,7 +89,8 @@ class Poses:
 
     def _checked(self, name: str, pose: Any) -> Floats:
         """As an array with a quaternion of length 1. Raises `CommandError`."""
-        values = list(pose) if isinstance(pose, Sequence | np.ndarray) and np.ndim(pose) == 1 else []
+        is_row = isinstance(pose, Sequence) or (isinstance(pose, np.ndarray) and pose.ndim == 1)
+        values = list(pose) if is_row else []
         if len(values) == 7 and all(is_number(value, MAX_DISTANCE) for value in values):
             checked = np.array(values, dtype=np.float64)
             length = math.hypot(*checked[3:].tolist())
