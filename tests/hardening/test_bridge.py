@@ -37,15 +37,6 @@ def toggles_reset(connection: ServerConnection) -> None:
         connection.send(reset_packet(is_held=False))
 
 
-def floods_with_commands(connection: ServerConnection) -> None:
-    """Commands as fast as it can, of all kinds that need the autonomous mode."""
-    commands = {"V1 Throttle": "1", "V1 Steering": "1", "V1 Reset": "True", "V2 Throttle": "x", "V1 CoSim": "True"}
-    pose = dict.fromkeys(("V1 PosX", "V1 PosY", "V1 PosZ", "V1 RotX", "V1 RotY", "V1 RotZ", "V1 RotW"), "1")
-    while True:
-        connection.send("42" + json.dumps(["Bridge", commands | pose]))
-        connection.send("42" + json.dumps(["Bridge", {"V1 Reset": "False", "V1 CoSim": "False"}]))
-
-
 def pings_without_reading(connection: ServerConnection) -> None:
     connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000}')
     connection.send("40")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import math
 import signal
 import time
 from pathlib import Path
@@ -10,10 +12,18 @@ from statistics import median
 
 import pytest
 
-from tests.support.attackers import CROWD
+import autodrive
+from autodrive import Command, Simulation
+from autodrive.bridge.devkit import DevkitBridge
+from autodrive.protocol.messages import Frame
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.server import hub
+from autodrive.server.server import Server
+from tests.support.attackers import CROWD, POWERLESS
 from tests.support.command_line import Started
+from tests.support.frames import bytes_of
 from tests.support.hardening import attackers, cases, memory, open_files
-from tests.support.native_clients import NativeClient, connected
+from tests.support.native_clients import NativeClient, connected, scene_files
 from tests.support.waiting import free_port, wait_until
 
 
@@ -56,3 +66,66 @@ def _watch(client: NativeClient, seconds: float) -> list[float]:
             tick = message["tick"]
             first = min(first, tick)  # after a reset
     return factors
+
+
+class Driver:
+    """Sink: drives the car by the number of the tick, and adds each Frame to a hash."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._hash = hashlib.sha256()
+        self.wait = lambda: None
+        """Called every 100 ticks."""
+
+    def publish(self, frame: Frame) -> None:
+        for data in bytes_of(frame):
+            self._hash.update(data)
+        command = Command(throttle=0.6 * math.cos(0.01 * frame.tick), steering=math.sin(0.03 * frame.tick))
+        self._simulation.submit("V1", command, "person")
+        if frame.tick % 100 == 0:
+            self.wait()
+
+    @property
+    def digest(self) -> str:
+        return self._hash.hexdigest()
+
+
+def _states(simulation: Simulation, driver: Driver) -> str:
+    """The hash of all states of a run."""
+    simulation.add_sink(driver)
+    driver.publish(simulation.world.frame)
+    ticks = cases(300, 20_000)
+    simulation.run(ticks * simulation.world.tick_duration)
+    assert simulation.frame.tick == ticks
+    assert math.hypot(*simulation.frame.vehicles["V1"].pose.position[:2]) > 0.05  # it was driven
+    return driver.digest
+
+
+def test_who_may_not_influence_a_run_leaves_its_states_the_same_to_the_last_bit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Neither do viewers that flood the server, nor a script while a person drives."""
+    scenario = ScenarioSpec(vehicles={"V1": VehiclePlacement(is_autonomous=False)}, boxes={"a": BoxSpec(x=0.4, y=0.0)})
+    quiet = Simulation(autodrive.make(scenario), speed=None)
+    expected = _states(quiet, Driver(quiet))
+
+    received = []
+    decoded = hub.decoded
+    monkeypatch.setattr(hub, "decoded", lambda data: (received.append(1), decoded(data))[1])
+    simulation = Simulation(autodrive.make(scenario), speed=None)
+    driver, port = Driver(simulation), free_port()
+    viewers = {role: cases(max(count // 10, 1), count) for role, count in POWERLESS.items()}
+    with (
+        Server(simulation, scene_files=scene_files, port=free_port()) as server,
+        attackers(port, {"orders": 1}),
+        DevkitBridge(simulation, port=port) as bridge,
+        attackers(server.port, viewers),
+    ):
+
+        def wait() -> None:
+            """Until the attackers have sent more."""
+            messages, commands = len(received) + 20, bridge.counters.commands_received + 5
+            wait_until(lambda: len(received) > messages and bridge.counters.commands_received > commands)
+
+        driver.wait = wait
+        assert _states(simulation, driver) == expected

@@ -258,6 +258,7 @@ def test_requests_of_a_client_that_left_are_dropped(
 
 def test_a_client_above_the_byte_limit_is_disconnected(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.server.rate_limit.MOST_DROPPED", 100)
+    monkeypatch.setattr(connections, "SHARE", 1.0)  # no long pauses
     with native_client(server) as loud:
         loud.send("Subscribe", frame_rate=0.0)
 
@@ -279,6 +280,41 @@ def test_pings_without_reading_end_the_connection(server: Server) -> None:
 
         with pytest.raises((ConnectionResetError, BrokenPipeError)):
             flood()
+
+
+def test_who_sends_more_than_a_piece_waits_and_others_do_not(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "SHARE", 1e-9)  # the pause is longer than the test
+    ping = frame(b"", opcode=9)
+    pings = connections.PIECE // len(ping)
+    with _websocket(server) as peer, native_client(server) as other:
+        peer.sendall(10 * pings * ping)
+        answers = bytearray()
+        while len(answers) < 2 * (pings - 1):
+            answers += peer.recv(65536)
+        for _ in range(20):
+            assert other.ask("Reset")["type"] == "Response"
+        peer.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            answers += peer.recv(65536)
+        assert len(answers) <= 2 * pings
+
+
+def test_who_sends_many_http_requests_waits_and_others_do_not(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "REQUEST_RATE", 1e-6)
+    monkeypatch.setattr(HttpProtocol, "_credit", 3.0)
+    request = b"GET /none HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", server.port), LIMIT) as peer:
+        peer.sendall(100 * request)
+        answers = b""
+        while answers.count(b"HTTP/1.1 404") < 4:
+            answers += peer.recv(65536)
+        with native_client(server) as other:
+            for _ in range(20):
+                assert other.ask("Reset")["type"] == "Response"
+        peer.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            answers += peer.recv(65536)
+        assert answers.count(b"HTTP/1.1 404") == 4
 
 
 def _websocket(server: Server) -> socket.socket:

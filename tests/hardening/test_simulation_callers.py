@@ -219,12 +219,27 @@ def test_any_calls_in_any_order_with_cameras(tmp_path: Path, gl: str) -> None:
         (messages.Teleport("V1", "far", 0.0), "x of Teleport: expected float, got str"),  # type: ignore[arg-type]
         (messages.Place([], 0.0, 0.0), "name of Place: expected str, got array"),  # type: ignore[arg-type]
         (messages.Step(1, {"V1": 3}), r"commands\[...\] of Step: expected object, got int"),  # type: ignore[dict-item]
+        (messages.LoadScenario(b"V1"), "name of LoadScenario: expected str, got bytes"),  # type: ignore[arg-type]
         (messages.Reset(object()), "a Reset has a value of a wrong type"),  # type: ignore[arg-type]
     ],
 )
 def test_a_request_of_wrong_types_is_refused_at_once_and_the_run_goes_on(request_: Any, expected: str) -> None:
-    with Simulation(autodrive.make("plane"), is_paused=True) as simulation:
+    with Simulation(autodrive.make("plane"), is_paused=True, load=autodrive.make) as simulation:
         with pytest.raises(autodrive.CommandError, match=expected):
             simulation.request(request_)
         frame: Frame = simulation.request(messages.Step(3)).result(LIMIT)
     assert frame.tick == 3
+
+
+def test_a_request_that_fails_unexpectedly_is_logged_and_the_run_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    def load(scenario: str | ScenarioSpec) -> World:
+        raise ZeroDivisionError(f"in {scenario}")
+
+    with Simulation(autodrive.make("plane"), is_paused=True, load=load, pause_on_error=True) as simulation:
+        with pytest.raises(ZeroDivisionError, match="in mini_map"):
+            simulation.request(messages.LoadScenario("mini_map")).result(LIMIT)
+        frame: Frame = simulation.request(messages.Step(3)).result(LIMIT)
+    assert frame.tick == 3
+    (record,) = caplog.records
+    assert record.message == "a request failed: LoadScenario(name='mini_map')"
+    assert record.exc_info

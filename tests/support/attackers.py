@@ -260,18 +260,28 @@ async def gets(port: int) -> None:
 
 async def commands(port: int) -> None:
     """A script that commands as fast as it can."""
-    await _script(port, b"42" + json.dumps(["Bridge", {"V1 Throttle": "0", "V1 Steering": "0"}]).encode())
+    await _script(port, {"V1 Throttle": "0", "V1 Steering": "0"})
 
 
 async def long_commands(port: int) -> None:
     """A script that sends messages of 60 kB with many wrong values as fast as it can."""
-    values = {f"V{number} Throttle": "x" for number in range(2, 2500)}
-    await _script(port, b"42" + json.dumps(["Bridge", values]).encode())
+    await _script(port, {f"V{number} Throttle": "x" for number in range(2, 2500)})
 
 
-async def _script(port: int, message: bytes) -> None:
-    size = bytes([len(message)]) if len(message) < 126 else b"\x7e" + len(message).to_bytes(2, "big")
-    flood = max(2**16 // len(message), 1) * (b"\x81" + size + message)
+async def orders(port: int) -> None:
+    """A script that drives, resets and moves the car as fast as it can."""
+    pose = {f"V1 {key}": "1" for key in ("PosX", "PosY", "PosZ", "RotX", "RotY", "RotZ", "RotW")}
+    pressed = {"V1 Throttle": "1", "V1 Steering": "1", "V1 Reset": "True", "V2 Throttle": "x", "V1 CoSim": "True"}
+    await _script(port, pressed | pose, {"V1 Reset": "False", "V1 CoSim": "False"})
+
+
+async def _script(port: int, *values: dict[str, str]) -> None:
+    flood = b""
+    for each in values:
+        message = b"42" + json.dumps(["Bridge", each]).encode()
+        size = bytes([len(message)]) if len(message) < 126 else b"\x7e" + len(message).to_bytes(2, "big")
+        flood += b"\x81" + size + message
+    flood *= max(2**16 // len(flood), 1)
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError, asyncio.IncompleteReadError):
@@ -296,7 +306,7 @@ ROLES: dict[str, Role] = {
     for role in (
         *(mute, half, stranger, deaf, slow_download),
         *(viewer, pings, garbage, texts, drives, subscribes, refused, resets, loads, undoes),
-        *(connects_the_bridge, hit_and_run, gets, commands, long_commands),
+        *(connects_the_bridge, hit_and_run, gets, commands, long_commands, orders),
     )
 }
 

@@ -7,8 +7,11 @@ import math
 import reprlib
 import sys
 from collections.abc import Mapping
+from datetime import date, datetime, time, timedelta
+from decimal import Decimal
 from numbers import Integral, Real
 from typing import Any, get_args, get_type_hints
+from uuid import UUID
 
 import msgspec
 import numpy as np
@@ -21,6 +24,8 @@ MAX_DISTANCE = 1e4
 MAX_TIME_SCALE = 1e9
 """Greatest scale of a time of day [seconds of the day per simulated second]."""
 
+_NO_TEXTS = (bytes, bytearray, memoryview, datetime, date, time, timedelta, UUID, Decimal)
+"""Types that msgspec would turn into texts."""
 _EXAMPLE = "such as {'V1': Command(throttle=0.5, steering=0.2)}"
 _HEADLIGHTS, _INDICATORS = frozenset(Headlights), frozenset(Indicators)
 
@@ -56,7 +61,8 @@ def check_operation(request: object) -> None:
     if kind not in _OPERATIONS:
         raise CommandError(f"a request must be an Operation, such as Reset(), not {reprlib.repr(request)}")
     try:
-        msgspec.convert(msgspec.to_builtins(request, enc_hook=_number), _without_limits(kind))
+        values = msgspec.to_builtins(request, enc_hook=_number, builtin_types=_NO_TEXTS)
+        msgspec.convert(values, _without_limits(kind))
     except msgspec.ValidationError as error:
         problem, _, place = str(error).partition(" - at `$.")
         problem = problem.replace("`", "")

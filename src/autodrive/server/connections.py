@@ -25,6 +25,8 @@ MAX_HTTP, MAX_WEBSOCKETS = 200, 200
 those whose client has not said Hello."""
 BUSY_AGE = 0.1
 """An HTTP connection that gets an answer counts as younger than an idle one of the same age, by this factor."""
+REQUEST_RATE, REQUEST_BURST = 20.0, 200.0
+"""Requests of an HTTP connection that are answered per second [Hz], and the largest burst."""
 IS_CLIENT, ABORT = "autodrive.is_client", "autodrive.abort"
 """Keys of the scope of a WebSocket: whether its client has said Hello, and a function that cuts it off."""
 DEAD_PEER_TIMEOUT = 60.0
@@ -37,7 +39,7 @@ MAX_UNSENT = 16_384
 """Bytes that may wait in the kernel for a slow reader."""
 PIECE = 8192
 """Bytes of a WebSocket that are processed at once."""
-SHARE = 0.02
+SHARE = 0.005
 """Greatest share of the time of the server's thread for a WebSocket on which more than a piece waits."""
 MAX_PONGS = 2**16
 """A client that sends pings without reading is disconnected when this many bytes of answers wait."""
@@ -48,6 +50,8 @@ class HttpProtocol(H11Protocol):
 
     _timer: asyncio.TimerHandle | None = None
     _began = 0.0
+    _credit, _answered = REQUEST_BURST, 0.0
+    """Requests that are answered without a pause, and when the latest answer ended [s]."""
 
     @property
     def age(self) -> float:
@@ -74,8 +78,13 @@ class HttpProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def on_response_complete(self) -> None:
-        """Restart the time-out."""
-        super().on_response_complete()
+        """Restart the time-out, and read the next request; after a pause if there were too many."""
+        elapsed, self._answered = self.loop.time() - self._answered, self.loop.time()
+        self._credit = min(self._credit + REQUEST_RATE * elapsed, REQUEST_BURST) - 1.0
+        if self._credit < 0.0:
+            self.loop.call_later(-self._credit / REQUEST_RATE, super().on_response_complete)
+        else:
+            super().on_response_complete()
         self._begin()
 
     def handle_websocket_upgrade(self, event: Any) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
+import reprlib
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -71,8 +72,8 @@ class Simulation:
 
     `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario: by
     name for `LoadScenario`, by Spec for edits; it raises `AutodriveError` if it cannot. With `pause_on_error` an
-    `EngineError` pauses the simulation and is kept in `error`; otherwise it ends the run. `clock` replaces the wall
-    clock, for tests. All methods may be called from any thread; only one thread at a time uses the World: the
+    `EngineError` pauses the simulation and is kept in `error`, and an unexpected error of a request is logged; otherwise
+    both end the run. `clock` replaces the wall clock, for tests. All methods may be called from any thread; only one thread at a time uses the World: the
     simulation's own, except for Steps that run `here`.
     """
 
@@ -368,7 +369,9 @@ class Simulation:
             except Exception as error:
                 done.set_exception(error)
                 if not isinstance(error, AutodriveError):
-                    raise
+                    if not self._pause_on_error:
+                        raise
+                    log.exception("a request failed: %s", reprlib.repr(request))
             else:
                 done.set_result(self._frame)
 
