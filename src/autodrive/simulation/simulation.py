@@ -72,9 +72,9 @@ class Simulation:
 
     `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario: by
     name for `LoadScenario`, by Spec for edits; it raises `AutodriveError` if it cannot. With `pause_on_error` an
-    `EngineError` pauses the simulation and is kept in `error`, and an unexpected error of a request is logged; otherwise
-    both end the run. `clock` replaces the wall clock, for tests. All methods may be called from any thread; only one thread at a time uses the World: the
-    simulation's own, except for Steps that run `here`.
+    `EngineError` pauses the simulation and is kept in `error`, and an unexpected error of a request is logged;
+    otherwise both end the run. `clock` replaces the wall clock, for tests. All methods may be called from any thread;
+    only one thread at a time uses the World: the simulation's own, except for Steps that run `here`.
     """
 
     def __init__(
