@@ -7,11 +7,8 @@ import math
 import reprlib
 import sys
 from collections.abc import Mapping
-from datetime import date, datetime, time, timedelta
-from decimal import Decimal
 from numbers import Integral, Real
 from typing import Any, get_args, get_type_hints
-from uuid import UUID
 
 import msgspec
 import numpy as np
@@ -24,8 +21,6 @@ MAX_DISTANCE = 1e4
 MAX_TIME_SCALE = 1e9
 """Greatest scale of a time of day [seconds of the day per simulated second]."""
 
-_NO_TEXTS = (bytes, bytearray, memoryview, datetime, date, time, timedelta, UUID, Decimal)
-"""Types that msgspec would turn into texts."""
 _EXAMPLE = "such as {'V1': Command(throttle=0.5, steering=0.2)}"
 _HEADLIGHTS, _INDICATORS = frozenset(Headlights), frozenset(Indicators)
 
@@ -61,14 +56,17 @@ def check_operation(request: object) -> None:
     if kind not in _OPERATIONS:
         raise CommandError(f"a request must be an Operation, such as Reset(), not {reprlib.repr(request)}")
     try:
-        values = msgspec.to_builtins(request, enc_hook=_number, builtin_types=_NO_TEXTS)
-        msgspec.convert(values, _without_limits(kind))
+        checked = msgspec.convert(msgspec.to_builtins(request, enc_hook=_number), _without_limits(kind))
     except msgspec.ValidationError as error:
         problem, _, place = str(error).partition(" - at `$.")
         problem = problem.replace("`", "")
         raise CommandError(f"{place.rstrip('`')} of {kind.__name__}: {problem[0].lower()}{problem[1:]}") from None
     except (TypeError, ValueError, OverflowError, RecursionError) as error:  # a value that no message can hold
         raise CommandError(f"a {kind.__name__} has a value of a wrong type: {error}") from None
+    for field in kind.__struct_fields__:  # msgspec turns bytes, times and other values into texts
+        value = getattr(request, field)
+        if isinstance(getattr(checked, field), str) and not isinstance(value, str):
+            raise CommandError(f"{field} of {kind.__name__}: expected str, got {type(value).__name__}")
 
 
 def check_flag(flag: object, subject: str) -> None:
