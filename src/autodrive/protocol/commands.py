@@ -63,7 +63,7 @@ def check_operation(request: object) -> None:
         raise CommandError(f"{place.rstrip('`')} of {kind.__name__}: {problem[0].lower()}{problem[1:]}") from None
     except (TypeError, ValueError, OverflowError, RecursionError) as error:  # a value that no message can hold
         raise CommandError(f"a {kind.__name__} has a value of a wrong type: {error}") from None
-    for field in kind.__struct_fields__:  # msgspec turns bytes, times and other values into texts
+    for field in checked.__struct_fields__:  # msgspec turns bytes, times and other values into texts
         value = getattr(request, field)
         if isinstance(getattr(checked, field), str) and not isinstance(value, str):
             raise CommandError(f"{field} of {kind.__name__}: expected str, got {type(value).__name__}")
