@@ -479,7 +479,10 @@ def _text_of(key: Any) -> str:
     """The key as it is in a location of pydantic."""
     if not isinstance(key, yaml.ScalarNode):
         return ""
-    return key.value if key.tag.endswith(":str") else str(yaml.load(key.value, Loader=_Loader))
+    if key.tag.endswith(":str"):
+        return key.value
+    value = yaml.load(key.value, Loader=_Loader)
+    return str(int(value) if isinstance(value, bool) else value)
 
 
 def _duplicate_keys(node: yaml.Node | None) -> list[str]:
