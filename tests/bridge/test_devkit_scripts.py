@@ -67,7 +67,7 @@ class Drive:
 
 
 @pytest.mark.parametrize(
-    ("stack", "year", "duration"), [("legacy", "2023", 25.0), ("newest", "2025", 15.0), ("legacy", "2020", 10.0)]
+    ("stack", "year", "duration"), [("legacy", "2023", 40.0), ("newest", "2025", 20.0), ("legacy", "2020", 20.0)]
 )
 @pytest.mark.slow
 @pytest.mark.toolchain
