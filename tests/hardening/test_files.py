@@ -468,7 +468,7 @@ def test_a_mutated_file_runs_or_is_refused_with_its_place(kind: Kind, tmp_path: 
     mutator = Mutator(kind)
     problems: dict[int, str] = {}
     times: dict[int, float] = {}
-    for number in range(cases(30, 2500)):
+    for number in range(cases(80, 2500)):
         path = tmp_path / f"f{number}.yaml"  # a new name, because modules are cached by name and time
         path.write_bytes(mutator.mutated(number))
         start = time.process_time()
