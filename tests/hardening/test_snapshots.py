@@ -131,7 +131,7 @@ def test_a_changed_snapshot_is_refused_and_nothing_has_changed() -> None:
     saved = world.save()
     future = digests(other, 100, drive)
     for number, (name, changed_snapshot) in enumerate(tampered(saved).items()):
-        with pytest.raises(SnapshotError):  # for each of them
+        with pytest.raises(SnapshotError):
             world.restore(changed_snapshot)
         assert digests(world, 1, drive) == future[number : number + 2], name
     world.restore(saved)
