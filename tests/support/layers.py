@@ -23,6 +23,7 @@ LAYERS: list[tuple[str, set[str]]] = [
         {
             "errors",
             "units",
+            "elementary",
             "transforms",
             "arrays",
             "specs",
@@ -53,7 +54,7 @@ EDGES = dict(LAYERS)["edges"]
 ALONE = {"client", "devkit", "ros"}
 """They run where no simulator is installed."""
 
-ALLOWED_ALONE = {"protocol", "errors", "units", "transforms"}
+ALLOWED_ALONE = {"protocol", "errors", "units", "elementary", "transforms"}
 
 LEVEL = {member: level for level, (_, members) in enumerate(LAYERS) for member in members}
 
