@@ -6,21 +6,10 @@ Quaternions are wxyz and of unit length. Arguments are tuples or arrays, results
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from autodrive.arrays import Floats
-
-if TYPE_CHECKING:
-    from numba.extending import register_jitable
-else:
-    try:
-        from numba.extending import register_jitable
-    except ImportError:  # a client without the simulator has no Numba
-
-        def register_jitable(function):
-            """Return the function unchanged."""
-            return function
-
+from autodrive.elementary import atan2, cos, register_jitable, sin
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
@@ -31,15 +20,15 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 @register_jitable
 def quaternion_from_yaw(yaw: float) -> Quaternion:
     """Rotation to the left by `yaw` [rad] about z."""
-    return math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)
+    return cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)
 
 
 @register_jitable
 def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
     """Quaternion of R = Rz(yaw) Ry(pitch) Rx(roll), angles in [rad]."""
-    cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
-    cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
-    cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    cr, sr = cos(0.5 * roll), sin(0.5 * roll)
+    cp, sp = cos(0.5 * pitch), sin(0.5 * pitch)
+    cy, sy = cos(0.5 * yaw), sin(0.5 * yaw)
     return (
         cy * cp * cr + sy * sp * sr,
         cy * cp * sr - sy * sp * cr,
@@ -53,8 +42,8 @@ def quaternion_from_rotation_vector(v: Vector | Floats) -> Quaternion:
     """Rotation by |v| [rad] about the axis v (exponential map)."""
     angle = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     # series of sin(x)/x near 0, where the quotient is 0/0
-    k = 0.5 - angle * angle / 48.0 if angle < 1e-4 else math.sin(0.5 * angle) / angle
-    return math.cos(0.5 * angle), k * v[0], k * v[1], k * v[2]
+    k = 0.5 - angle * angle / 48.0 if angle < 1e-4 else sin(0.5 * angle) / angle
+    return cos(0.5 * angle), k * v[0], k * v[1], k * v[2]
 
 
 @register_jitable
@@ -64,11 +53,11 @@ def euler_from_quaternion(q: Quaternion | Floats) -> Vector:
     At a pitch of +-90 degrees (gimbal lock) only roll -+ yaw is determined; roll is then 0.
     """
     m00, m01, _, m10, m11, _, m20, m21, m22 = rotation_from_quaternion(q)
-    cos_pitch = math.hypot(m00, m10)
-    pitch = math.atan2(0.0 - m20, cos_pitch)
+    cos_pitch = math.sqrt(m00 * m00 + m10 * m10)
+    pitch = atan2(0.0 - m20, cos_pitch)
     if cos_pitch < 1e-9:
-        return 0.0, pitch, _upper_half(math.atan2(-m01, m11))
-    return _upper_half(math.atan2(m21, m22)), pitch, _upper_half(math.atan2(m10, m00))
+        return 0.0, pitch, _upper_half(atan2(-m01, m11))
+    return _upper_half(atan2(m21, m22)), pitch, _upper_half(atan2(m10, m00))
 
 
 @register_jitable
@@ -133,10 +122,10 @@ def slerp(p: Quaternion | Floats, q: Quaternion | Floats, fraction: float) -> Qu
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
-    half_angle = math.atan2(sine, w)
+    half_angle = atan2(sine, w)
     # sin(f a) / sin(a) tends to f as the angle tends to 0
-    k = fraction if sine < 1e-12 else math.sin(fraction * half_angle) / sine
-    return compose(p, (math.cos(fraction * half_angle), k * x, k * y, k * z))
+    k = fraction if sine < 1e-12 else sin(fraction * half_angle) / sine
+    return compose(p, (cos(fraction * half_angle), k * x, k * y, k * z))
 
 
 @register_jitable
