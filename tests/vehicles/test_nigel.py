@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from autodrive.errors import SpecError
 from autodrive.specs import parse
@@ -81,6 +83,25 @@ def test_sprung_masses_sum_to_the_mass_and_balance_about_the_centre_of_mass(name
     assert masses.sum() == pytest.approx(spec.body.mass)
     centre = masses @ np.array(spec.hubs) / spec.body.mass
     assert centre[:2] == pytest.approx(spec.body.center_of_mass[:2], abs=1e-12)
+
+
+@given(st.floats(0.05, 5.0), st.floats(0.05, 5.0), st.floats(0.0, 1.0), st.floats(-0.5, 0.5))
+def test_sprung_masses_are_the_least_squares_solution(length: float, track: float, ahead: float, aside: float) -> None:
+    centre = (ahead * length, aside * track, 0.1)
+    body = NIGEL.body.model_copy(update={"center_of_mass": centre})
+    spec = NIGEL.model_copy(update={"wheelbase": length, "track": track, "body": body})
+    hubs = np.array(spec.hubs)
+    balance = np.stack([np.ones(4), hubs[:, 0], hubs[:, 1]])
+    solution = np.linalg.lstsq(balance, body.mass * np.array([1.0, *centre[:2]]), rcond=None)[0]
+    assert sprung_masses(spec) == pytest.approx(solution, abs=1e-12)  # relative to a mass of 1.75 kg
+
+
+def test_effective_mass_is_that_of_a_force_on_a_free_body() -> None:
+    body = NIGEL.body
+    r = np.array(NIGEL.hubs) - [0.0, 0.0, NIGEL.wheels.radius] - np.array(body.center_of_mass)
+    arms = [np.cross(r, direction) for direction in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])]
+    inverse = [1.0 / body.mass + np.sum(arm**2 / np.array(body.inertia), axis=1) for arm in arms]
+    assert effective_masses(NIGEL) == pytest.approx(0.25 / np.max(inverse, axis=0), rel=1e-12)
 
 
 def test_each_wheel_of_nigel_carries_a_quarter_of_the_mass() -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
+from autodrive.elementary import cos, sin
 from autodrive.maps.shapes import Pose
 from autodrive.maps.solids import StaticShape
 from autodrive.model import BOX, CYLINDER
@@ -83,6 +83,6 @@ def _plate(prop: Prop, material: str, size: tuple[float, float, float], height: 
     """A box in front of the post, or around its top."""
     x, y, yaw = prop.pose
     ahead = POST_RADIUS + size[0] / 2.0 if material == "plate" else 0.0
-    position = (x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), height)
+    position = (x + ahead * cos(yaw), y + ahead * sin(yaw), height)
     half = (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)
     return StaticShape(f"{prop.name}.{material}", BOX, half, position, yaw, material)

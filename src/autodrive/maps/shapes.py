@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 from shapely.geometry.base import BaseGeometry
 
 from autodrive.arrays import Floats
+from autodrive.elementary import atan, cos, sin
 from autodrive.specs import Coordinate, Degrees, Spec
 from autodrive.units import DEGREE
 
@@ -155,9 +156,8 @@ def is_simple(points: tuple[Point, ...]) -> bool:
 
 def arc(centre: Point, radius: float, start: float, end: float) -> Floats:
     """Points of an arc between two angles [rad], shape (n, 2); chords deviate by at most `CHORD_ERROR`."""
-    step = 2.0 * math.acos(1.0 - min(CHORD_ERROR / radius, 1.0))
-    angle = np.linspace(start, end, max(2, math.ceil(abs(end - start) / step) + 1))
-    return np.column_stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)])
+    angles = np.linspace(start, end, max(2, math.ceil(abs(end - start) / _chord_angle(radius)) + 1)).tolist()
+    return np.array([(centre[0] + radius * cos(angle), centre[1] + radius * sin(angle)) for angle in angles])
 
 
 def rectangle(pose: Pose, length: float, width: float) -> shapely.Polygon:
@@ -170,7 +170,7 @@ def moved(points: Floats, pose: Pose) -> Floats:
     """Transforms points from the frame of a pose to its parent frame, shape (n, 2)."""
     x, y, yaw = pose
     # right angles are exact, so that corners of adjacent modules are bit-identical
-    c, s = round(math.cos(yaw), 15), round(math.sin(yaw), 15)
+    c, s = round(cos(yaw), 15), round(sin(yaw), 15)
     return np.column_stack([x + c * points[:, 0] - s * points[:, 1], y + s * points[:, 0] + c * points[:, 1]])
 
 
@@ -200,7 +200,13 @@ def _corners(shape: Shape) -> int:
 
 
 def _chords(radius: float, sweep_deg: float) -> int:
-    return math.ceil(sweep_deg * DEGREE / (2.0 * math.acos(1.0 - min(CHORD_ERROR / radius, 1.0))))
+    return math.ceil(sweep_deg * DEGREE / _chord_angle(radius))
+
+
+def _chord_angle(radius: float) -> float:
+    """Angle [rad] of an arc from which its chord deviates by `CHORD_ERROR`: cos(angle / 2) = 1 - error / radius."""
+    error = min(CHORD_ERROR / radius, 1.0)
+    return 4.0 * atan(math.sqrt(error / (2.0 - error)))
 
 
 def _dashes(length: float, dash: float | None, gap: float | None) -> int:

@@ -11,6 +11,7 @@ from typing import Annotated
 import shapely
 from pydantic import Field
 
+from autodrive.elementary import atan2
 from autodrive.maps.shapes import Point, is_simple, rectangle
 from autodrive.model import BOX
 from autodrive.specs import Coordinate, Degrees, Length, Name, Spec
@@ -106,7 +107,7 @@ def wall_shapes(wall: WallSpec) -> Iterator[StaticShape]:
     for i, ((x0, y0), (x1, y1)) in enumerate(itertools.pairwise(points), 1):
         half = ((math.hypot(x1 - x0, y1 - y0) + wall.thickness) / 2.0, wall.thickness / 2.0, wall.height / 2.0)
         centre = ((x0 + x1) / 2.0, (y0 + y1) / 2.0, wall.height / 2.0)
-        yield StaticShape(f"{wall.name}_{i}", BOX, half, centre, math.atan2(y1 - y0, x1 - x0), "wall")
+        yield StaticShape(f"{wall.name}_{i}", BOX, half, centre, atan2(y1 - y0, x1 - x0), "wall")
 
 
 def block_shape(block: BlockSpec, name: str) -> StaticShape:

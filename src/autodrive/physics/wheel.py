@@ -5,7 +5,9 @@ Unity's WheelCollider is NVIDIA's PhysX 4.1 `PxVehicleNoDrive`; "PhysX" below me
 `physxvehicle/src/PxVehicleUpdate.cpp`. Values that Unity does not publish are parameters of `WheelSpec`.
 """
 
-from math import atan, sqrt, tan
+from math import sqrt
+
+from autodrive.elementary import atan, tan
 
 Real = float
 """The number type; a compiler for the GPU replaces it with its own."""

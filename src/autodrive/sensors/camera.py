@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from autodrive.elementary import tan
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Pose
 from autodrive.sensors.camera_exposure import Exposure, lens_shading, shutter
 from autodrive.sensors.camera_imperfections import PRESETS, CameraImperfections, Hardware
@@ -90,7 +90,7 @@ class CameraSpec(SensorSpec):
         """Pinhole parameters in pixels, and lens distortion."""
         if self.fit == "vertical":
             assert self.field_of_view_deg is not None
-            fx = fy = 0.5 * self.height / math.tan(0.5 * self.field_of_view_deg * DEGREE)
+            fx = fy = 0.5 * self.height / tan(0.5 * self.field_of_view_deg * DEGREE)
         else:
             assert self.focal_length is not None
             assert self.sensor_size is not None

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from autodrive.elementary import exp, log
 from autodrive.jit import jit
 from autodrive.protocol.messages import CameraIntrinsics
 
@@ -56,7 +57,16 @@ def _tent_integral(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def lens_shading(spec: CameraImperfections, rays: NDArray[np.float64]) -> NDArray[np.float32]:
     """Factor of the light of each pixel, shape (height, width), given the rays of the pixels."""
-    return (2.0**spec.exposure * rays[..., 2] ** (4.0 * spec.vignetting)).astype(np.float32)
+    shading = np.empty(rays.shape[:2], np.float32)
+    _shade(rays, spec.exposure * log(2.0), 4.0 * spec.vignetting, shading)
+    return shading
+
+
+@jit
+def _shade(rays: NDArray[np.float64], exposure: float, power: float, shading: NDArray[np.float32]) -> None:
+    for y in range(shading.shape[0]):
+        for x in range(shading.shape[1]):
+            shading[y, x] = exp(exposure + power * log(rays[y, x, 2]))
 
 
 class Exposure:
@@ -93,16 +103,20 @@ class Exposure:
 
 
 def _light_of_values() -> NDArray[np.float32]:
-    """Linear light of each sRGB value (IEC 61966-2-1)."""
-    value = np.arange(256) / 255.0
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    """Linear light of each sRGB value."""
+    return np.array([_light(value) for value in range(256)], np.float32)
 
 
 def _values_of_light() -> NDArray[np.uint8]:
-    """SRGB value of each of the `_STEPS` + 1 steps of linear light (IEC 61966-2-1)."""
-    light = np.arange(_STEPS + 1) / _STEPS
-    value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
-    return np.round(255.0 * value).astype(np.uint8)
+    """SRGB value of each of the `_STEPS` + 1 steps of linear light: how many values begin at or below it."""
+    begins = [_light(value - 0.5) for value in range(1, 256)]
+    return np.searchsorted(begins, np.arange(_STEPS + 1) / _STEPS, side="right").astype(np.uint8)
+
+
+def _light(value: float) -> float:
+    """Linear light of an sRGB value in [0, 255] (IEC 61966-2-1)."""
+    value /= 255.0
+    return value / 12.92 if value <= 0.04045 else exp(2.4 * log((value + 0.055) / 1.055))
 
 
 @cache

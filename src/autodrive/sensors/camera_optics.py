@@ -86,7 +86,7 @@ def undistorted(
             u = u - (yy * error_x - xy * error_y) / determinant
             v = v - (xx * error_y - xy * error_x) / determinant
         again_x, again_y = distorted(u, v, distortion)
-        is_found = np.hypot(again_x - x, again_y - y) < 1e-9
+        is_found = (again_x - x) ** 2 + (again_y - y) ** 2 < 1e-18
     return np.where(is_found, u, np.nan), np.where(is_found, v, np.nan)
 
 

@@ -99,7 +99,9 @@ def _measure(
             ranges[i] = math.inf
             continue
         true = 1.0 / inverse_range[i]
-        distance = true * scale + math.hypot(sigma, relative_sigma * true) * normals[i]
+        deviation = relative_sigma * true
+        deviation = math.sqrt(sigma * sigma + deviation * deviation)
+        distance = true * scale + deviation * normals[i]
         if step > 0.0:
             distance = step * np.round(distance / step)
         ranges[i] = classify(distance, range_min, range_max)
