@@ -21,10 +21,36 @@ TESTS = Path(__file__).parent
 MARKERS = {"page": "browser", "ros": "toolchain", "clients": "toolchain", "hardening": "slow"}
 """Directory -> marker of all its tests."""
 
-WITHOUT_TOOLCHAIN = {"test_bridge", "test_readings", "test_command_input", "test_dead_reckoning"}
-"""Modules of these directories that need nothing but Python."""
+WITHOUT_TOOLCHAIN = {
+    f"ros/{name}.py" for name in ("test_bridge", "test_readings", "test_command_input", "test_dead_reckoning")
+}
+"""Files of these directories that need nothing but Python."""
 
-SLOWEST_FIRST = ("ros1", "ros2", "clients", "page")
+SECOND_BROWSER = {"test_edit.py", "test_load.py", "test_screens.py"}
+"""Files of tests/page that have a browser and a simulator of their own: together they take as long as the others."""
+
+SLOWEST_FIRST = (
+    "page",
+    "ros1",
+    "second browser",
+    "hardening/test_files.py",
+    "ros2",
+    "bridge/test_devkit_scripts.py",
+    "clients",
+    "bridge/test_devkit_bridge.py",
+    "cameras/test_process.py",
+    "hardening/test_processes.py",
+    "hardening/test_disk.py",
+    "hardening/test_bridge.py",
+    "cli/test_cli.py",
+    "cli/test_cli_cameras.py",
+    "devkit/test_python_examples.py",
+    "cameras/test_tick_cameras.py",
+    "hardening/test_long_drive.py",
+    "test_determinism.py",
+    "test_documentation.py",
+    "test_page_logic.py",
+)
 """Groups that start first, so that no worker begins a long one when the others are done."""
 
 ACCEPTED_SKIPS: tuple[str, ...] = ("no small file system can be mounted",)
@@ -41,7 +67,9 @@ def group_of(file: str) -> str:
     directory, _, name = file.partition("/")
     if directory == "ros":
         return "ros1" if "ros1" in name else "ros2" if "ros2" in name else "ros"
-    return directory if directory in {"clients", "page"} else file
+    if directory == "page":
+        return "second browser" if name in SECOND_BROWSER else directory
+    return directory if directory == "clients" else file
 
 
 class GroupScheduling(LoadScopeScheduling):
@@ -65,8 +93,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return order.get(group_of(item.path.relative_to(TESTS).as_posix()), len(order))
 
     for item in items:
-        marker = MARKERS.get(item.path.relative_to(TESTS).parts[0])
-        if marker is not None and item.path.stem not in WITHOUT_TOOLCHAIN:
+        file = item.path.relative_to(TESTS)
+        marker = MARKERS.get(file.parts[0])
+        if marker is not None and file.as_posix() not in WITHOUT_TOOLCHAIN:
             item.add_marker(marker)
     items.sort(key=rank)
 

@@ -122,6 +122,7 @@ def test_a_change_of_the_driving_mode_draws_nothing(world: World) -> None:
 # -- reproducible runs ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.process
 def test_reset_and_another_process_give_the_same_images(world: World, car: str) -> None:
     first = digests(world, 12, drive)
     world.reset()
@@ -180,6 +181,7 @@ def test_two_worlds_that_draw_in_turn_draw_the_same(world: World, other_world: W
 # -- without OpenGL ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.process
 def test_without_opengl_the_error_names_the_packages_and_worlds_without_cameras_run(tmp_path: Path) -> None:
     program = (
         "import autodrive, sys\n"

@@ -20,6 +20,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
 import autodrive
+from autodrive.cli import preview
 from autodrive.protocol.png import decode_png
 from autodrive.run.runner import PAGE
 from tests.support.command_line import AUTODRIVE, Started, call, refused
@@ -126,17 +127,21 @@ def test_show_writes_an_occupancy_grid_and_labels(tmp_path: Path) -> None:
 
 @needs_gl
 @pytest.mark.parametrize("name", ["nigel", "straight_road"])
-def test_show_renders_3d_images(tmp_path: Path, name: str) -> None:
+def test_show_renders_3d_images(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preview, "SIZE", (320, 200))
     done = call("show", name, "--3d", "look.png", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     picture = decode_png((tmp_path / "look.png").read_bytes())
-    assert picture.shape == (1000, 1600, 3)
+    assert picture.shape == (200, 320, 3)
     assert picture.std() > 10.0
 
 
 @needs_gl
 @pytest.mark.parametrize(("file", "text"), [("look.jpg", "must end in .png"), ("nowhere/look.png", "cannot write")])
-def test_show_reports_why_it_cannot_render(tmp_path: Path, file: str, text: str) -> None:
+def test_show_reports_why_it_cannot_render(
+    tmp_path: Path, file: str, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(preview, "SIZE", (320, 200))
     done = call("show", "straight_road", "--3d", file, cwd=tmp_path)
     assert done.returncode == 2
     assert text in done.stderr

@@ -107,6 +107,7 @@ def raw_peer(talk: Callable[[socket.socket], None]) -> Iterator[int]:
             talk(client)
 
     with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # what is not read soon fills it
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
         yield listener.getsockname()[1]

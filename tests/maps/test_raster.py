@@ -6,7 +6,7 @@ import shapely
 import yaml
 
 from autodrive.assets.asset import Label
-from autodrive.maps import load_map
+from autodrive.maps import load_map, raster
 from autodrive.maps.raster import FREE, OCCUPIED, labels, write_labels, write_occupancy
 from autodrive.protocol.png import decode_png
 
@@ -41,12 +41,20 @@ def test_grey_values_are_beyond_the_thresholds_of_the_grid(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["mini_map", "tiny_town"])
-def test_labels_cover_the_areas_of_their_polygons(name, tmp_path):
+def test_labels_cover_the_areas_of_their_polygons(name, tmp_path, monkeypatch):
     map_ = load_map(name)
     resolution = 0.01
+    drawn: dict[float, np.ndarray] = {}  # by resolution: it takes seconds
+
+    def once(map_, resolution):
+        if resolution not in drawn:
+            drawn[resolution] = labels(map_, resolution)
+        return drawn[resolution]
+
+    monkeypatch.setattr(raster, "labels", once)
     write_labels(map_, tmp_path / "labels.png", resolution)
     seen = decode_png((tmp_path / "labels.png").read_bytes())[..., 0]
-    assert np.array_equal(seen, labels(map_, resolution))
+    assert np.array_equal(seen, once(map_, resolution))
     solid = shapely.union_all([shape.plan for shape in map_.statics] + [box.plan for box in map_.boxes])
     crossings = shapely.union_all([m.geometry for m in map_.markings if m.kind == "crossing"])
     expected = crossings.difference(solid).area

@@ -109,7 +109,7 @@ def session_tab(running: PageServer, browser: Browser) -> Iterator[Tab]:
 
 
 @pytest.fixture
-def tab(running: PageServer, session_tab: Tab) -> Tab:
+def tab(running: PageServer, session_tab: Tab) -> Iterator[Tab]:
     """The shared tab with closed panels and no held key. Request it after the scenario."""
     session_tab.page.set_viewport_size({"width": 1024, "height": 768})
     session_tab.wait_until(lambda: session_tab.value("store.scene.value.scenario") == running.scenario())
@@ -120,4 +120,5 @@ def tab(running: PageServer, session_tab: Tab) -> Tab:
     )
     session_tab.show()
     session_tab.notices = session_tab.page.evaluate("() => autodrive.log.value.length")
-    return session_tab
+    yield session_tab
+    session_tab.show()  # nobody looks at the images of the cameras until the next test

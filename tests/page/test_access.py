@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from autodrive.protocol.messages import Pause, Resume
 from tests.support.page import PageServer, Tab
 
 CONTROLS = 'button, input, select, summary, textarea, a[href], [tabindex="0"]'
@@ -22,28 +23,34 @@ FOCUS_STYLE = "() => { const s = getComputedStyle(document.activeElement); retur
 
 @pytest.fixture
 def panels(two_cars: PageServer, tab: Tab) -> Iterator[Tab]:
-    """The tab with open menu, HUD, small map and log."""
+    """The tab with open menu, HUD, small map and log; the simulation is paused, so that nothing is drawn anew."""
     tab.page.set_viewport_size({"width": 1280, "height": 720})
     tab.show("menu", "hud")
     for panel in CARDS:
         tab.page.evaluate(f"() => {{ autodrive.store.{panel}.value = true }}")
     tab.wait_until(lambda: tab.get("vehicle").is_visible())
+    two_cars.request(Pause())
     yield tab
+    two_cars.request(Resume())
     for panel in CARDS:
         tab.page.evaluate(f"() => {{ autodrive.store.{panel}.value = false }}")
 
 
 def test_tab_key_reaches_every_control_in_order(panels: Tab) -> None:
     page = panels.page
-    page.evaluate(f"() => {{ window.controls = ({VISIBLE})() }}")
-    count = page.evaluate("() => window.controls.length")
-    reached = []
-    page.evaluate("() => window.controls[0].focus()")
-    for _ in range(count):
-        reached.append(page.evaluate("() => window.controls.indexOf(document.activeElement)"))
+    count = page.evaluate(
+        f"""() => {{
+            window.controls = ({VISIBLE})()
+            window.reached = []
+            document.addEventListener('focusin', (event) => reached.push(controls.indexOf(event.target)))
+            controls[0].focus()
+            return controls.length
+        }}"""
+    )
+    for _ in range(count - 1):
         page.keyboard.press("Tab")
     assert count > 25
-    assert reached == list(range(count))
+    assert page.evaluate("() => window.reached") == list(range(count))
     panels.get("reset").focus()
     page.keyboard.press("Tab")
     outline, shadow = page.evaluate(FOCUS_STYLE)
@@ -61,6 +68,7 @@ def test_each_control_has_an_accessible_name(panels: Tab) -> None:
 
 
 def test_keys_press_buttons_and_open_the_help(two_cars: PageServer, panels: Tab) -> None:
+    two_cars.request(Resume())
     keyboard = panels.page.keyboard
     for key in ("Enter", "Space"):
         is_day = two_cars.frame.scene_light

@@ -16,8 +16,8 @@ from tests.support.page import NewTab, PageServer, Tab
 
 
 def opened(server: PageServer, new_tab: NewTab, *, touch: bool = False) -> Tab:
-    """A tab in Edit mode that draws."""
-    tab = new_tab(size=(900, 560), draws=True, touch=touch).open(server.url + "?quality=low")
+    """A tab in Edit mode."""
+    tab = new_tab(size=(900, 560), touch=touch).open(server.url + "?quality=low")
     tab.wait_for_image()
     tab.click("edit-button")
     tab.wait_until(lambda: tab.get("edit-bar").is_visible())

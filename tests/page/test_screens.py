@@ -49,13 +49,16 @@ TEXTS = """() => {
     const canvas = Object.assign(document.createElement('canvas'), { width: 1, height: 1 })
     const pixel = canvas.getContext('2d', { willReadFrequently: true })
     const probe = document.body.appendChild(document.createElement('i'))
-    const parse = (colour) => {
+    const parsed = new Map()
+    function parse(colour) {
+        if (parsed.has(colour)) return parsed.get(colour)
         probe.style.color = colour  // computes var() and light-dark()
         pixel.clearRect(0, 0, 1, 1)
         pixel.fillStyle = getComputedStyle(probe).color
         pixel.fillRect(0, 0, 1, 1)
         const [r, g, b, a] = pixel.getImageData(0, 0, 1, 1).data
-        return [r, g, b, a / 255]
+        parsed.set(colour, [r, g, b, a / 255])
+        return parsed.get(colour)
     }
     const over = ([r, g, b, a], below) => [r, g, b].map((value, i) => a * value + (1 - a) * below[i])
     const linear = (value) => (value / 255 <= 0.04045 ? value / 255 / 12.92 : ((value / 255 + 0.055) / 1.055) ** 2.4)

@@ -47,7 +47,7 @@ def length_on_screen(tab: Tab) -> float:
 
 
 def test_the_mouse_wheel_zooms_all_cameras_in_the_same_direction(mini_map: PageServer, new_tab: NewTab) -> None:
-    tab = new_tab(size=(320, 240), draws=True).open(f"{mini_map.url}?quality=low")
+    tab = new_tab(size=(320, 240)).open(f"{mini_map.url}?quality=low")
     mini_map.request(Pause())
     tab.wait_for_image()
     tab.page.mouse.move(160, 120)

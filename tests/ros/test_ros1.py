@@ -40,8 +40,10 @@ STATES = {name: kind for name, kind in TYPES.items() if "camera" not in name and
 @pytest.fixture(scope="module")
 def bridge(ros1_session: Ros1) -> Iterator[Program]:
     """The bridge node in direct mode."""
-    with ros1_session.launch("simulator_bringup_headless.launch", f"port:={ros1_session.port}") as program:
-        yield program
+    with ros1_session.launch(
+        "simulator_bringup_headless.launch", f"port:={ros1_session.port}", "picture_rate:=5"
+    ) as one:
+        yield one
 
 
 @pytest.fixture(scope="module")
@@ -165,9 +167,8 @@ def test_images_of_both_cameras_equal_those_of_a_native_client(
         for name in topics:
             if picture := viewer.pictures.get(("V1", name)):
                 seen[name, round(picture.time, 6)] = bytes(picture.jpeg)
-        messages = [received(probe, topic) for topic in topics[camera]]
-        stamps = {round(one["header"]["stamp"], 6) for one in messages}
-        return messages if len(stamps) == 1 and (camera, *stamps) in seen else None
+        stamps = [stamp for stamp in probe.stamps(topics[camera]) if (camera, round(stamp, 6)) in seen]
+        return probe.messages_at(topics[camera], stamps[-1]) if stamps else None
 
     with Client(f"127.0.0.1:{ros1_session.port}", picture_rate=30.0, picture_quality=90) as viewer:
         for topic in (topic for of_camera in topics.values() for topic in of_camera):

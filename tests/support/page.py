@@ -158,9 +158,9 @@ class Tab:
                 self.click(f"{name}-button")
             self.get(name).wait_for(state="visible" if name in panels else "hidden")
 
-    def pixels(self) -> NDArray[np.float64]:
-        """A screenshot: RGB from 0 to 1, shape (height, width, 3)."""
-        image = self.page.screenshot(type="jpeg", quality=95, animations="disabled")
+    def pixels(self, path: Path | None = None) -> NDArray[np.float64]:
+        """A screenshot: RGB from 0 to 1, shape (height, width, 3). It is also written to the path, if one is given."""
+        image = self.page.screenshot(path=path, type="jpeg", quality=95, animations="disabled")
         return simplejpeg.decode_jpeg(image, "RGB") / 255.0
 
     def _on_console(self, message: ConsoleMessage) -> None:
