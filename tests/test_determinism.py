@@ -87,7 +87,9 @@ def world(request: pytest.FixtureRequest, tmp_path: Path) -> World:
     return autodrive.make(scenario(request.param, tmp_path))
 
 
-each_case = pytest.mark.parametrize("world", CASES, indirect=True)
+each_case = pytest.mark.parametrize(
+    "world", [CASES[0], *(pytest.param(case, marks=pytest.mark.slow) for case in CASES[1:])], indirect=True
+)
 
 
 @pytest.mark.process

@@ -182,6 +182,7 @@ HANDSHAKES = st.fixed_dictionaries(
 PACKETS = st.one_of(st.text(max_size=30), HANDSHAKES, st.builds(str.__add__, HEADS, JSON))
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(PACKETS, st.floats(0.0, 30.0)), max_size=12))
 def test_random_packets_raise_only_the_two_known_errors(packets: list[tuple[str, float]]) -> None:
     now = 0.0

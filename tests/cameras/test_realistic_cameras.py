@@ -15,6 +15,8 @@ from autodrive.world import World
 from tests.cameras.conftest import SMALL
 from tests.support.cars import car_file
 
+pytestmark = pytest.mark.slow
+
 
 def make(folder: Path, seed: int = 3, *, is_realistic: bool = True) -> World:
     cars = {

@@ -151,6 +151,7 @@ def test_another_scenario_is_loaded_with_the_options_of_the_run() -> None:
     assert summary.vehicles["V2"].distance > 0.0
 
 
+@pytest.mark.slow
 def test_a_client_receives_the_images_that_it_subscribes_to(gl: str) -> None:
     with started(RunOptions("mini_map")) as run, viewer(run.link) as one:
         one.send(encode(Subscribe(picture_rate=10.0, picture_width=320)))

@@ -40,7 +40,7 @@ def test_grey_values_are_beyond_the_thresholds_of_the_grid(tmp_path):
     assert (about["mode"], about["negate"]) == ("trinary", 0)
 
 
-@pytest.mark.parametrize("name", ["mini_map", "tiny_town"])
+@pytest.mark.parametrize("name", ["mini_map", pytest.param("tiny_town", marks=pytest.mark.slow)])
 def test_labels_cover_the_areas_of_their_polygons(name, tmp_path, monkeypatch):
     map_ = load_map(name)
     resolution = 0.01

@@ -13,6 +13,8 @@ from autodrive.maps.draw import module_alone
 from autodrive.maps.ground import SIMPLIFY_TOLERANCE, floor_extent
 from autodrive.meshes.map import box_asset, map_asset
 
+pytestmark = pytest.mark.slow
+
 MAPS = [("map", name) for name in specs.names("map")]
 ALL = MAPS + [("module", name) for name in specs.names("module")]
 

@@ -27,6 +27,8 @@ from autodrive.meshes.urdf import package_files, srgb, vehicle_urdf
 from autodrive.meshes.vehicle import vehicle_asset
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 COMMITTED = ROOT / "ros" / "autodrive_description"
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])

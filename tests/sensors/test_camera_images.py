@@ -19,7 +19,7 @@ from autodrive.sensors.sensor import Mount
 from autodrive.transforms import quaternion_from_yaw, rotation_from_quaternion
 from tests.support.scenes import BLACK, WHITE, ground, needs_gl, node, render_state, scene
 
-pytestmark = needs_gl
+pytestmark = [needs_gl, pytest.mark.slow]
 
 MARKER = (0.75, -0.10, 0.95, 0.15)
 """A white rectangle on black ground: x and y of two corners [m]."""
