@@ -75,7 +75,7 @@ def slick(tmp_path: Path) -> str:
 @pytest.mark.parametrize("mass", [0.1, 0.5])
 def test_the_impulse_is_the_momentum_that_the_box_took(slick: str, mass: float, tick: float) -> None:
     world = autodrive.make(ScenarioSpec(map=slick, tick=tick, boxes={"box": BoxSpec(x=0.6, y=0.0, mass=mass)}))
-    velocity = world._compiled.views.qvel[world._compiled.engine.body("box")[2] :][:3]
+    velocity = world._compiled.state.qvel[world._compiled.engine.body("box")[2] :][:3]
     before, frames = velocity.copy(), drive(world, 1)
     while not frames[-1].events:
         assert world.time < 3.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -17,13 +18,15 @@ from autodrive.maps.mjcf import world_mjcf
 from autodrive.maps.placing import overlaps
 from autodrive.model import Model, Shapes
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
-from autodrive.physics.engine import Engine, Views
+from autodrive.physics.engine import Engine, Geom, Views
+from autodrive.physics.grid import fixed_grid
 from autodrive.scenario import MAX_BOXES, ScenarioSpec
 from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.catalog import ALWAYS_READ, SensorSuite, SensorSuiteSpec
 from autodrive.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.specs import Source, suggest
 from autodrive.state import State, empty_state
+from autodrive.transforms import rotation_from_quaternion
 from autodrive.vehicles.mjcf import vehicle_mjcf
 from autodrive.vehicles.parameters import vehicle_table, wheel_table
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
@@ -50,7 +53,7 @@ class Compiled:
     contacts: VehicleContacts
     scratch: Scratch
     objects: dict[str, int]
-    """Movable objects: name -> index of the pose in the engine's qpos."""
+    """Movable objects: name -> index of the pose in `State.qpos`."""
     boxes: list[BoxPlacement]
     """The same objects in the same order, as they were placed."""
     owners: list[str]
@@ -90,18 +93,11 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
         raise SpecError(errors, source.path)
     geoms = engine.geoms()
     body_vehicle = {engine.body(name)[0]: i for i, name in enumerate(vehicles)}
-    shapes = Shapes(
-        kind=np.array([geom.kind for geom in geoms], dtype=np.int64),
-        size=np.array([geom.size for geom in geoms], dtype=np.float64).reshape(-1, 3),
-        bounding_radius=np.array([geom.bounding_radius for geom in geoms], dtype=np.float64),
-        vehicle=np.array([body_vehicle.get(geom.body, -1) for geom in geoms], dtype=np.int64),
-        dof=np.array([geom.dof for geom in geoms], dtype=np.int64),
-        qpos=np.array([geom.qpos for geom in geoms], dtype=np.int64),
-    )
+    shapes = _shapes(geoms, body_vehicle)
     model = Model(
         dt=spec.substep,
         gravity=spec.gravity,
-        vehicles=vehicle_table(vehicles, engine, spec.substep),
+        vehicles=vehicle_table(vehicles, engine, geoms, spec.substep),
         wheels=wheel_table(vehicles, map_.ground.grip, spec.substep),
         shapes=shapes,
     )
@@ -114,14 +110,35 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
         sensors=_sensors(spec, configured),
         cameras=_cameras(configured),
         model=model,
-        state=empty_state(model),
+        state=empty_state(model, engine.body_count),
         engine=engine,
-        views=engine.views(np.array([geom.number for geom in geoms], dtype=np.int64)),
+        views=engine.views(),
         contacts=vehicle_contacts(len(vehicles), geom_vehicle),
-        scratch=scratch(model),
+        scratch=scratch(model, engine.body_count),
         objects={box.name: engine.body(box.name)[1] for box in boxes},
         boxes=boxes,
         owners=_owners(engine),
+    )
+
+
+def _shapes(geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
+    """`body_vehicle`: number of the vehicle of each body that is one."""
+    n_fixed = sum(geom.dof < 0 for geom in geoms)
+    kind = np.array([geom.kind for geom in geoms], dtype=np.int64)
+    size = np.array([geom.size for geom in geoms], dtype=np.float64).reshape(-1, 3)
+    position = np.array([geom.position for geom in geoms], dtype=np.float64).reshape(-1, 3)
+    rotation = np.array([rotation_from_quaternion(geom.orientation) for geom in geoms], dtype=np.float64).reshape(-1, 9)
+    return Shapes(
+        kind=kind,
+        size=size,
+        bounding_radius=np.array([geom.bounding_radius for geom in geoms], dtype=np.float64),
+        position=position,
+        rotation=rotation,
+        vehicle=np.array([body_vehicle.get(geom.body, -1) for geom in geoms], dtype=np.int64),
+        dof=np.array([geom.dof for geom in geoms], dtype=np.int64),
+        qpos=np.array([geom.qpos for geom in geoms], dtype=np.int64),
+        n_fixed=n_fixed,
+        grid=fixed_grid(kind[:n_fixed], size[:n_fixed], position[:n_fixed], rotation[:n_fixed]),
     )
 
 

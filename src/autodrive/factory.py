@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from autodrive.compile import Compiled, compile_scenario
 from autodrive.protocol.commands import check_seed
@@ -21,6 +21,7 @@ def make(
     seed: int | None = None,
     *,
     cameras: bool | str | Callable[[Compiled], CameraBackend] = False,
+    engine: Literal["auto", "always"] = "auto",
 ) -> World:
     """The World of a scenario (name, file or Spec) in its initial state. Raises `SpecError`.
 
@@ -28,13 +29,16 @@ def make(
     (`autodrive.render.quality.NAMES`), renders each camera in the tick in which it is due, from exactly that state;
     raises `GlUnavailable` if OpenGL is not available. A function makes another camera backend, such as
     `autodrive.cameras.process.CameraProcess.of`.
+
+    `engine`: "auto" calls the contact engine only while something may touch; "always" calls it in every substep, which
+    is slower and differs in the last bits only.
     """
     spec, text = _spec(scenario)
     if seed is not None:
         check_seed(seed)
         spec = spec.model_copy(update={"seed": int(seed)})
     compiled = compile_scenario(spec, text)
-    return World(compiled, _camera_backend(compiled, cameras))
+    return World(compiled, _camera_backend(compiled, cameras), engine=engine)
 
 
 def _spec(scenario: str | Path | ScenarioSpec) -> tuple[ScenarioSpec, Source | None]:

@@ -23,7 +23,6 @@ class FrameBuilder:
     """Builds the Frames of one world; each Frame has copies of the State, which later ticks do not change."""
 
     def __init__(self, compiled: Compiled) -> None:
-        self._views = compiled.views
         self._state = compiled.state
         self._sensors = compiled.sensors
         self._objects = compiled.objects
@@ -52,7 +51,7 @@ class FrameBuilder:
                 )
                 for i, (name, period, duration) in enumerate(self._blink_ticks)
             },
-            objects={name: ObjectFrame(_pose(self._views.qpos, start)) for name, start in self._objects.items()},
+            objects={name: ObjectFrame(_pose(self._state.qpos, start)) for name, start in self._objects.items()},
             events=events,
             scene_light=scene_light,
             time_of_day=time_of_day,

@@ -24,14 +24,19 @@ def columns(**types: Any) -> np.dtype[Any]:
 
 
 VEHICLE = columns(
-    qpos=np.int64,  # index of its position and quaternion in the engine's qpos
-    dof=np.int64,  # index of its velocity in the engine's qvel
+    qpos=np.int64,  # index of its position and quaternion in `State.qpos`
+    dof=np.int64,  # index of its velocity in `State.qvel`
     mass=np.float64,  # [kg]
     inertia=(np.float64, 3),  # about the centre of mass, vehicle axes [kg m^2]
     center_of_mass=(np.float64, 3),  # in the vehicle frame [m]
     drag=np.float64,  # [1/s]
     angular_drag=np.float64,  # [1/s]
     angular_velocity_max=np.float64,  # [rad/s]
+    sphere_centre=(np.float64, 3),  # of a sphere around all colliders, in the vehicle frame [m]
+    sphere_radius=np.float64,  # [m]
+    reach=np.float64,  # of colliders and suspension rays, from that centre [m]
+    chassis_low=(np.float64, 3),  # lowest corner of the box around the colliders that the floor stops [m]
+    chassis_high=(np.float64, 3),  # its highest corner, both in the vehicle frame [m]
     wheelbase=np.float64,  # [m]
     steering_limit=np.float64,  # [rad]
     steering_rate_limit=np.float64,  # [rad/s], or infinity
@@ -76,10 +81,33 @@ WHEEL = columns(
 """Columns of `Model.wheels`, four rows per vehicle in the order of `protocol.messages.WHEEL_NAMES`."""
 
 
+class Grid(NamedTuple):
+    """A uniform grid over the map, seen from above, with the fixed shapes in each cell; see `physics/grid.py`.
+
+    A shape is a member of every cell that the rectangle around it overlaps.
+    """
+
+    x: float
+    """Left edge of the first column [m]."""
+    y: float
+    """Lower edge of the first row [m]."""
+    cells_per_metre: float
+    rows: int
+    columns: int
+    starts: Integers
+    """Where the members of a cell begin in `members`, cells row by row, shape (rows * columns + 1,)."""
+    members: Integers
+    """Numbers of shapes, cell after cell."""
+    first_row: Integers
+    """First row of each fixed shape, shape (n_fixed,)."""
+    first_column: Integers
+    """Likewise."""
+
+
 class Shapes(NamedTuple):
     """Constant parameters of the collision shapes; their poses are `State.shape_position` and `.shape_rotation`.
 
-    The floor (z = 0) is not one of them.
+    The floor (z = 0) is not one of them. The fixed shapes come first.
     """
 
     kind: Integers
@@ -88,12 +116,20 @@ class Shapes(NamedTuple):
     """Sphere: radius; cylinder: radius, half height (axis z); box: half sizes [m], shape (n_shape, 3)."""
     bounding_radius: Floats
     """[m], shape (n_shape,)."""
+    position: Floats
+    """Centre [m] in the frame of the shape's body, or in the map if it is fixed, shape (n_shape, 3)."""
+    rotation: Floats
+    """Rotation matrix likewise, row-major, shape (n_shape, 9)."""
     vehicle: Integers
     """Index of the vehicle that the shape is part of, or -1, shape (n_shape,)."""
     dof: Integers
-    """Index of the velocity of the shape's body in the engine's qvel, or -1 if it is fixed, shape (n_shape,)."""
+    """Index of the velocity of the shape's body in `State.qvel`, or -1 if it is fixed, shape (n_shape,)."""
     qpos: Integers
-    """Index of the position of the shape's body in the engine's qpos, or -1 if it is fixed, shape (n_shape,)."""
+    """Index of the position of the shape's body in `State.qpos`, or -1 if it is fixed, shape (n_shape,)."""
+    n_fixed: int
+    """Number of fixed shapes."""
+    grid: Grid
+    """Of the fixed shapes."""
 
 
 class Model(NamedTuple):

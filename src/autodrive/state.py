@@ -1,7 +1,7 @@
 """State: all quantities that change in a tick, as a NamedTuple of flat float64 arrays for compiled code.
 
 Between ticks all values belong to the same instant. `n` is the number of vehicles, `n_wheel` of wheels (four per
-vehicle, in the order of `protocol.messages.WHEEL_NAMES`), `n_shape` of collision shapes.
+vehicle, in the order of `protocol.messages.WHEEL_NAMES`), `n_body` of movable bodies, `n_shape` of collision shapes.
 """
 
 from __future__ import annotations
@@ -18,6 +18,15 @@ from autodrive.protocol.messages import WHEEL_NAMES
 class State(NamedTuple):
     """Columns of numbers; each row is a vehicle, a wheel or a shape."""
 
+    # movable bodies, in the engine's order: objects, then vehicles
+    qpos: Floats
+    """Position in the map [m] and quaternion wxyz of each body, shape (7 n_body,)."""
+    qvel: Floats
+    """Velocity of each body's origin in map axes [m/s], angular velocity in body axes [rad/s], shape (6 n_body,)."""
+    qacc: Floats
+    """Change of `qvel` per second in the last substep, from which the engine's solver starts, shape (6 n_body,)."""
+    asleep: Floats
+    """The engine's sleep state of each body: negative while it is awake, shape (n_body,)."""
     # vehicles: the vehicle frame is the centre of the rear axle at wheel-centre height
     vehicle_position: Floats
     """Vehicle frame in the map [m], shape (n, 3)."""
@@ -70,11 +79,19 @@ class State(NamedTuple):
     """Rotation matrix, map from shape, row-major, shape (n_shape, 9)."""
 
 
-def empty_state(model: Model) -> State:
-    """A State of zeros with the shapes that fit the model."""
+BODY_COLUMNS = ("qpos", "qvel", "qacc", "asleep")
+"""Columns of all movable bodies; their shape depends on the objects of a world."""
+
+
+def empty_state(model: Model, n_body: int) -> State:
+    """A State of zeros for that model and so many movable bodies."""
     n, n_shape = len(model.vehicles), len(model.shapes.kind)
     queue = 1 + int(max(model.vehicles["drive_delay"].max(initial=0), model.vehicles["steering_delay"].max(initial=0)))
     widths: dict[str, tuple[int, ...]] = {
+        "qpos": (7 * n_body,),
+        "qvel": (6 * n_body,),
+        "qacc": (6 * n_body,),
+        "asleep": (n_body,),
         **{f"vehicle_{name}": (n, 3) for name in ("position", "velocity", "angular_velocity", "acceleration")},
         "vehicle_angular_acceleration": (n, 3),
         "vehicle_orientation": (n, 4),

@@ -219,7 +219,7 @@ def test_the_log_of_the_engine_is_not_needed(disk: tuple[Path, str], monkeypatch
     folder, _ = disk
     monkeypatch.chdir(folder)
     world = autodrive.make("plane")
-    world._compiled.views.qvel[0] = math.nan
+    world._compiled.state.qvel[0] = math.nan
     with pytest.raises(EngineError, match="unstable"):
         world.step()
     assert world.reset().tick == 0

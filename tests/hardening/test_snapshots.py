@@ -73,7 +73,6 @@ def tampered(saved: Snapshot) -> dict[str, Any]:
         "a truncated tuple": saved[:5],
         "a Frame": saved.frame,
         "a dictionary": saved._asdict(),
-        "no engine": saved._replace(engine=None),
         "a short state": saved._replace(state=saved.state._replace(vehicle_position=np.zeros((0, 3)))),
         "another type of number": saved._replace(
             state=saved.state._replace(throttle=saved.state.throttle.astype(np.float32))
@@ -91,12 +90,13 @@ def tampered(saved: Snapshot) -> dict[str, Any]:
         "held vehicles of another type": saved._replace(held={"V1": None}),  # pyright: ignore[reportArgumentType]
         "no Frame": saved._replace(frame=None),  # pyright: ignore[reportArgumentType]
         "no identity": saved._replace(world=""),
-        "another engine": saved._replace(engine=driven(FOREIGN["two vehicles"]).save().engine),
+        "the state of another world": saved._replace(state=driven(FOREIGN["two vehicles"]).save().state),
         "NaN in the state": edited(saved, lambda its: its.state.vehicle_position.fill(np.nan)),
         "a huge number in the state": edited(saved, lambda its: its.state.wheel_angular_velocity.fill(1e300)),
         "the last bit of a number": edited(saved, _add_a_bit),
-        "another position in the engine": edited(saved, lambda its: its.engine.data.qpos.fill(0.5)),
-        "NaN in the engine": edited(saved, lambda its: its.engine.data.qvel.fill(np.nan)),
+        "other positions of bodies": edited(saved, lambda its: its.state.qpos.fill(0.5)),
+        "NaN as a velocity of bodies": edited(saved, lambda its: its.state.qvel.fill(np.nan)),
+        "all bodies asleep": edited(saved, lambda its: its.state.asleep.fill(0.0)),
         "another bias of a sensor": edited(saved, lambda its: its.sensors["V1"][1][2][1][0].fill(9.0)),
         "NaN with a new outline": outlined(edited(saved, lambda its: its.state.throttle_queue.fill(np.nan))),
         "infinity with a new outline": outlined(edited(saved, lambda its: its.state.wheel_slip_angle.fill(np.inf))),

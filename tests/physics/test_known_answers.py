@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from autodrive import Command, EngineError, Frame
+from autodrive.physics.tick import observe
 from autodrive.scenario import BoxSpec
 from autodrive.transforms import rotate
 from autodrive.world import World
@@ -46,8 +47,8 @@ def test_car_at_rest_does_not_drift(world_with: WorldWith) -> None:
 
 
 def test_braked_car_holds_on_a_slope_without_creeping(world_with: WorldWith) -> None:
-    world = world_with()
-    slope = 0.2  # 11 degrees; gravity is tilted instead of the ground
+    world = world_with(engine="always")
+    slope = 0.2  # 11 degrees; the engine's gravity is tilted instead of the ground
     world._compiled.engine.model.opt.gravity[:] = (-G * math.sin(slope), 0.0, -G * math.cos(slope))
     settled = x_of(drive(world, 2.0))
     assert -4e-4 < settled < 0.0  # the holding spring of 25 Hz yields 0.08 mm, the pitch the same
@@ -56,8 +57,7 @@ def test_braked_car_holds_on_a_slope_without_creeping(world_with: WorldWith) -> 
 
 def test_bounce_frequency_is_that_of_spring_and_damper(world_with: WorldWith) -> None:
     world = world_with()
-    views, dof = world._compiled.views, int(world._compiled.model.vehicles[0]["dof"])
-    views.qvel[dof + 2] = 0.01
+    world._compiled.state.qvel[2] = 0.01
     height = []
     for _ in range(40):
         frame = drive(world, world.tick_duration)
@@ -203,14 +203,14 @@ def test_pushed_box_slides_its_friction_distance_after_the_car_brakes(world_with
 def test_wheels_on_a_body_apply_the_reaction_to_it(world_with: WorldWith) -> None:
     plate = BoxSpec(x=0.07, y=0.0, z=2.0, size=(1.0, 1.0, 0.1), mass=3.0)
     world = world_with(changes={**ROLLS_FREELY, **OBEYS_AT_ONCE}, boxes={"plate": plate})
-    views, qpos = world._compiled.views, int(world._compiled.model.vehicles[0]["qpos"])
-    views.qpos[qpos + 2] = 2.05 + 0.0325
-    world._compiled.engine.update()
+    state, qpos = world._compiled.state, int(world._compiled.model.vehicles[0]["qpos"])
+    state.qpos[qpos + 2] = 2.05 + 0.0325
+    observe(world._compiled.model, state)
     car = drive(world, 0.05, throttle=0.5).vehicles["V1"]  # both fall freely, without other contacts
     com = car.velocity + np.cross(car.angular_velocity, (0.07077, 0.0, 0.0418))
     car_momentum = MASS * np.array(rotate(car.pose.orientation, com))
     plate_dof = world._compiled.engine.body("plate")[2]
-    plate_momentum = 3.0 * views.qvel[plate_dof : plate_dof + 3]
+    plate_momentum = 3.0 * state.qvel[plate_dof : plate_dof + 3]
     assert car_momentum[0] > 0.01  # it accelerates [N s]
     across = car_momentum[:2] + plate_momentum[:2]
     assert across == pytest.approx(0.0, abs=5e-6)  # Newton's third law; the engine integrates with first order
@@ -222,9 +222,9 @@ def test_car_on_a_body_has_the_wheel_loads_of_the_ground(world_with: WorldWith) 
     plate = BoxSpec(x=3.0, y=0.0, size=(1.0, 1.0, 0.1), mass=3.0)
     world = world_with(boxes={"plate": plate})
     qpos = int(world._compiled.model.vehicles[0]["qpos"])
-    world._compiled.views.qpos[qpos + 2] += 0.1
-    world._compiled.views.qpos[world._compiled.objects["plate"]] = 0.07
-    world._compiled.engine.update()
+    world._compiled.state.qpos[qpos + 2] += 0.1
+    world._compiled.state.qpos[world._compiled.objects["plate"]] = 0.07
+    observe(world._compiled.model, world._compiled.state)
     car = drive(world, 2.0).vehicles["V1"]
     assert car.pose.position[2] == pytest.approx(0.1325, abs=2e-4)  # the contact of plate and floor is soft
     assert car.wheels.normal_load == pytest.approx(MASS * G / 4, rel=1e-3)
@@ -240,7 +240,7 @@ def test_wheels_roll_up_and_down_a_low_plate(world_with: WorldWith) -> None:
 
 def test_a_diverged_state_is_an_error_and_a_reset_recovers(world_with: WorldWith) -> None:
     world = world_with()
-    world._compiled.views.qvel[0] = math.nan
+    world._compiled.state.qvel[0] = math.nan
     with pytest.raises(EngineError, match="unstable"):
         world.step()
     world.reset()
@@ -253,8 +253,8 @@ def test_car_climbs_a_plank_that_leans_on_a_box(world_with: WorldWith) -> None:
     post = BoxSpec(x=1.40, y=0.0, size=(0.05, 0.4, 0.045), mass=5.0)
     world = world_with(changes=ROLLS_FREELY, boxes={"plank": plank, "post": post})
     qpos = world._compiled.objects["plank"]
-    world._compiled.views.qpos[qpos + 3 : qpos + 7] = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
-    world._compiled.engine.update()
+    world._compiled.state.qpos[qpos + 3 : qpos + 7] = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
+    observe(world._compiled.model, world._compiled.state)
     drive(world, 1.0)
     while x_of(world.frame) < 0.95:
         drive(world, 0.01, throttle=0.8)

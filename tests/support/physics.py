@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import autodrive
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
@@ -21,7 +21,9 @@ def world_with_car(
     changes: dict[str, Any] | None = None,
     boxes: dict[str, BoxSpec] | None = None,
     substep: float = 0.001,
+    engine: Literal["auto", "always"] = "auto",
 ) -> World:
     """A world on the plane. `changes`: keys in the vehicle's file, such as 'wheels.damping_rate', and their values."""
     car = car_file(folder, changes or {}, vehicle)
-    return autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car)}, boxes=boxes or {}, substep=substep))
+    spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car)}, boxes=boxes or {}, substep=substep)
+    return autodrive.make(spec, engine=engine)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from autodrive.arrays import Floats
 from autodrive.model import BOX, CYLINDER, SPHERE, Shapes
+from autodrive.physics.grid import fixed_grid
 from autodrive.state import State
 
 
@@ -54,23 +55,28 @@ class SensorScene(NamedTuple):
     state: State
 
 
-def shapes_of(solids: list[Solid]) -> Shapes:
+def shapes_of(solids: list[Solid], n_fixed: int = 0) -> Shapes:
+    """The first `n_fixed` solids are in the grid."""
     unread: dict[str, Any] = dict.fromkeys(Shapes._fields, np.full(len(solids), -1, np.int64))
-    known = {
+    known: dict[str, Any] = {
         "kind": np.array([solid.kind for solid in solids], np.int64),
         "size": np.array([solid.size for solid in solids]).reshape(-1, 3),
         "bounding_radius": np.array([solid.bounding_radius for solid in solids], float),
         "vehicle": np.array([solid.vehicle for solid in solids], np.int64),
+        "position": np.array([solid.position for solid in solids]).reshape(-1, 3),
+        "rotation": np.array([solid.rotation.ravel() for solid in solids]).reshape(-1, 9),
     }
+    fixed = (known[name][:n_fixed] for name in ("kind", "size", "position", "rotation"))
+    known |= {"n_fixed": n_fixed, "grid": fixed_grid(*fixed)}
     return Shapes(**(unread | known))
 
 
-def scene(solids: list[Solid], vehicles: int = 1, **columns: ArrayLike) -> SensorScene:
-    """Shapes and State with these solids; `vehicles` and `columns` as in `state_of`."""
+def scene(solids: list[Solid], vehicles: int = 1, n_fixed: int = 0, **columns: ArrayLike) -> SensorScene:
+    """Shapes and State with these solids, `n_fixed` of them in the grid; the rest as in `state_of`."""
     state = state_of(
         vehicles,
         shape_position=np.array([solid.position for solid in solids]).reshape(-1, 3),
         shape_rotation=np.array([solid.rotation.ravel() for solid in solids]).reshape(-1, 9),
         **columns,
     )
-    return SensorScene(shapes_of(solids), state)
+    return SensorScene(shapes_of(solids, n_fixed), state)

@@ -118,7 +118,7 @@ class Editor:
 
 def _start(compiled: Compiled, name: str) -> Floats:
     qpos = compiled.engine.body(name)[1]
-    return compiled.views.qpos[qpos : qpos + 7].copy()
+    return compiled.engine.start[qpos : qpos + 7]
 
 
 def _bodies(of: Compiled | World) -> object:

@@ -50,6 +50,12 @@ class Scratch(NamedTuple):
     """Shapes within reach of each vehicle, shape (n, n_shape)."""
     nearby_count: Integers
     """Shape (n,)."""
+    horizon: Floats
+    """How far each vehicle may move before `nearby` is outdated [m], shape (n,)."""
+    clearance: Floats
+    """How far each vehicle may move before it can touch something [m], shape (n,)."""
+    applied: Floats
+    """Force [N] on the origin of each movable body in map axes, torque [N m] in body axes, shape (6 n_body,)."""
     velocity: Floats
     """Velocity of each vehicle's origin before the substep, map axes [m/s], shape (n, 3)."""
     wheel_contacts: Table
@@ -74,12 +80,15 @@ def vehicle_contacts(n_vehicle: int, geom_vehicle: Integers, pairs_max: int = 64
     )
 
 
-def scratch(model: Model) -> Scratch:
-    """Working memory for that model."""
+def scratch(model: Model, n_body: int) -> Scratch:
+    """Working memory for that model and so many movable bodies."""
     n, n_shape = len(model.vehicles), len(model.shapes.kind)
     return Scratch(
         nearby=np.zeros((n, n_shape), dtype=np.int64),
         nearby_count=np.zeros(n, dtype=np.int64),
+        horizon=np.zeros(n),
+        clearance=np.zeros(n),
+        applied=np.zeros(6 * n_body),
         velocity=np.zeros((n, 3)),
         wheel_contacts=np.zeros(4, dtype=WHEEL_CONTACT),
         contact_force=np.zeros(6),

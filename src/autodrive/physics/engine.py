@@ -1,15 +1,17 @@
-"""Interface to MuJoCo: reset, step (from compiled code), contacts, save, restore. Nothing else calls MuJoCo."""
+"""Interface to MuJoCo: bodies, step (from compiled code), contacts. Nothing else calls MuJoCo.
+
+The engine has no state of its own: `load` brings it to the State of a world, from which it continues with the same bits
+in any process.
+"""
 
 # pyright: reportAttributeAccessIssue=false
 # (the bindings are compiled and ship no types)
 
 from __future__ import annotations
 
-import copy
 import ctypes
 import functools
 import hashlib
-import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,8 +22,10 @@ from numba.core import config, types
 from numpy.typing import NDArray
 
 from autodrive.arrays import Floats, Integers
-from autodrive.errors import EngineError, SnapshotError
+from autodrive.errors import EngineError
 from autodrive.installation import mujoco_error, mujoco_fix
+from autodrive.jit import inlined
+from autodrive.state import State
 
 if _error := mujoco_error():
     raise EngineError(f"{_error}. Run:  {mujoco_fix()}")
@@ -58,6 +62,10 @@ mj_step1 = _external("mj_step1", _library.mj_step1, types.intp, types.intp)
 """(mjModel*, mjData*): computes kinematics, contacts and constraints from positions and velocities."""
 mj_step2 = _external("mj_step2", _library.mj_step2, types.intp, types.intp)
 """(mjModel*, mjData*): computes forces, accelerations, and the next positions and velocities."""
+mj_position = _external("mj_fwdPosition", _library.mj_fwdPosition, types.intp, types.intp)
+"""(mjModel*, mjData*): the part of `mj_step1` that depends on positions."""
+mj_update_sleep = _external("mj_updateSleep", _library.mj_updateSleep, types.intp, types.intp)
+"""(mjModel*, mjData*): derives the lists of bodies that are awake from `tree_asleep`."""
 mj_contact_force = _external(
     "mj_contactForce", _library.mj_contactForce, types.intp, types.intp, types.int32, types.intp
 )
@@ -74,15 +82,15 @@ class Views(NamedTuple):
     data: int
     """Address of mjData."""
     qpos: Floats
+    """As `State.qpos`; likewise the next three."""
     qvel: Floats
+    warmstart: Floats
+    asleep: NDArray[np.int32]
     applied: Floats
-    """Applied generalised force (qfrc_applied); for a free body: force in map axes, torque about its origin in body
-    axes."""
-    geom_position: Floats
-    geom_rotation: Floats
-    """Row-major, shape (n_geom, 9)."""
-    shape_geom: Integers
-    """Geom of each shape."""
+    """As `Scratch.applied`."""
+    acceleration: Floats
+    """Shape (6 n_body,); likewise the next one."""
+    smooth_acceleration: Floats
     contact_count: NDArray[np.int32]
     """Current number of contacts, shape (1,)."""
     contacts: NDArray[np.int64]
@@ -98,13 +106,22 @@ def text(numbers: Iterable[float]) -> str:
     return " ".join(f"{number:.17g}" for number in numbers)
 
 
+FLOOR = 1
+"""Collision class (contype) of the floor."""
+
+
 class Geom(NamedTuple):
     """A collision shape of the engine."""
 
     number: int
     kind: int
     size: Floats
+    position: Floats
+    """In the frame of its body, or in the map if it is fixed."""
+    orientation: Floats
+    """Quaternion wxyz, likewise."""
     bounding_radius: float
+    is_stopped_by_floor: bool
     body: int
     qpos: int
     """Index of its body's pose in qpos, or -1 if it is fixed."""
@@ -112,13 +129,46 @@ class Geom(NamedTuple):
     """Index of its body's velocity in qvel, or -1 if it is fixed."""
 
 
-class SavedData(NamedTuple):
-    """What `Engine.restore` needs; can be pickled."""
+AWAKE = -11
+"""State of a body that has just begun to be awake, of `State.asleep` (MuJoCo: -(1 + mjMINAWAKE))."""
 
-    data: Any
-    """A copy of mjData, which is not derived from the state alone."""
-    checksum: int
-    """Of the positions, velocities and forces in it."""
+
+@inlined
+def load(state: State, views: Views) -> None:
+    """Brings the engine to the state of the bodies. What follows depends on that state alone."""
+    is_loaded = True
+    for k in range(state.qpos.shape[0]):
+        if state.qpos[k] != views.qpos[k]:
+            is_loaded = False
+            views.qpos[k] = state.qpos[k]
+    for k in range(state.qvel.shape[0]):
+        if state.qvel[k] != views.qvel[k]:
+            is_loaded = False
+            views.qvel[k] = state.qvel[k]
+        views.warmstart[k] = state.qacc[k]
+    for b in range(state.asleep.shape[0]):
+        if state.asleep[b] != views.asleep[b]:
+            is_loaded = False
+    if not is_loaded:
+        # the bodies that sleep are computed as well, once
+        for b in range(state.asleep.shape[0]):
+            views.asleep[b] = AWAKE
+        mj_update_sleep(views.model, views.data)
+        mj_position(views.model, views.data)
+        for b in range(state.asleep.shape[0]):
+            views.asleep[b] = int(state.asleep[b])
+        mj_update_sleep(views.model, views.data)
+        mj_step1(views.model, views.data)
+    for b in range(state.asleep.shape[0]):
+        if views.asleep[b] >= 0:  # what a body was doing before it fell asleep is forgotten
+            for k in range(6 * b, 6 * b + 6):
+                views.warmstart[k] = views.acceleration[k] = views.smooth_acceleration[k] = 0.0
+
+
+@inlined
+def has_diverged(views: Views) -> bool:
+    """Whether the engine has warned of a diverged state since `Engine.forget_warnings`."""
+    return views.warnings[0] + views.warnings[1] + views.warnings[2] > 0
 
 
 class Engine:
@@ -166,7 +216,10 @@ class Engine:
                     number=i,
                     kind=int(self.model.geom_type[i]),
                     size=self.model.geom_size[i].copy(),
+                    position=self.model.geom_pos[i].copy(),
+                    orientation=self.model.geom_quat[i].copy(),
                     bounding_radius=float(self.model.geom_rbound[i]),
+                    is_stopped_by_floor=bool(self.model.geom_conaffinity[i] & FLOOR),
                     body=body,
                     qpos=int(self.model.jnt_qposadr[joint]) if joint >= 0 else -1,
                     dof=int(self.model.jnt_dofadr[joint]) if joint >= 0 else -1,
@@ -179,7 +232,17 @@ class Engine:
         contact = self.data.contact
         return [(int(a), int(b)) for (a, b), gap in zip(contact.geom, contact.dist, strict=True) if gap < -depth]
 
-    def views(self, shape_geom: Integers) -> Views:
+    @property
+    def body_count(self) -> int:
+        """Number of movable bodies."""
+        return int(self.model.ntree)
+
+    @property
+    def start(self) -> Floats:
+        """`State.qpos` at the start."""
+        return self.model.qpos0.copy()
+
+    def views(self) -> Views:
         """Views for compiled code; valid as long as this engine exists."""
         layout = _data_layout()
         data = self.data
@@ -188,46 +251,20 @@ class Engine:
             data=data._address,
             qpos=data.qpos,
             qvel=data.qvel,
+            warmstart=data.qacc_warmstart,
+            asleep=data.tree_asleep,
             applied=data.qfrc_applied,
-            geom_position=data.geom_xpos,
-            geom_rotation=data.geom_xmat,
-            shape_geom=shape_geom,
+            acceleration=data.qacc,
+            smooth_acceleration=data.qacc_smooth,
             contact_count=_memory(data._address + layout.contact_count, ctypes.c_int32),
             contacts=_memory(data._address + layout.contacts, ctypes.c_int64),
             warnings=data.warning.number[_BAD],
             contact_layout=np.array([layout.stride, layout.position, layout.geoms], dtype=np.int64),
         )
 
-    def reset(self) -> None:
-        """Sets the initial state of the model."""
-        mujoco.mj_resetData(self.model, self.data)
-
-    def update(self) -> None:
-        """Recomputes all derived quantities after positions or velocities were set directly."""
-        mujoco.mj_forward(self.model, self.data)
-
-    def save(self) -> SavedData:
-        """The complete data, because the state vectors of MuJoCo do not contain which bodies sleep."""
-        return SavedData(copy.copy(self.data), _checksum(self.data))
-
-    def restore(self, saved: SavedData) -> None:
-        """Restores saved data; the simulation continues with the same bits as after `save`.
-
-        Raises `SnapshotError` for anything but unchanged data of such an engine; then nothing has changed.
-        """
-        try:
-            if _checksum(saved.data) != saved.checksum:
-                raise SnapshotError("the engine's data of the snapshot have been changed since save()")
-            mujoco.mj_copyData(self.data, self.model, saved.data)
-        except (AttributeError, TypeError, mujoco.FatalError):
-            raise SnapshotError(
-                "the snapshot has no data of this world's engine; give restore() what save() returned"
-            ) from None
-
-
-def _checksum(data: Any) -> int:
-    parts = data.qpos, data.qvel, data.qacc_warmstart, data.qfrc_applied
-    return zlib.crc32(b"".join([part.tobytes() for part in parts]))
+    def forget_warnings(self) -> None:
+        """Forget that the state has diverged."""
+        self.data.warning.number[_BAD] = 0
 
 
 _BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)

@@ -1,15 +1,18 @@
-"""Free rigid bodies in the engine's arrays: rotation, velocity of a point, force at a point.
+"""Free rigid bodies: rotation, velocity of a point, force at a point, and the step of a body that touches nothing.
 
-`qpos` and `dof` are the indices where the pose and the velocity of a body begin in the engine's qpos and qvel.
-Vectors are in map axes.
+`qpos` and `dof` are the indices where the pose and the velocity of a body begin in `State.qpos` and `State.qvel`.
+Vectors are in map axes unless it is said otherwise.
 """
 
 from __future__ import annotations
 
+from math import cos, sin, sqrt
+from typing import Any
+
 from autodrive.arrays import Floats
 from autodrive.jit import inlined
-from autodrive.physics.engine import Views
-from autodrive.transforms import Rotation, rotation_from_quaternion
+from autodrive.state import State
+from autodrive.transforms import Rotation, Vector, rotation_from_quaternion
 
 
 @inlined
@@ -19,33 +22,103 @@ def rotation_at(q: Floats, at: int) -> Rotation:
 
 
 @inlined
-def velocity_at(views: Views, qpos: int, dof: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+def rotated(rotation: Rotation, x: float, y: float, z: float) -> Vector:
+    """The vector x, y, z of body axes in map axes."""
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
+    return r00 * x + r01 * y + r02 * z, r10 * x + r11 * y + r12 * z, r20 * x + r21 * y + r22 * z
+
+
+@inlined
+def angular_velocity(state: State, rotation: Rotation, dof: int) -> Vector:
+    """Of a body with that rotation [rad/s]."""
+    return rotated(rotation, float(state.qvel[dof + 3]), float(state.qvel[dof + 4]), float(state.qvel[dof + 5]))
+
+
+@inlined
+def velocity_at(state: State, qpos: int, dof: int, x: float, y: float, z: float) -> Vector:
     """Velocity [m/s] of the point x, y, z of a body."""
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(views.qpos, qpos + 3)
-    bx, by, bz = views.qvel[dof + 3], views.qvel[dof + 4], views.qvel[dof + 5]
-    wx, wy, wz = (
-        r00 * bx + r01 * by + r02 * bz,
-        r10 * bx + r11 * by + r12 * bz,
-        r20 * bx + r21 * by + r22 * bz,
-    )
-    x, y, z = x - views.qpos[qpos], y - views.qpos[qpos + 1], z - views.qpos[qpos + 2]
+    wx, wy, wz = angular_velocity(state, rotation_at(state.qpos, qpos + 3), dof)
+    x, y, z = x - state.qpos[qpos], y - state.qpos[qpos + 1], z - state.qpos[qpos + 2]
     return (
-        views.qvel[dof] + wy * z - wz * y,
-        views.qvel[dof + 1] + wz * x - wx * z,
-        views.qvel[dof + 2] + wx * y - wy * x,
+        state.qvel[dof] + wy * z - wz * y,
+        state.qvel[dof + 1] + wz * x - wx * z,
+        state.qvel[dof + 2] + wx * y - wy * x,
     )
 
 
 @inlined
 def apply_force(
-    views: Views, qpos: int, dof: int, x: float, y: float, z: float, fx: float, fy: float, fz: float
+    applied: Floats,
+    rotation: Rotation,
+    dof: int,
+    x: float,
+    y: float,
+    z: float,
+    fx: float,
+    fy: float,
+    fz: float,
 ) -> None:
-    """Adds the force fx, fy, fz [N] at the point x, y, z, which is relative to the body's origin."""
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(views.qpos, qpos + 3)
+    """Adds the force fx, fy, fz [N] at the point x, y, z, which is relative to the origin of a body, to `applied`.
+
+    `rotation` is that of the body. `applied` has the force on each body's origin in map axes and the torque in body
+    axes, where `State.qvel` has its velocity.
+    """
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
     tx, ty, tz = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
-    views.applied[dof] += fx
-    views.applied[dof + 1] += fy
-    views.applied[dof + 2] += fz
-    views.applied[dof + 3] += r00 * tx + r10 * ty + r20 * tz
-    views.applied[dof + 4] += r01 * tx + r11 * ty + r21 * tz
-    views.applied[dof + 5] += r02 * tx + r12 * ty + r22 * tz
+    applied[dof] += fx
+    applied[dof + 1] += fy
+    applied[dof + 2] += fz
+    applied[dof + 3] += r00 * tx + r10 * ty + r20 * tz
+    applied[dof + 4] += r01 * tx + r11 * ty + r21 * tz
+    applied[dof + 5] += r02 * tx + r12 * ty + r22 * tz
+
+
+@inlined
+def step_free_body(v: Any, rotation: Rotation, gravity: float, dt: float, applied: Floats, state: State) -> None:
+    """Moves a vehicle by one substep under `applied` and gravity: the engine's equations without contacts.
+
+    Newton and Euler about the centre of mass (Featherstone (2.60)); semi-implicit Euler as in MuJoCo: the new velocity
+    moves the pose, and the quaternion turns by the exponential of the new angular velocity.
+    """
+    qpos, dof = v["qpos"], v["dof"]
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
+    c, inertia = v["center_of_mass"], v["inertia"]
+    wx, wy, wz = state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5]
+    fx, fy, fz = applied[dof], applied[dof + 1], applied[dof + 2]
+    bx, by, bz = r00 * fx + r10 * fy + r20 * fz, r01 * fx + r11 * fy + r21 * fz, r02 * fx + r12 * fy + r22 * fz
+    # torque about the centre of mass, without the gyroscopic part; body axes
+    tx = applied[dof + 3] - (c[1] * bz - c[2] * by) - (wy * inertia[2] * wz - wz * inertia[1] * wy)
+    ty = applied[dof + 4] - (c[2] * bx - c[0] * bz) - (wz * inertia[0] * wx - wx * inertia[2] * wz)
+    tz = applied[dof + 5] - (c[0] * by - c[1] * bx) - (wx * inertia[1] * wy - wy * inertia[0] * wx)
+    ax, ay, az = tx / inertia[0], ty / inertia[1], tz / inertia[2]
+    # the origin is at -c from the centre of mass: -alpha x c - omega x (omega x c), body axes
+    ux, uy, uz = wy * c[2] - wz * c[1], wz * c[0] - wx * c[2], wx * c[1] - wy * c[0]
+    px = -(ay * c[2] - az * c[1]) - (wy * uz - wz * uy)
+    py = -(az * c[0] - ax * c[2]) - (wz * ux - wx * uz)
+    pz = -(ax * c[1] - ay * c[0]) - (wx * uy - wy * ux)
+    mass = v["mass"]
+    gx = fx / mass + r00 * px + r01 * py + r02 * pz
+    gy = fy / mass + r10 * px + r11 * py + r12 * pz
+    gz = fz / mass - gravity + r20 * px + r21 * py + r22 * pz
+    state.qacc[dof], state.qacc[dof + 1], state.qacc[dof + 2] = gx, gy, gz
+    state.qacc[dof + 3], state.qacc[dof + 4], state.qacc[dof + 5] = ax, ay, az
+    state.qvel[dof] += dt * gx
+    state.qvel[dof + 1] += dt * gy
+    state.qvel[dof + 2] += dt * gz
+    wx, wy, wz = wx + dt * ax, wy + dt * ay, wz + dt * az
+    state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5] = wx, wy, wz
+    for axis in range(3):
+        state.qpos[qpos + axis] += dt * state.qvel[dof + axis]
+    speed = sqrt(wx * wx + wy * wy + wz * wz)
+    half = 0.5 * dt * speed
+    k = sin(half) / speed if speed > 1e-12 else 0.5 * dt
+    w, x, y, z = cos(half), k * wx, k * wy, k * wz
+    at = qpos + 3
+    q0, q1, q2, q3 = state.qpos[at], state.qpos[at + 1], state.qpos[at + 2], state.qpos[at + 3]
+    n0 = q0 * w - q1 * x - q2 * y - q3 * z
+    n1 = q0 * x + q1 * w + q2 * z - q3 * y
+    n2 = q0 * y - q1 * z + q2 * w + q3 * x
+    n3 = q0 * z + q1 * y - q2 * x + q3 * w
+    length = sqrt(n0 * n0 + n1 * n1 + n2 * n2 + n3 * n3)
+    state.qpos[at], state.qpos[at + 1] = n0 / length, n1 / length
+    state.qpos[at + 2], state.qpos[at + 3] = n2 / length, n3 / length

@@ -1,7 +1,9 @@
-"""The compiled substep loop of a tick: actuators, wheels, engine. It runs without the interpreter lock.
+"""The compiled substep loop of a tick: actuators, wheels, rigid bodies. It runs without the interpreter lock.
 
 The order of a substep: the actuators follow their commands, each wheel finds the ground below it, forces of tyres and
-air are applied, the engine moves the bodies, contacts of the vehicles are recorded.
+air are computed, the bodies move, contacts of the vehicles are recorded. While no vehicle can touch anything and no
+object moves, `free_body.py` moves the vehicles; otherwise the engine moves all bodies. Both solve the same equations
+with the same integrator, so that they differ in the last bits only.
 """
 
 from __future__ import annotations
@@ -13,15 +15,21 @@ from autodrive.arrays import Floats
 from autodrive.jit import inlined, jit_uncounted
 from autodrive.model import Model
 from autodrive.physics.buffers import Scratch, VehicleContacts
-from autodrive.physics.engine import Views, copy_memory, mj_contact_force, mj_step1, mj_step2
+from autodrive.physics.clearance import can_touch, find_nearby, note_motion
+from autodrive.physics.engine import (
+    AWAKE,
+    Views,
+    copy_memory,
+    has_diverged,
+    load,
+    mj_contact_force,
+    mj_step1,
+    mj_step2,
+)
 from autodrive.physics.formulas import drive_level, steered
-from autodrive.physics.free_body import rotation_at
+from autodrive.physics.free_body import rotation_at, step_free_body
 from autodrive.physics.vehicle_forces import apply_forces
 from autodrive.state import State
-
-REACH = 0.5
-"""Shapes whose bounding sphere is farther from a vehicle frame than this [m] are ignored by its wheels in a tick."""
-
 
 UNSOUND = 1.0e9
 """A position, velocity or force this large means that the simulation has diverged."""
@@ -38,90 +46,141 @@ def advance(
     steering: Floats,
     first: int,
     substeps: int,
+    always_engine: bool,
 ) -> bool:
     """Advances the state by `substeps`; returns False if the state diverged.
 
     `first` is the number of the first substep since reset. `throttle` and `steering` are the commands of this tick in
-    [-1, 1], shape (n,).
+    [-1, 1], shape (n,). `always_engine`: the engine moves the bodies in every substep.
     """
     n = model.vehicles.shape[0]
+    duration = substeps * model.dt
+    scratch.applied[:] = 0.0
+    if has_diverged(views) or not _is_sound(state, scratch):
+        return False
     for i in range(n):
+        find_nearby(i, model, state, scratch, duration)
         for axis in range(3):
             state.vehicle_acceleration[i, axis] = 0.0
-    for i in range(n):
-        _find_nearby(i, model, state, views, scratch, substeps * model.dt)
-    for i in range(n):
-        for axis in range(3):  # the angular acceleration is the difference over the tick
+            # the angular acceleration is the difference over the tick
             state.vehicle_angular_acceleration[i, axis] = -state.vehicle_angular_velocity[i, axis]
+    needs_engine = always_engine or _is_any_object_awake(n, state)
+    is_loaded = False
     for k in range(first, first + substeps):
-        views.applied[:] = 0.0
+        scratch.applied[:] = 0.0
         for i in range(n):
-            _actuate(i, model, state, throttle[i], steering[i], k)
-            apply_forces(i, model, state, views, scratch)
             v = model.vehicles[i]
+            _actuate(i, model, state, throttle[i], steering[i], k)
+            apply_forces(i, rotation_at(state.qpos, v["qpos"] + 3), model, state, scratch)
             for axis in range(3):
-                scratch.velocity[i, axis] = views.qvel[v["dof"] + axis]
-        if not _is_sound(views):
+                scratch.velocity[i, axis] = state.qvel[v["dof"] + axis]
+        if not _is_sound(state, scratch):
             return False
-        mj_step2(views.model, views.data)
-        _note_contacts(model, views, contacts, scratch)
+        needs_engine = needs_engine or _can_any_touch(n, model, state, scratch)
+        if needs_engine:
+            if not is_loaded:
+                load(state, views)
+                is_loaded = True
+            _step_engine(model, state, views, contacts, scratch)
+        else:
+            for i in range(n):
+                v = model.vehicles[i]
+                rotation = rotation_at(state.qpos, v["qpos"] + 3)
+                step_free_body(v, rotation, model.gravity, model.dt, scratch.applied, state)
+                _limit_angular_velocity(v, state)
+                note_motion(i, model, state, scratch)
         for i in range(n):
-            _limit_angular_velocity(model.vehicles[i], views)
-            _accumulate_acceleration(i, model, state, views, scratch, 1.0 / (substeps * model.dt))
-        mj_step1(views.model, views.data)
-    observe(model, state, views)
+            _accumulate_acceleration(i, model, state, scratch, 1.0 / duration)
+    if needs_engine:
+        for k in range(state.qacc.shape[0]):
+            state.qacc[k] = views.warmstart[k]
+        for b in range(state.asleep.shape[0]):
+            state.asleep[b] = views.asleep[b]
+    observe(model, state)
     for i in range(n):
         for axis in range(3):
             state.vehicle_angular_acceleration[i, axis] += state.vehicle_angular_velocity[i, axis]
-            state.vehicle_angular_acceleration[i, axis] /= substeps * model.dt
-    return views.warnings[0] == 0 and views.warnings[1] == 0 and views.warnings[2] == 0
+            state.vehicle_angular_acceleration[i, axis] /= duration
+    return not has_diverged(views)
 
 
 @jit_uncounted
-def observe(model: Model, state: State, views: Views) -> None:
-    """Copies the poses and velocities of vehicles and the poses of shapes from the engine to the state."""
+def observe(model: Model, state: State) -> None:
+    """Updates the columns of vehicles and shapes from the poses and velocities of the bodies."""
     for i in range(model.vehicles.shape[0]):
         v = model.vehicles[i]
         qpos, dof = v["qpos"], v["dof"]
-        r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(views.qpos, qpos + 3)
-        vx, vy, vz = views.qvel[dof], views.qvel[dof + 1], views.qvel[dof + 2]
+        r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(state.qpos, qpos + 3)
+        vx, vy, vz = state.qvel[dof], state.qvel[dof + 1], state.qvel[dof + 2]
         for axis in range(3):
-            state.vehicle_position[i, axis] = views.qpos[qpos + axis]
-            state.vehicle_angular_velocity[i, axis] = views.qvel[dof + 3 + axis]
+            state.vehicle_position[i, axis] = state.qpos[qpos + axis]
+            state.vehicle_angular_velocity[i, axis] = state.qvel[dof + 3 + axis]
         for axis in range(4):
-            state.vehicle_orientation[i, axis] = views.qpos[qpos + 3 + axis]
+            state.vehicle_orientation[i, axis] = state.qpos[qpos + 3 + axis]
         state.vehicle_velocity[i, 0] = r00 * vx + r10 * vy + r20 * vz
         state.vehicle_velocity[i, 1] = r01 * vx + r11 * vy + r21 * vz
         state.vehicle_velocity[i, 2] = r02 * vx + r12 * vy + r22 * vz
-    for s in range(views.shape_geom.shape[0]):
-        geom = views.shape_geom[s]
-        for axis in range(3):
-            state.shape_position[s, axis] = views.geom_position[geom, axis]
-        for axis in range(9):
-            state.shape_rotation[s, axis] = views.geom_rotation[geom, axis]
+    _move_shapes(model, state)
+
+
+@jit_uncounted
+def place(model: Model, state: State, views: Views) -> None:
+    """Updates columns and engine after bodies were placed by hand: all bodies are awake then."""
+    state.asleep[:] = AWAKE
+    load(state, views)
+    observe(model, state)
 
 
 @inlined
-def _find_nearby(i: int, model: Model, state: State, views: Views, scratch: Scratch, duration: float) -> None:
-    """Lists the shapes that a wheel of vehicle i can stand on during the tick."""
-    x, y, z = state.vehicle_position[i, 0], state.vehicle_position[i, 1], state.vehicle_position[i, 2]
-    vx, vy, vz = state.vehicle_velocity[i, 0], state.vehicle_velocity[i, 1], state.vehicle_velocity[i, 2]
-    reach = REACH + 2.0 * duration * sqrt(vx * vx + vy * vy + vz * vz)
-    count = 0
-    for s in range(model.shapes.kind.shape[0]):
-        if model.shapes.vehicle[s] == i:
-            continue
-        geom = views.shape_geom[s]
-        dx, dy, dz = (
-            views.geom_position[geom, 0] - x,
-            views.geom_position[geom, 1] - y,
-            views.geom_position[geom, 2] - z,
-        )
-        far = reach + model.shapes.bounding_radius[s]
-        if dx * dx + dy * dy + dz * dz < far * far:
-            scratch.nearby[i, count] = s
-            count += 1
-    scratch.nearby_count[i] = count
+def _move_shapes(model: Model, state: State) -> None:
+    """Moves the shapes of movable bodies with their bodies."""
+    shapes = model.shapes
+    for s in range(shapes.n_fixed, shapes.kind.shape[0]):
+        qpos, own, m = shapes.qpos[s], shapes.position[s], shapes.rotation[s]
+        r = rotation_at(state.qpos, qpos + 3)
+        for row in range(3):
+            a, b, c = r[3 * row], r[3 * row + 1], r[3 * row + 2]
+            state.shape_position[s, row] = state.qpos[qpos + row] + (a * own[0] + b * own[1] + c * own[2])
+            for column in range(3):
+                state.shape_rotation[s, 3 * row + column] = a * m[column] + b * m[3 + column] + c * m[6 + column]
+
+
+@inlined
+def _is_any_object_awake(n: int, state: State) -> bool:
+    """Whether the engine has to move a body that is not one of the `n` vehicles, which come last."""
+    for b in range(state.asleep.shape[0] - n):  # noqa: SIM110 (Numba makes no generators)
+        if state.asleep[b] < 0.0:
+            return True
+    return False
+
+
+@inlined
+def _can_any_touch(n: int, model: Model, state: State, scratch: Scratch) -> bool:
+    touching = False
+    for i in range(n):
+        if can_touch(i, model, state, scratch):
+            touching = True
+    return touching
+
+
+@inlined
+def _step_engine(model: Model, state: State, views: Views, contacts: VehicleContacts, scratch: Scratch) -> None:
+    """One substep of the engine, which holds the present state; records the contacts of the vehicles."""
+    for k in range(scratch.applied.shape[0]):
+        views.applied[k] = scratch.applied[k]
+    mj_step2(views.model, views.data)
+    _note_contacts(model, views, contacts, scratch)
+    for k in range(state.qpos.shape[0]):
+        state.qpos[k] = views.qpos[k]
+    for k in range(state.qvel.shape[0]):
+        state.qvel[k] = views.qvel[k]
+    for i in range(model.vehicles.shape[0]):
+        v = model.vehicles[i]
+        _limit_angular_velocity(v, state)
+        for axis in range(3, 6):
+            views.qvel[v["dof"] + axis] = state.qvel[v["dof"] + axis]
+    mj_step1(views.model, views.data)
+    _move_shapes(model, state)
 
 
 @inlined
@@ -140,37 +199,37 @@ def _actuate(i: int, model: Model, state: State, throttle: float, steering: floa
 
 
 @inlined
-def _is_sound(views: Views) -> bool:
-    """Whether state and forces are finite and small enough for the engine to continue."""
-    for k in range(views.qpos.shape[0]):
-        if not abs(views.qpos[k]) < UNSOUND:
+def _is_sound(state: State, scratch: Scratch) -> bool:
+    """Whether state and forces are finite and small enough to continue."""
+    for k in range(state.qpos.shape[0]):
+        if not abs(state.qpos[k]) < UNSOUND:
             return False
-    for k in range(views.qvel.shape[0]):  # noqa: SIM110 (Numba makes no generators)
-        if not abs(views.qvel[k]) + abs(views.applied[k]) < UNSOUND:
+    for k in range(state.qvel.shape[0]):  # noqa: SIM110 (Numba makes no generators)
+        if not abs(state.qvel[k]) + abs(scratch.applied[k]) < UNSOUND:
             return False
     return True
 
 
 @inlined
-def _limit_angular_velocity(v: Any, views: Views) -> None:
+def _limit_angular_velocity(v: Any, state: State) -> None:
     """Unity's limit of a rigid body's angular velocity."""
     dof = v["dof"]
-    x, y, z = views.qvel[dof + 3], views.qvel[dof + 4], views.qvel[dof + 5]
+    x, y, z = state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5]
     speed = sqrt(x * x + y * y + z * z)
     if speed > v["angular_velocity_max"]:
         for axis in range(3):
-            views.qvel[dof + 3 + axis] *= v["angular_velocity_max"] / speed
+            state.qvel[dof + 3 + axis] *= v["angular_velocity_max"] / speed
 
 
 @inlined
-def _accumulate_acceleration(i: int, model: Model, state: State, views: Views, scratch: Scratch, share: float) -> None:
+def _accumulate_acceleration(i: int, model: Model, state: State, scratch: Scratch, share: float) -> None:
     """Adds the mean acceleration of this substep in the current vehicle axes, as an accelerometer measures it."""
     v = model.vehicles[i]
     qpos, dof = v["qpos"], v["dof"]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(views.qpos, qpos + 3)
-    x = (views.qvel[dof] - scratch.velocity[i, 0]) * share
-    y = (views.qvel[dof + 1] - scratch.velocity[i, 1]) * share
-    z = (views.qvel[dof + 2] - scratch.velocity[i, 2]) * share
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(state.qpos, qpos + 3)
+    x = (state.qvel[dof] - scratch.velocity[i, 0]) * share
+    y = (state.qvel[dof + 1] - scratch.velocity[i, 1]) * share
+    z = (state.qvel[dof + 2] - scratch.velocity[i, 2]) * share
     state.vehicle_acceleration[i, 0] += r00 * x + r10 * y + r20 * z
     state.vehicle_acceleration[i, 1] += r01 * x + r11 * y + r21 * z
     state.vehicle_acceleration[i, 2] += r02 * x + r12 * y + r22 * z

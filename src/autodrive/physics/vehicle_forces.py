@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
+from autodrive.arrays import Floats
 from autodrive.jit import inlined
 from autodrive.model import Model
 from autodrive.physics.buffers import Scratch
-from autodrive.physics.engine import Views
 from autodrive.physics.formulas import (
     ackermann_angle,
     braked_spin,
@@ -21,19 +21,21 @@ from autodrive.physics.formulas import (
     slip_ratio_denominator,
     tyre_force,
 )
-from autodrive.physics.free_body import apply_force, rotation_at, velocity_at
+from autodrive.physics.free_body import angular_velocity, apply_force, rotated, rotation_at
 from autodrive.physics.wheel_contact import find_contact
 from autodrive.state import State
+from autodrive.transforms import Rotation, Vector
 
 
 @inlined
-def apply_forces(i: int, model: Model, state: State, views: Views, scratch: Scratch) -> None:
-    """Applies the forces of ground and air on vehicle i, and their reactions on the bodies below its wheels.
+def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch: Scratch) -> None:
+    """Adds the forces of ground and air on vehicle i, and their reactions on the bodies below its wheels, to `scratch`.
 
-    Sets steering angle, spin, rotation, slip and force of the vehicle's wheels in the state.
+    `rotation` is that of the vehicle. Sets steering angle, spin, rotation, slip and force of its wheels in the state.
     """
     v = model.vehicles[i]
     dt = model.dt
+    turn = angular_velocity(state, rotation, v["dof"])
     is_braking = state.throttle[i] == 0.0
     driven, sum_coasting, sum_gain = 0, 0.0, 0.0
     for w in range(4):
@@ -43,7 +45,7 @@ def apply_forces(i: int, model: Model, state: State, views: Views, scratch: Scra
         if wheel["is_steered"]:
             angle = ackermann_angle(state.steering_angle[i], v["wheelbase"], wheel["hub"][1])
         state.wheel_steering_angle[row] = angle
-        find_contact(i, w, angle, model, state, views, scratch)
+        find_contact(i, w, angle, rotation, turn, model, state, scratch)
         contact = scratch.wheel_contacts[w]
         v_long = contact["longitudinal_velocity"]
         spin = state.wheel_angular_velocity[row]
@@ -68,7 +70,7 @@ def apply_forces(i: int, model: Model, state: State, views: Views, scratch: Scra
             v["drive_servo_gain"],
             drive_torque_limit(level, v["drive_is_speed_controlled"], v["drive_torque_limit"]),
         )
-    _apply_drag(v, views)
+    _apply_drag(v, rotation, turn, state, scratch.applied)
     for w in range(4):
         wheel = model.wheels[4 * i + w]
         row = 4 * i + w
@@ -80,7 +82,7 @@ def apply_forces(i: int, model: Model, state: State, views: Views, scratch: Scra
             spin = braked_spin(spin, v["brake_torque"], contact["spin_gain"])
         state.wheel_angular_velocity[row] = spin
         state.wheel_rotation[row] += spin * dt
-        _apply_wheel_force(i, w, is_braking and wheel["is_braked"], model, state, views, scratch)
+        _apply_wheel_force(i, w, is_braking and wheel["is_braked"], rotation, model, state, scratch)
 
 
 @inlined
@@ -102,7 +104,7 @@ def _tyre_force(wheel: Any, ratio: float, angle: float, load: float) -> tuple[fl
 
 @inlined
 def _apply_wheel_force(
-    i: int, w: int, is_braking: bool, model: Model, state: State, views: Views, scratch: Scratch
+    i: int, w: int, is_braking: bool, rotation: Rotation, model: Model, state: State, scratch: Scratch
 ) -> None:
     """Applies the ground's force on wheel w, at the wheel's new spin, and its reaction on a body below."""
     v = model.vehicles[i]
@@ -131,17 +133,17 @@ def _apply_wheel_force(
     y = fx * longitudinal[1] + fy * lateral[1] + load * normal[1]
     z = fx * longitudinal[2] + fy * lateral[2] + load * normal[2]
     arm, point = contact["lever_arm"], contact["point"]
-    apply_force(views, v["qpos"], v["dof"], arm[0], arm[1], arm[2], x, y, z)
+    apply_force(scratch.applied, rotation, v["dof"], arm[0], arm[1], arm[2], x, y, z)
     shape = int(contact["shape"])
     if shape >= 0 and model.shapes.dof[shape] >= 0:
         q = model.shapes.qpos[shape]
         apply_force(
-            views,
-            q,
+            scratch.applied,
+            rotation_at(state.qpos, q + 3),
             model.shapes.dof[shape],
-            point[0] - views.qpos[q],
-            point[1] - views.qpos[q + 1],
-            point[2] - views.qpos[q + 2],
+            point[0] - state.qpos[q],
+            point[1] - state.qpos[q + 1],
+            point[2] - state.qpos[q + 2],
             -x,
             -y,
             -z,
@@ -170,17 +172,16 @@ def _holding_force(
 
 
 @inlined
-def _apply_drag(v: Any, views: Views) -> None:
+def _apply_drag(v: Any, rotation: Rotation, turn: Vector, state: State, applied: Floats) -> None:
     """Drag as in Unity: the body loses a share of its velocity and of its angular velocity in each second."""
-    qpos, dof = v["qpos"], v["dof"]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(views.qpos, qpos + 3)
+    dof = v["dof"]
     c = v["center_of_mass"]
-    x = r00 * c[0] + r01 * c[1] + r02 * c[2]
-    y = r10 * c[0] + r11 * c[1] + r12 * c[2]
-    z = r20 * c[0] + r21 * c[1] + r22 * c[2]
-    ox, oy, oz = views.qpos[qpos], views.qpos[qpos + 1], views.qpos[qpos + 2]
-    vx, vy, vz = velocity_at(views, qpos, dof, ox + x, oy + y, oz + z)
+    x, y, z = rotated(rotation, c[0], c[1], c[2])
+    wx, wy, wz = turn
+    vx = state.qvel[dof] + wy * z - wz * y
+    vy = state.qvel[dof + 1] + wz * x - wx * z
+    vz = state.qvel[dof + 2] + wx * y - wy * x
     drag = -v["drag"] * v["mass"]
-    apply_force(views, qpos, dof, x, y, z, drag * vx, drag * vy, drag * vz)
+    apply_force(applied, rotation, dof, x, y, z, drag * vx, drag * vy, drag * vz)
     for axis in range(3):
-        views.applied[dof + 3 + axis] -= v["angular_drag"] * v["inertia"][axis] * views.qvel[dof + 3 + axis]
+        applied[dof + 3 + axis] -= v["angular_drag"] * v["inertia"][axis] * state.qvel[dof + 3 + axis]

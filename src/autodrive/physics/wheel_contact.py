@@ -8,29 +8,31 @@ from autodrive.arrays import Floats
 from autodrive.jit import inlined
 from autodrive.model import BOX, Model
 from autodrive.physics.buffers import Scratch
-from autodrive.physics.engine import Views
 from autodrive.physics.formulas import suspension_force
-from autodrive.physics.free_body import rotation_at, velocity_at
+from autodrive.physics.free_body import velocity_at
 from autodrive.physics.ray import MISS, cast_ray
 from autodrive.physics.wheel_edge import edge_support
 from autodrive.state import State
-from autodrive.transforms import Vector
+from autodrive.transforms import Rotation, Vector
 
 
 @inlined
-def find_contact(i: int, w: int, angle: float, model: Model, state: State, views: Views, scratch: Scratch) -> None:
+def find_contact(
+    i: int, w: int, angle: float, rotation: Rotation, turn: Vector, model: Model, state: State, scratch: Scratch
+) -> None:
     """Finds the ground below wheel w of vehicle i, steered by `angle` [rad], and fills its contact row.
 
     The ground is where the suspension ray hits, as in PhysX, or an edge of a box that the circle of the wheel reaches
-    before. Also sets the wheel's compression and normal load in the state. The spin columns of the row are not written.
+    before. `rotation` and `turn`: of the vehicle, angular velocity [rad/s] in map axes. Also sets the wheel's
+    compression and normal load in the state. The spin columns of the row are not written.
     """
     v = model.vehicles[i]
     wheel = model.wheels[4 * i + w]
     row = 4 * i + w
     contact = scratch.wheel_contacts[w]
     qpos, dof = v["qpos"], v["dof"]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(views.qpos, qpos + 3)
-    ox, oy, oz = views.qpos[qpos], views.qpos[qpos + 1], views.qpos[qpos + 2]
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
+    ox, oy, oz = state.qpos[qpos], state.qpos[qpos + 1], state.qpos[qpos + 2]
     hub = wheel["hub"]
     # hub, relative to the origin of the vehicle frame, map axes
     hx = r00 * hub[0] + r01 * hub[1] + r02 * hub[2]
@@ -49,17 +51,13 @@ def find_contact(i: int, w: int, angle: float, model: Model, state: State, views
     edge, edge_ahead, edge_shape = -MISS, 0.0, -1
     for j in range(scratch.nearby_count[i]):
         s = scratch.nearby[i, j]
-        geom = views.shape_geom[s]
-        cx, cy, cz = (
-            views.geom_position[geom, 0] - px,
-            views.geom_position[geom, 1] - py,
-            views.geom_position[geom, 2] - pz,
-        )
+        centre = state.shape_position[s]
+        cx, cy, cz = centre[0] - px, centre[1] - py, centre[2] - pz
         far = 2.0 * radius + high + low + model.shapes.bounding_radius[s]
         if cx * cx + cy * cy + cz * cz > far * far:
             continue
         if model.shapes.kind[s] == BOX:
-            size, m = model.shapes.size[s], views.geom_rotation[geom]
+            size, m = model.shapes.size[s], state.shape_rotation[s]
             hub_in_box = _in_box(m, -cx - r02 * start, -cy - r12 * start, -cz - r22 * start)
             reach = radius + max(high, low)
             if (
@@ -74,8 +72,8 @@ def find_contact(i: int, w: int, angle: float, model: Model, state: State, views
         t, sx, sy, sz = cast_ray(
             int(model.shapes.kind[s]),
             model.shapes.size[s],
-            views.geom_position[geom],
-            views.geom_rotation[geom],
+            centre,
+            state.shape_rotation[s],
             px,
             py,
             pz,
@@ -107,17 +105,12 @@ def find_contact(i: int, w: int, angle: float, model: Model, state: State, views
     # contact point, relative to the origin of the vehicle frame; its velocity relative to the body it stands on
     down = below - compression
     kx, ky, kz = hx + ex * ahead - r02 * down, hy + ey * ahead - r12 * down, hz + ez * ahead - r22 * down
-    bx, by, bz = views.qvel[dof + 3], views.qvel[dof + 4], views.qvel[dof + 5]
-    wx, wy, wz = (
-        r00 * bx + r01 * by + r02 * bz,
-        r10 * bx + r11 * by + r12 * bz,
-        r20 * bx + r21 * by + r22 * bz,
-    )
-    vx = views.qvel[dof] + wy * kz - wz * ky
-    vy = views.qvel[dof + 1] + wz * kx - wx * kz
-    vz = views.qvel[dof + 2] + wx * ky - wy * kx
+    wx, wy, wz = turn
+    vx = state.qvel[dof] + wy * kz - wz * ky
+    vy = state.qvel[dof + 1] + wz * kx - wx * kz
+    vz = state.qvel[dof + 2] + wx * ky - wy * kx
     if shape >= 0 and model.shapes.dof[shape] >= 0:
-        gx, gy, gz = velocity_at(views, model.shapes.qpos[shape], model.shapes.dof[shape], ox + kx, oy + ky, oz + kz)
+        gx, gy, gz = velocity_at(state, model.shapes.qpos[shape], model.shapes.dof[shape], ox + kx, oy + ky, oz + kz)
         vx, vy, vz = vx - gx, vy - gy, vz - gz
     speed = -(nx * vx + ny * vy + nz * vz) / upright
     load = suspension_force(

@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import math
 
-from autodrive.arrays import Floats, Integers
+import numpy as np
+
+from autodrive.arrays import Floats
 from autodrive.jit import jit
-from autodrive.model import BOX, CYLINDER
+from autodrive.model import BOX, CYLINDER, Shapes
+from autodrive.physics.grid import shapes_near
 from autodrive.physics.ray import inverse_distance
 from autodrive.sensors.outline import (
     AROUND,
@@ -40,10 +43,7 @@ def cast_fan(
     angle_increment: float,
     range_max: float,
     vehicle: int,
-    kind: Integers,
-    size: Floats,
-    bounding_radius: Floats,
-    shape_vehicle: Integers,
+    shapes: Shapes,
     shape_position: Floats,
     shape_rotation: Floats,
     inverse_range: Floats,
@@ -64,12 +64,15 @@ def cast_fan(
         return
     _draw_floor(directions, inverse_range, -x2 / pz, -y2 / pz)
     n = len(inverse_range)
-    for g in range(len(kind)):
+    kind, size = shapes.kind, shapes.size
+    near = np.empty(len(kind), np.int64)
+    for k in range(shapes_near(shapes, px, py, range_max, near)):
+        g = near[k]
         dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
         h = dx * z0 + dy * z1 + dz * z2
-        radius = bounding_radius[g]
+        radius = shapes.bounding_radius[g]
         reach = range_max + radius
-        if abs(h) > radius or dx * dx + dy * dy + dz * dz > reach * reach or shape_vehicle[g] == vehicle:
+        if abs(h) > radius or dx * dx + dy * dy + dz * dz > reach * reach or shapes.vehicle[g] == vehicle:
             continue
         # position and axes of the sensor in the axes of the shape
         r0, r1, r2 = shape_rotation[g, 0], shape_rotation[g, 1], shape_rotation[g, 2]
@@ -108,7 +111,7 @@ def cast_fan(
                 for i in range(lo, hi + 1):
                     cos, sin = directions[0, i], directions[1, i]
                     r = (ex[0] * cos + ey[0] * sin, ex[1] * cos + ey[1] * sin, ex[2] * cos + ey[2] * sin)
-                    inverse_range[i] = max(inverse_range[i], inverse_distance(kind[g], s, o, r))
+                    inverse_range[i] = max(inverse_range[i], inverse_distance(int(kind[g]), s, o, r))
             elif kind[g] == BOX:
                 while lo <= hi and directions[0, lo] * k1 > directions[1, lo] * k0:
                     lo += 1

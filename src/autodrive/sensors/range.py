@@ -9,9 +9,10 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from autodrive.arrays import Floats, Integers
+from autodrive.arrays import Floats
 from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
+from autodrive.physics.grid import shapes_near
 from autodrive.physics.ray import inverse_distance, misses_sphere
 from autodrive.protocol.messages import RangeReading
 from autodrive.sensors.lidar_noise import classify
@@ -72,10 +73,7 @@ class Range(Sensor[RangeReading]):
             spec.sees_ground,
             spec.range_max,
             vehicle,
-            shapes.kind,
-            shapes.size,
-            shapes.bounding_radius,
-            shapes.vehicle,
+            shapes,
             state.shape_position,
             state.shape_rotation,
         )
@@ -116,10 +114,7 @@ def _nearest(
     sees_ground: bool,
     range_max: float,
     vehicle: int,
-    kind: Integers,
-    size: Floats,
-    bounding_radius: Floats,
-    shape_vehicle: Integers,
+    shapes: Shapes,
     shape_position: Floats,
     shape_rotation: Floats,
 ) -> float:
@@ -130,18 +125,22 @@ def _nearest(
     if pz <= 0.0:
         return math.inf
     nearest = 0.0
+    kind, size = shapes.kind, shapes.size
+    near = np.empty(len(kind), np.int64)
+    found = shapes_near(shapes, px, py, range_max, near)
     for i in range(len(rays)):
         ray = rotate(map_from_sensor, (rays[i, 0], rays[i, 1], rays[i, 2]))
         if sees_ground:
             nearest = max(nearest, -ray[2] / pz)
-        for g in range(len(kind)):
-            if shape_vehicle[g] == vehicle:
+        for k in range(found):
+            g = near[k]
+            if shapes.vehicle[g] == vehicle:
                 continue
             dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
-            if misses_sphere((dx, dy, dz), ray, bounding_radius[g], range_max):
+            if misses_sphere((dx, dy, dz), ray, float(shapes.bounding_radius[g]), range_max):
                 continue
             inverse_range = inverse_distance(
-                kind[g],
+                int(kind[g]),
                 (size[g, 0], size[g, 1], size[g, 2]),
                 _in_shape(shape_rotation, g, (-dx, -dy, -dz)),
                 _in_shape(shape_rotation, g, ray),

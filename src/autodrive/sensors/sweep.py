@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from autodrive.arrays import Floats, Integers
+import numpy as np
+
+from autodrive.arrays import Floats
 from autodrive.jit import jit
 from autodrive.model import Shapes
+from autodrive.physics.grid import shapes_near
 from autodrive.physics.ray import inverse_distance, misses_sphere
 from autodrive.state import State
 from autodrive.transforms import Quaternion, Vector, compose, rotate, slerp
@@ -60,10 +63,7 @@ def cast_sweep(
         fractions,
         range_max,
         vehicle,
-        shapes.kind,
-        shapes.size,
-        shapes.bounding_radius,
-        shapes.vehicle,
+        shapes,
         inverse_range,
     )
 
@@ -86,12 +86,15 @@ def _cast(
     fractions: Floats,
     range_max: float,
     vehicle: int,
-    kind: Integers,
-    size: Floats,
-    bounding_radius: Floats,
-    shape_vehicle: Integers,
+    shapes: Shapes,
     inverse_range: Floats,
 ) -> None:
+    kind, size = shapes.kind, shapes.size
+    near = np.empty(len(kind), np.int64)
+    # the sensor is at most the length of its lever away from the vehicle's origin, which moves on a line
+    way = math.hypot(position[0] - position_before[0], position[1] - position_before[1])
+    reach = range_max + way + math.sqrt(mount_position[0] ** 2 + mount_position[1] ** 2 + mount_position[2] ** 2)
+    found = shapes_near(shapes, position[0], position[1], reach, near)
     for i in range(first, last):
         f = fractions[i]
         turn = slerp(orientation_before, orientation, f)
@@ -107,16 +110,17 @@ def _cast(
             nearest = math.inf  # the space below the floor is solid
         elif ray[2] < 0.0:
             nearest = -ray[2] / p[2]
-        for g in range(len(kind)):
-            if shape_vehicle[g] == vehicle:
+        for k in range(found):
+            g = near[k]
+            if shapes.vehicle[g] == vehicle:
                 continue
             dx = shape_position_before[g, 0] + f * (shape_position[g, 0] - shape_position_before[g, 0]) - p[0]
             dy = shape_position_before[g, 1] + f * (shape_position[g, 1] - shape_position_before[g, 1]) - p[1]
             dz = shape_position_before[g, 2] + f * (shape_position[g, 2] - shape_position_before[g, 2]) - p[2]
-            if misses_sphere((dx, dy, dz), ray, bounding_radius[g], range_max):
+            if misses_sphere((dx, dy, dz), ray, float(shapes.bounding_radius[g]), range_max):
                 continue
             w = inverse_distance(
-                kind[g],
+                int(kind[g]),
                 (size[g, 0], size[g, 1], size[g, 2]),
                 _in_shape(shape_rotation_before, shape_rotation, g, f, (-dx, -dy, -dz)),
                 _in_shape(shape_rotation_before, shape_rotation, g, f, ray),

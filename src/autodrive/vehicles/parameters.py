@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from autodrive.arrays import Floats
-from autodrive.model import VEHICLE, WHEEL, Table
-from autodrive.physics.engine import Engine
+from autodrive.model import BOX, VEHICLE, WHEEL, Table
+from autodrive.physics.engine import Engine, Geom
+from autodrive.transforms import rotation_from_quaternion
 from autodrive.vehicles.spec import VehicleSpec
 
 HOLD_DAMPING_RATIO = 0.7
 """Damping of a locked wheel's holding spring, relative to critical damping."""
 
 
-def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, dt: float) -> Table:
+def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, geoms: Sequence[Geom], dt: float) -> Table:
     """`Model.vehicles` for a substep of `dt` [s]; each vehicle is a free body of the engine with its name."""
     table = np.zeros(len(vehicles), dtype=VEHICLE)
     for row, (name, spec) in zip(table, vehicles.items(), strict=True):
-        _, row["qpos"], row["dof"] = engine.body(name)
+        body, row["qpos"], row["dof"] = engine.body(name)
+        _set_outline(row, spec, [geom for geom in geoms if geom.body == body])
         for field in ("mass", "inertia", "center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
             row[field] = getattr(spec.body, field)
         row["wheelbase"] = spec.wheelbase
@@ -36,6 +38,32 @@ def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, dt: float
         row["drive_delay"] = round(spec.drivetrain.dead_time / dt)
         row["brake_torque"] = spec.drivetrain.brake_torque
     return table
+
+
+def _set_outline(row: Table, spec: VehicleSpec, colliders: Sequence[Geom]) -> None:
+    """The sphere around the colliders and the box around those that the floor stops."""
+    boxes = np.array([_box_around(geom) for geom in colliders])
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    row["sphere_centre"] = centre = 0.5 * (low + high)
+    row["sphere_radius"] = max(_farthest(corners, centre) for corners in boxes)
+    suspension = spec.wheels.suspension
+    ray = spec.wheels.radius + suspension.compression_max + suspension.droop_max
+    row["reach"] = max(row["sphere_radius"], *(math.dist(hub, centre) + ray for hub in spec.hubs))
+    chassis = boxes[[geom.is_stopped_by_floor for geom in colliders]]
+    row["chassis_low"], row["chassis_high"] = chassis[:, 0].min(axis=0), chassis[:, 1].max(axis=0)
+
+
+def _box_around(geom: Geom) -> Floats:
+    """Lowest and highest corner of a collider in the vehicle frame [m], shape (2, 3)."""
+    size = geom.size if geom.kind == BOX else geom.size[[0, 0, 1]]
+    rotation = np.abs(np.array(rotation_from_quaternion(geom.orientation)).reshape(3, 3))
+    half = np.sum(rotation * size, axis=1)
+    return np.array([geom.position - half, geom.position + half])
+
+
+def _farthest(corners: Floats, centre: Floats) -> float:
+    """Distance of the farthest point of a box from a point [m]."""
+    return math.hypot(*np.maximum(np.abs(corners[0] - centre), np.abs(corners[1] - centre)).tolist())
 
 
 def wheel_table(vehicles: Mapping[str, VehicleSpec], grip: float, dt: float) -> Table:

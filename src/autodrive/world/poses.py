@@ -13,6 +13,7 @@ from autodrive.arrays import Floats
 from autodrive.compile import Compiled
 from autodrive.controls import Controls
 from autodrive.errors import CommandError
+from autodrive.physics.tick import observe, place
 from autodrive.protocol.commands import MAX_DISTANCE, is_number
 from autodrive.transforms import Quaternion, Vector
 
@@ -39,7 +40,7 @@ class Poses:
         """A copy of the pose of a vehicle or an object. Raises `CommandError`."""
         self.check_name(name)
         qpos = self._compiled.engine.body(name)[1]
-        return self._compiled.views.qpos[qpos : qpos + 7].copy()
+        return self._compiled.state.qpos[qpos : qpos + 7].copy()
 
     def place(self, poses: Mapping[str, Floats]) -> None:
         """Place vehicles and objects, at rest, at these poses. Raises `CommandError`; then nothing has moved."""
@@ -49,21 +50,25 @@ class Poses:
         for name in poses:
             self.check_name(name)
         poses = {name: self._checked(name, pose) for name, pose in poses.items()}
-        before = {name: self.get(name) for name in poses}
-        self._write(poses)
+        before = c.state.qpos.copy(), c.state.asleep.copy()
+        for name, pose in poses.items():
+            qpos = c.engine.body(name)[1]
+            c.state.qpos[qpos : qpos + 7] = pose
+        place(c.model, c.state, c.views)
         for name, pose in poses.items():
             if others := _overlaps(c, name):
-                self._write(before)
+                c.state.qpos[:], c.state.asleep[:] = before
+                observe(c.model, c.state)
                 x, y = (float(f"{value:.6g}") for value in pose[:2])
                 raise CommandError(f"{self.noun(name)} cannot be placed at x={x}, y={y}: it would overlap {others}")
         for name in poses:
             dof = c.engine.body(name)[2]
-            c.views.qvel[dof : dof + 6] = 0.0
+            c.state.qvel[dof : dof + 6] = 0.0
             if name not in c.objects:
                 i = self._controls.index(name)
                 for column in (c.state.wheel_angular_velocity, c.state.wheel_force, c.state.wheel_hold):
                     column[4 * i : 4 * i + 4] = 0.0
-        c.engine.update()
+        observe(c.model, c.state)
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
         """See `World.hold`."""
@@ -83,9 +88,9 @@ class Poses:
         for vehicle, pose in self.held.items():
             row = c.model.vehicles[self._controls.index(vehicle)]
             qpos, dof = int(row["qpos"]), int(row["dof"])
-            c.views.qpos[qpos : qpos + 7] = pose
-            c.views.qvel[dof : dof + 6] = 0.0
-        c.engine.update()
+            c.state.qpos[qpos : qpos + 7] = pose
+            c.state.qvel[dof : dof + 6] = 0.0
+        observe(c.model, c.state)
 
     def _checked(self, name: str, pose: Any) -> Floats:
         """As an array with a quaternion of length 1. Raises `CommandError`."""
@@ -102,13 +107,6 @@ class Poses:
             f"{self.noun(name)} cannot be placed at {reprlib.repr(pose)}: a pose is x, y, z [m] up to "
             f"{MAX_DISTANCE:g} and a quaternion wxyz"
         )
-
-    def _write(self, poses: Mapping[str, Floats]) -> None:
-        c = self._compiled
-        for name, pose in poses.items():
-            qpos = c.engine.body(name)[1]
-            c.views.qpos[qpos : qpos + 7] = pose
-        c.engine.update()
 
 
 def _overlaps(c: Compiled, name: str) -> str:

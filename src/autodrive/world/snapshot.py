@@ -27,7 +27,6 @@ class Snapshot(NamedTuple):
     """The `outline` when it was saved."""
     tick: int
     seed: int
-    engine: Any
     state: State
     referee: Any
     sensors: dict[str, Any]

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from msgspec.structs import replace
@@ -18,12 +18,12 @@ from autodrive.errors import CommandError, EngineError
 from autodrive.frames import FrameBuilder
 from autodrive.jit import resolved
 from autodrive.physics.one_thread import OneThread, by_one_thread
-from autodrive.physics.tick import advance, observe
+from autodrive.physics.tick import advance, place
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
 from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import Command, Event, Frame
 from autodrive.referee import Referee
-from autodrive.state import State, VehicleView
+from autodrive.state import BODY_COLUMNS, State, VehicleView
 from autodrive.transforms import Quaternion, Vector, quaternion_from_yaw
 from autodrive.world.light import SceneLight
 from autodrive.world.poses import Poses
@@ -44,8 +44,18 @@ class World(OneThread):
     `WorldInUseError` at once and changes nothing.
     """
 
-    def __init__(self, compiled: Compiled, cameras: CameraBackend | None = None) -> None:
+    def __init__(
+        self,
+        compiled: Compiled,
+        cameras: CameraBackend | None = None,
+        *,
+        engine: Literal["auto", "always"] = "auto",
+    ) -> None:
+        """`engine`: see `autodrive.make`."""
         super().__init__()
+        if engine not in ("auto", "always"):
+            raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
+        self._always_engine = engine == "always"
         self._compiled = compiled
         self._cameras = cameras
         self.spec = compiled.spec
@@ -59,8 +69,8 @@ class World(OneThread):
         """The movable objects of a Frame, as they were placed."""
         self.tick_duration = compiled.spec.tick
         self._seed = compiled.spec.seed
-        self._start: Floats | None = None
-        """Poses of all movable bodies at the start, as qpos, if they are not those of the model."""
+        self._start: Floats = compiled.engine.start
+        """`State.qpos` after a reset."""
         self._substeps = compiled.spec.substeps
         self._tick_length = Fraction(str(compiled.spec.tick))
         self._controls = Controls(
@@ -75,7 +85,17 @@ class World(OneThread):
         self._identity = identity(compiled)
         c, controls = compiled, self._controls
         self._advance = resolved(
-            advance, c.model, c.state, c.views, c.contacts, c.scratch, controls.throttle, controls.steering, 0, 0
+            advance,
+            c.model,
+            c.state,
+            c.views,
+            c.contacts,
+            c.scratch,
+            controls.throttle,
+            controls.steering,
+            0,
+            0,
+            self._always_engine,
         )
         self.reset()
 
@@ -127,11 +147,11 @@ class World(OneThread):
             controls.steering,
             self._tick * self._substeps,
             self._substeps,
+            self._always_engine,
         )
         self._tick += 1
         if self._poses.held:
             self._poses.apply_held()
-            observe(c.model, c.state, c.views)
         if not is_sound:
             raise EngineError(
                 f"the physics became unstable at {self.time:.3f} s; reset the world, and use a shorter substep or "
@@ -148,12 +168,13 @@ class World(OneThread):
             check_seed(seed)
             self._seed = int(seed)
         c = self._compiled
-        c.engine.reset()
-        if self._start is not None:
-            c.views.qpos[:] = self._start
-        c.engine.update()
+        c.engine.forget_warnings()
         for column in c.state:
             column[:] = 0.0
+        c.state.qpos[:] = self._start
+        fixed = c.model.shapes.n_fixed
+        c.state.shape_position[:fixed] = c.model.shapes.position[:fixed]
+        c.state.shape_rotation[:fixed] = c.model.shapes.rotation[:fixed]
         c.contacts.impulse[:] = 0.0
         c.contacts.pair_count[0] = 0
         self._tick = 0
@@ -161,7 +182,7 @@ class World(OneThread):
         self._light = SceneLight(self.spec.scene_light)
         self._poses.held = {}
         self._referee.reset()
-        observe(c.model, c.state, c.views)
+        place(c.model, c.state, c.views)
         for sensors in c.sensors.values():
             sensors.reset(self._seed)
         if self._cameras is not None:
@@ -206,14 +227,12 @@ class World(OneThread):
         nothing has moved.
         """
         self._poses.place(poses)
-        c = self._compiled
-        observe(c.model, c.state, c.views)
         self._show(is_moved=True)
 
     @by_one_thread
     def start_from(self, compiled: Compiled) -> None:
         """Let `reset` start from that scenario, which may differ from the present one in its poses only."""
-        self._start = compiled.views.qpos.copy()
+        self._start = compiled.engine.start
         self.spec = compiled.spec
         self.boxes = dict(zip(compiled.objects, compiled.boxes, strict=True))
 
@@ -229,17 +248,16 @@ class World(OneThread):
             if name in before.vehicle_names or name in before.boxes:
                 _, qpos, dof = c.engine.body(name)
                 _, old_qpos, old_dof = b.engine.body(name)
-                c.views.qpos[qpos : qpos + 7] = b.views.qpos[old_qpos : old_qpos + 7]
-                c.views.qvel[dof : dof + 6] = b.views.qvel[old_dof : old_dof + 6]
+                c.state.qpos[qpos : qpos + 7] = b.state.qpos[old_qpos : old_qpos + 7]
+                c.state.qvel[dof : dof + 6] = b.state.qvel[old_dof : old_dof + 6]
         for name, column, old in zip(State._fields, c.state, b.state, strict=True):
-            if not name.startswith("shape_"):
+            if name not in BODY_COLUMNS and not name.startswith("shape_"):
                 column[:] = old
         self._tick, self._seed = before._tick, before._seed
         self._light, self._poses.held = before._light, dict(before._poses.held)
         self._controls.restore(before._controls.save())
         self._referee.restore(before._referee.save())
-        c.engine.update()
-        observe(c.model, c.state, c.views)
+        place(c.model, c.state, c.views)
         for name, sensors in c.sensors.items():
             sensors.continue_from(b.sensors[name], self._seed, c.model.shapes, c.state, self._tick * self._substeps)
         if self._cameras is not None:
@@ -299,7 +317,6 @@ class World(OneThread):
             contents="",
             tick=self._tick,
             seed=self._seed,
-            engine=c.engine.save(),
             state=State(*(column.copy() for column in c.state)),
             referee=self._referee.save(),
             sensors={name: sensors.save() for name, sensors in c.sensors.items()},
@@ -325,7 +342,7 @@ class World(OneThread):
             needs_cameras=self._cameras is not None and self._cameras.save() is not None,
         )
         c = self._compiled
-        c.engine.restore(saved.engine)
+        c.engine.forget_warnings()
         self._tick, self._seed, self.frame = saved.tick, saved.seed, saved.frame
         c.contacts.impulse[:] = 0.0
         c.contacts.pair_count[0] = 0

@@ -1,0 +1,140 @@
+"""How far a vehicle can move before anything can touch it. As long as it has moved less, it needs no contact engine.
+
+The test is conservative: it takes the vehicle as a sphere around its colliders, and for the floor as the box around the
+colliders that the floor stops. Wheels stand on the ground by their suspension, without a contact.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from autodrive.arrays import Floats
+from autodrive.jit import inlined
+from autodrive.model import BOX, CYLINDER, Model
+from autodrive.physics.buffers import Scratch
+from autodrive.physics.free_body import rotated, rotation_at
+from autodrive.physics.grid import shapes_near
+from autodrive.state import State
+from autodrive.transforms import Vector
+
+HORIZON = 0.25
+"""Shapes that are farther from a vehicle than this [m], and twice the way that it makes in the tick, are ignored."""
+
+MARGIN = 1.0e-4
+"""A clearance below this [m] counts as contact."""
+
+
+@inlined
+def find_nearby(i: int, model: Model, state: State, scratch: Scratch, duration: float) -> None:
+    """Lists the shapes that vehicle i can touch, or stand on with a wheel, in the next `duration` [s]."""
+    v = model.vehicles[i]
+    x, y, z = _centre(i, model, state)
+    dof = v["dof"]
+    vx, vy, vz = state.qvel[dof], state.qvel[dof + 1], state.qvel[dof + 2]
+    scratch.horizon[i] = HORIZON + 2.0 * duration * sqrt(vx * vx + vy * vy + vz * vz)
+    reach = v["reach"] + scratch.horizon[i]
+    nearby = scratch.nearby[i]
+    found = shapes_near(model.shapes, x, y, reach, nearby)
+    count = 0
+    for k in range(found):
+        s = nearby[k]
+        if model.shapes.vehicle[s] == i:
+            continue
+        centre = state.shape_position[s]
+        dx, dy, dz = centre[0] - x, centre[1] - y, centre[2] - z
+        far = reach + model.shapes.bounding_radius[s]
+        if dx * dx + dy * dy + dz * dz < far * far:
+            nearby[count] = s
+            count += 1
+    scratch.nearby_count[i] = count
+    scratch.clearance[i] = -1.0
+
+
+@inlined
+def can_touch(i: int, model: Model, state: State, scratch: Scratch) -> bool:
+    """Whether vehicle i may touch something now. After `find_nearby`, and `note_motion` for each substep since."""
+    if scratch.clearance[i] > MARGIN:
+        return False
+    scratch.clearance[i] = _clearance(i, model, state, scratch)
+    return scratch.clearance[i] <= MARGIN
+
+
+@inlined
+def note_motion(i: int, model: Model, state: State, scratch: Scratch) -> None:
+    """Subtracts from the clearance how far any point of vehicle i can have moved in the last substep."""
+    v = model.vehicles[i]
+    dof, c = v["dof"], v["sphere_centre"]
+    vx, vy, vz = state.qvel[dof], state.qvel[dof + 1], state.qvel[dof + 2]
+    wx, wy, wz = state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5]
+    arm = v["sphere_radius"] + sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+    moved = model.dt * (sqrt(vx * vx + vy * vy + vz * vz) + arm * sqrt(wx * wx + wy * wy + wz * wz))
+    scratch.clearance[i] -= moved
+    scratch.horizon[i] -= moved
+
+
+@inlined
+def _clearance(i: int, model: Model, state: State, scratch: Scratch) -> float:
+    v = model.vehicles[i]
+    radius = v["sphere_radius"]
+    x, y, z = _centre(i, model, state)
+    least = min(scratch.horizon[i], _height(i, model, state))
+    for k in range(scratch.nearby_count[i]):
+        s = scratch.nearby[i, k]
+        if model.shapes.vehicle[s] < 0:
+            centre = state.shape_position[s]
+            distance = _distance(
+                int(model.shapes.kind[s]),
+                model.shapes.size[s],
+                state.shape_rotation[s],
+                x - centre[0],
+                y - centre[1],
+                z - centre[2],
+            )
+            least = min(least, distance - radius)
+    for j in range(model.vehicles.shape[0]):
+        if j != i:
+            ox, oy, oz = _centre(j, model, state)
+            dx, dy, dz = ox - x, oy - y, oz - z
+            apart = sqrt(dx * dx + dy * dy + dz * dz) - radius - model.vehicles[j]["sphere_radius"]
+            least = min(least, 0.5 * apart)  # both may move
+    return least
+
+
+@inlined
+def _centre(i: int, model: Model, state: State) -> Vector:
+    """Centre of the sphere around vehicle i in the map."""
+    v = model.vehicles[i]
+    qpos, c = v["qpos"], v["sphere_centre"]
+    x, y, z = rotated(rotation_at(state.qpos, qpos + 3), c[0], c[1], c[2])
+    return float(state.qpos[qpos]) + x, float(state.qpos[qpos + 1]) + y, float(state.qpos[qpos + 2]) + z
+
+
+@inlined
+def _height(i: int, model: Model, state: State) -> float:
+    """Height of the chassis of vehicle i above the floor [m]."""
+    v = model.vehicles[i]
+    qpos, low, high = v["qpos"], v["chassis_low"], v["chassis_high"]
+    _, _, _, _, _, _, r20, r21, r22 = rotation_at(state.qpos, qpos + 3)
+    return (
+        state.qpos[qpos + 2]
+        + min(r20 * low[0], r20 * high[0])
+        + min(r21 * low[1], r21 * high[1])
+        + min(r22 * low[2], r22 * high[2])
+    )
+
+
+@inlined
+def _distance(kind: int, size: Floats, m: Floats, dx: float, dy: float, dz: float) -> float:
+    """Distance [m] of a point to a shape with the rotation matrix `m`; d is from the shape's centre, map axes."""
+    x, y, z = (
+        abs(m[0] * dx + m[3] * dy + m[6] * dz),
+        abs(m[1] * dx + m[4] * dy + m[7] * dz),
+        abs(m[2] * dx + m[5] * dy + m[8] * dz),
+    )
+    if kind == BOX:
+        x, y, z = max(0.0, x - size[0]), max(0.0, y - size[1]), max(0.0, z - size[2])
+    elif kind == CYLINDER:
+        x, y, z = max(0.0, sqrt(x * x + y * y) - size[0]), 0.0, max(0.0, z - size[1])
+    else:
+        return sqrt(x * x + y * y + z * z) - size[0]
+    return sqrt(x * x + y * y + z * z)
