@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Iterator
@@ -247,9 +248,14 @@ def test_a_refused_request_raises(bridge: Bridge) -> None:
 
 def test_another_scenario_has_its_own_vehicles(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
     assert bridge.request(LoadScenario("two_cars"))
+
+    def is_in_the_tree(frame: str) -> bool:
+        with contextlib.suppress(KeyError):
+            return tree(node).pose("map", frame).shape == (4, 4)
+        return False
+
+    wait_until(lambda: is_in_the_tree("nigel_2/lidar"))
     wait_until(lambda: "autodrive/nigel_2/odom" in node.messages)
-    frames = tree(node)
-    assert frames.pose("map", "nigel_2/lidar").shape == (4, 4)
     node.send("nigel_2/throttle_command", data=1.0)
     wait_until(lambda: simulation.frame.vehicles["V2"].throttle == 1.0)
     assert bridge.request(LoadScenario("mini_map"))
@@ -295,13 +301,13 @@ def test_devkit_messages_are_published_with_the_values_of_the_frame(simulation: 
         vehicle = frame.vehicles["V1"]
         ips, lever = f"{root}/ips", PROFILES[profile].origin
         expected = vehicle.pose.position + rotate(vehicle.pose.orientation, lever)
+        truth = matrix(vehicle.pose.position, np.roll(vehicle.pose.orientation, -1))
         wait_until(lambda: vector(node.last(ips)) == pytest.approx(expected, abs=1e-3))
+        wait_until(lambda: tree(node).pose("map", "base_link") == pytest.approx(truth, abs=2e-3))  # published later
         assert node.last(f"{root}/throttle")["data"] == pytest.approx(vehicle.throttle, abs=1e-3)
         assert node.last(f"{root}/imu")["angular_velocity"]["z"] == pytest.approx(
             vehicle.imu.angular_velocity[2], abs=2e-3
         )
-        truth = matrix(vehicle.pose.position, np.roll(vehicle.pose.orientation, -1))
-        assert tree(node).pose("map", "base_link") == pytest.approx(truth, abs=2e-3)
         message = vehicle.lidar
         assert message is not None
         assert node.last(f"{root}/lidar")["ranges"] == pytest.approx(message.ranges, rel=1e-6)
