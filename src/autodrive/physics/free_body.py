@@ -6,10 +6,11 @@ Vectors are in map axes unless it is said otherwise.
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import sqrt
 from typing import Any
 
 from autodrive.arrays import Floats
+from autodrive.elementary import cos, sin
 from autodrive.jit import inlined
 from autodrive.state import State
 from autodrive.transforms import Rotation, Vector, rotation_from_quaternion

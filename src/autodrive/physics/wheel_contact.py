@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import sqrt
 
 from autodrive.arrays import Floats
+from autodrive.elementary import cos, sin
 from autodrive.jit import inlined
 from autodrive.model import BOX, Model
 from autodrive.physics.buffers import Scratch

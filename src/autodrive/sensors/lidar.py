@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from autodrive.arrays import Floats
+from autodrive.elementary import cos, sin
 from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
 from autodrive.protocol.messages import LidarScan
@@ -95,7 +96,7 @@ class Lidar(Sensor[LidarScan]):
         self._spec = spec
         self._mount = spec.mount.position, spec.mount.orientation
         angles = spec.angle_min + spec.angle_increment * np.arange(spec.rays)
-        self._directions = np.stack([np.cos(angles), np.sin(angles)])
+        self._directions = np.array([[turn(angle) for angle in angles.tolist()] for turn in (cos, sin)])
         self._inverse_range = np.zeros(spec.rays)
         self._constants = _constants(spec)
         # a fan is cast from right to left and reversed afterwards if the index increases to the right

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from autodrive.arrays import Floats
+from autodrive.elementary import cos, sin
 from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
 from autodrive.physics.grid import shapes_near
@@ -100,7 +101,7 @@ def directions(field_of_view: float, rings: int) -> Floats:
         polar = 0.5 * field_of_view * ring / rings
         for k in range(8 * ring):
             azimuth = 2.0 * math.pi * k / (8 * ring)
-            rays.append((math.cos(polar), math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth)))
+            rays.append((cos(polar), sin(polar) * cos(azimuth), sin(polar) * sin(azimuth)))
     return np.array(rays)
 
 

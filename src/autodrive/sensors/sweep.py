@@ -92,7 +92,8 @@ def _cast(
     kind, size = shapes.kind, shapes.size
     near = np.empty(len(kind), np.int64)
     # the sensor is at most the length of its lever away from the vehicle's origin, which moves on a line
-    way = math.hypot(position[0] - position_before[0], position[1] - position_before[1])
+    dx, dy = position[0] - position_before[0], position[1] - position_before[1]
+    way = math.sqrt(dx * dx + dy * dy)
     reach = range_max + way + math.sqrt(mount_position[0] ** 2 + mount_position[1] ** 2 + mount_position[2] ** 2)
     found = shapes_near(shapes, position[0], position[1], reach, near)
     for i in range(first, last):

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from autodrive.arrays import Floats
+from autodrive.elementary import exp
 from autodrive.model import BOX, VEHICLE, WHEEL, Table
 from autodrive.physics.engine import Engine, Geom
 from autodrive.transforms import rotation_from_quaternion
@@ -85,7 +86,7 @@ def _set_wheels(rows: Table, spec: VehicleSpec) -> None:
     wheel = spec.wheels
     for field in ("radius", "damping_rate", "force_height"):
         rows[field] = getattr(wheel, field)
-    rows["inertia"] = 0.5 * wheel.mass * wheel.radius**2
+    rows["inertia"] = 0.5 * wheel.mass * wheel.radius * wheel.radius
 
 
 def _set_suspension(rows: Table, spec: VehicleSpec, dt: float) -> None:
@@ -106,25 +107,28 @@ def _set_tyres(rows: Table, spec: VehicleSpec, grip: float, dt: float) -> None:
         rows[field] = getattr(regular, field)
     # a quarter of the mass on each spring; the frequency is limited to what the substep can follow
     frequency = 2.0 * math.pi * min(regular.hold_frequency, 0.04 / dt)
-    rows["hold_stiffness"] = spec.body.mass / 4 * frequency**2
+    rows["hold_stiffness"] = spec.body.mass / 4 * frequency * frequency
     rows["hold_damping"] = 2.0 * HOLD_DAMPING_RATIO * spec.body.mass / 4 * frequency
 
 
 def _response(time_constant: float, dt: float) -> float:
     """Fraction of the difference to its target that a first-order lag covers in one step."""
-    return 1.0 - math.exp(-dt / time_constant) if time_constant > 0.0 else 1.0
+    return 1.0 - exp(-dt / time_constant) if time_constant > 0.0 else 1.0
 
 
 def sprung_masses(spec: VehicleSpec) -> Floats:
     """Mass on the spring of each wheel [kg], shape (4,).
 
-    They sum to the mass of the vehicle, balance about its centre of mass, and differ as little as possible (PhysX,
-    PxVehicleComputeSprungMasses).
+    They sum to the mass M of the vehicle, balance about its centre of mass x, y, and differ as little as possible
+    (PhysX, PxVehicleComputeSprungMasses): the least squares solution m = A^T (A A^T)^-1 b of A m = b, where A has a row
+    of ones, a row of the hubs' x and one of their y, and b = M (1, x, y). With the hubs at 0 or the wheelbase L and at
+    +-T/2 of the track T, measured from their centre, the rows are perpendicular to each other, with the squares 4, L^2
+    and T^2. So m_i = M / 4 + (+-L/2) M (x - L/2) / L^2 + (+-T/2) M y / T^2, as below.
     """
-    hubs = np.array(spec.hubs)
     x, y, _ = spec.body.center_of_mass
-    balance = np.stack([np.ones(4), hubs[:, 0], hubs[:, 1]])
-    return np.asarray(np.linalg.lstsq(balance, spec.body.mass * np.array([1.0, x, y]), rcond=None)[0], np.float64)
+    front, left = x / spec.wheelbase, y / spec.track
+    shares = (front + left, front - left, 1.0 - front + left, 1.0 - front - left)
+    return 0.5 * spec.body.mass * np.array(shares)
 
 
 def effective_masses(spec: VehicleSpec) -> Floats:
@@ -132,9 +136,12 @@ def effective_masses(spec: VehicleSpec) -> Floats:
 
     1 / (1/m + (r x d) . I^-1 (r x d)) for a unit force d at r from the centre of mass (Featherstone (2.74)).
     """
-    r = np.array(spec.hubs) - [0.0, 0.0, spec.wheels.radius] - np.array(spec.body.center_of_mass)
-    inverse = [
-        1.0 / spec.body.mass + np.sum(np.cross(r, d) ** 2 / np.array(spec.body.inertia), axis=1)
-        for d in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
-    ]
-    return 0.25 / np.max(inverse, axis=0)
+    ix, iy, iz = spec.body.inertia
+    masses = []
+    for hub in spec.hubs:
+        x, y, z = (a - b for a, b in zip(hub, spec.body.center_of_mass, strict=True))
+        z -= spec.wheels.radius
+        # r x d is (0, z, -y) for d along x and (-z, 0, x) along y
+        inverse = 1.0 / spec.body.mass + max(z * z / iy + y * y / iz, z * z / ix + x * x / iz)
+        masses.append(0.25 / inverse)
+    return np.array(masses)
