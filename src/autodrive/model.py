@@ -5,6 +5,8 @@ A table is a structured array: one row for each vehicle or wheel, one named colu
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -144,3 +146,28 @@ class Model(NamedTuple):
     wheels: Table
     """Columns `WHEEL`, shape (4 n,)."""
     shapes: Shapes
+
+
+def model_digest(model: Model) -> str:
+    """SHA-256 of all parameters with their names, types and shapes, in hexadecimal.
+
+    Two models have the same digest only if all their parameters have the same bits. Recordings and caches name it.
+    """
+    digest = hashlib.sha256()
+    for name, column in _parameters("model", model):
+        little = np.ascontiguousarray(column, column.dtype.newbyteorder("<"))
+        digest.update(f"{name} {little.dtype.str} {little.shape}\n".encode())
+        digest.update(little.tobytes())
+    return digest.hexdigest()
+
+
+def _parameters(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Each column with its full name; the bytes between the columns of a table have no meaning."""
+    if isinstance(value, tuple):
+        for field in value._fields:  # pyright: ignore[reportAttributeAccessIssue]
+            yield from _parameters(f"{name}.{field}", getattr(value, field))
+    elif isinstance(value, np.ndarray) and value.dtype.names:
+        for column in value.dtype.names:
+            yield f"{name}.{column}", value[column]
+    else:
+        yield name, np.asarray(value)
