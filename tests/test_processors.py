@@ -1,0 +1,167 @@
+"""Model, State and Frames have the same bits on all processors.
+
+The libraries choose code for the processor; their settings select the code of another one. Nothing calls them where
+numbers become parameters, states or readings, except MuJoCo (see docs/determinism.md).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import platform
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numba.core.caching import NullCache
+from numpy._core._multiarray_umath import (  # pyright: ignore[reportMissingImports]
+    __cpu_dispatch__,  # pyright: ignore[reportAttributeAccessIssue]
+    __cpu_features__,  # pyright: ignore[reportAttributeAccessIssue]
+)
+
+import autodrive
+from autodrive.jit import jit_uncounted
+from autodrive.model import model_digest
+from autodrive.physics.tick import advance
+from autodrive.protocol.messages import Command
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.sensors.settings import SensorSettings
+from autodrive.world import World
+from tests.support.cars import car_file
+from tests.support.frames import bytes_of
+
+ROOT = Path(__file__).parent.parent
+TICKS = 300
+NOISY = {name: SensorSettings(noise="strong") for name in ("encoders", "ips", "imu", "lidar")}
+IS_X86 = platform.machine() in {"x86_64", "AMD64"}
+OLDER_C_LIBRARY = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2"}
+
+SETTINGS: dict[str, dict[str, str]] = {
+    "OpenBLAS for Prescott": {"OPENBLAS_CORETYPE": "Prescott"},
+    "OpenBLAS for Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
+    "OpenBLAS for SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX"},
+    "the C library without FMA and AVX2": OLDER_C_LIBRARY,
+    "numpy without dispatched features": {
+        "NPY_DISABLE_CPU_FEATURES": " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name])
+    },
+}
+
+
+def slalom(folder: Path) -> World:
+    """Two cars that touch nothing; the second has a rolling LIDAR, a tilted IMU and a range sensor."""
+    second = car_file(
+        folder,
+        {
+            "sensors.lidar.is_rolling": True,
+            "sensors.imu.mount": {"position": [0.1, 0.02, 0.05], "rotation_deg": [3.0, -5.0, 17.0]},
+            "sensors.range": {"mount": {"position": [0.2, 0.0, 0.1], "rotation_deg": [0.0, 0.0, 11.0]}},
+        },
+    )
+    vehicles = {
+        "V1": VehiclePlacement(x=-1.1, y=-0.15, sensors=NOISY),
+        "V2": VehiclePlacement(x=0.5, y=-0.15, yaw_deg=3.0, type=second, has_realistic_sensors=True),
+    }
+    return autodrive.make(ScenarioSpec(map="tiny_town", vehicles=vehicles, seed=5))
+
+
+def drive(tick: int) -> dict[str, Command]:
+    """Full lock to both sides, at two speeds; no function of a library."""
+    side = abs(tick % 80 - 40) / 20.0 - 1.0
+    return {"V1": Command(throttle=0.5, steering=side), "V2": Command(throttle=0.3, steering=-side)}
+
+
+def film(folder: Path, ticks: int = TICKS) -> dict[str, str]:
+    """Digests of the Model, of all States and of all Frames of a drive."""
+    world = slalom(folder)
+    states, frames = hashlib.sha256(), hashlib.sha256()
+    for tick in range(ticks):
+        frame = world.step(drive(tick))
+        assert not any(vehicle.collision_count for vehicle in frame.vehicles.values())
+        for part in bytes_of(frame):
+            frames.update(part)
+        for column in world._compiled.state:
+            states.update(column.tobytes())
+    return {
+        "model": model_digest(world._compiled.model),
+        "state": states.hexdigest(),
+        "frames": frames.hexdigest(),
+    }
+
+
+def sines() -> str:
+    """Digest of results of the C library."""
+    return hashlib.sha256(np.array([math.sin(0.001 * i) for i in range(10_000)]).tobytes()).hexdigest()
+
+
+def under(settings: dict[str, str], call: str) -> Any:
+    """What a call of a function of this module returns in a new process with these settings."""
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in {key for one in SETTINGS.values() for key in one}
+    }
+    program = f"import json, sys, pathlib; from tests.test_processors import *; print(json.dumps({call}))"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program],
+        cwd=ROOT,
+        env={**kept, **settings},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@cache
+def usual(call: str) -> Any:
+    return under({}, call)
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SETTINGS)
+def test_the_code_of_another_processor_gives_the_same_bits(name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    call = f"film(pathlib.Path({str(tmp_path_factory.getbasetemp())!r}))"
+    assert under(SETTINGS[name], call) == usual(call)
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_machine_code_for_any_processor_gives_the_same_bits(tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    call = f"film(pathlib.Path({str(folder)!r}), 60)"
+    generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(folder / "generic")}
+    assert under(generic, call) == usual(call)
+
+
+@pytest.mark.process
+def test_the_settings_change_the_results_of_the_c_library() -> None:
+    has_variants = IS_X86 and platform.libc_ver()[0] == "glibc" and __cpu_features__["FMA3"]
+    assert (under(OLDER_C_LIBRARY, "sines()") != usual("sines()")) == has_variants
+
+
+@pytest.mark.slow
+def test_the_compiled_tick_neither_contracts_operations_nor_calls_functions_of_the_c_library(tmp_path: Path) -> None:
+    world = slalom(tmp_path)
+    world.step()
+    compiled: Any = advance
+    fresh: Any = jit_uncounted(compiled.py_func)
+    fresh._cache = NullCache()  # code from the cache cannot be inspected
+    for signature in compiled.signatures:
+        fresh.compile(signature)
+        code = fresh.inspect_llvm(signature)
+        assert "mj_step2" in code
+        assert re.findall(r"llvm\.fma|llvm\.fmuladd|= f\w+ (?:fast|contract|reassoc)\b.*", code) == []
+        called = set(re.findall(r"call[^@\n]*@\"?([\w.]+)", code))
+        assert {name for name in called if re.match(r"(llvm\.)?(a?sin|a?cos|a?tan|exp|log|pow|hypot)", name)} == set()
+        if IS_X86:
+            assert re.findall(r"vfn?m(?:add|sub)\w*", fresh.inspect_asm(signature)) == []
