@@ -22,7 +22,7 @@ from autodrive.cache import PACKAGE, check_writable, write_file
 from autodrive.cameras.process import CameraProcess
 from autodrive.cameras.rig import camera_rig
 from autodrive.cameras.shared_memory import FileMemory
-from autodrive.cli import generate, messages
+from autodrive.cli import generate, messages, preview
 from autodrive.compile import Compiled
 from autodrive.errors import AutodriveError, EngineError
 from autodrive.meshes import store
@@ -115,8 +115,9 @@ def disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Path,
 
 @pytest.mark.parametrize("module", COMMANDS)
 def test_a_command_that_cannot_write_is_one_line_and_leaves_the_old_files(
-    module: str, disk: tuple[Path, str], gl: str
+    module: str, disk: tuple[Path, str], gl: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(preview, "SIZE", (320, 200))
     folder, reason = disk
     before = contents(folder)
     arguments, _ = COMMANDS[module]
