@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from autodrive.actuators.lights import lit_lamps
-from autodrive.arrays import Floats, read_only_copy
+from autodrive.arrays import Floats, Integers, read_only_copy
 from autodrive.compile import Compiled
 from autodrive.controls import VehicleControls
 from autodrive.protocol.messages import Event, Frame, Lights, ObjectFrame, Pose, VehicleFrame, WheelsReading
-from autodrive.sensors import feedback
-from autodrive.state import State
+from autodrive.state import State, numbers, places
 from autodrive.units import RPM
 
 REVERSE_SPEED = -0.05 * RPM
@@ -23,10 +22,12 @@ class FrameBuilder:
     """Builds the Frames of one world; each Frame has copies of the State, which later ticks do not change."""
 
     def __init__(self, compiled: Compiled) -> None:
-        self._state = compiled.state
+        self._numbers = numbers(compiled.state)
+        self._qpos = compiled.state.qpos
         self._sensors = compiled.sensors
         self._objects = compiled.objects
-        self._wheels = [_wheel_views(compiled.state, i) for i in range(len(compiled.vehicles))]
+        where = places(compiled.state)
+        self._places = [_places_of(where, i) for i in range(len(compiled.vehicles))]
         self._blink_ticks = [
             (name, vehicle.lights.blink_period, compiled.spec.tick) for name, vehicle in compiled.vehicles.items()
         ]
@@ -51,7 +52,7 @@ class FrameBuilder:
                 )
                 for i, (name, period, duration) in enumerate(self._blink_ticks)
             },
-            objects={name: ObjectFrame(_pose(self._state.qpos, start)) for name, start in self._objects.items()},
+            objects={name: ObjectFrame(_pose(self._qpos, start)) for name, start in self._objects.items()},
             events=events,
             scene_light=scene_light,
             time_of_day=time_of_day,
@@ -61,53 +62,59 @@ class FrameBuilder:
         self, i: int, name: str, controls: VehicleControls, blinks: float, collision_count: int
     ) -> VehicleFrame:
         """`blinks`: periods of the indicators since they were switched on."""
-        state = self._state
+        values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
+        values.setflags(write=False)
+        throttle, steering = values[:2].tolist()
+        wheels = WheelsReading(*values[WHEELS].reshape(-1, 4))
         return VehicleFrame(
-            pose=Pose(read_only_copy(state.vehicle_position[i]), read_only_copy(state.vehicle_orientation[i])),
-            velocity=read_only_copy(state.vehicle_velocity[i]),
-            angular_velocity=read_only_copy(state.vehicle_angular_velocity[i]),
-            throttle=feedback.throttle(state, i),
-            steering=feedback.steering(state, i),
-            lights=_lights(state, i, controls, blinks),
-            wheels=_wheels_reading(self._wheels[i]),
+            pose=Pose(values[POSITION], values[ORIENTATION]),
+            velocity=values[VELOCITY],
+            angular_velocity=values[ANGULAR_VELOCITY],
+            throttle=throttle,
+            steering=steering,
+            lights=_lights(throttle, wheels, controls, blinks),
+            wheels=wheels,
             is_autonomous=controls.is_autonomous,
             collision_count=collision_count,
             **self._sensors[name].readings(),
         )
 
 
-def _lights(state: State, i: int, controls: VehicleControls, blinks: float) -> Lights:
-    rear = state.wheel_angular_velocity[4 * i + 2] + state.wheel_angular_velocity[4 * i + 3]
+POSITION, ORIENTATION, VELOCITY, ANGULAR_VELOCITY = slice(2, 5), slice(5, 9), slice(9, 12), slice(12, 15)
+WHEELS = slice(15, 43)
+"""Where the parts of a vehicle are in `_places_of`; throttle and steering come first."""
+
+
+def _places_of(where: State, i: int) -> Integers:
+    """Where the numbers of vehicle i are; throttle and steering are virtual sensors (report, tables 2 and 3)."""
+    wheels = slice(4 * i, 4 * i + 4)
+    parts = (
+        where.throttle[i : i + 1],
+        where.steering_angle[i : i + 1],
+        where.vehicle_position[i],
+        where.vehicle_orientation[i],
+        where.vehicle_velocity[i],
+        where.vehicle_angular_velocity[i],
+        where.wheel_steering_angle[wheels],
+        where.wheel_rotation[wheels],
+        where.wheel_angular_velocity[wheels],
+        where.wheel_compression[wheels],
+        where.wheel_normal_load[wheels],
+        where.wheel_slip_ratio[wheels],
+        where.wheel_slip_angle[wheels],
+    )
+    return np.concatenate(parts).astype(np.int64)
+
+
+def _lights(throttle: float, wheels: WheelsReading, controls: VehicleControls, blinks: float) -> Lights:
+    rear_left, rear_right = wheels.angular_velocity[2:].tolist()
     return lit_lamps(
         controls.headlights,
         controls.indicators,
         blinks % 1.0,
-        is_braking=state.throttle[i] == 0.0,
-        is_reversing=bool(state.throttle[i] < 0.0 or 0.5 * rear < REVERSE_SPEED),
+        is_braking=throttle == 0.0,
+        is_reversing=throttle < 0.0 or 0.5 * (rear_left + rear_right) < REVERSE_SPEED,
     )
-
-
-def _wheel_views(state: State, i: int) -> list[Floats]:
-    """What a `WheelsReading` holds, in its order, as views of the State."""
-    wheels = slice(4 * i, 4 * i + 4)
-    return [
-        column[wheels]
-        for column in (
-            state.wheel_steering_angle,
-            state.wheel_rotation,
-            state.wheel_angular_velocity,
-            state.wheel_compression,
-            state.wheel_normal_load,
-            state.wheel_slip_ratio,
-            state.wheel_slip_angle,
-        )
-    ]
-
-
-def _wheels_reading(views: list[Floats]) -> WheelsReading:
-    values = np.concatenate(views).reshape(-1, 4)  # one copy: seven small ones take longer than all the rest
-    values.setflags(write=False)
-    return WheelsReading(*values)
 
 
 def _pose(qpos: Floats, start: int) -> Pose:

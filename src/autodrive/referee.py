@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from autodrive.arrays import Floats
-from autodrive.jit import jit
+from autodrive.jit import jit, resolved
 from autodrive.model import Model, Table
 from autodrive.physics.buffers import VehicleContacts
 from autodrive.protocol.messages import BackOnRoad, Collision, Event, OffRoad
@@ -29,6 +29,7 @@ class Referee:
         self._owners = list(owners)
         self._edges = drivable_edges
         self._separation_ticks = SEPARATION * ticks_per_second
+        self._any_wheel_outside: Callable[..., bool] | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -79,9 +80,10 @@ class Referee:
     def _road(self, time: float, model: Model, state: State) -> list[Event]:
         events: list[Event] = []
         for i, name in enumerate(self._names):
-            off = bool(
-                any_wheel_outside(self._edges, model.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i])
-            )
+            arguments = self._edges, model.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
+            if self._any_wheel_outside is None:
+                self._any_wheel_outside = resolved(any_wheel_outside, *arguments)
+            off = bool(self._any_wheel_outside(*arguments))
             if off != self._is_off_road[i]:
                 self._is_off_road[i] = off
                 place = state.vehicle_position[i].copy()

@@ -6,9 +6,12 @@ vehicle, in the order of `protocol.messages.WHEEL_NAMES`), `n_body` of movable b
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autodrive.arrays import Floats
 from autodrive.model import Model
@@ -103,7 +106,31 @@ def empty_state(model: Model, n_body: int) -> State:
         "shape_position": (n_shape, 3),
         "shape_rotation": (n_shape, 9),
     }
-    return State(**{name: np.zeros(widths.get(name, (4 * n,))) for name in State._fields})
+    shapes = [widths.get(name, (4 * n,)) for name in State._fields]
+    return _columns(np.zeros(sum(math.prod(shape) for shape in shapes)), shapes)
+
+
+def copied(state: State) -> State:
+    """A copy, of a State that `empty_state` has made or of such a copy."""
+    return _columns(numbers(state).copy(), [column.shape for column in state])
+
+
+def numbers(state: State) -> Floats:
+    """All numbers of such a State, column after column: the memory of its columns, shape (n_number,)."""
+    flat = state.qpos.base
+    assert flat is not None
+    return flat
+
+
+def places(state: State) -> State:
+    """In place of each number of such a State, its index in `numbers`."""
+    return _columns(np.arange(len(numbers(state))), [column.shape for column in state])
+
+
+def _columns(flat: NDArray[Any], shapes: Sequence[tuple[int, ...]]) -> State:
+    """Columns of these shapes that share the memory of `flat`."""
+    ends = np.cumsum([math.prod(shape) for shape in shapes]).tolist()
+    return State(*(flat[end - math.prod(shape) : end].reshape(shape) for end, shape in zip(ends, shapes, strict=True)))
 
 
 class VehicleView:

@@ -34,7 +34,7 @@ SPEC = ScenarioSpec(
 )
 
 STEPS = 50
-EXAMPLES = cases(4, 1200)
+EXAMPLES = cases(4, 1500)
 """Of `STEPS` calls each."""
 
 NAMES = st.sampled_from(["V1", "V2", "box", "V9", "", "v1", None, 7, [], ("V1",), b"V1", "V1\0", "x" * 1000])

@@ -1,4 +1,4 @@
-"""Encoders, IPS, IMU and actuator feedback compared with closed forms."""
+"""Encoders, IPS and IMU compared with closed forms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from autodrive.arrays import Floats
 from autodrive.protocol.messages import EncoderReading, ImuReading
-from autodrive.sensors import feedback
 from autodrive.sensors.encoder import Encoders, EncoderSpec
 from autodrive.sensors.imu import Imu, ImuSpec
 from autodrive.sensors.ips import Ips, IpsSpec
@@ -145,8 +144,3 @@ def test_specific_force_includes_gravity_and_acceleration_does_not() -> None:
     assert not measure(ImuSpec(), **tilted).linear_acceleration.any()
     felt = measure(ImuSpec(measures_specific_force=True), **tilted).linear_acceleration
     np.testing.assert_allclose(felt, (-GRAVITY * math.sin(pitch), 0.0, GRAVITY * math.cos(pitch)), atol=CLOSE)
-
-
-def test_feedback_is_the_state_of_the_actuators() -> None:
-    state = state_of(vehicles=2, throttle=[0.1, -0.2], steering_angle=[0.3, -0.4])
-    assert (feedback.throttle(state, 1), feedback.steering(state, 1)) == (-0.2, -0.4)

@@ -7,6 +7,7 @@ colliders that the floor stops. Wheels stand on the ground by their suspension, 
 from __future__ import annotations
 
 from math import sqrt
+from typing import Any
 
 from autodrive.arrays import Floats
 from autodrive.jit import inlined
@@ -28,7 +29,7 @@ MARGIN = 1.0e-4
 def find_nearby(i: int, model: Model, state: State, scratch: Scratch, duration: float) -> None:
     """Lists the shapes that vehicle i can touch, or stand on with a wheel, in the next `duration` [s]."""
     v = model.vehicles[i]
-    x, y, z = _centre(i, model, state)
+    x, y, z = _centre(v, state.qpos)
     dof = v["dof"]
     vx, vy, vz = state.qvel[dof], state.qvel[dof + 1], state.qvel[dof + 2]
     scratch.horizon[i] = HORIZON + 2.0 * duration * sqrt(vx * vx + vy * vy + vz * vz)
@@ -51,33 +52,32 @@ def find_nearby(i: int, model: Model, state: State, scratch: Scratch, duration: 
 
 
 @inlined
-def can_touch(i: int, model: Model, state: State, scratch: Scratch) -> bool:
-    """Whether vehicle i may touch something now. After `find_nearby`, and `note_motion` for each substep since."""
-    if scratch.clearance[i] > MARGIN:
-        return False
-    scratch.clearance[i] = _clearance(i, model, state, scratch)
-    return scratch.clearance[i] <= MARGIN
+def can_any_touch(model: Model, state: State, scratch: Scratch) -> bool:
+    """Whether a vehicle may touch something now. After `find_nearby`, and `path` for each substep since."""
+    touching = False
+    for i in range(model.vehicles.shape[0]):
+        if scratch.clearance[i] <= MARGIN:
+            scratch.clearance[i] = _clearance(i, model, state, scratch)
+            touching = touching or scratch.clearance[i] <= MARGIN
+    return touching
 
 
 @inlined
-def note_motion(i: int, model: Model, state: State, scratch: Scratch) -> None:
-    """Subtracts from the clearance how far any point of vehicle i can have moved in the last substep."""
-    v = model.vehicles[i]
+def path(v: Any, qvel: Floats, dt: float) -> float:
+    """How far any point of a vehicle can have moved in the last substep [m]; it reduces clearance and horizon."""
     dof, c = v["dof"], v["sphere_centre"]
-    vx, vy, vz = state.qvel[dof], state.qvel[dof + 1], state.qvel[dof + 2]
-    wx, wy, wz = state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5]
+    vx, vy, vz = qvel[dof], qvel[dof + 1], qvel[dof + 2]
+    wx, wy, wz = qvel[dof + 3], qvel[dof + 4], qvel[dof + 5]
     arm = v["sphere_radius"] + sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
-    moved = model.dt * (sqrt(vx * vx + vy * vy + vz * vz) + arm * sqrt(wx * wx + wy * wy + wz * wz))
-    scratch.clearance[i] -= moved
-    scratch.horizon[i] -= moved
+    return dt * (sqrt(vx * vx + vy * vy + vz * vz) + arm * sqrt(wx * wx + wy * wy + wz * wz))
 
 
 @inlined
 def _clearance(i: int, model: Model, state: State, scratch: Scratch) -> float:
     v = model.vehicles[i]
     radius = v["sphere_radius"]
-    x, y, z = _centre(i, model, state)
-    least = min(scratch.horizon[i], _height(i, model, state))
+    x, y, z = _centre(v, state.qpos)
+    least = min(scratch.horizon[i], _height(v, state.qpos))
     for k in range(scratch.nearby_count[i]):
         s = scratch.nearby[i, k]
         if model.shapes.vehicle[s] < 0:
@@ -93,7 +93,7 @@ def _clearance(i: int, model: Model, state: State, scratch: Scratch) -> float:
             least = min(least, distance - radius)
     for j in range(model.vehicles.shape[0]):
         if j != i:
-            ox, oy, oz = _centre(j, model, state)
+            ox, oy, oz = _centre(model.vehicles[j], state.qpos)
             dx, dy, dz = ox - x, oy - y, oz - z
             apart = sqrt(dx * dx + dy * dy + dz * dz) - radius - model.vehicles[j]["sphere_radius"]
             least = min(least, 0.5 * apart)  # both may move
@@ -101,22 +101,20 @@ def _clearance(i: int, model: Model, state: State, scratch: Scratch) -> float:
 
 
 @inlined
-def _centre(i: int, model: Model, state: State) -> Vector:
-    """Centre of the sphere around vehicle i in the map."""
-    v = model.vehicles[i]
-    qpos, c = v["qpos"], v["sphere_centre"]
-    x, y, z = rotated(rotation_at(state.qpos, qpos + 3), c[0], c[1], c[2])
-    return float(state.qpos[qpos]) + x, float(state.qpos[qpos + 1]) + y, float(state.qpos[qpos + 2]) + z
+def _centre(v: Any, q: Floats) -> Vector:
+    """Centre of the sphere around a vehicle in the map; `q` is `State.qpos`."""
+    at, c = v["qpos"], v["sphere_centre"]
+    x, y, z = rotated(rotation_at(q, at + 3), c[0], c[1], c[2])
+    return float(q[at]) + x, float(q[at + 1]) + y, float(q[at + 2]) + z
 
 
 @inlined
-def _height(i: int, model: Model, state: State) -> float:
-    """Height of the chassis of vehicle i above the floor [m]."""
-    v = model.vehicles[i]
-    qpos, low, high = v["qpos"], v["chassis_low"], v["chassis_high"]
-    _, _, _, _, _, _, r20, r21, r22 = rotation_at(state.qpos, qpos + 3)
+def _height(v: Any, q: Floats) -> float:
+    """Height of the chassis of a vehicle above the floor [m]; `q` is `State.qpos`."""
+    at, low, high = v["qpos"], v["chassis_low"], v["chassis_high"]
+    _, _, _, _, _, _, r20, r21, r22 = rotation_at(q, at + 3)
     return (
-        state.qpos[qpos + 2]
+        q[at + 2]
         + min(r20 * low[0], r20 * high[0])
         + min(r21 * low[1], r21 * high[1])
         + min(r22 * low[2], r22 * high[2])

@@ -75,16 +75,19 @@ def apply_force(
 
 
 @inlined
-def step_free_body(v: Any, rotation: Rotation, gravity: float, dt: float, applied: Floats, state: State) -> None:
+def step_free_body(
+    v: Any, rotation: Rotation, gravity: float, dt: float, applied: Floats, q: Floats, velocity: Floats, change: Floats
+) -> None:
     """Moves a vehicle by one substep under `applied` and gravity: the engine's equations without contacts.
 
     Newton and Euler about the centre of mass (Featherstone (2.60)); semi-implicit Euler as in MuJoCo: the new velocity
-    moves the pose, and the quaternion turns by the exponential of the new angular velocity.
+    moves the pose, and the quaternion turns by the exponential of the new angular velocity. `q`, `velocity` and
+    `change` are `State.qpos`, `qvel` and `qacc`.
     """
     qpos, dof = v["qpos"], v["dof"]
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
     c, inertia = v["center_of_mass"], v["inertia"]
-    wx, wy, wz = state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5]
+    wx, wy, wz = velocity[dof + 3], velocity[dof + 4], velocity[dof + 5]
     fx, fy, fz = applied[dof], applied[dof + 1], applied[dof + 2]
     bx, by, bz = r00 * fx + r10 * fy + r20 * fz, r01 * fx + r11 * fy + r21 * fz, r02 * fx + r12 * fy + r22 * fz
     # torque about the centre of mass, without the gyroscopic part; body axes
@@ -101,25 +104,25 @@ def step_free_body(v: Any, rotation: Rotation, gravity: float, dt: float, applie
     gx = fx / mass + r00 * px + r01 * py + r02 * pz
     gy = fy / mass + r10 * px + r11 * py + r12 * pz
     gz = fz / mass - gravity + r20 * px + r21 * py + r22 * pz
-    state.qacc[dof], state.qacc[dof + 1], state.qacc[dof + 2] = gx, gy, gz
-    state.qacc[dof + 3], state.qacc[dof + 4], state.qacc[dof + 5] = ax, ay, az
-    state.qvel[dof] += dt * gx
-    state.qvel[dof + 1] += dt * gy
-    state.qvel[dof + 2] += dt * gz
+    change[dof], change[dof + 1], change[dof + 2] = gx, gy, gz
+    change[dof + 3], change[dof + 4], change[dof + 5] = ax, ay, az
+    velocity[dof] += dt * gx
+    velocity[dof + 1] += dt * gy
+    velocity[dof + 2] += dt * gz
     wx, wy, wz = wx + dt * ax, wy + dt * ay, wz + dt * az
-    state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5] = wx, wy, wz
+    velocity[dof + 3], velocity[dof + 4], velocity[dof + 5] = wx, wy, wz
     for axis in range(3):
-        state.qpos[qpos + axis] += dt * state.qvel[dof + axis]
+        q[qpos + axis] += dt * velocity[dof + axis]
     speed = sqrt(wx * wx + wy * wy + wz * wz)
     half = 0.5 * dt * speed
     k = sin(half) / speed if speed > 1e-12 else 0.5 * dt
     w, x, y, z = cos(half), k * wx, k * wy, k * wz
     at = qpos + 3
-    q0, q1, q2, q3 = state.qpos[at], state.qpos[at + 1], state.qpos[at + 2], state.qpos[at + 3]
+    q0, q1, q2, q3 = q[at], q[at + 1], q[at + 2], q[at + 3]
     n0 = q0 * w - q1 * x - q2 * y - q3 * z
     n1 = q0 * x + q1 * w + q2 * z - q3 * y
     n2 = q0 * y - q1 * z + q2 * w + q3 * x
     n3 = q0 * z + q1 * y - q2 * x + q3 * w
     length = sqrt(n0 * n0 + n1 * n1 + n2 * n2 + n3 * n3)
-    state.qpos[at], state.qpos[at + 1] = n0 / length, n1 / length
-    state.qpos[at + 2], state.qpos[at + 3] = n2 / length, n3 / length
+    q[at], q[at + 1] = n0 / length, n1 / length
+    q[at + 2], q[at + 3] = n2 / length, n3 / length

@@ -15,7 +15,7 @@ from autodrive.arrays import Floats
 from autodrive.jit import inlined, jit_uncounted
 from autodrive.model import Model
 from autodrive.physics.buffers import Scratch, VehicleContacts
-from autodrive.physics.clearance import can_touch, find_nearby, note_motion
+from autodrive.physics.clearance import can_any_touch, find_nearby, path
 from autodrive.physics.engine import (
     AWAKE,
     Views,
@@ -30,6 +30,7 @@ from autodrive.physics.formulas import drive_level, steered
 from autodrive.physics.free_body import rotation_at, step_free_body
 from autodrive.physics.vehicle_forces import apply_forces
 from autodrive.state import State
+from autodrive.transforms import Vector
 
 UNSOUND = 1.0e9
 """A position, velocity or force this large means that the simulation has diverged."""
@@ -56,7 +57,7 @@ def advance(
     n = model.vehicles.shape[0]
     duration = substeps * model.dt
     scratch.applied[:] = 0.0
-    if has_diverged(views) or not _is_sound(state, scratch):
+    if has_diverged(views) or not _is_sound(state.qpos, state.qvel, scratch.applied):
         return False
     for i in range(n):
         find_nearby(i, model, state, scratch, duration)
@@ -64,7 +65,7 @@ def advance(
             state.vehicle_acceleration[i, axis] = 0.0
             # the angular acceleration is the difference over the tick
             state.vehicle_angular_acceleration[i, axis] = -state.vehicle_angular_velocity[i, axis]
-    needs_engine = always_engine or _is_any_object_awake(n, state)
+    needs_engine = always_engine or _is_any_awake(state.asleep, n)
     is_loaded = False
     for k in range(first, first + substeps):
         scratch.applied[:] = 0.0
@@ -74,9 +75,9 @@ def advance(
             apply_forces(i, rotation_at(state.qpos, v["qpos"] + 3), model, state, scratch)
             for axis in range(3):
                 scratch.velocity[i, axis] = state.qvel[v["dof"] + axis]
-        if not _is_sound(state, scratch):
+        if not _is_sound(state.qpos, state.qvel, scratch.applied):
             return False
-        needs_engine = needs_engine or _can_any_touch(n, model, state, scratch)
+        needs_engine = needs_engine or can_any_touch(model, state, scratch)
         if needs_engine:
             if not is_loaded:
                 load(state, views)
@@ -86,11 +87,19 @@ def advance(
             for i in range(n):
                 v = model.vehicles[i]
                 rotation = rotation_at(state.qpos, v["qpos"] + 3)
-                step_free_body(v, rotation, model.gravity, model.dt, scratch.applied, state)
-                _limit_angular_velocity(v, state)
-                note_motion(i, model, state, scratch)
+                step_free_body(
+                    v, rotation, model.gravity, model.dt, scratch.applied, state.qpos, state.qvel, state.qacc
+                )
+                _limit_angular_velocity(v, state.qvel)
+                way = path(v, state.qvel, model.dt)
+                scratch.clearance[i] -= way
+                scratch.horizon[i] -= way
         for i in range(n):
-            _accumulate_acceleration(i, model, state, scratch, 1.0 / duration)
+            v = model.vehicles[i]
+            x, y, z = _acceleration(v, state.qpos, state.qvel, scratch.velocity[i], 1.0 / duration)
+            state.vehicle_acceleration[i, 0] += x
+            state.vehicle_acceleration[i, 1] += y
+            state.vehicle_acceleration[i, 2] += z
     if needs_engine:
         for k in range(state.qacc.shape[0]):
             state.qacc[k] = views.warmstart[k]
@@ -146,21 +155,12 @@ def _move_shapes(model: Model, state: State) -> None:
 
 
 @inlined
-def _is_any_object_awake(n: int, state: State) -> bool:
+def _is_any_awake(asleep: Floats, n: int) -> bool:
     """Whether the engine has to move a body that is not one of the `n` vehicles, which come last."""
-    for b in range(state.asleep.shape[0] - n):  # noqa: SIM110 (Numba makes no generators)
-        if state.asleep[b] < 0.0:
+    for b in range(asleep.shape[0] - n):  # noqa: SIM110 (Numba makes no generators)
+        if asleep[b] < 0.0:
             return True
     return False
-
-
-@inlined
-def _can_any_touch(n: int, model: Model, state: State, scratch: Scratch) -> bool:
-    touching = False
-    for i in range(n):
-        if can_touch(i, model, state, scratch):
-            touching = True
-    return touching
 
 
 @inlined
@@ -176,7 +176,7 @@ def _step_engine(model: Model, state: State, views: Views, contacts: VehicleCont
         state.qvel[k] = views.qvel[k]
     for i in range(model.vehicles.shape[0]):
         v = model.vehicles[i]
-        _limit_angular_velocity(v, state)
+        _limit_angular_velocity(v, state.qvel)
         for axis in range(3, 6):
             views.qvel[v["dof"] + axis] = state.qvel[v["dof"] + axis]
     mj_step1(views.model, views.data)
@@ -199,40 +199,40 @@ def _actuate(i: int, model: Model, state: State, throttle: float, steering: floa
 
 
 @inlined
-def _is_sound(state: State, scratch: Scratch) -> bool:
+def _is_sound(qpos: Floats, qvel: Floats, applied: Floats) -> bool:
     """Whether state and forces are finite and small enough to continue."""
-    for k in range(state.qpos.shape[0]):
-        if not abs(state.qpos[k]) < UNSOUND:
+    for k in range(qpos.shape[0]):
+        if not abs(qpos[k]) < UNSOUND:
             return False
-    for k in range(state.qvel.shape[0]):  # noqa: SIM110 (Numba makes no generators)
-        if not abs(state.qvel[k]) + abs(scratch.applied[k]) < UNSOUND:
+    for k in range(qvel.shape[0]):  # noqa: SIM110 (Numba makes no generators)
+        if not abs(qvel[k]) + abs(applied[k]) < UNSOUND:
             return False
     return True
 
 
 @inlined
-def _limit_angular_velocity(v: Any, state: State) -> None:
+def _limit_angular_velocity(v: Any, qvel: Floats) -> None:
     """Unity's limit of a rigid body's angular velocity."""
     dof = v["dof"]
-    x, y, z = state.qvel[dof + 3], state.qvel[dof + 4], state.qvel[dof + 5]
+    x, y, z = qvel[dof + 3], qvel[dof + 4], qvel[dof + 5]
     speed = sqrt(x * x + y * y + z * z)
     if speed > v["angular_velocity_max"]:
         for axis in range(3):
-            state.qvel[dof + 3 + axis] *= v["angular_velocity_max"] / speed
+            qvel[dof + 3 + axis] *= v["angular_velocity_max"] / speed
 
 
 @inlined
-def _accumulate_acceleration(i: int, model: Model, state: State, scratch: Scratch, share: float) -> None:
-    """Adds the mean acceleration of this substep in the current vehicle axes, as an accelerometer measures it."""
-    v = model.vehicles[i]
-    qpos, dof = v["qpos"], v["dof"]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(state.qpos, qpos + 3)
-    x = (state.qvel[dof] - scratch.velocity[i, 0]) * share
-    y = (state.qvel[dof + 1] - scratch.velocity[i, 1]) * share
-    z = (state.qvel[dof + 2] - scratch.velocity[i, 2]) * share
-    state.vehicle_acceleration[i, 0] += r00 * x + r10 * y + r20 * z
-    state.vehicle_acceleration[i, 1] += r01 * x + r11 * y + r21 * z
-    state.vehicle_acceleration[i, 2] += r02 * x + r12 * y + r22 * z
+def _acceleration(v: Any, q: Floats, velocity: Floats, before: Floats, share: float) -> Vector:
+    """Change of a vehicle's velocity in this substep, times `share`, in the current vehicle axes (accelerometer).
+
+    `q` and `velocity` are `State.qpos` and `qvel`; `before` is the velocity at the start of the substep, map axes.
+    """
+    dof = v["dof"]
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_at(q, v["qpos"] + 3)
+    x = (velocity[dof] - before[0]) * share
+    y = (velocity[dof + 1] - before[1]) * share
+    z = (velocity[dof + 2] - before[2]) * share
+    return r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z
 
 
 @inlined

@@ -16,6 +16,7 @@ from autodrive.physics.formulas import (
     drive_target,
     drive_torque_limit,
     motor_torque,
+    not_zero,
     relaxed,
     slip_angle,
     slip_ratio_denominator,
@@ -50,6 +51,7 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
         v_long = contact["longitudinal_velocity"]
         spin = state.wheel_angular_velocity[row]
         ratio, slip_speed = _slip(wheel, spin, v_long, (is_braking and wheel["is_braked"]) or wheel["is_driven"])
+        contact["lateral_velocity"] = not_zero(contact["lateral_velocity"])
         angle_of_slip = slip_angle(contact["lateral_velocity"], v_long, wheel["slip_angle_offset"])
         fx, _ = _tyre_force(wheel, ratio, angle_of_slip, contact["load"])
         coasting, gain = coasting_spin(
@@ -89,7 +91,7 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
 def _slip(wheel: Any, spin: float, longitudinal_velocity: float, is_active: bool) -> tuple[float, float]:
     """Slip ratio, and speed of the tread over the ground [m/s]."""
     tread = wheel["radius"] * spin
-    slip_speed = tread - longitudinal_velocity
+    slip_speed = not_zero(tread - longitudinal_velocity)
     denominator = slip_ratio_denominator(
         longitudinal_velocity, tread, is_active, wheel["active_slip_offset"], wheel["passive_slip_minimum"]
     )

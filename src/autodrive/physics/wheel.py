@@ -60,6 +60,14 @@ def suspension_force(
     return max(Real(0.0), spring + damping * compression_speed + stop)
 
 
+def not_zero(speed: Real) -> Real:
+    """The speed [m/s], or 1e-30 m/s instead of 0: the stiffness of a tyre, force / slip speed, then has its limit.
+
+    Otherwise a rounding error of the speed would decide whether a tyre at rest is stiff.
+    """
+    return speed if speed != Real(0.0) else Real(1.0e-30)
+
+
 def slip_ratio_denominator(
     longitudinal_velocity: Real,
     tread_speed: Real,

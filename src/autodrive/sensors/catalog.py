@@ -47,7 +47,7 @@ class SensorSuite:
         """
         self._vehicle = vehicle
         self._name = name
-        self._substep = substep
+        self._ratio = substep.numerator, substep.denominator
         specs: dict[str, Any] = {sensor: its for sensor, its in spec if its is not None}
         self._settings = {sensor: (its, sensor in frozen) for sensor, its in specs.items()}
         self._sensors: dict[str, Sensor[Any]] = {
@@ -66,7 +66,8 @@ class SensorSuite:
 
     def sample(self, shapes: Shapes, state: State, substeps: int) -> None:
         """Sample the sensors that are due at `substeps` since reset; call it at 0 and after each tick."""
-        time = substeps * self._substep.numerator / self._substep.denominator
+        numerator, denominator = self._ratio
+        time = substeps * numerator / denominator
         for sensor, schedule in zip(self._sensors.values(), self._schedules, strict=True):
             if schedule is None or schedule.is_due(substeps, self._sampled_at):
                 sensor.latest = sensor.sample(shapes, state, self._vehicle, time)
@@ -75,7 +76,8 @@ class SensorSuite:
     def continue_from(self, before: SensorSuite, seed: int, shapes: Shapes, state: State, substeps: int) -> None:
         """Continue the sensors of another suite that have the same settings; start the others at `substeps`."""
         self.reset(seed)
-        time = substeps * self._substep.numerator / self._substep.denominator
+        numerator, denominator = self._ratio
+        time = substeps * numerator / denominator
         for name, sensor in self._sensors.items():
             if before._settings.get(name) == self._settings[name]:
                 sensor.restore(before._sensors[name].save())

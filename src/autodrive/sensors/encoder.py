@@ -38,11 +38,14 @@ class Encoders(Sensor[EncoderReading]):
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> EncoderReading:
         """Counts and angles since reset."""
-        angles = state.wheel_rotation[4 * vehicle + REAR_LEFT : 4 * vehicle + REAR_LEFT + 2].copy()
+        angles = state.wheel_rotation[4 * vehicle + REAR_LEFT : 4 * vehicle + REAR_LEFT + 2]
         if self._noise is not None:
+            angles = angles.copy()
             self._noise.add(angles, time)
-        ticks = (angles * self._ticks_per_radian).astype(np.int64)  # rounds toward zero
-        angles = ticks / self._ticks_per_radian
-        angles.setflags(write=False)
+        left, right = angles.tolist()
+        counts = int(left * self._ticks_per_radian), int(right * self._ticks_per_radian)  # rounds toward zero
+        ticks = np.array(counts)
+        angles = np.array((counts[0] / self._ticks_per_radian, counts[1] / self._ticks_per_radian))
         ticks.setflags(write=False)
+        angles.setflags(write=False)
         return EncoderReading(time, ticks, angles)

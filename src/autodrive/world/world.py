@@ -23,7 +23,7 @@ from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is
 from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import Command, Event, Frame
 from autodrive.referee import Referee
-from autodrive.state import BODY_COLUMNS, State, VehicleView
+from autodrive.state import BODY_COLUMNS, State, VehicleView, copied, numbers
 from autodrive.transforms import Quaternion, Vector, quaternion_from_yaw
 from autodrive.world.light import SceneLight
 from autodrive.world.poses import Poses
@@ -72,10 +72,11 @@ class World(OneThread):
         self._start: Floats = compiled.engine.start
         """`State.qpos` after a reset."""
         self._substeps = compiled.spec.substeps
-        self._tick_length = Fraction(str(compiled.spec.tick))
+        tick = Fraction(str(compiled.spec.tick))
+        self._tick_ratio = tick.numerator, tick.denominator
         self._controls = Controls(
             {name: placement.is_autonomous for name, placement in compiled.spec.vehicles.items()},
-            timeout=math.floor(Fraction(str(compiled.spec.command_timeout)) / self._tick_length),
+            timeout=math.floor(Fraction(str(compiled.spec.command_timeout)) / tick),
         )
         self._referee = Referee(
             self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
@@ -169,8 +170,7 @@ class World(OneThread):
             self._seed = int(seed)
         c = self._compiled
         c.engine.forget_warnings()
-        for column in c.state:
-            column[:] = 0.0
+        numbers(c.state)[:] = 0.0
         c.state.qpos[:] = self._start
         fixed = c.model.shapes.n_fixed
         c.state.shape_position[:fixed] = c.model.shapes.position[:fixed]
@@ -193,7 +193,8 @@ class World(OneThread):
     @property
     def time(self) -> float:
         """Simulated time since the reset [s]."""
-        return self._tick * self._tick_length.numerator / self._tick_length.denominator
+        numerator, denominator = self._tick_ratio
+        return self._tick * numerator / denominator
 
     # -- changes between ticks -----------------------------------------------------------------------------------
 
@@ -317,7 +318,7 @@ class World(OneThread):
             contents="",
             tick=self._tick,
             seed=self._seed,
-            state=State(*(column.copy() for column in c.state)),
+            state=copied(c.state),
             referee=self._referee.save(),
             sensors={name: sensors.save() for name, sensors in c.sensors.items()},
             cameras=self._cameras and self._cameras.save(),
