@@ -302,7 +302,7 @@ def test_devkit_messages_are_published_with_the_values_of_the_frame(simulation: 
         ips, lever = f"{root}/ips", PROFILES[profile].origin
         expected = vehicle.pose.position + rotate(vehicle.pose.orientation, lever)
         truth = matrix(vehicle.pose.position, np.roll(vehicle.pose.orientation, -1))
-        wait_until(lambda: vector(node.last(ips)) == pytest.approx(expected, abs=1e-3))
+        wait_until(lambda: ips in node.messages and vector(node.last(ips)) == pytest.approx(expected, abs=1e-3))
         wait_until(lambda: tree(node).pose("map", "base_link") == pytest.approx(truth, abs=2e-3))  # published later
         assert node.last(f"{root}/throttle")["data"] == pytest.approx(vehicle.throttle, abs=1e-3)
         assert node.last(f"{root}/imu")["angular_velocity"]["z"] == pytest.approx(

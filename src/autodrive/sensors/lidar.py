@@ -91,7 +91,7 @@ class Lidar(Sensor[LidarScan]):
     """Casts a whole scan at one instant."""
 
     def __init__(self, spec: LidarSpec) -> None:
-        self._noise = None if spec.noise == LidarNoise() else LidarErrors(spec.noise, spec.rays)
+        self._noise = None if spec.noise == LidarNoise() else LidarErrors(spec.noise)
         super().__init__(self._noise)
         self._spec = spec
         self._mount = spec.mount.position, spec.mount.orientation

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from autodrive.arrays import Floats
 from autodrive.jit import jit
 from autodrive.sensors.noise import Deviation
+from autodrive.sensors.random_stream import Stream, new_stream, normal, uniform
 from autodrive.specs import Spec
 
 
@@ -46,32 +47,28 @@ class LidarNoise(Spec):
 class LidarErrors:
     """Noise source of one LIDAR."""
 
-    def __init__(self, spec: LidarNoise, rays: int) -> None:
+    def __init__(self, spec: LidarNoise) -> None:
         self._figures = spec.sigma, spec.relative_sigma, spec.step, spec.dropout
         self._scale_sigma = spec.scale
         self._scale = 1.0
-        self._normals = np.empty(rays)
-        self._uniforms = np.empty(rays)
-        self._rng = np.random.default_rng()
+        self._stream = new_stream(np.random.default_rng())
 
     def reset(self, rng: np.random.Generator) -> None:
         """Use a new random stream and draw the scale error."""
-        self._rng = rng
-        self._scale = 1.0 + self._scale_sigma * rng.standard_normal()
+        self._stream = new_stream(rng)
+        self._scale = 1.0 + self._scale_sigma * normal(self._stream)
 
     def measure(self, inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
         """Write the ranges [m] that the sensor reports, shape (n_ray,)."""
-        self._rng.standard_normal(out=self._normals)
-        self._rng.random(out=self._uniforms)
-        _measure(inverse_range, self._scale, self._normals, self._uniforms, self._figures, range_min, range_max, ranges)
+        _measure(inverse_range, self._scale, self._stream, self._figures, range_min, range_max, ranges)
 
     def save(self) -> Any:
         """The scale error and the state of the random stream."""
-        return self._scale, self._rng.bit_generator.state
+        return self._scale, self._stream.copy()
 
     def restore(self, saved: Any) -> None:
         """Set the state that `save` returned."""
-        self._scale, self._rng.bit_generator.state = saved
+        self._scale, self._stream[:] = saved
 
 
 @jit
@@ -86,8 +83,7 @@ def classify(distance: float, range_min: float, range_max: float) -> float:
 def _measure(
     inverse_range: Floats,
     scale: float,
-    normals: Floats,
-    uniforms: Floats,
+    stream: Stream,
     figures: tuple[float, float, float, float],
     range_min: float,
     range_max: float,
@@ -95,13 +91,14 @@ def _measure(
 ) -> None:
     sigma, relative_sigma, step, dropout = figures
     for i in range(len(ranges)):
-        if uniforms[i] < dropout or inverse_range[i] == 0.0:
+        is_lost, error = uniform(stream) < dropout, normal(stream)
+        if is_lost or inverse_range[i] == 0.0:
             ranges[i] = math.inf
             continue
         true = 1.0 / inverse_range[i]
         deviation = relative_sigma * true
         deviation = math.sqrt(sigma * sigma + deviation * deviation)
-        distance = true * scale + deviation * normals[i]
+        distance = true * scale + deviation * error
         if step > 0.0:
             distance = step * np.round(distance / step)
         ranges[i] = classify(distance, range_min, range_max)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
 from autodrive.arrays import Floats
-from autodrive.jit import jit
+from autodrive.jit import jit, resolved
+from autodrive.sensors.random_stream import Stream, new_stream, normal
 from autodrive.specs import Spec
 
 Deviation: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
@@ -40,9 +42,9 @@ class Noise:
         """Each argument: the noise of a quantity, and its number of channels."""
         self._spec = np.array([(s.sigma, s.offset, s.walk, s.step) for s, count in channels for _ in range(count)])
         self._bias = np.zeros(len(self._spec))
-        self._normals = np.empty((2, len(self._spec)))
         self._time = 0.0
-        self._rng = np.random.default_rng()
+        self._stream = new_stream(np.random.default_rng())
+        self._compiled: Callable[..., None] | None = None
 
     @classmethod
     def of(cls, *channels: tuple[NoiseSpec, int]) -> Noise | None:
@@ -51,32 +53,34 @@ class Noise:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Draw new offsets."""
-        self._rng = rng
+        self._stream = new_stream(rng)
         self._time = 0.0
-        self._bias[:] = self._spec[:, 1] * rng.standard_normal(len(self._spec))
+        for i, offset in enumerate(self._spec[:, 1].tolist()):
+            self._bias[i] = offset * normal(self._stream)
 
     def add(self, values: Floats, time: float) -> None:
         """Add the noise at `time` [s] to the true values, shape (n,), in place."""
-        self._rng.standard_normal(out=self._normals)
-        _corrupt(values, self._spec, self._bias, self._normals, max(time - self._time, 0.0))
+        arguments = values, self._spec, self._bias, self._stream, max(time - self._time, 0.0)
+        if self._compiled is None:
+            self._compiled = resolved(_corrupt, *arguments)
+        self._compiled(*arguments)
         self._time = time
 
     def save(self) -> Any:
         """The bias, its time, and the state of the random stream."""
-        return self._bias.copy(), self._time, self._rng.bit_generator.state
+        return self._bias.copy(), self._time, self._stream.copy()
 
     def restore(self, saved: Any) -> None:
         """Set the state that `save` returned."""
         bias, self._time, stream = saved
-        self._bias[:] = bias
-        self._rng.bit_generator.state = stream
+        self._bias[:], self._stream[:] = bias, stream
 
 
 @jit
-def _corrupt(values: Floats, spec: Floats, bias: Floats, normals: Floats, elapsed: float) -> None:
+def _corrupt(values: Floats, spec: Floats, bias: Floats, stream: Stream, elapsed: float) -> None:
     for i in range(len(values)):
         sigma, walk, step = spec[i, 0], spec[i, 2], spec[i, 3]
-        bias[i] += walk * np.sqrt(elapsed) * normals[0, i]
-        values[i] += bias[i] + sigma * normals[1, i]
+        bias[i] += walk * np.sqrt(elapsed) * normal(stream)
+        values[i] += bias[i] + sigma * normal(stream)
         if step > 0.0:
             values[i] = step * np.round(values[i] / step)

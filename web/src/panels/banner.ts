@@ -1,4 +1,4 @@
-// The message in the toolbar while there is no connection (the page keeps the last image) or the physics cannot go on.
+// The message in the toolbar while there is no connection (the page keeps the last image) or the physics cannot continue.
 import { type Actions, sentence } from '../actions'
 import type { Store } from '../store'
 import { h, setText } from './element'
