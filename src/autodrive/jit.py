@@ -80,7 +80,7 @@ def resolved(function: Function, *arguments: Any) -> Function:
 def compiling(progress: Callable[[str], None]) -> Iterator[None]:
     """Calls `progress` with the name of each function that is compiled inside the `with` block.
 
-    Nothing is called if all functions are in the cache. The first run on a machine compiles for about 20 s.
+    Nothing is called if all functions are in the cache. The first run on a machine compiles for 20 to 70 s.
     """
     with event.install_listener("numba:compile", _Compilations(progress)):
         yield

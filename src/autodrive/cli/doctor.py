@@ -128,7 +128,7 @@ def _data() -> Check:
 
 
 def _cache() -> Check:
-    """Cache of compiled code; without it every start compiles for about 20 s."""
+    """Cache of compiled code; without it every start compiles for 20 to 70 s."""
     try:
         from autodrive import jit
 

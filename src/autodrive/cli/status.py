@@ -46,7 +46,7 @@ class StatusDisplay(RunObserver):
 
     def compiled(self, function: str) -> None:  # noqa: D102
         if not self._compiled:
-            self._console.print("compiling the physics for this machine: about 20 s, only at the first start")
+            self._console.print("compiling the physics for this machine: 20 to 70 s, only at the first start")
         self._compiled += 1
         share = min(1.0, self._compiled / COMPILED_FUNCTIONS)
         bar = "█" * round(30 * share) + "░" * (30 - round(30 * share))

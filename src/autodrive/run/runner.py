@@ -99,7 +99,7 @@ class RunObserver:
     """Called during a run, in the thread of `simulate`; a subclass overrides what it needs."""
 
     def compiled(self, function: str) -> None:
-        """A function was compiled; the first start on a machine compiles several dozen in about 20 s."""
+        """A function was compiled; the first start on a machine compiles more than a hundred in 20 to 70 s."""
 
     def started(self, run: Run) -> None:
         """The world is loaded and the page is served; time starts after this call."""
