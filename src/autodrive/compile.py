@@ -98,7 +98,11 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
         dt=spec.substep,
         gravity=spec.gravity,
         vehicles=vehicle_table(vehicles, engine, geoms, spec.substep),
-        wheels=wheel_table(vehicles, map_.ground.grip, spec.substep),
+        wheels=wheel_table(
+            [*vehicles.values()],
+            [map_.ground.grip * placement.grip_factor for placement in spec.vehicles.values()],
+            spec.substep,
+        ),
         shapes=shapes,
     )
     geom_vehicle = np.array([body_vehicle.get(body, -1) for body in engine.geom_bodies], dtype=np.int64)
@@ -178,7 +182,7 @@ def _load(spec: ScenarioSpec, source: Source) -> tuple[Map | None, dict[str, Veh
         if isinstance(vehicle, SpecError):
             add(source.at("vehicles", name, "type"), vehicle.errors, vehicle.path)
         else:
-            vehicles[name] = vehicle
+            vehicles[name] = vehicle.with_mass_factor(placement.mass_factor)
     return map_, vehicles, errors
 
 
@@ -270,7 +274,11 @@ def _configured(
         own = spec.vehicles[name]
         try:
             configured[name] = configured_sensors(
-                vehicle.sensors, vehicle.cameras, own.sensors, is_realistic=own.has_realistic_sensors
+                vehicle.sensors,
+                vehicle.cameras,
+                own.sensors,
+                is_realistic=own.has_realistic_sensors,
+                noise_factor=own.noise_factor,
             )
         except SpecError as error:
             errors += [f"vehicles.{name}.sensors.{one}" for one in error.errors]

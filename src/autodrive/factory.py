@@ -33,7 +33,7 @@ def make(
     `engine`: "auto" calls the contact engine only while something may touch; "always" calls it in every substep, which
     is slower and differs in the last bits only.
     """
-    spec, text = _spec(scenario)
+    spec, text = read_scenario(scenario)
     if seed is not None:
         check_seed(seed)
         spec = spec.model_copy(update={"seed": int(seed)})
@@ -41,7 +41,7 @@ def make(
     return World(compiled, _camera_backend(compiled, cameras), engine=engine)
 
 
-def _spec(scenario: str | Path | ScenarioSpec) -> tuple[ScenarioSpec, Source | None]:
+def read_scenario(scenario: str | Path | ScenarioSpec) -> tuple[ScenarioSpec, Source | None]:
     """The Spec, and the text that it comes from, if any."""
     if isinstance(scenario, ScenarioSpec):
         return scenario, None

@@ -28,6 +28,7 @@ def columns(**types: Any) -> np.dtype[Any]:
 VEHICLE = columns(
     qpos=np.int64,  # index of its position and quaternion in `State.qpos`
     dof=np.int64,  # index of its velocity in `State.qvel`
+    body=np.int64,  # number of its body in the engine
     mass=np.float64,  # [kg]
     inertia=(np.float64, 3),  # about the centre of mass, vehicle axes [kg m^2]
     center_of_mass=(np.float64, 3),  # in the vehicle frame [m]

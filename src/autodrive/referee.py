@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from autodrive.arrays import Floats
 from autodrive.jit import jit, resolved
 from autodrive.model import Model, Table
@@ -95,17 +93,32 @@ class Referee:
 @jit
 def any_wheel_outside(edges: Floats, wheels: Table, vehicle: int, position: Floats, orientation: Floats) -> bool:
     """Whether a wheel of the vehicle is outside the polygons whose edges are x0, y0, x1, y1, shape (n, 4)."""
-    x, y = np.empty(4), np.empty(4)
-    inside = np.zeros(4, np.bool_)
-    for w in range(4):
-        hub_x, hub_y, _ = rotate(orientation, wheels[4 * vehicle + w]["hub"])
-        x[w], y[w] = hub_x + position[0], hub_y + position[1]
-    low, high = y.min(), y.max()
+    xa, ya = _above(wheels[4 * vehicle]["hub"], position, orientation)
+    xb, yb = _above(wheels[4 * vehicle + 1]["hub"], position, orientation)
+    xc, yc = _above(wheels[4 * vehicle + 2]["hub"], position, orientation)
+    xd, yd = _above(wheels[4 * vehicle + 3]["hub"], position, orientation)
+    a = b = c = d = False
+    low, high = min(ya, yb, yc, yd), max(ya, yb, yc, yd)
     for e in range(edges.shape[0]):
-        x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-        if max(y0, y1) < low or min(y0, y1) > high:
+        edge = edges[e]
+        if max(edge[1], edge[3]) < low or min(edge[1], edge[3]) > high:
             continue  # most edges are outside the range of y of the wheels
-        for w in range(4):
-            if (y0 > y[w]) != (y1 > y[w]) and x[w] < x0 + (y[w] - y0) / (y1 - y0) * (x1 - x0):
-                inside[w] = not inside[w]
-    return not inside.all()
+        a ^= _is_left_of(edge, xa, ya)
+        b ^= _is_left_of(edge, xb, yb)
+        c ^= _is_left_of(edge, xc, yc)
+        d ^= _is_left_of(edge, xd, yd)
+    return not (a and b and c and d)
+
+
+@jit
+def _above(hub: Floats, position: Floats, orientation: Floats) -> tuple[float, float]:
+    """Where a wheel is, seen from above [m]."""
+    x, y, _ = rotate(orientation, hub)
+    return x + position[0], y + position[1]
+
+
+@jit
+def _is_left_of(edge: Floats, x: float, y: float) -> bool:
+    """Whether a point is on the side of -x of an edge, within the edge's range of y."""
+    x0, y0, x1, y1 = edge[0], edge[1], edge[2], edge[3]
+    return (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)

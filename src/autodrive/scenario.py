@@ -36,6 +36,12 @@ class VehiclePlacement(Spec):
     """True: the sensors have the noise of their data sheets instead of that of the vehicle's file."""
     is_autonomous: bool = True
     """Driving mode at the start: a script (True) or a person (False) drives."""
+    mass_factor: float = Field(default=1.0, ge=0.1, le=10.0)
+    """Multiplies mass and moments of inertia of the vehicle's file."""
+    grip_factor: float = Field(default=1.0, ge=0.01, le=10.0)
+    """Multiplies the friction of its tyres."""
+    noise_factor: float = Field(default=1.0, ge=0.0, le=100.0)
+    """Multiplies the standard deviations of the noise of all its sensors; resolutions stay."""
     sensors: dict[str, SensorSettings] = Field(default_factory=dict)
     """Settings by name of a sensor ('encoders', 'ips', 'imu', 'lidar', 'range') or camera, instead of the file's."""
 

@@ -40,9 +40,9 @@ LAYERS: list[tuple[str, set[str]]] = [
     ("renderer", {"render"}),
     ("descriptions", {"vehicles", "maps", "scenario"}),
     ("appearance", {"meshes"}),
-    ("the tick", {"cameras", "compile", "controls", "referee", "frames", "world", "factory", "editing"}),
+    ("the tick", {"cameras", "compile", "controls", "referee", "frames", "world", "factory", "editing", "batch"}),
     ("time", {"simulation"}),
-    ("edges", {"server", "bridge", "recording", "envs", "batch", "racing", "campaigns"}),
+    ("edges", {"server", "bridge", "recording", "envs", "racing", "campaigns"}),
     ("a run", {"run", "testing"}),
     ("command line", {"cli"}),
 ]

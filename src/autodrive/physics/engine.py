@@ -13,6 +13,7 @@ import ctypes
 import functools
 import hashlib
 from collections.abc import Callable, Iterable
+from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,7 @@ from autodrive.arrays import Floats, Integers
 from autodrive.errors import EngineError
 from autodrive.installation import mujoco_error, mujoco_fix
 from autodrive.jit import inlined
+from autodrive.model import Model
 from autodrive.state import State
 
 if _error := mujoco_error():
@@ -66,6 +68,8 @@ mj_position = _external("mj_fwdPosition", _library.mj_fwdPosition, types.intp, t
 """(mjModel*, mjData*): the part of `mj_step1` that depends on positions."""
 mj_update_sleep = _external("mj_updateSleep", _library.mj_updateSleep, types.intp, types.intp)
 """(mjModel*, mjData*): derives the lists of bodies that are awake from `tree_asleep`."""
+mj_set_constants = _external("mj_setConst", _library.mj_setConst, types.intp, types.intp)
+"""(mjModel*, mjData*): derives the constants of the model from its masses; the data are undefined afterwards."""
 mj_contact_force = _external(
     "mj_contactForce", _library.mj_contactForce, types.intp, types.intp, types.int32, types.intp
 )
@@ -81,6 +85,10 @@ class Views(NamedTuple):
     """Address of mjModel."""
     data: int
     """Address of mjData."""
+    mass: Floats
+    """Of each of the engine's bodies [kg]."""
+    inertia: Floats
+    """About the principal axes of each of these bodies [kg m^2], shape (n, 3)."""
     qpos: Floats
     """As `State.qpos`; likewise the next three."""
     qvel: Floats
@@ -134,9 +142,19 @@ AWAKE = -11
 
 
 @inlined
-def load(state: State, views: Views) -> None:
-    """Brings the engine to the state of the bodies. What follows depends on that state alone."""
+def load(model: Model, state: State, views: Views) -> None:
+    """Brings the engine to the vehicles' masses and the bodies' state. What follows depends on these alone."""
     is_loaded = True
+    for i in range(model.vehicles.shape[0]):
+        v = model.vehicles[i]
+        body = v["body"]
+        if views.mass[body] != v["mass"] or views.inertia[body, 0] != v["inertia"][0]:
+            is_loaded = False
+            views.mass[body] = v["mass"]
+            for axis in range(3):
+                views.inertia[body, axis] = v["inertia"][axis]
+    if not is_loaded:
+        mj_set_constants(views.model, views.data)
     for k in range(state.qpos.shape[0]):
         if state.qpos[k] != views.qpos[k]:
             is_loaded = False
@@ -187,6 +205,14 @@ class Engine:
         self.identity = hashlib.sha256(f"{VERSION} {mjcf}".encode()).hexdigest()
         """The same for engines whose saved data fit each other."""
 
+    def copy(self) -> Engine:
+        """Another engine for the same bodies, at the start; two threads can use the two at once."""
+        other = copy(self)
+        other.model = copy(self.model)
+        other.data = mujoco.MjData(other.model)
+        mujoco.mj_forward(other.model, other.data)
+        return other
+
     def body(self, name: str) -> tuple[int, int, int]:
         """Number of a free body, and its indices in qpos and qvel."""
         body = self.model.body(name)
@@ -227,8 +253,13 @@ class Engine:
             )
         return found
 
-    def overlapping(self, depth: float = 0.001) -> list[tuple[int, int]]:
-        """Pairs of geoms that overlap by more than `depth` [m]."""
+    def overlapping(self, qpos: Floats | None = None, depth: float = 0.001) -> list[tuple[int, int]]:
+        """Pairs of geoms that overlap by more than `depth` [m]: now, or if the bodies were placed at `qpos`."""
+        if qpos is not None:
+            self.data.tree_asleep[:] = AWAKE
+            _library.mj_updateSleep(*(ctypes.c_void_p(one._address) for one in (self.model, self.data)))
+            self.data.qpos[:] = qpos
+            mujoco.mj_forward(self.model, self.data)
         contact = self.data.contact
         return [(int(a), int(b)) for (a, b), gap in zip(contact.geom, contact.dist, strict=True) if gap < -depth]
 
@@ -249,6 +280,8 @@ class Engine:
         return Views(
             model=self.model._address,
             data=data._address,
+            mass=self.model.body_mass,
+            inertia=self.model.body_inertia,
             qpos=data.qpos,
             qvel=data.qvel,
             warmstart=data.qacc_warmstart,

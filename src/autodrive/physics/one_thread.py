@@ -32,8 +32,9 @@ def by_one_thread(
     def guarded(self: User, *args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         if not self._in_use.acquire(False):
             raise WorldInUseError(
-                f"World.{method.__name__} was called while another thread is inside this World: let one thread at a "
-                "time use it, or use a Simulation, whose methods may be called from any thread"
+                f"{type(self).__name__}.{method.__name__} was called while another thread is inside this "
+                f"{type(self).__name__}: let one thread at a time use it, or use a Simulation, whose methods may be "
+                "called from any thread"
             )
         try:
             return method(self, *args, **kwargs)

@@ -80,7 +80,7 @@ def advance(
         needs_engine = needs_engine or can_any_touch(model, state, scratch)
         if needs_engine:
             if not is_loaded:
-                load(state, views)
+                load(model, state, views)
                 is_loaded = True
             _step_engine(model, state, views, contacts, scratch)
         else:
@@ -129,19 +129,19 @@ def observe(model: Model, state: State) -> None:
         state.vehicle_velocity[i, 0] = r00 * vx + r10 * vy + r20 * vz
         state.vehicle_velocity[i, 1] = r01 * vx + r11 * vy + r21 * vz
         state.vehicle_velocity[i, 2] = r02 * vx + r12 * vy + r22 * vz
-    _move_shapes(model, state)
+    move_shapes(model, state)
 
 
 @jit_uncounted
 def place(model: Model, state: State, views: Views) -> None:
     """Updates columns and engine after bodies were placed by hand: all bodies are awake then."""
     state.asleep[:] = AWAKE
-    load(state, views)
+    load(model, state, views)
     observe(model, state)
 
 
 @inlined
-def _move_shapes(model: Model, state: State) -> None:
+def move_shapes(model: Model, state: State) -> None:
     """Moves the shapes of movable bodies with their bodies."""
     shapes = model.shapes
     for s in range(shapes.n_fixed, shapes.kind.shape[0]):
@@ -180,7 +180,7 @@ def _step_engine(model: Model, state: State, views: Views, contacts: VehicleCont
         for axis in range(3, 6):
             views.qvel[v["dof"] + axis] = state.qvel[v["dof"] + axis]
     mj_step1(views.model, views.data)
-    _move_shapes(model, state)
+    move_shapes(model, state)
 
 
 @inlined

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from pydantic import Field
 
+from autodrive.arrays import Floats, Integers
+from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.protocol.messages import EncoderReading
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -27,6 +29,11 @@ class EncoderSpec(SensorSpec):
     noise: NoiseSpec = NoiseSpec()
     """Noise of the wheel angle [rad] before it is quantised, for example gear backlash."""
 
+    @property
+    def ticks_per_radian(self) -> float:
+        """Pulses per angle of the wheel [1/rad]."""
+        return self.pulses_per_revolution * self.gear_ratio / (2.0 * math.pi)
+
 
 class Encoders(Sensor[EncoderReading]):
     """Counts are rounded toward zero and never wrap; angles are computed from the counts."""
@@ -34,18 +41,23 @@ class Encoders(Sensor[EncoderReading]):
     def __init__(self, spec: EncoderSpec) -> None:
         self._noise = Noise.of((spec.noise, 2))
         super().__init__(self._noise)
-        self._ticks_per_radian = spec.pulses_per_revolution * spec.gear_ratio / (2.0 * math.pi)
+        self._ticks_per_radian = spec.ticks_per_radian
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> EncoderReading:
         """Counts and angles since reset."""
-        angles = state.wheel_rotation[4 * vehicle + REAR_LEFT : 4 * vehicle + REAR_LEFT + 2]
+        angles = state.wheel_rotation[4 * vehicle + REAR_LEFT : 4 * vehicle + REAR_LEFT + 2].copy()
         if self._noise is not None:
-            angles = angles.copy()
             self._noise.add(angles, time)
-        left, right = angles.tolist()
-        counts = int(left * self._ticks_per_radian), int(right * self._ticks_per_radian)  # rounds toward zero
-        ticks = np.array(counts)
-        angles = np.array((counts[0] / self._ticks_per_radian, counts[1] / self._ticks_per_radian))
+        ticks = np.empty(2, np.int64)
+        count(angles, self._ticks_per_radian, ticks)
         ticks.setflags(write=False)
         angles.setflags(write=False)
         return EncoderReading(time, ticks, angles)
+
+
+@jit
+def count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
+    """Write the counts of the wheel angles, and replace each angle [rad] by that of its count."""
+    for side in range(2):
+        ticks[side] = int(angles[side] * ticks_per_radian)  # rounds toward zero
+        angles[side] = ticks[side] / ticks_per_radian

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from autodrive.arrays import Floats
+from autodrive.arrays import Floats, Integers
 from autodrive.jit import jit
 from autodrive.model import BOX, CYLINDER, Shapes
 from autodrive.physics.grid import shapes_near
@@ -38,7 +36,8 @@ def cast_fan(
     vehicle_orientation: Floats,
     mount_position: Vector,
     mount_orientation: Quaternion,
-    directions: Floats,
+    cosines: Floats,
+    sines: Floats,
     angle_min: float,
     angle_increment: float,
     range_max: float,
@@ -46,12 +45,14 @@ def cast_fan(
     shapes: Shapes,
     shape_position: Floats,
     shape_rotation: Floats,
+    near: Integers,
     inverse_range: Floats,
 ) -> None:
     """Write the inverse range [1/m] of each ray, shape (n_ray,): 0 for no hit, infinity inside a shape.
 
-    `directions` are cos and sin of the ray angles, shape (2, n_ray); the angles start at `angle_min` and increase by
-    `angle_increment` > 0 [rad]. Shapes of `vehicle` are ignored; shapes beyond `range_max` [m] may be ignored.
+    `cosines` and `sines` are those of the ray angles, shape (n_ray,); the angles start at `angle_min` and increase by
+    `angle_increment` > 0 [rad]. Shapes of `vehicle` are ignored; shapes beyond `range_max` [m] may be ignored. `near`
+    is working memory, shape (n_shape,).
     """
     lever = rotate(vehicle_orientation, mount_position)
     px = vehicle_position[0] + lever[0]
@@ -62,10 +63,9 @@ def cast_fan(
     if pz <= 0.0:
         inverse_range[:] = math.inf  # the space below the floor is solid
         return
-    _draw_floor(directions, inverse_range, -x2 / pz, -y2 / pz)
+    _draw_floor(cosines, sines, inverse_range, -x2 / pz, -y2 / pz)
     n = len(inverse_range)
     kind, size = shapes.kind, shapes.size
-    near = np.empty(len(kind), np.int64)
     for k in range(shapes_near(shapes, px, py, range_max, near)):
         g = near[k]
         dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
@@ -109,20 +109,20 @@ def cast_fan(
             hi = min(math.floor(end * rays_per_radian), n - 1)
             if view == PARTLY:
                 for i in range(lo, hi + 1):
-                    cos, sin = directions[0, i], directions[1, i]
+                    cos, sin = cosines[i], sines[i]
                     r = (ex[0] * cos + ey[0] * sin, ex[1] * cos + ey[1] * sin, ex[2] * cos + ey[2] * sin)
                     inverse_range[i] = max(inverse_range[i], inverse_distance(int(kind[g]), s, o, r))
             elif kind[g] == BOX:
-                while lo <= hi and directions[0, lo] * k1 > directions[1, lo] * k0:
+                while lo <= hi and cosines[lo] * k1 > sines[lo] * k0:
                     lo += 1
-                while lo <= hi and directions[0, hi] * k3 < directions[1, hi] * k2:
+                while lo <= hi and cosines[hi] * k3 < sines[hi] * k2:
                     hi -= 1
                 for i in range(lo, hi + 1):
-                    cos, sin = directions[0, i], directions[1, i]
+                    cos, sin = cosines[i], sines[i]
                     inverse_range[i] = max(inverse_range[i], min(k4 * cos + k5 * sin, k6 * cos + k7 * sin))
             else:
                 for i in range(lo, hi + 1):
-                    cos, sin = directions[0, i], directions[1, i]
+                    cos, sin = cosines[i], sines[i]
                     b = k0 * cos + k1 * sin
                     m, z = k3 * cos + k4 * sin, k5 * cos + k6 * sin
                     discriminant = k2 - m * m - z * z
@@ -131,8 +131,8 @@ def cast_fan(
 
 
 @jit
-def _draw_floor(directions: Floats, inverse_range: Floats, a: float, b: float) -> None:
+def _draw_floor(cosines: Floats, sines: Floats, inverse_range: Floats, a: float, b: float) -> None:
     """Initialise the buffer with the plane z = 0."""
     for i in range(len(inverse_range)):
-        w = a * directions[0, i] + b * directions[1, i]
+        w = a * cosines[i] + b * sines[i]
         inverse_range[i] = w if w > 0.0 else 0.0  # never -0, whose inverse is -inf

@@ -103,20 +103,20 @@ class Imu(Sensor[ImuReading]):
             out,
         )
         if self._compiled is None:
-            self._compiled = resolved(_measure, *arguments)
+            self._compiled = resolved(measure_motion, *arguments)
         self._compiled(*arguments)
         if self._noise is not None:
             errors = np.zeros(9)
             errors[3:] = out[7:]
             self._noise.add(errors, time)
             out[7:] = errors[3:]
-            _turn(out, errors)
+            turn(out, errors)
         out.flags.writeable = False
         return ImuReading(time, out[:4], out[4:7], out[7:10], out[10:])
 
 
 @jit
-def _measure(
+def measure_motion(
     map_from_vehicle: Floats,
     angular_velocity: Floats,
     acceleration: Floats,
@@ -145,8 +145,8 @@ def _measure(
 
 
 @jit
-def _turn(out: Floats, turn: Floats) -> None:
-    """Rotate the reported orientation about the axes of the sensor by the rotation vector turn[:3]."""
-    q = compose(out[:4], quaternion_from_rotation_vector(turn[:3]))
+def turn(out: Floats, rotation: Floats) -> None:
+    """Rotate the reported orientation about the axes of the sensor by the rotation vector rotation[:3]."""
+    q = compose(out[:4], quaternion_from_rotation_vector(rotation[:3]))
     out[0], out[1], out[2], out[3] = q
     out[4], out[5], out[6] = euler_from_quaternion(q)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from autodrive.arrays import Floats
+from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.protocol.messages import IpsReading
 from autodrive.sensors.noise import Noise, NoiseSpec
 from autodrive.sensors.sensor import Mount, Sensor, SensorSpec
 from autodrive.state import State
-from autodrive.transforms import rotate
+from autodrive.transforms import Vector, rotate
 
 
 class IpsSpec(SensorSpec):
@@ -29,10 +33,17 @@ class Ips(Sensor[IpsReading]):
 
     def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> IpsReading:
         """Position in the map frame."""
-        position = state.vehicle_position[vehicle].copy()
-        if any(self._offset):
-            position += rotate(state.vehicle_orientation[vehicle], self._offset)
+        position = np.empty(3)
+        measure_position(state.vehicle_position[vehicle], state.vehicle_orientation[vehicle], self._offset, position)
         if self._noise is not None:
             self._noise.add(position, time)
         position.setflags(write=False)
         return IpsReading(time, position)
+
+
+@jit
+def measure_position(position: Floats, orientation: Floats, offset: Vector, out: Floats) -> None:
+    """Write the position of the point at `offset` in the frame of a vehicle [m]."""
+    lever = rotate(orientation, offset)
+    for axis in range(3):
+        out[axis] = position[axis] + lever[axis]

@@ -117,7 +117,8 @@ class Lidar(Sensor[LidarScan]):
             state.vehicle_position[vehicle],
             state.vehicle_orientation[vehicle],
             *self._mount,
-            self._fan,
+            self._fan[0],
+            self._fan[1],
             self._fan_start,
             self._fan_increment,
             self._spec.range_max,
@@ -125,6 +126,7 @@ class Lidar(Sensor[LidarScan]):
             shapes,
             state.shape_position,
             state.shape_rotation,
+            np.empty(len(shapes.kind), np.int64),
             self._inverse_range,
         )
         if self._cast_fan is None:
@@ -136,7 +138,7 @@ class Lidar(Sensor[LidarScan]):
         spec = self._spec
         ranges = np.empty(spec.rays)
         if self._noise is None:
-            _measure(self._inverse_range, spec.range_min, spec.range_max, ranges)
+            measure(self._inverse_range, spec.range_min, spec.range_max, ranges)
         else:
             self._noise.measure(self._inverse_range, spec.range_min, spec.range_max, ranges)
         ranges.flags.writeable = False
@@ -227,6 +229,7 @@ def _constants(spec: LidarSpec) -> dict[str, Any]:
 
 
 @jit
-def _measure(inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
+def measure(inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
+    """The ranges that a sensor without noise reports."""
     for i in range(len(ranges)):
         ranges[i] = classify(1.0 / inverse_range[i], range_min, range_max)

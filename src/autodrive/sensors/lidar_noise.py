@@ -60,7 +60,7 @@ class LidarErrors:
 
     def measure(self, inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
         """Write the ranges [m] that the sensor reports, shape (n_ray,)."""
-        _measure(inverse_range, self._scale, self._stream, self._figures, range_min, range_max, ranges)
+        measure_with_noise(inverse_range, self._scale, self._stream, self._figures, range_min, range_max, ranges)
 
     def save(self) -> Any:
         """The scale error and the state of the random stream."""
@@ -80,7 +80,7 @@ def classify(distance: float, range_min: float, range_max: float) -> float:
 
 
 @jit
-def _measure(
+def measure_with_noise(
     inverse_range: Floats,
     scale: float,
     stream: Stream,
@@ -89,6 +89,7 @@ def _measure(
     range_max: float,
     ranges: Floats,
 ) -> None:
+    """The ranges that a sensor with the noise `figures` (sigma, relative_sigma, step, dropout) reports."""
     sigma, relative_sigma, step, dropout = figures
     for i in range(len(ranges)):
         is_lost, error = uniform(stream) < dropout, normal(stream)

@@ -62,7 +62,7 @@ class Noise:
         """Add the noise at `time` [s] to the true values, shape (n,), in place."""
         arguments = values, self._spec, self._bias, self._stream, max(time - self._time, 0.0)
         if self._compiled is None:
-            self._compiled = resolved(_corrupt, *arguments)
+            self._compiled = resolved(corrupt, *arguments)
         self._compiled(*arguments)
         self._time = time
 
@@ -77,7 +77,8 @@ class Noise:
 
 
 @jit
-def _corrupt(values: Floats, spec: Floats, bias: Floats, stream: Stream, elapsed: float) -> None:
+def corrupt(values: Floats, spec: Floats, bias: Floats, stream: Stream, elapsed: float) -> None:
+    """Add noise to `values`, shape (n,), `elapsed` [s] after the last sample; the columns of `spec` are NoiseSpec's."""
     for i in range(len(values)):
         sigma, walk, step = spec[i, 0], spec[i, 2], spec[i, 3]
         bias[i] += walk * np.sqrt(elapsed) * normal(stream)

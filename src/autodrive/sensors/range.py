@@ -9,7 +9,7 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from autodrive.arrays import Floats
+from autodrive.arrays import Floats, Integers
 from autodrive.elementary import cos, sin
 from autodrive.jit import jit, resolved
 from autodrive.model import Shapes
@@ -77,9 +77,10 @@ class Range(Sensor[RangeReading]):
             shapes,
             state.shape_position,
             state.shape_rotation,
+            np.empty(len(shapes.kind), np.int64),
         )
         if self._compiled is None:
-            self._compiled = resolved(_nearest, *arguments)
+            self._compiled = resolved(nearest, *arguments)
         inverse_range = self._compiled(*arguments)
         distance = np.array([math.inf if inverse_range == 0.0 else 1.0 / inverse_range])
         if self._noise is not None:
@@ -106,7 +107,7 @@ def directions(field_of_view: float, rings: int) -> Floats:
 
 
 @jit
-def _nearest(
+def nearest(
     vehicle_position: Floats,
     vehicle_orientation: Floats,
     mount_position: Vector,
@@ -118,8 +119,12 @@ def _nearest(
     shapes: Shapes,
     shape_position: Floats,
     shape_rotation: Floats,
+    near: Integers,
 ) -> float:
-    """Largest inverse range of all rays [1/m]; 0 if no ray hits, infinity inside a shape or the ground."""
+    """Largest inverse range of all rays [1/m]; 0 if no ray hits, infinity inside a shape or the ground.
+
+    `near` is working memory, shape (n_shape,).
+    """
     lever = rotate(vehicle_orientation, mount_position)
     px, py, pz = vehicle_position[0] + lever[0], vehicle_position[1] + lever[1], vehicle_position[2] + lever[2]
     map_from_sensor = compose(vehicle_orientation, mount_orientation)
@@ -127,7 +132,6 @@ def _nearest(
         return math.inf
     nearest = 0.0
     kind, size = shapes.kind, shapes.size
-    near = np.empty(len(kind), np.int64)
     found = shapes_near(shapes, px, py, range_max, near)
     for i in range(len(rays)):
         ray = rotate(map_from_sensor, (rays[i, 0], rays[i, 1], rays[i, 2]))

@@ -58,8 +58,12 @@ def configured_sensors(
     settings: Mapping[str, SensorSettings],
     *,
     is_realistic: bool,
+    noise_factor: float = 1.0,
 ) -> dict[str, ConfiguredSensor]:
-    """The sensors, then the cameras of a vehicle by name. Raises `SpecError` with all errors."""
+    """The sensors, then the cameras of a vehicle by name. Raises `SpecError` with all errors.
+
+    `noise_factor` multiplies the noise of all of them.
+    """
     specs: dict[str, SensorSpecs] = {name: spec for name, spec in suite if spec is not None} | dict(cameras)
     errors = [f"{name}: no such sensor. {suggest(name, list(specs))}" for name in settings if name not in specs]
     sensors: dict[str, ConfiguredSensor] = {}
@@ -70,7 +74,8 @@ def configured_sensors(
         noise = its.noise or usual
         if noise in presets:
             try:
-                sensors[name] = ConfiguredSensor(_configured(spec, its.rate, noise), its.is_on, noise)
+                configured = with_noise_factor(_configured(spec, its.rate, noise), noise_factor)
+                sensors[name] = ConfiguredSensor(configured, its.is_on, noise)
             except SpecError as error:  # the lens of a realistic camera may not cover its image
                 errors += [f"{name}: with noise '{noise}', {one}" for one in error.errors]
         else:
@@ -101,37 +106,52 @@ def _noise(spec: SensorSpecs, preset: NoisePreset) -> Spec:
     match spec:
         case ImuSpec():
             real = ImuNoise.realistic()
-            strong = ImuNoise(**{name: _stronger(noise) for name, noise in real})
+            strong = ImuNoise(**{name: _scaled(noise, STRONG) for name, noise in real})
             noises = {"ideal": ImuNoise(), "realistic": real, "strong": strong}
         case LidarSpec():
             real = LidarNoise.realistic()
-            noises = {"ideal": LidarNoise(), "realistic": real, "strong": _strong_lidar_noise(real)}
+            noises = {"ideal": LidarNoise(), "realistic": real, "strong": _scaled_lidar(real, STRONG)}
         case CameraSpec():
             real = PRESETS[spec.hardware]
-            noises = {"ideal": CameraImperfections(), "realistic": real, "strong": _strong_camera_noise(real)}
+            noises = {"ideal": CameraImperfections(), "realistic": real, "strong": _scaled_camera(real, STRONG)}
         case _:
             noises = {"ideal": NoiseSpec(), "strong": NoiseSpec(sigma=STRONG_NOISE[type(spec)])}
     return noises[preset]
 
 
-def _stronger(noise: NoiseSpec) -> NoiseSpec:
-    return NoiseSpec(
-        sigma=STRONG * noise.sigma, offset=STRONG * noise.offset, walk=STRONG * noise.walk, step=noise.step
-    )
+def with_noise_factor(spec: Configured, factor: float) -> Configured:
+    """The same sensor with `factor` times the noise; resolutions stay."""
+    if factor == 1.0:
+        return spec
+    match spec:
+        case ImuSpec():
+            noise: Spec = ImuNoise(**{name: _scaled(one, factor) for name, one in spec.noise})
+        case LidarSpec():
+            noise = _scaled_lidar(spec.noise, factor)
+        case CameraSpec():
+            return spec.model_copy(update={"imperfections": _scaled_camera(spec.imperfections, factor)})
+        case _:
+            noise = _scaled(spec.noise, factor)
+    return spec.model_copy(update={"noise": noise})
 
 
-def _strong_lidar_noise(noise: LidarNoise) -> LidarNoise:
-    return LidarNoise(
-        sigma=STRONG * noise.sigma,
-        relative_sigma=STRONG * noise.relative_sigma,
-        scale=STRONG * noise.scale,
-        step=noise.step,
-        dropout=min(1.0, STRONG * noise.dropout),
-    )
+def _scaled(noise: NoiseSpec, factor: float) -> NoiseSpec:
+    scaled = {"sigma": factor * noise.sigma, "offset": factor * noise.offset, "walk": factor * noise.walk}
+    return noise.model_copy(update=scaled)
 
 
-def _strong_camera_noise(noise: CameraImperfections) -> CameraImperfections:
-    """Shot noise relative to white is 1 / sqrt(white_electrons); read noise is in electrons."""
+def _scaled_lidar(noise: LidarNoise, factor: float) -> LidarNoise:
     return noise.model_copy(
-        update={"white_electrons": noise.white_electrons / STRONG**2, "read_noise": noise.read_noise / STRONG}
+        update={
+            "sigma": factor * noise.sigma,
+            "relative_sigma": factor * noise.relative_sigma,
+            "scale": factor * noise.scale,
+            "dropout": min(1.0, factor * noise.dropout),
+        }
     )
+
+
+def _scaled_camera(noise: CameraImperfections, factor: float) -> CameraImperfections:
+    """Shot noise relative to white is 1 / sqrt(white_electrons), and none for 0; read noise is in electrons."""
+    electrons = noise.white_electrons / factor**2 if factor > 0.0 else 0.0
+    return noise.model_copy(update={"white_electrons": electrons, "read_noise": factor * noise.read_noise})

@@ -22,8 +22,8 @@ def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, geoms: Se
     """`Model.vehicles` for a substep of `dt` [s]; each vehicle is a free body of the engine with its name."""
     table = np.zeros(len(vehicles), dtype=VEHICLE)
     for row, (name, spec) in zip(table, vehicles.items(), strict=True):
-        body, row["qpos"], row["dof"] = engine.body(name)
-        _set_outline(row, spec, [geom for geom in geoms if geom.body == body])
+        row["body"], row["qpos"], row["dof"] = engine.body(name)
+        _set_outline(row, spec, [geom for geom in geoms if geom.body == row["body"]])
         for field in ("mass", "inertia", "center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
             row[field] = getattr(spec.body, field)
         row["wheelbase"] = spec.wheelbase
@@ -67,10 +67,10 @@ def _farthest(corners: Floats, centre: Floats) -> float:
     return math.hypot(*np.maximum(np.abs(corners[0] - centre), np.abs(corners[1] - centre)).tolist())
 
 
-def wheel_table(vehicles: Mapping[str, VehicleSpec], grip: float, dt: float) -> Table:
-    """`Model.wheels` for a substep of `dt` [s]; `grip` scales the friction values of all wheels."""
+def wheel_table(vehicles: Sequence[VehicleSpec], grips: Sequence[float], dt: float) -> Table:
+    """`Model.wheels` for a substep of `dt` [s]; `grips`: factors of the friction values of each vehicle's wheels."""
     table = np.zeros(4 * len(vehicles), dtype=WHEEL)
-    for i, spec in enumerate(vehicles.values()):
+    for i, (spec, grip) in enumerate(zip(vehicles, grips, strict=True)):
         rows = table[4 * i : 4 * i + 4]
         rows["hub"] = spec.hubs
         for axle, wheels in ((spec.axles.front, rows[:2]), (spec.axles.rear, rows[2:])):

@@ -275,6 +275,12 @@ class VehicleSpec(Spec):
         """Height of the vehicle frame above the ground at rest [m]."""
         return self.wheels.radius
 
+    def with_mass_factor(self, factor: float) -> VehicleSpec:
+        """The same vehicle with `factor` times the mass and the inertia."""
+        body = self.body
+        heavier = {"mass": factor * body.mass, "inertia": tuple(factor * moment for moment in body.inertia)}
+        return self.model_copy(update={"body": body.model_copy(update=heavier)})
+
 
 def load_vehicle(name: str) -> VehicleSpec:
     """The vehicle with that name or in that file. Raises `SpecError` with all errors."""

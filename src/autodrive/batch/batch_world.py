@@ -1,0 +1,316 @@
+"""BatchWorld: n worlds of one scenario, which one compiled call steps, on several threads."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from autodrive.arrays import Floats, Integers
+from autodrive.batch.columns import Thread, empty_worlds, new_thread
+from autodrive.batch.readings import Readings, readings_of
+from autodrive.batch.sensors import reset_noise, sensor_tables
+from autodrive.batch.tick import begin_worlds, step_worlds
+from autodrive.compile import compile_scenario
+from autodrive.errors import CommandError
+from autodrive.factory import read_scenario
+from autodrive.jit import resolved
+from autodrive.physics.one_thread import OneThread, by_one_thread
+from autodrive.protocol.commands import MAX_DISTANCE, check_seed
+from autodrive.referee import SEPARATION
+from autodrive.scenario import DEFAULT, ScenarioSpec
+from autodrive.specs import suggest
+from autodrive.transforms import quaternion_from_yaw
+from autodrive.vehicles.parameters import wheel_table
+
+BLOCK = 16
+"""Worlds that a thread takes at a time."""
+
+LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
+"""Least and greatest factor, as in `VehiclePlacement`."""
+
+
+class BatchWorld(OneThread):
+    """n worlds of one scenario. World k has the bits of a single `World` with the same seed and commands.
+
+    All sensors have readings, but the cameras. The result does not depend on the number of threads.
+    """
+
+    def __init__(
+        self,
+        scenario: str | Path | ScenarioSpec = DEFAULT,
+        n: int = 1,
+        *,
+        seed: int = 0,
+        threads: int | None = None,
+        engine: Literal["auto", "always"] = "auto",
+    ) -> None:
+        """World k starts with the seed `seed` + k. `threads`: at most; None: as many as there are processors.
+
+        `scenario` and `engine`: see `autodrive.make`. Raises `SpecError`, and `CommandError` for other arguments.
+        """
+        super().__init__()
+        check_seed(seed)
+        for name, value in (("n", n), ("threads", threads)):
+            if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
+                raise CommandError(f"{name} must be a whole number from 1 on, not {value!r}")
+        if engine not in ("auto", "always"):
+            raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
+        spec, text = read_scenario(scenario)
+        self._compiled = c = compile_scenario(spec, text)
+        self.n = n
+        self.spec = spec
+        """The scenario from which `reset` starts."""
+        self.map = c.map
+        self.vehicle_names = list(c.vehicles)
+        self.object_names = list(c.objects)
+        self.tick_duration = spec.tick
+        self._tick = Fraction(str(spec.tick))
+        self._sensors = sensor_tables(c)
+        rays = int(self._sensors.vehicles["rays"].max(initial=0))
+        self._worlds = empty_worlds(c, n, rays)
+        self._time = np.zeros(n)
+        self.readings = readings_of(self._worlds, self._time, len(self.object_names))
+        """Of the present instant."""
+        self._seeds = [seed + k for k in range(n)]
+        self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
+        """Of the present episodes."""
+        self._specs = {
+            name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
+        }
+        count = min(threads or _processors(), math.ceil(n / BLOCK))
+        engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]
+        self._threads = [new_thread(c, one, rays) for one in engines]
+        self._engines = engines  # they own the memory of the views
+        self._pool = ThreadPoolExecutor(count - 1, "batch") if count > 1 else None
+        ids = {owner: i for i, owner in enumerate(dict.fromkeys(c.owners))}
+        self._owners = np.array([ids[owner] for owner in c.owners], np.int64)
+        self._separation = SEPARATION / spec.tick
+        self._is_always = engine == "always"
+        self._step = resolved(step_worlds, *self._arguments(self._threads[0], 0, 0, 1))
+        self._begin = resolved(begin_worlds, *self._begin_arguments(np.zeros(0, np.int64)))
+        self.reset()
+
+    def __repr__(self) -> str:
+        return f"<BatchWorld of {self.n} worlds of map '{self.spec.map}': vehicles {', '.join(self.vehicle_names)}>"
+
+    @by_one_thread
+    def step(self, commands: ArrayLike, ticks: int = 1) -> Readings:
+        """Run so many ticks with these commands: throttle and steering (left positive), each in [-1, 1].
+
+        `commands` has the shape (n, v, 2); greater values are limited. Raises `CommandError` for another shape, or a
+        value that is not finite; nothing has moved then.
+        """
+        values = self._checked_commands(commands)
+        if isinstance(ticks, bool) or not isinstance(ticks, int) or ticks < 1:
+            raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
+        np.clip(values[..., 0], -1.0, 1.0, out=self._worlds.throttle)
+        np.clip(values[..., 1], -1.0, 1.0, out=self._worlds.steering)
+        if self._pool is None:
+            self._step(*self._arguments(self._threads[0], 0, self.n, ticks))
+        else:
+            blocks = itertools.count(0, BLOCK)
+            others = [self._pool.submit(self._run, one, blocks, ticks) for one in self._threads[1:]]
+            self._run(self._threads[0], blocks, ticks)
+            for other in others:
+                other.result()
+        return self._show()
+
+    @by_one_thread
+    def reset(
+        self,
+        worlds: ArrayLike | None = None,
+        seeds: ArrayLike | None = None,
+        *,
+        poses: Mapping[str, ArrayLike] | None = None,
+        mass: ArrayLike = 1.0,
+        grip: ArrayLike = 1.0,
+        noise: ArrayLike = 1.0,
+    ) -> Readings:
+        """Return some worlds to the start, all at once; nothing of their last episode remains.
+
+        `worlds`: a mask of shape (n,), or m numbers of worlds; None: all. `seeds`: new ones, shape (m,); a seed stays
+        until the next one. `poses`: x, y [m] and yaw [rad] of vehicles or objects on the ground, by name, shape (m, 3)
+        or (3,); the others are where the scenario places them. `mass`, `grip`, `noise`: the factors of
+        `VehiclePlacement` in addition to those of the scenario, one number or shape (m,) or (m, v).
+
+        Raises `CommandError` for wrong values, and for poses that let two bodies overlap; nothing has changed then.
+        """
+        chosen = self._checked_worlds(worlds)
+        new_seeds = self._checked_seeds(seeds, chosen)
+        given = {"mass": mass, "grip": grip, "noise": noise}
+        factors = {name: self._checked_factor(name, factor, chosen) for name, factor in given.items()}
+        qpos = self._checked_starts(poses or {}, chosen)
+        w = self._worlds
+        for column in w.state:
+            column[chosen] = 0.0
+        w.state.qpos[chosen] = qpos
+        for column in (w.tick, w.is_unstable, w.throttle, w.steering, w.recent_count, w.collision_count):
+            column[chosen] = 0
+        w.has_collided[chosen] = w.is_off_road[chosen] = False
+        for row, k in enumerate(chosen.tolist()):
+            self._seeds[k] = new_seeds[row]
+            self._set_parameters(k, {name: values[row] for name, values in factors.items()})
+        self._begin(*self._begin_arguments(chosen))
+        return self._show()
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    # -- parts of a step -----------------------------------------------------------------------------------------
+
+    def _run(self, thread: Thread, blocks: itertools.count[int], ticks: int) -> None:
+        """Take blocks of worlds until none is left."""
+        for first in iter(blocks.__next__, None):
+            if first >= self.n:
+                return
+            self._step(*self._arguments(thread, first, min(first + BLOCK, self.n), ticks))
+
+    def _arguments(self, thread: Thread, first: int, last: int, ticks: int) -> tuple[Any, ...]:
+        c = self._compiled
+        return (
+            c.model,
+            self._worlds,
+            thread,
+            self._sensors,
+            self._owners,
+            c.map.drivable_edges,
+            self._separation,
+            first,
+            last,
+            ticks,
+            c.spec.substeps,
+            self._is_always,
+        )
+
+    def _begin_arguments(self, chosen: Integers) -> tuple[Any, ...]:
+        c = self._compiled
+        return c.model, self._worlds, self._threads[0], self._sensors, chosen, c.spec.substeps
+
+    def _show(self) -> Readings:
+        numerator, denominator = self._tick.numerator, self._tick.denominator
+        np.divide(self._worlds.tick * numerator, denominator, out=self._time)
+        return self.readings
+
+    def _set_parameters(self, k: int, factors: Mapping[str, Floats]) -> None:
+        """Set the tables and the noise of world k."""
+        c, w = self._compiled, self._worlds
+        if any((before[k] != factors[name]).any() for name, before in self._factors.items()):
+            for name, before in self._factors.items():
+                before[k] = factors[name]
+            masses, grips = factors["mass"].tolist(), factors["grip"].tolist()
+            specs = [spec.with_mass_factor(one) for spec, one in zip(c.vehicles.values(), masses, strict=True)]
+            placed = self.spec.vehicles.values()
+            grips = [c.map.ground.grip * (p.grip_factor * one) for p, one in zip(placed, grips, strict=True)]
+            for i, spec in enumerate(specs):
+                w.vehicles[k, i]["mass"], w.vehicles[k, i]["inertia"] = spec.body.mass, spec.body.inertia
+            w.wheels[k] = wheel_table(specs, grips, c.spec.substep)
+        for i, (name, specs_of) in enumerate(self._specs.items()):
+            reset_noise(w.noise, k, i, name, specs_of, float(factors["noise"][i]), self._seeds[k])
+
+    # -- checks of arguments -------------------------------------------------------------------------------------
+
+    def _checked_commands(self, commands: ArrayLike) -> Floats:
+        try:
+            values = np.asarray(commands, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise CommandError(f"commands must be numbers of the shape {self._command_shape}") from None
+        if values.shape != self._command_shape:
+            raise CommandError(
+                f"commands must have the shape (worlds, vehicles, 2) = {self._command_shape}, not {values.shape}"
+            )
+        if not np.isfinite(values).all():
+            k, i, part = np.argwhere(~np.isfinite(values))[0].tolist()
+            raise CommandError(
+                f"the {('throttle', 'steering')[part]} of vehicle '{self.vehicle_names[i]}' of world {k} must be a "
+                f"finite number, not {values[k, i, part]}"
+            )
+        return values
+
+    @property
+    def _command_shape(self) -> tuple[int, int, int]:
+        return self.n, len(self.vehicle_names), 2
+
+    def _checked_worlds(self, worlds: ArrayLike | None) -> Integers:
+        """Numbers of the chosen worlds."""
+        if worlds is None:
+            return np.arange(self.n)
+        given = np.asarray(worlds)
+        if given.dtype == np.bool_ and given.shape == (self.n,):
+            return np.flatnonzero(given)
+        if given.size == 0:
+            return np.zeros(0, np.int64)
+        is_integer = np.issubdtype(given.dtype, np.integer) and given.ndim == 1
+        if not is_integer or given.min() < 0 or given.max() >= self.n or len(np.unique(given)) < len(given):
+            raise CommandError(
+                f"worlds must be a mask of the shape ({self.n},), or different numbers from 0 to {self.n - 1}"
+            )
+        return given.astype(np.int64)
+
+    def _checked_seeds(self, seeds: ArrayLike | None, chosen: Integers) -> list[int]:
+        if seeds is None:
+            return [self._seeds[k] for k in chosen.tolist()]
+        given = np.asarray(seeds).ravel().tolist() if np.ndim(seeds) <= 1 else []
+        if len(given) != len(chosen):
+            raise CommandError(f"there must be a seed for each of the {len(chosen)} worlds, shape ({len(chosen)},)")
+        for one in given:
+            check_seed(one)
+        return [int(one) for one in given]
+
+    def _checked_factor(self, name: str, factor: ArrayLike, chosen: Integers) -> Floats:
+        """Shape (m, v)."""
+        m, v = len(chosen), len(self.vehicle_names)
+        limits = LIMITS[name]
+        try:
+            values = np.asarray(factor, dtype=np.float64)
+            values = np.broadcast_to(values[:, None] if values.ndim == 1 else values, (m, v))
+        except (TypeError, ValueError):
+            raise CommandError(f"{name} must be one number, or have the shape ({m},) or ({m}, {v})") from None
+        if not ((values >= limits[0]) & (values <= limits[1])).all():
+            raise CommandError(f"{name} is a factor from {limits[0]:g} to {limits[1]:g}")
+        return values
+
+    def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers) -> Floats:
+        """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
+        c = self._compiled
+        qpos = np.tile(c.engine.start, (len(chosen), 1))
+        heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
+        heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
+        for name, pose in poses.items():
+            if name not in heights:
+                raise CommandError(f"'{name}' is not in these worlds. {suggest(str(name), list(heights))}")
+            try:
+                values = np.broadcast_to(np.asarray(pose, dtype=np.float64), (len(chosen), 3))
+            except (TypeError, ValueError):
+                raise CommandError(f"the poses of '{name}' must have the shape ({len(chosen)}, 3): x, y, yaw") from None
+            if not (np.abs(values) <= MAX_DISTANCE).all():
+                raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
+            start = c.engine.body(name)[1]
+            for row, (x, y, yaw) in zip(qpos, values.tolist(), strict=True):
+                w, _, _, z = quaternion_from_yaw(yaw)
+                row[start : start + 7] = x, y, heights[name], w, 0.0, 0.0, z
+        if poses:
+            self._check_overlaps(qpos, chosen)
+        return qpos
+
+    def _check_overlaps(self, qpos: NDArray[np.float64], chosen: Integers) -> None:
+        c = self._compiled
+        for k, row in zip(chosen.tolist(), qpos, strict=True):
+            if pairs := c.engine.overlapping(row):
+                one, other = (c.owners[geom] for geom in pairs[0])
+                raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
+
+
+def _processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
