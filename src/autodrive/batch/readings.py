@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.arrays import Floats, Integers
-from autodrive.batch.columns import LIDAR, RANGE, Worlds
+from autodrive.batch.columns import ENCODERS, IMU, IPS, LIDAR, RANGE, Worlds
 
 
 class Readings(NamedTuple):
@@ -37,7 +37,7 @@ class Readings(NamedTuple):
     """Angle of the steering actuator, left positive [rad], shape (n, v)."""
     wheel_steering_angle: Floats
     """[rad], shape (n, v, 4), wheels in the order of `WHEEL_NAMES`; likewise the next six."""
-    wheel_rotation: Floats
+    wheel_rotation_angle: Floats
     """[rad]."""
     wheel_angular_velocity: Floats
     """[rad/s]."""
@@ -48,15 +48,21 @@ class Readings(NamedTuple):
     wheel_slip_ratio: Floats
     wheel_slip_angle: Floats
     """[rad]."""
+    encoder_time: Floats
+    """Time of the latest reading [s], shape (n, v)."""
     encoder_ticks: Integers
     """Left and right, shape (n, v, 2)."""
     encoder_angles: Floats
     """[rad], shape (n, v, 2)."""
+    ips_time: Floats
+    """Time of the latest reading [s], shape (n, v)."""
     ips_position: Floats
     """[m], shape (n, v, 3)."""
+    imu_time: Floats
+    """Time of the latest reading [s], shape (n, v)."""
     imu_orientation: Floats
     """Quaternion wxyz, shape (n, v, 4)."""
-    imu_euler_angles: Floats
+    imu_euler: Floats
     """Roll, pitch, yaw [rad], shape (n, v, 3)."""
     imu_angular_velocity: Floats
     """[rad/s], shape (n, v, 3)."""
@@ -84,7 +90,15 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
     """Views of the arrays of `worlds`; `time` [s] is kept by the caller."""
     s, r = worlds.state, worlds.readings
     n, v = worlds.throttle.shape
-    wheels = {name: getattr(s, name).reshape(n, v, 4) for name in Readings._fields if name.startswith("wheel_")}
+    wheels = {
+        "wheel_steering_angle": s.wheel_steering_angle,
+        "wheel_rotation_angle": s.wheel_rotation,
+        "wheel_angular_velocity": s.wheel_angular_velocity,
+        "wheel_compression": s.wheel_compression,
+        "wheel_normal_load": s.wheel_normal_load,
+        "wheel_slip_ratio": s.wheel_slip_ratio,
+        "wheel_slip_angle": s.wheel_slip_angle,
+    }
     objects = s.qpos[:, : 7 * n_object].reshape(n, n_object, 7)  # the objects come before the vehicles
     readings = Readings(
         time=time,
@@ -96,12 +110,15 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
         angular_velocity=s.vehicle_angular_velocity,
         throttle=s.throttle,
         steering=s.steering_angle,
-        **wheels,
+        **{name: column.reshape(n, v, 4) for name, column in wheels.items()},
+        encoder_time=r.time[..., ENCODERS],
         encoder_ticks=r.encoder_ticks,
         encoder_angles=r.encoder_angles,
+        ips_time=r.time[..., IPS],
         ips_position=r.ips_position,
+        imu_time=r.time[..., IMU],
         imu_orientation=r.imu[..., :4],
-        imu_euler_angles=r.imu[..., 4:7],
+        imu_euler=r.imu[..., 4:7],
         imu_angular_velocity=r.imu[..., 7:10],
         imu_linear_acceleration=r.imu[..., 10:],
         lidar_ranges=r.lidar_ranges,

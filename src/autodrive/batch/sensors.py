@@ -84,7 +84,8 @@ def sensor_tables(compiled: Compiled) -> SensorTables:
     """The tables of a scenario. Raises `SpecError` for a LIDAR that casts its rays one after another."""
     table = np.zeros(len(compiled.vehicles), VEHICLE_SENSORS)
     substep = Fraction(str(compiled.spec.substep))
-    bearings, cones = [np.zeros(0)], [np.zeros((0, 3))]
+    bearings: list[Floats] = [np.zeros(0)]
+    cones: list[Floats] = [np.zeros((0, 3))]
     errors: list[str] = []
     for row, (name, sensors) in zip(table, compiled.configured.items(), strict=True):
         row["samples"] = ABSENT

@@ -78,7 +78,7 @@ def step_worlds(
                     worlds.is_off_road[k, i] = any_wheel_outside(
                         edges, own.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
                     )
-            now = worlds.tick[k] * substeps
+            now = int(worlds.tick[k]) * substeps
             sample(k, now, substeps, state, own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
 
 
@@ -99,7 +99,7 @@ def begin_worlds(
         for b in range(state.asleep.shape[0]):
             state.asleep[b] = AWAKE
         observe(own, state)
-        now = worlds.tick[k] * substeps
+        now = int(worlds.tick[k]) * substeps
         sample(k, now, substeps, state, own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
 
 

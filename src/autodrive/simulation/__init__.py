@@ -1,4 +1,4 @@
-"""Runs a World at a pace: commands and requests in, Frames to sinks out. The only place with threads and a clock."""
+"""Runs a World at a pace: commands and requests in, Frames to sinks out. The only place with a clock."""
 
 from autodrive.simulation.clock import Clock as Clock
 from autodrive.simulation.clock import WallClock as WallClock
