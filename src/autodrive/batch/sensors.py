@@ -107,7 +107,7 @@ def sensor_tables(compiled: Compiled) -> SensorTables:
                     row["first_ray"], row["rays"] = sum(map(len, bearings)), spec.rays
                     row["is_clockwise"] = spec.angle_increment < 0.0
                     row["fan_increment"] = abs(spec.angle_increment)
-                    fan = spec.angle_min + spec.angle_increment * np.arange(spec.rays)
+                    fan: Floats = spec.angle_min + spec.angle_increment * np.arange(spec.rays, dtype=np.float64)
                     row["fan_start"] = fan.min()
                     bearings.append(fan[::-1] if row["is_clockwise"] else fan)
                     row["range_min"][s], row["range_max"][s] = spec.range_min, spec.range_max
