@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from autodrive import Command, Frame, make
 from autodrive.arrays import Floats
 from autodrive.batch import BatchWorld, Readings
 from autodrive.errors import CommandError, SpecError
 from autodrive.scenario import ScenarioSpec, load_scenario
+from autodrive.specs import find
 
 CARS: dict[str, Any] = {
     "V1": {"type": "nigel", "has_realistic_sensors": True, "sensors": {"range": {"noise": "strong"}}},
@@ -139,6 +142,30 @@ def test_an_action_that_lasts_several_ticks(engine: Any) -> None:
         assert readings.has_collided[1, 0] == new
         collisions += new
     assert collisions
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("is_rolling", [False, True])
+def test_lidars_of_both_kinds_and_directions(tmp_path: Path, is_rolling: bool, direction: int) -> None:
+    vehicle = yaml.safe_load(find("vehicle", "nigel").read_text())
+    vehicle["sensors"]["lidar"] |= {
+        "rays": 200,
+        "rate": 40,
+        "is_rolling": is_rolling,
+        "angle_min_deg": -135.0 * direction,
+        "angle_increment_deg": 1.35 * direction,
+        "noise": "realistic",
+    }
+    (tmp_path / "car.yaml").write_text(yaml.safe_dump(vehicle))
+    cars = {"V1": {"type": str(tmp_path / "car.yaml")}, "V2": {"x": 1.0, "type": str(tmp_path / "car.yaml")}}
+    spec = ScenarioSpec(map="mini_map", vehicles=cars)  # pyright: ignore[reportArgumentType]
+    batch, world = BatchWorld(spec, 2), make(spec, seed=1)
+    for t, commands in enumerate(random_commands(2, 2, 60)):
+        if t == 33:
+            batch.reset([1])
+            world.reset()
+        assert_same(batch.step(commands), 1, world.step(as_commands(batch.vehicle_names, commands[1])))
+    assert np.isfinite(batch.readings.lidar_ranges).sum() > 200
 
 
 def test_factors_of_mass_grip_and_noise_are_those_of_a_scenario() -> None:

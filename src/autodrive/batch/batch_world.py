@@ -75,8 +75,10 @@ class BatchWorld(OneThread):
         self.tick_duration = spec.tick
         self._tick = Fraction(str(spec.tick))
         self._sensors = sensor_tables(c)
-        rays = int(self._sensors.vehicles["rays"].max(initial=0))
-        self._worlds = empty_worlds(c, n, rays)
+        table = self._sensors.vehicles
+        rays, rolling_rays = (int(one.max(initial=0)) for one in (table["rays"], table["rays"] * table["is_rolling"]))
+        self._has_rolling_lidar = rolling_rays > 0
+        self._worlds = empty_worlds(c, n, rays, rolling_rays)
         self._time = np.zeros(n)
         self.readings = readings_of(self._worlds, self._time, len(self.object_names))
         """Of the present instant."""
@@ -191,6 +193,7 @@ class BatchWorld(OneThread):
             ticks,
             c.spec.substeps,
             self._is_always,
+            self._has_rolling_lidar,
         )
 
     def _begin_arguments(self, chosen: Integers) -> tuple[Any, ...]:

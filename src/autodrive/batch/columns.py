@@ -58,6 +58,10 @@ class ReadingColumns(NamedTuple):
     """[m], shape (n, v, most rays of a LIDAR)."""
     range_distance: Floats
     """[m], shape (n, v, 1)."""
+    sweep: Integers
+    """Number of the scan in progress of a rolling LIDAR, and its next ray, shape (n, v, 2)."""
+    sweep_ranges: Floats
+    """Its inverse ranges [1/m], shape (n, v, most rays of a LIDAR); without a rolling LIDAR, shape (n, v, 0)."""
 
 
 class Worlds(NamedTuple):
@@ -92,9 +96,24 @@ class Worlds(NamedTuple):
     readings: ReadingColumns
 
 
+class Poses(NamedTuple):
+    """Poses of the vehicles and shapes of one world, as in its State."""
+
+    position: Floats
+    """Shape (v, 3)."""
+    orientation: Floats
+    """Shape (v, 4)."""
+    shape_position: Floats
+    """Shape (n_shape, 3)."""
+    shape_rotation: Floats
+    """Shape (n_shape, 9)."""
+
+
 class Working(NamedTuple):
     """Working memory of the sensors."""
 
+    before: Poses
+    """At the start of the tick; only with a rolling LIDAR."""
     near: Integers
     """Shapes near a sensor, shape (n_shape,)."""
     inverse_range: Floats
@@ -116,8 +135,8 @@ class Thread(NamedTuple):
     sensors: Working
 
 
-def empty_worlds(compiled: Compiled, n: int, rays: int) -> Worlds:
-    """Worlds of zeros, with LIDARs of at most so many rays; the tables of the Model are those of the scenario."""
+def empty_worlds(compiled: Compiled, n: int, rays: int, rolling_rays: int) -> Worlds:
+    """Worlds of zeros with the Model of the scenario; LIDARs, and rolling ones, have at most so many rays."""
     v, model = len(compiled.vehicles), compiled.model
     columns = State(*(np.zeros((n, *column.shape)) for column in compiled.state._replace(**_NO_SHAPES)))
     return Worlds(
@@ -148,6 +167,8 @@ def empty_worlds(compiled: Compiled, n: int, rays: int) -> Worlds:
             imu=np.zeros((n, v, 13)),
             lidar_ranges=np.full((n, v, rays), np.nan),
             range_distance=np.full((n, v, 1), np.nan),
+            sweep=np.zeros((n, v, 2), np.int64),
+            sweep_ranges=np.zeros((n, v, rolling_rays)),
         ),
     )
 
@@ -164,7 +185,17 @@ def new_thread(compiled: Compiled, engine: Engine, rays: int) -> Thread:
         scratch=scratch(compiled.model, engine.body_count),
         shape_position=shapes.position.copy(),
         shape_rotation=shapes.rotation.copy(),
-        sensors=Working(np.zeros(len(shapes.kind), np.int64), np.zeros(rays), np.zeros(9)),
+        sensors=Working(
+            before=Poses(
+                position=np.zeros((len(compiled.vehicles), 3)),
+                orientation=np.zeros((len(compiled.vehicles), 4)),
+                shape_position=shapes.position.copy(),
+                shape_rotation=shapes.rotation.copy(),
+            ),
+            near=np.zeros(len(shapes.kind), np.int64),
+            inverse_range=np.zeros(rays),
+            values=np.zeros(9),
+        ),
     )
 
 

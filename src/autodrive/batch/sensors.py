@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -24,7 +24,6 @@ from autodrive.batch.columns import (
 )
 from autodrive.compile import Compiled
 from autodrive.elementary import cos, sin
-from autodrive.errors import SpecError
 from autodrive.jit import inlined, jit_uncounted
 from autodrive.model import Shapes, Table
 from autodrive.model import columns as table_columns
@@ -40,6 +39,7 @@ from autodrive.sensors.random_stream import new_stream, normal
 from autodrive.sensors.range import RangeSpec, directions, nearest
 from autodrive.sensors.sensor import Mount, Schedule, random_generator
 from autodrive.sensors.settings import SensorSpecs, with_noise_factor
+from autodrive.sensors.sweep import Timing, cast_sweep
 from autodrive.state import State
 from autodrive.transforms import Quaternion, Vector
 
@@ -53,6 +53,9 @@ VEHICLE_SENSORS = table_columns(
     first_ray=np.int64,  # of the LIDAR, in `SensorTables.cosines`
     rays=np.int64,  # of the LIDAR
     is_clockwise=np.bool_,  # the index of its rays increases to the right
+    is_rolling=np.bool_,  # it casts its rays one after another
+    scan_rate=np.float64,  # [Hz]
+    time_increment=np.float64,  # between its rays [s]
     fan_start=np.float64,  # bearing of its rightmost ray [rad]
     fan_increment=np.float64,  # [rad]
     range_min=(np.float64, len(SENSORS)),  # of the LIDAR and the range sensor [m]
@@ -74,20 +77,22 @@ class SensorTables(NamedTuple):
     vehicles: Table
     """Columns `VEHICLE_SENSORS`, shape (v,)."""
     cosines: Floats
-    """Of the rays of all LIDARs, each from right to left."""
+    """Of the rays of all LIDARs, each from right to left; likewise the next one."""
     sines: Floats
+    ray_cosines: Floats
+    """Likewise, each in the order of its index."""
+    ray_sines: Floats
     directions: Floats
     """Rays of all range sensors in their own axes, shape (n_ray, 3)."""
 
 
 def sensor_tables(compiled: Compiled) -> SensorTables:
-    """The tables of a scenario. Raises `SpecError` for a LIDAR that casts its rays one after another."""
+    """The tables of a scenario."""
     table = np.zeros(len(compiled.vehicles), VEHICLE_SENSORS)
     substep = Fraction(str(compiled.spec.substep))
     bearings: list[Floats] = [np.zeros(0)]
     cones: list[Floats] = [np.zeros((0, 3))]
-    errors: list[str] = []
-    for row, (name, sensors) in zip(table, compiled.configured.items(), strict=True):
+    for row, sensors in zip(table, compiled.configured.values(), strict=True):
         row["samples"] = ABSENT
         for s, sensor in enumerate(SENSORS):
             if sensor not in sensors or not (sensors[sensor].is_on or sensor in ALWAYS_READ):
@@ -102,14 +107,14 @@ def sensor_tables(compiled: Compiled) -> SensorTables:
                 case ImuSpec():
                     row["gravity"] = compiled.spec.gravity if spec.measures_specific_force else 0.0
                 case LidarSpec():
-                    if spec.is_rolling:
-                        errors.append(f"vehicles.{name}.sensors.lidar: is_rolling is not possible in a batch of worlds")
+                    row["is_rolling"], row["scan_rate"] = spec.is_rolling, spec.rate
+                    row["time_increment"] = spec.time_increment
                     row["first_ray"], row["rays"] = sum(map(len, bearings)), spec.rays
                     row["is_clockwise"] = spec.angle_increment < 0.0
                     row["fan_increment"] = abs(spec.angle_increment)
                     fan: Floats = spec.angle_min + spec.angle_increment * np.arange(spec.rays, dtype=np.float64)
                     row["fan_start"] = fan.min()
-                    bearings.append(fan[::-1] if row["is_clockwise"] else fan)
+                    bearings.append(fan)
                     row["range_min"][s], row["range_max"][s] = spec.range_min, spec.range_max
                 case RangeSpec():
                     row["first_direction"] = sum(map(len, cones))
@@ -119,23 +124,27 @@ def sensor_tables(compiled: Compiled) -> SensorTables:
                     row["range_min"][s], row["range_max"][s] = spec.range_min, spec.range_max
                 case _:
                     pass
-    if errors:
-        raise SpecError(errors)
-    angles = np.concatenate(bearings).tolist()
+    fans = [fan if (np.diff(fan) >= 0.0).all() else fan[::-1] for fan in bearings]
     return SensorTables(
         substep=(substep.numerator, substep.denominator),
         vehicles=table,
-        cosines=np.array([cos(angle) for angle in angles]),
-        sines=np.array([sin(angle) for angle in angles]),
+        cosines=_each(cos, fans),
+        sines=_each(sin, fans),
+        ray_cosines=_each(cos, bearings),
+        ray_sines=_each(sin, bearings),
         directions=np.concatenate(cones),
     )
+
+
+def _each(function: Callable[[float], float], angles: Sequence[Floats]) -> Floats:
+    return np.array([function(angle) for angle in np.concatenate(angles).tolist()])
 
 
 def _schedule(spec: Any, is_on: bool, substep: Fraction) -> tuple[int, int]:
     """Samples per substep; one at the start of a sensor that is off, and one in each substep without a rate."""
     if not is_on:
         return 0, 1
-    if spec.rate is None:
+    if spec.rate is None or getattr(spec, "is_rolling", False):
         return 1, 1
     schedule = Schedule.of(spec.rate, substep)
     return schedule.samples, schedule.substeps
@@ -228,7 +237,21 @@ def sample(
                 for c in range(6):
                     out[7 + c] = errors[3 + c]
                 turn(out, errors)
-        if _is_due(row, LIDAR, now, substeps):
+        if row["is_rolling"] and now > 0:
+            _sweep(
+                k,
+                i,
+                time,
+                (now - substeps) * numerator / denominator,
+                row,
+                state,
+                shapes,
+                noise,
+                readings,
+                working,
+                sensors,
+            )
+        elif _is_due(row, LIDAR, now, substeps):
             times[LIDAR] = time
             first, rays = row["first_ray"], row["rays"]
             inverse_range, ranges = working.inverse_range[:rays], readings.lidar_ranges[k, i, :rays]
@@ -253,12 +276,9 @@ def sample(
                 for a in range(rays // 2):
                     b = rays - 1 - a
                     inverse_range[a], inverse_range[b] = inverse_range[b], inverse_range[a]
-            low, high = row["range_min"][LIDAR], row["range_max"][LIDAR]
-            if noise.is_noisy[k, i, LIDAR]:
-                f, stream = noise.lidar[k, i], noise.stream[k, i, LIDAR]
-                measure_with_noise(inverse_range, f[4], stream, (f[0], f[1], f[2], f[3]), low, high, ranges)
-            else:
-                measure(inverse_range, low, high, ranges)
+            _measure_ranges(k, i, row, noise, inverse_range, ranges)
+            if row["is_rolling"]:
+                readings.sweep[k, i, 0], readings.sweep[k, i, 1] = 1, 0
         if _is_due(row, RANGE, now, substeps):
             inverse = nearest(
                 position,
@@ -278,6 +298,67 @@ def sample(
             distance[0] = math.inf if inverse == 0.0 else 1.0 / inverse
             _add_noise(noise, k, i, RANGE, 14, 15, _elapsed(times, RANGE, time), distance)
             distance[0] = classify(distance[0], row["range_min"][RANGE], row["range_max"][RANGE])
+
+
+@inlined
+def _sweep(
+    k: int,
+    i: int,
+    time: float,
+    time_before: float,
+    row: Any,
+    state: State,
+    shapes: Shapes,
+    noise: NoiseColumns,
+    readings: ReadingColumns,
+    working: Working,
+    sensors: SensorTables,
+) -> None:
+    """Casts the rays of a LIDAR that are due since `time_before`; see `RollingLidar`."""
+    first, rays = row["first_ray"], row["rays"]
+    progress, inverse_range = readings.sweep[k, i], readings.sweep_ranges[k, i, :rays]
+    before = working.before
+    while True:
+        progress[1] = cast_sweep(
+            before.position[i],
+            before.orientation[i],
+            before.shape_position,
+            before.shape_rotation,
+            state.vehicle_position[i],
+            state.vehicle_orientation[i],
+            state.shape_position,
+            state.shape_rotation,
+            _position(row, LIDAR),
+            _orientation(row, LIDAR),
+            sensors.ray_cosines[first : first + rays],
+            sensors.ray_sines[first : first + rays],
+            Timing(row["scan_rate"], row["time_increment"]),
+            progress[0],
+            progress[1],
+            time_before,
+            time,
+            row["range_max"][LIDAR],
+            i,
+            shapes,
+            working.near,
+            inverse_range,
+        )
+        if progress[1] < rays:
+            return
+        readings.time[k, i, LIDAR] = progress[0] / row["scan_rate"]
+        _measure_ranges(k, i, row, noise, inverse_range, readings.lidar_ranges[k, i, :rays])
+        progress[0] += 1
+        progress[1] = 0
+
+
+@inlined
+def _measure_ranges(k: int, i: int, row: Any, noise: NoiseColumns, inverse_range: Floats, ranges: Floats) -> None:
+    low, high = row["range_min"][LIDAR], row["range_max"][LIDAR]
+    if noise.is_noisy[k, i, LIDAR]:
+        f, stream = noise.lidar[k, i], noise.stream[k, i, LIDAR]
+        measure_with_noise(inverse_range, f[4], stream, (f[0], f[1], f[2], f[3]), low, high, ranges)
+    else:
+        measure(inverse_range, low, high, ranges)
 
 
 @inlined

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.arrays import Floats, Integers
-from autodrive.batch.columns import Thread, Worlds, model_of, state_of
+from autodrive.batch.columns import Poses, Thread, Worlds, model_of, state_of
 from autodrive.batch.sensors import SensorTables, sample
 from autodrive.jit import inlined, jit_uncounted
 from autodrive.model import Model
@@ -14,6 +14,7 @@ from autodrive.physics.buffers import VehicleContacts
 from autodrive.physics.engine import AWAKE
 from autodrive.physics.tick import advance, move_shapes, observe
 from autodrive.referee import any_wheel_outside
+from autodrive.state import State
 
 
 @jit_uncounted
@@ -30,6 +31,7 @@ def step_worlds(
     ticks: int,
     substeps: int,
     always_engine: bool,
+    has_rolling_lidar: bool,
 ) -> None:
     """Moves the worlds `first` to `last` - 1 by `ticks` of so many `substeps`. A world that has diverged stays still.
 
@@ -47,6 +49,8 @@ def step_worlds(
         for _tick in range(ticks):
             for kind in range(thread.views.warnings.shape[0]):
                 thread.views.warnings[kind] = 0  # the engine is for all worlds of the thread
+            if has_rolling_lidar:
+                _note_poses(state, own.shapes.n_fixed, thread.sensors.before)
             is_sound = advance(
                 own,
                 state,
@@ -101,6 +105,20 @@ def begin_worlds(
         observe(own, state)
         now = int(worlds.tick[k]) * substeps
         sample(k, now, substeps, state, own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
+
+
+@inlined
+def _note_poses(state: State, n_fixed: int, before: Poses) -> None:
+    for i in range(state.vehicle_position.shape[0]):
+        for axis in range(3):
+            before.position[i, axis] = state.vehicle_position[i, axis]
+        for axis in range(4):
+            before.orientation[i, axis] = state.vehicle_orientation[i, axis]
+    for s in range(n_fixed, state.shape_position.shape[0]):
+        for axis in range(3):
+            before.shape_position[s, axis] = state.shape_position[s, axis]
+        for axis in range(9):
+            before.shape_rotation[s, axis] = state.shape_rotation[s, axis]
 
 
 @inlined

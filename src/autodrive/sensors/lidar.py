@@ -17,7 +17,7 @@ from autodrive.protocol.messages import LidarScan
 from autodrive.sensors.fan import cast_fan
 from autodrive.sensors.lidar_noise import LidarErrors, LidarNoise, classify
 from autodrive.sensors.sensor import Distance, Mount, Rate, Sensor
-from autodrive.sensors.sweep import PoseSnapshot, cast_sweep
+from autodrive.sensors.sweep import PoseSnapshot, Timing, cast_sweep
 from autodrive.specs import Spec
 from autodrive.state import State
 
@@ -158,6 +158,7 @@ class RollingLidar(Lidar):
         self._before: PoseSnapshot | None = None
         self._scan_number = 1
         self._next_ray = 0
+        self._timing = Timing(spec.rate, spec.time_increment)
 
     def reset(self, rng: np.random.Generator) -> None:
         """Delete the scans and draw the noise from `rng` from now on."""
@@ -172,33 +173,29 @@ class RollingLidar(Lidar):
         if self._before is None:  # the first scan starts with the next period
             self._scan_number = math.ceil(time * self._spec.rate - 1e-9) + 1
         while self._before is not None:
-            ray_times = self._ray_times()
-            due = int(np.searchsorted(ray_times, time + 1e-9, side="right"))  # tolerates rounding errors of the time
-            fractions = np.clip((ray_times - self._time) / max(time - self._time, 1e-12), 0.0, 1.0)
-            cast_sweep(
-                self._before,
-                now,
-                self._mount,
-                self._directions,
-                range(self._next_ray, due),
-                fractions,
+            self._next_ray = cast_sweep(
+                *self._before,
+                *now,
+                *self._mount,
+                self._directions[0],
+                self._directions[1],
+                self._timing,
+                self._scan_number,
+                self._next_ray,
+                self._time,
+                time,
                 self._spec.range_max,
                 vehicle,
                 shapes,
+                np.empty(len(shapes.kind), np.int64),
                 self._inverse_range,
             )
-            self._next_ray = due
-            if due < self._spec.rays:
+            if self._next_ray < self._spec.rays:
                 break
-            newest = self._scan(float(ray_times[-1]))
+            newest = self._scan(self._scan_number / self._spec.rate)
             self._scan_number, self._next_ray = self._scan_number + 1, 0
         self._time, self._before = time, now
         return newest
-
-    def _ray_times(self) -> Floats:
-        """Times of the rays of the scan in progress [s], shape (n_ray,)."""
-        rays_to_go = np.arange(self._spec.rays - 1, -1, -1, dtype=np.float64)
-        return self._scan_number / self._spec.rate - self._spec.time_increment * rays_to_go
 
     def save(self) -> Any:
         """The complete internal state, for `restore`."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from autodrive.arrays import Floats
+from autodrive.arrays import Floats, Integers
 from autodrive.jit import jit
 from autodrive.model import Shapes
 from autodrive.physics.grid import shapes_near
@@ -35,41 +33,17 @@ class PoseSnapshot(NamedTuple):
         )
 
 
-def cast_sweep(
-    before: PoseSnapshot,
-    after: PoseSnapshot,
-    mount: tuple[Vector, Quaternion],
-    directions: Floats,
-    rays: range,
-    fractions: Floats,
-    range_max: float,
-    vehicle: int,
-    shapes: Shapes,
-    inverse_range: Floats,
-) -> None:
-    """Write the inverse range [1/m] of the rays with indices `rays`; see `fan.cast_fan` for all rays at one instant.
+class Timing(NamedTuple):
+    """When rays are cast: the last one of scan n at n / rate, each earlier one `time_increment` before the next."""
 
-    `fractions`, shape (n_ray,), are the times of the rays: 0 is `before`, 1 is `after`. The vehicle rotates at a
-    constant rate in between. Position and rotation matrix of a moving shape are interpolated linearly; for a rotation
-    of 0.01 rad per tick the error is 1e-5 of its size.
-    """
-    _cast(
-        *before,
-        *after,
-        *mount,
-        directions,
-        rays.start,
-        rays.stop,
-        fractions,
-        range_max,
-        vehicle,
-        shapes,
-        inverse_range,
-    )
+    rate: float
+    """[Hz]."""
+    time_increment: float
+    """[s]."""
 
 
 @jit
-def _cast(
+def cast_sweep(
     position_before: Floats,
     orientation_before: Floats,
     shape_position_before: Floats,
@@ -80,24 +54,37 @@ def _cast(
     shape_rotation: Floats,
     mount_position: Vector,
     mount_orientation: Quaternion,
-    directions: Floats,
+    cosines: Floats,
+    sines: Floats,
+    timing: Timing,
+    scan: int,
     first: int,
-    last: int,
-    fractions: Floats,
+    time_before: float,
+    time: float,
     range_max: float,
     vehicle: int,
     shapes: Shapes,
+    near: Integers,
     inverse_range: Floats,
-) -> None:
+) -> int:
+    """Write the inverse range [1/m] of the rays of a scan that are due at `time`, from `first` on; return the next ray.
+
+    See `fan.cast_fan` for all rays at one instant. The poses before are those at `time_before` [s]. The vehicle rotates
+    at a constant rate in between. Position and rotation matrix of a moving shape are interpolated linearly; for a
+    rotation of 0.01 rad per tick the error is 1e-5 of its size.
+    """
     kind, size = shapes.kind, shapes.size
-    near = np.empty(len(kind), np.int64)
+    rays = len(inverse_range)
     # the sensor is at most the length of its lever away from the vehicle's origin, which moves on a line
     dx, dy = position[0] - position_before[0], position[1] - position_before[1]
     way = math.sqrt(dx * dx + dy * dy)
     reach = range_max + way + math.sqrt(mount_position[0] ** 2 + mount_position[1] ** 2 + mount_position[2] ** 2)
     found = shapes_near(shapes, position[0], position[1], reach, near)
-    for i in range(first, last):
-        f = fractions[i]
+    for i in range(first, rays):
+        ray_time = scan / timing.rate - timing.time_increment * (rays - 1 - i)
+        if ray_time > time + 1e-9:  # tolerates rounding errors of the time
+            return i
+        f = min(1.0, max(0.0, (ray_time - time_before) / max(time - time_before, 1e-12)))
         turn = slerp(orientation_before, orientation, f)
         lever = rotate(turn, mount_position)
         p = (
@@ -105,7 +92,7 @@ def _cast(
             position_before[1] + f * (position[1] - position_before[1]) + lever[1],
             position_before[2] + f * (position[2] - position_before[2]) + lever[2],
         )
-        ray = rotate(compose(turn, mount_orientation), (directions[0, i], directions[1, i], 0.0))
+        ray = rotate(compose(turn, mount_orientation), (cosines[i], sines[i], 0.0))
         nearest = 0.0
         if p[2] <= 0.0:
             nearest = math.inf  # the space below the floor is solid
@@ -128,6 +115,7 @@ def _cast(
             )
             nearest = max(nearest, w)
         inverse_range[i] = nearest
+    return rays
 
 
 @jit
