@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from tests.support.lockfile import PLATFORMS, PYTHONS, needed, packages
@@ -29,6 +29,9 @@ SPDX = {
 
 MIT_TEXT = "Permission is hereby granted, free of charge, to any person obtaining a"
 
+EXTRAS = {"warp-lang": ("gpu", "Apache-2.0")}
+"""Package -> the extra that installs it, and its licence. These packages are not installed with the simulator."""
+
 HEAD = """# Dependencies
 
 These packages are installed with the simulator or are part of the page. `python -m tests.support.licences` generates
@@ -39,17 +42,25 @@ versions.
 """
 
 
+EXTRAS_HEAD = """## Extras
+
+`pip install "autodrive-simulator[gpu]"` adds these packages. The wheels of warp-lang for Linux and Windows also contain
+parts of NVIDIA's CUDA toolkit under NVIDIA's own licence, which is in the wheel.
+
+"""
+
+
 def python_licences() -> Iterator[tuple[str, str]]:
-    """Name and licence of each package that some platform needs and that is installed here."""
+    """Name and licence of each package that some platform needs and that is installed here, without the extras."""
     names = {
         package["name"]
         for platform in PLATFORMS
         for python in PYTHONS
         for package in needed(packages(), platform.environment(python))
     }
-    for name in sorted(names):
+    for name in sorted(names - EXTRAS.keys()):
         try:
-            yield name, _licence(distribution(name))
+            yield name, licence(name)
         except PackageNotFoundError:
             continue
 
@@ -75,10 +86,14 @@ def page() -> str:
     for title, rows in (("Python", python_licences()), ("The page", page_licences())):
         text += f"## {title}\n\n| package | licence |\n|---|---|\n"
         text += "".join(f"| {name} | {licence} |\n" for name, licence in rows) + "\n"
-    return text.rstrip() + "\n"
+    text += EXTRAS_HEAD + "| package | extra | licence |\n|---|---|---|\n"
+    text += "".join(f"| {name} | {extra} | {licence} |\n" for name, (extra, licence) in EXTRAS.items())
+    return text
 
 
-def _licence(package: Distribution) -> str:
+def licence(name: str) -> str:
+    """The licence of a package that is installed here."""
+    package = distribution(name)
     data = package.metadata
     classifiers = [line.split(" :: ")[-1] for line in data.get_all("Classifier") or [] if line.startswith("License ::")]
     stated: list[str] = [str(data["License-Expression"] or ""), str(data["License"] or ""), *classifiers]
