@@ -10,7 +10,7 @@ import numpy as np
 from autodrive.actuators.lights import LAMPS
 from autodrive.render.lighting import LAMP, burning, lamp_table, reach, strength
 from autodrive.render.look import Daylight
-from autodrive.render.scene import rigid, signals_of
+from autodrive.render.scene import rigid_all, signals_of
 from autodrive.render.shadows import BEAMS, BONES, CASTERS, columns
 
 if TYPE_CHECKING:
@@ -106,8 +106,8 @@ class DrawList:
 
     def set(self, state: RenderState, views: Sequence[View]) -> None:
         """Prepare that state for these views; draws the shadow maps."""
-        roots = _rigid_all(state.vehicles)
-        places = _rigid_all(state.objects)
+        roots = rigid_all(state.vehicles)
+        places = rigid_all(state.objects)
         bones = [self._bones(i, root, row) for i, (root, row) in enumerate(zip(roots, state.vehicles, strict=True))]
         cameras = np.array([view.position for view in views])
         near = np.argsort(_distances(roots[:, :3, 3], cameras), kind="stable").tolist()
@@ -240,10 +240,6 @@ def _filled(slots: list[int], levels: tuple[int, ...], empty: int) -> Slots:
         return ()
     length = next(level for level in levels if level >= len(slots))
     return (*sorted(slots), *[empty] * (length - len(slots)))
-
-
-def _rigid_all(rows: np.ndarray) -> Floats:
-    return np.array([rigid(row["position"], row["orientation"]) for row in rows]).reshape(-1, 4, 4)
 
 
 def _padded(poses: Floats) -> bytes:

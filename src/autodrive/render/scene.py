@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from autodrive.transforms import Quaternion, Vector, rotation_from_quaternion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+SIGNALS = ("steering", "spin", "compression")
+"""Fields of `render_state.VEHICLE` with a number for each wheel, which moves joints."""
 
 VERTEX = np.dtype(
     [
@@ -80,24 +83,27 @@ class Skeleton:
         """Number of bones."""
         return 1 + len(self._joints)
 
-    def pose(self, root: Floats, signals: dict[str, float]) -> Floats:
-        """Map from each bone, shape (size, 4, 4), for the asset at `root` with these joint signals."""
-        poses = np.empty((self.size, 4, 4))
-        poses[0] = root
+    def pose(self, root: Floats, signals: Mapping[str, float | Floats]) -> Floats:
+        """Map from each bone, shape (..., size, 4, 4), for the asset at `root`, shape (..., 4, 4).
+
+        `signals`: of the joints, shape (...).
+        """
+        poses = np.empty((*root.shape[:-2], self.size, 4, 4))
+        poses[..., 0, :, :] = root
         if not self._joints:
             return poses
-        amounts = self._gains * [signals[joint.signal] for joint in self._joints]
-        c, s = np.cos(amounts)[:, None], np.sin(amounts)[:, None]
-        moved = np.zeros((len(amounts), 4, 4))
-        moved[:, 3, 3] = 1.0
-        moved[:, :3, :3] = (
+        amounts = self._gains * np.stack([signals[joint.signal] for joint in self._joints], axis=-1)
+        c, s = np.cos(amounts)[..., None], np.sin(amounts)[..., None]
+        moved = np.zeros((*amounts.shape, 4, 4))
+        moved[..., 3, 3] = 1.0
+        moved[..., :3, :3] = (
             np.eye(3) + s[..., None] * self._turns + (1.0 - c[..., None]) * self._turns_twice
         )  # Rodrigues
-        moved[:, :3, 3] = amounts[:, None] * self._slides
-        moved[:, :2, 3] += (c - 1.0) * self._arms + s * self._arms[:, ::-1] * (-1.0, 1.0)
+        moved[..., :3, 3] = amounts[..., None] * self._slides
+        moved[..., :2, 3] += (c - 1.0) * self._arms + s * self._arms[:, ::-1] * (-1.0, 1.0)
         moved = self._places @ moved
         for i, parent in enumerate(self._parents):
-            poses[i + 1] = poses[parent] @ moved[i]
+            poses[..., i + 1, :, :] = poses[..., parent, :, :] @ moved[..., i, :, :]
         return poses
 
 
@@ -107,15 +113,23 @@ def _cross(axis: Vector) -> Floats:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def signals_of(row: np.void) -> dict[str, float]:
-    """Every joint signal of a vehicle, from a row of dtype `render_state.VEHICLE`."""
-    steering = row["steering"].tolist()
+def signals_of(rows: np.void | np.ndarray) -> dict[str, Any]:
+    """Every joint signal of a vehicle, from a row of dtype `render_state.VEHICLE`, or from an array of them."""
+    steering = rows["steering"]
     return {
-        "steering": 0.5 * (steering[0] + steering[1]),
-        **{f"steering_{wheel}": angle for wheel, angle in zip(WHEEL_NAMES, steering, strict=True)},
-        **{f"spin_{wheel}": angle for wheel, angle in zip(WHEEL_NAMES, row["spin"].tolist(), strict=True)},
-        **{f"compression_{wheel}": way for wheel, way in zip(WHEEL_NAMES, row["compression"].tolist(), strict=True)},
+        "steering": 0.5 * (steering[..., 0] + steering[..., 1]),
+        **{f"{kind}_{wheel}": rows[kind][..., i] for kind in SIGNALS for i, wheel in enumerate(WHEEL_NAMES)},
     }
+
+
+def rigid_all(rows: np.ndarray) -> Floats:
+    """The poses of an array with fields `position` and `orientation` as matrices, shape (..., 4, 4)."""
+    poses = np.zeros((*rows.shape, 4, 4))
+    turns = rotation_from_quaternion(np.moveaxis(rows["orientation"], -1, 0))
+    poses[..., :3, :3] = np.stack(turns, axis=-1).reshape(*rows.shape, 3, 3)
+    poses[..., :3, 3] = rows["position"]
+    poses[..., 3, 3] = 1.0
+    return poses
 
 
 def rigid(position: Vector | Floats, orientation: Quaternion | Floats) -> Floats:
