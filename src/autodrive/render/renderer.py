@@ -152,8 +152,15 @@ class Renderer:
 
     def _draw_colors(self, view: View, is_day: bool) -> None:
         clip = self._look(view)
+        self._draw_calls(list(self._seen(clip)), is_day)
+        self._draw_sky(clip)
+
+    def _draw_calls(self, calls: list[DrawCall], is_day: bool) -> None:
+        """Draw these, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
+        textured = next((i for i, (_, piece, *_) in enumerate(calls) if piece[3]), 0)
+        order = [*calls[textured : textured + 1], *calls[:textured], *calls[textured + 1 :]]
         used: tuple[ShaderVariant, str, Illumination] | None = None
-        for model, piece, bones, glow, lit in self._in_order(clip):
+        for model, piece, bones, glow, lit in order:
             first, count, kind, textures = piece
             counts = len(lit.casters), len(lit.beams), len(lit.lamps)
             variant = ShaderVariant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
@@ -169,6 +176,8 @@ class Renderer:
                 write(program, "bones", bones)
                 write(program, "lamps", glow)
             model.draw(program, first, count)
+
+    def _draw_sky(self, clip: Floats) -> None:
         write(self._sky, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
         self._context.disable(moderngl.CULL_FACE)
         self._sky_corners.render(moderngl.TRIANGLES, 3)
@@ -198,25 +207,16 @@ class Renderer:
         self._camera.write(columns(clip) + np.array([*view.position, 1.0], np.float32).tobytes())
         return clip
 
-    def _in_order(self, clip: Floats) -> list[DrawCall]:
-        """Visible meshes, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
-        seen = list(self._seen(clip))
-        textured = next((i for i, (_, piece, *_) in enumerate(seen) if piece[3]), 0)
-        return [*seen[textured : textured + 1], *seen[:textured], *seen[textured + 1 :]]
-
     def _seen(self, clip: Floats) -> Iterator[DrawCall]:
         """Visible meshes: first those that move, which are near, then the static ones, the ground last."""
-        planes = np.stack(
-            [clip[3] + clip[0], clip[3] - clip[0], clip[3] + clip[1], clip[3] - clip[1], clip[3] + clip[2]]
-        )
-        planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+        planes = sight_planes(clip)
         draw_list = self._draw_list
         if draw_list.posed:
             centers, radii = (
                 np.array([p.center for p in draw_list.posed]),
                 np.array([p.radius for p in draw_list.posed]),
             )
-            for i in np.nonzero(_visible(planes, centers, radii))[0].tolist():
+            for i in np.nonzero(in_sight(planes, centers, radii))[0].tolist():
                 posed = draw_list.posed[i]
                 for r in posed.model.geometry.ranges:
                     yield (
@@ -227,9 +227,9 @@ class Renderer:
                         posed.lit,
                     )
         ranges = self._static.geometry.ranges
-        in_sight = np.nonzero(_visible(planes, *self._static.geometry.spheres))[0].tolist()
-        yield from self._runs([i for i in in_sight if ranges[i].kind != "flat"])
-        yield from self._runs([i for i in in_sight if ranges[i].kind == "flat"])
+        seen = np.nonzero(in_sight(planes, *self._static.geometry.spheres))[0].tolist()
+        yield from self._runs([i for i in seen if ranges[i].kind != "flat"])
+        yield from self._runs([i for i in seen if ranges[i].kind == "flat"])
 
     def _runs(self, numbers: list[int]) -> Iterator[DrawCall]:
         """Ranges of the static mesh; consecutive ones that look alike are merged."""
@@ -304,6 +304,21 @@ def clip_from_optical(view: View) -> Floats:
     )
 
 
-def _visible(planes: Floats, centers: Floats, radii: Floats) -> np.ndarray:
-    """Whether each sphere intersects the space inside all planes, shape (n,)."""
-    return np.all(centers @ planes[:, :3].T + planes[:, 3] > -radii[:, None], axis=1)
+def sight_planes(clip: Floats) -> Floats:
+    """Left, right, bottom, top and near plane of what is seen, shape (..., 5, 4): inward normal, and offset [m].
+
+    `clip`: clip space from map axes, shape (..., 4, 4).
+    """
+    x, y, z, w = (clip[..., i, :] for i in range(4))
+    planes = np.stack([w + x, w - x, w + y, w - y, w + z], axis=-2)
+    planes /= np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)
+    return planes
+
+
+def in_sight(planes: Floats, centers: Floats, radii: Floats) -> np.ndarray:
+    """Whether each sphere intersects the space inside all planes, shape (..., n).
+
+    `centers`: shape (n, 3) or (..., n, 3); `radii`: shape (n,).
+    """
+    inside = centers @ np.swapaxes(planes[..., :3], -1, -2) + planes[..., None, :, 3]
+    return np.all(inside > -radii[:, None], axis=-1)

@@ -67,8 +67,8 @@ class Shadows:
         """Unit vector towards the sun."""
         self.sun = sun_axes(self.sun_direction)
         """Sun axes from map axes, shape (3, 3)."""
-        self._shades: list[BaseGeometry] = []
-        """Shadow on level ground of each mesh in the static shadow map."""
+        self._object_points: list[Floats] = []
+        """Vertices of each object in the static shadow map, in map axes."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
         """Coordinates in the static shadow map, from 0 to 1: sun axes * scale + offset."""
         extent = max([0.05, *(1.05 * model.radius for model in vehicles)])
@@ -95,13 +95,10 @@ class Shadows:
         if key == self._drawn_objects:
             return False
         self._drawn_objects = key
-        static = self._static.geometry
-        points = [static.vertices["position"].astype(np.float64)]
-        meshes = [points[0][static.indices[r.first : r.first + r.length]] for r in static.ranges]
-        self._shades = [_shade(mesh, self.sun_direction) for mesh in meshes]
+        points = [self._static.geometry.vertices["position"].astype(np.float64)]
         for model, pose in zip(self._objects, objects, strict=True):
             points.append(model.geometry.vertices["position"] @ pose[:3, :3].T + pose[:3, 3])
-            self._shades.append(_shade(points[-1], self.sun_direction))
+        self._object_points = points[1:]
         all_points = np.concatenate(points)
         if len(all_points) == 0:
             self._still_frame.clear()
@@ -121,8 +118,12 @@ class Shadows:
 
     def falls_on(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
         """Whether a static shadow falls on each rectangle of level ground. `low`, `high`: corners, shape (n, 2)."""
+        static = self._static.geometry
+        points = static.vertices["position"].astype(np.float64)
+        meshes = [points[static.indices[r.first : r.first + r.length]] for r in static.ranges]
+        shades = [_shade(mesh, self.sun_direction) for mesh in [*meshes, *self._object_points]]
         grounds = shapely.box(*(low - 0.02).T, *(high + 0.02).T)
-        return shapely.intersects(grounds, shapely.union_all(self._shades))
+        return shapely.intersects(grounds, shapely.union_all(shades))
 
     def draw_casters(self, vehicles: Sequence[int], roots: Floats, bones: Sequence[bytes]) -> tuple[Floats, Floats]:
         """Draw a tile for each of these vehicles; offsets from sun axes * caster_scale to the tile, and its place.
