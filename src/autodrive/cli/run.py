@@ -123,7 +123,9 @@ def run(
             "are dropped if the machine is too slow.  [default: in the tick with --speed max]",
         ),
     ] = None,
-    camera_quality: Annotated[str, typer.Option(metavar="NAME", help="auto, software, software-fxaa or gpu.")] = "auto",
+    camera_quality: Annotated[
+        str, typer.Option(metavar="NAME", help="auto, software, software-fxaa, small or gpu.")
+    ] = "auto",
     image_size: Annotated[
         str,
         typer.Option(metavar="WxH", help="Size of the images for the devkit script.  [default: that of the camera]"),

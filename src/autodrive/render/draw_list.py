@@ -50,6 +50,9 @@ FRAME = np.dtype(
 )
 """Uniform block of shaders/frame.glsl; matrices are column-major."""
 
+OUTLINE = 0.92
+"""A vehicle dims the ground around a rectangle that is smaller than its mesh by this factor."""
+
 Slots: TypeAlias = tuple[int, ...]
 
 
@@ -98,7 +101,8 @@ class DrawList:
         self._is_flat = np.array([r.kind == "flat" for r in static.geometry.ranges], bool)
         self._is_shaded = np.zeros(0, bool)
         """For each range of the static mesh: whether shadows of static meshes can fall on it."""
-        self._outlines = [_outline(model) for model in vehicles]
+        self.outlines = [outline(model) for model in vehicles]
+        """Of each vehicle; see `outline`."""
         self.frame = np.zeros((), FRAME)
         self.posed: list[PosedMesh] = []
         self.static_lit: list[Illumination] = []
@@ -111,14 +115,17 @@ class DrawList:
         bones = [self._bones(i, root, row) for i, (root, row) in enumerate(zip(roots, state.vehicles, strict=True))]
         cameras = np.array([view.position for view in views])
         near = np.argsort(_distances(roots[:, :3, 3], cameras), kind="stable").tolist()
-        centers = np.array([root[:3, 3] + root[:3, :3] @ c for root, (c, _) in zip(roots, self._outlines, strict=True)])
+        centers = np.array([root[:3, 3] + root[:3, :3] @ c for root, (c, _) in zip(roots, self.outlines, strict=True)])
         self.frame[...] = 0
         if state.is_day:
             self._shadows.set_sun(state.look.sun_direction)
-        self._set_sky(state.look)
+            if self._shadows.draw_still(places):
+                falls = self._shadows.falls_on(self._boxes[:, 0, :2], self._boxes[:, 1, :2])
+                self._is_shaded = ~self._is_flat | falls
+        self.set_sky(state.look)
         casters = near[: CASTERS - 1]
-        self._set_casters(casters, roots, centers.reshape(-1, 3), bones, places, is_day=state.is_day)
-        lit, n_beam = self._set_lamps(state, near, roots, places, bones)
+        self.set_casters(casters, roots, centers.reshape(-1, 3), bones, is_day=state.is_day)
+        lit, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
 
         spheres = [self._spheres]
         spheres.append((centers.reshape(-1, 3), np.array([m.radius for m in self._vehicles])))
@@ -149,25 +156,28 @@ class DrawList:
     def _bones(self, i: int, root: Floats, row: np.void) -> bytes:
         return _padded(self._skeletons[i].pose(root, signals_of(row)))
 
-    def _set_sky(self, look: Daylight) -> None:
+    def set_sky(self, look: Daylight) -> None:
+        """Write sun and sky into `frame`."""
         for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow"):
             self.frame[name][:3] = getattr(look, name)
         self.frame["exposure"][:2] = look.exposure, look.glow
         self.frame["sun_from_map"][:3, :3] = self._shadows.sun.T
 
-    def _set_casters(
-        self, casters: list[int], roots: Floats, centers: Floats, bones: list[bytes], places: Floats, *, is_day: bool
+    def set_casters(
+        self, casters: list[int], roots: Floats, centers: Floats, bones: Sequence[bytes], *, is_day: bool
     ) -> None:
+        """Write the slots of the vehicles that cast shadows into `frame`; by day, draws their shadow maps.
+
+        `casters`: those vehicles, in the order of the slots; the rest: of all vehicles, see `set`.
+        """
         frame, shadows = self.frame, self._shadows
         for slot, vehicle in enumerate(casters):
             heading = roots[vehicle, :2, 0] / max(np.linalg.norm(roots[vehicle, :2, 0]), 1e-6)
             frame["caster_place"][slot] = *centers[vehicle, :2], *heading
             frame["caster_tile"][slot, 3] = 1.0
-            frame["caster_half"][:2] = self._outlines[vehicle][1]
+            frame["caster_half"][:2] = self.outlines[vehicle][1]
         if not is_day:
             return
-        if shadows.draw_still(places):
-            self._is_shaded = ~self._is_flat | shadows.falls_on(self._boxes[:, 0, :2], self._boxes[:, 1, :2])
         frame["still_scale"][:3], frame["still_offset"][:3] = shadows.still_scale, shadows.still_offset
         frame["still_scale"][3] = 1.0 / shadows.still_size
         frame["caster_half"][2:] = shadows.caster_scale[[0, 2]]
@@ -177,13 +187,24 @@ class DrawList:
             frame["caster_tile"][: len(casters), :3] = tiles
             frame["caster_tile"][: len(casters), 3] = 1.0 / shadows.caster_size
 
-    def _set_lamps(
-        self, state: RenderState, near: list[int], roots: Floats, places: Floats, bones: list[bytes]
+    def set_lamps(
+        self,
+        vehicles: np.ndarray,
+        near: list[int],
+        roots: Floats,
+        places: Floats,
+        bones: Sequence[bytes],
+        *,
+        is_day: bool,
     ) -> tuple[np.ndarray, int]:
-        """Lamps in the order of their slots, and how many of them are headlights with shadows. None by day."""
-        if state.is_day or not state.vehicles["lamps"].any():
+        """Write the lamps into `frame`; draws the shadow maps of headlights.
+
+        Returns the lamps in the order of their slots, and how many of them are headlights with shadows; none by day.
+        `vehicles`: dtype `render_state.VEHICLE`; `near`: their numbers, the nearest to a camera first.
+        """
+        if is_day or not vehicles["lamps"].any():
             return np.zeros(0, LAMP), 0
-        lit, owner, is_headlight = burning(self._tables, roots, state.vehicles["lamps"])
+        lit, owner, is_headlight = burning(self._tables, roots, vehicles["lamps"])
         rank = np.argsort(np.array(near))[owner]  # 0: the vehicle nearest to a camera
         casting = is_headlight & (rank < self._quality.beam_vehicles)
         order = np.lexsort((rank, ~casting))
@@ -206,27 +227,33 @@ class DrawList:
     ) -> list[Illumination]:
         """For each box: what reaches it. `low`, `high`: its corners, shape (n, 3)."""
         n = len(low)
-        # a shadow reaches away from the sun by the vehicle's height over the slope of the sun's rays
-        x, y, z = self._shadows.sun_direction
-        drift = -0.25 * np.array([x, y]) / z
-        middle = casters[:, :2] + 0.5 * drift
-        gap = np.maximum(np.maximum(low[:, None, :2] - middle, middle - high[:, None, :2]), 0.0)
-        away = np.linalg.norm(gap, axis=2)
-        shaded = away < 0.5 * float(np.linalg.norm(drift)) + 0.25
+        away, limit = shadow_distances(low, high, casters, self._shadows.drift)
+        shaded = away < limit
         lights, power = reach(lamps, low, high), strength(lamps, 0.5 * (low + high))
         found = [Illumination()] * n
         for i in np.nonzero(shaded.any(1) | lights.any(1))[0].tolist():
-            nearest = _best(shaded[i], -away[i], self._quality.casters)
-            small = _best(lights[i, n_beam:], power[i, n_beam:], self._quality.lamps)
+            nearest = best(shaded[i], -away[i], self._quality.casters)
+            small = best(lights[i, n_beam:], power[i, n_beam:], self._quality.lamps)
             found[i] = Illumination(
-                _filled(nearest, (1, 2, 4), NO_CASTER),
-                _filled(np.nonzero(lights[i, :n_beam])[0].tolist(), (2, 4, 8), NO_BEAM),
-                _filled([slot + BEAMS for slot in small], (2, 4, 8), NO_LAMP),
+                filled(nearest, (1, 2, 4), NO_CASTER),
+                filled(np.nonzero(lights[i, :n_beam])[0].tolist(), (2, 4, 8), NO_BEAM),
+                filled([slot + BEAMS for slot in small], (2, 4, 8), NO_LAMP),
             )
         return found
 
 
-def _best(is_candidate: np.ndarray, merit: Floats, limit: int) -> list[int]:
+def shadow_distances(low: Floats, high: Floats, casters: Floats, drift: Floats) -> tuple[Floats, float]:
+    """Level distance from each box to the middle of each vehicle's shadow, and where the shadow ends [m].
+
+    `low`, `high`: corners of the boxes, shape (..., n, 3); `casters`: centres of the vehicles, shape (..., v, 3);
+    `drift`: see `Shadows.drift`. The result has the shape (..., n, v).
+    """
+    middle = casters[..., None, :, :2] + 0.5 * drift
+    gap = np.maximum(np.maximum(low[..., :, None, :2] - middle, middle - high[..., :, None, :2]), 0.0)
+    return np.linalg.norm(gap, axis=-1), 0.5 * float(np.linalg.norm(drift)) + 0.25
+
+
+def best(is_candidate: np.ndarray, merit: Floats, limit: int) -> list[int]:
     """Indices of the candidates; only the `limit` of highest merit if there are more."""
     numbers = np.nonzero(is_candidate)[0].tolist()
     if len(numbers) > limit:
@@ -234,7 +261,7 @@ def _best(is_candidate: np.ndarray, merit: Floats, limit: int) -> list[int]:
     return numbers
 
 
-def _filled(slots: list[int], levels: tuple[int, ...], empty: int) -> Slots:
+def filled(slots: list[int], levels: tuple[int, ...], empty: int) -> Slots:
     """The list padded to one of a few lengths, so that few shader variants are needed."""
     if not slots:
         return ()
@@ -253,10 +280,10 @@ def _distances(places: Floats, cameras: Floats) -> Floats:
     return np.linalg.norm(places[:, None] - cameras[None], axis=2).min(1)
 
 
-def _outline(model: GpuMesh) -> tuple[Floats, Floats]:
+def outline(model: GpuMesh) -> tuple[Floats, Floats]:
     """Centre, shape (3,), and half length and half width, shape (2,), of a vehicle at rest [m]."""
     points = model.geometry.vertices["position"].astype(np.float64)
     if len(points) == 0:
         return np.zeros(3), np.zeros(2)
     low, high = points.min(0), points.max(0)
-    return 0.5 * (low + high), 0.5 * (high - low)[:2] * 0.92
+    return 0.5 * (low + high), 0.5 * (high - low)[:2] * OUTLINE

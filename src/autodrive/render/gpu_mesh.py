@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from autodrive.render.gl import moderngl
@@ -23,6 +25,12 @@ class GpuMesh:
         self.radius = max((float(np.linalg.norm(r.center)) + r.radius for r in own.ranges), default=0.0)
         """Of a sphere around the origin of the asset that contains it [m]."""
         self._arrays: dict[int, moderngl.VertexArray] = {}
+
+    def with_indices(self, indices: moderngl.Buffer) -> GpuMesh:
+        """The same vertices with other triangles: uint32 in a buffer that the caller fills. `geometry` is unchanged."""
+        other = copy(self)
+        other._indices, other._arrays = indices, {}
+        return other
 
     def draw(self, program: moderngl.Program, first: int = 0, count: int = -1) -> None:
         """Draw `count` indices from `first` (-1: all) with a program whose uniforms are set."""

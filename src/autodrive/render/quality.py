@@ -39,9 +39,10 @@ class Quality:
 PROFILES = {
     "software": Quality("reduced", "none", 2048, 1024, 2, 512, 1, 4, 1, 1.0),
     "software-fxaa": Quality("reduced", "fxaa", 2048, 1024, 2, 512, 1, 4, 1, 1.0),
+    "small": Quality("reduced", "none", 2048, 512, 2, 256, 1, 4, 1, 1.0),
     "gpu": Quality("full", "msaa", 4096, 2048, 4, 1024, 4, 8, 9, 8.0),
 }
-"""By name. 'auto' is 'software-fxaa' for a software renderer, else 'gpu'."""
+"""By name. 'auto' is 'software-fxaa' for a software renderer, else 'gpu'; 'small' is for images of about 100 pixels."""
 NAMES = ("auto", *PROFILES)
 
 

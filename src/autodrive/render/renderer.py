@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from autodrive.assets.asset import Asset, Detail
     from autodrive.render.render_state import RenderState
     from autodrive.render.scene import RenderScene
+    from autodrive.transforms import Vector
 
 TEXTURES, STILL, CASTER, BEAM = range(4)
 """Texture units."""
@@ -76,8 +77,8 @@ class Renderer:
 
         detail = self.quality.detail
         self._static = model(scene.static, detail)
-        vehicles = [model(asset, detail) for asset in scene.vehicles]
-        objects = [model(asset, detail) for asset in scene.objects]
+        self._vehicles = [model(asset, detail) for asset in scene.vehicles]
+        self._objects = [model(asset, detail) for asset in scene.objects]
         self._shadows = Shadows(
             context,
             self.quality,
@@ -85,9 +86,9 @@ class Renderer:
             [model(asset, "shadow") for asset in scene.vehicles],
             [model(asset, "shadow") for asset in scene.objects],
         )
-        vehicle_skeletons = [skeletons[id(asset)] for asset in scene.vehicles]
+        self._skeletons = [skeletons[id(asset)] for asset in scene.vehicles]
         self._draw_list = DrawList(
-            scene, self.quality, vehicle_skeletons, self._static, vehicles, objects, self._shadows
+            scene, self.quality, self._skeletons, self._static, self._vehicles, self._objects, self._shadows
         )
         self._frame = context.buffer(reserve=FRAME.itemsize)
         self._camera = context.buffer(reserve=80)
@@ -121,12 +122,7 @@ class Renderer:
         self._context.front_face = "ccw"
         self._draw_list.set(state, views)
         self._frame.write(self._draw_list.frame.tobytes())
-        self._frame.bind_to_uniform_block(0)
-        self._camera.bind_to_uniform_block(1)
-        self._shadows.still.use(STILL)
-        self._shadows.caster.use(CASTER)
-        self._shadows.beam.use(BEAM)
-        self._context.front_face = "cw"  # the first row is at the top, which mirrors the triangles
+        self._bind()
         targets = [self._target(i, view) for i, view in enumerate(views)]
         for target, view in zip(targets, views, strict=True):
             target.begin()
@@ -141,6 +137,15 @@ class Renderer:
                 for image, (far, marks) in zip(images, exact, strict=True)
             ]
         return images
+
+    def _bind(self) -> None:
+        """Bind uniform blocks and shadow maps, after the shadow maps have been drawn."""
+        self._frame.bind_to_uniform_block(0)
+        self._camera.bind_to_uniform_block(1)
+        self._shadows.still.use(STILL)
+        self._shadows.caster.use(CASTER)
+        self._shadows.beam.use(BEAM)
+        self._context.front_face = "cw"  # the first row is at the top, which mirrors the triangles
 
     # -- a view -----------------------------------------------------------------------------------------------------
 
@@ -204,8 +209,11 @@ class Renderer:
     def _look(self, view: View) -> Floats:
         """Clip space from map axes for that view; also writes it to the uniform block."""
         clip = clip_from_optical(view) @ np.linalg.inv(rigid(view.position, view.orientation))
-        self._camera.write(columns(clip) + np.array([*view.position, 1.0], np.float32).tobytes())
+        self._write_camera(clip, view.position)
         return clip
+
+    def _write_camera(self, clip: Floats, eye: Vector | Floats) -> None:
+        self._camera.write(columns(clip) + np.array([*eye, 1.0], np.float32).tobytes())
 
     def _seen(self, clip: Floats) -> Iterator[DrawCall]:
         """Visible meshes: first those that move, which are near, then the static ones, the ground last."""

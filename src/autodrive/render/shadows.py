@@ -82,6 +82,12 @@ class Shadows:
             self.sun = sun_axes(direction)
             self._drawn_objects = None
 
+    @property
+    def drift(self) -> Floats:
+        """How far the shadow of a vehicle reaches on level ground, shape (2,): its height over the sun's slope [m]."""
+        x, y, z = self.sun_direction
+        return -0.25 * np.array([x, y]) / z
+
     def _map(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         texture = self._context.depth_texture((width, height))
         texture.compare_func = "<="
@@ -90,31 +96,56 @@ class Shadows:
         return texture, self._context.framebuffer(depth_attachment=texture)
 
     def draw_still(self, objects: Floats) -> bool:
-        """Redraw the static shadow map if an object has moved; whether it did. `objects`: poses, shape (n, 4, 4)."""
+        """Redraw the static shadow map if an object has moved; whether it did. `objects`: poses, shape (n, 4, 4).
+
+        Only the places where the object was and is are drawn again: a new map takes milliseconds in software.
+        """
         key = objects.tobytes()
         if key == self._drawn_objects:
             return False
+        before = self._object_points
+        self._object_points = [
+            model.geometry.vertices["position"] @ pose[:3, :3].T + pose[:3, 3]
+            for model, pose in zip(self._objects, objects, strict=True)
+        ]
+        is_changed = self._fit_still() or self._drawn_objects is None
         self._drawn_objects = key
-        points = [self._static.geometry.vertices["position"].astype(np.float64)]
-        for model, pose in zip(self._objects, objects, strict=True):
-            points.append(model.geometry.vertices["position"] @ pose[:3, :3].T + pose[:3, 3])
-        self._object_points = points[1:]
-        all_points = np.concatenate(points)
-        if len(all_points) == 0:
-            self._still_frame.clear()
-            return True
-        in_sun = all_points @ self.sun.T
+        frame = self._still_frame
+        areas = [(0, 0, *frame.size)] if is_changed else list(self._moved(before))
+        with self._drawing(frame):
+            clip = self._sun_clip(self.still_scale, self.still_offset)
+            for area in areas:
+                frame.clear(viewport=area)
+                frame.scissor = area
+                frame.use()
+                write(self._fixed, "clip_from_map", columns(clip))
+                self._static.draw(self._fixed)
+                self._draw_objects(clip, objects)
+            frame.scissor = 0, 0, *frame.size
+        return True
+
+    def _fit_still(self) -> bool:
+        """Fit the static shadow map to the static meshes and the objects; whether that changed it."""
+        points = np.concatenate([self._static.geometry.vertices["position"].astype(np.float64), *self._object_points])
+        if len(points) == 0:
+            return False
+        in_sun = points @ self.sun.T
         low, high = in_sun.min(0) - 0.02, in_sun.max(0) + 0.02
-        high[2] += all_points[:, 2].max() / self.sun_direction[2] + 0.2  # as far as shadows reach
+        high[2] += points[:, 2].max() / self.sun_direction[2] + 0.2  # as far as shadows reach
+        before = self.still_scale, self.still_offset
         self.still_scale = 1.0 / (high - low)
         self.still_offset = -low * self.still_scale
-        with self._drawing(self._still_frame):
-            self._still_frame.clear()
-            clip = self._sun_clip(self.still_scale, self.still_offset)
-            write(self._fixed, "clip_from_map", columns(clip))
-            self._static.draw(self._fixed)
-            self._draw_objects(clip, objects)
-        return True
+        return not (np.array_equal(before[0], self.still_scale) and np.array_equal(before[1], self.still_offset))
+
+    def _moved(self, before: Sequence[Floats]) -> Iterator[tuple[int, int, int, int]]:
+        """Rectangles of the static shadow map where an object was or is: corner, width and height [pixels]."""
+        for old, new in zip(before, self._object_points, strict=True):
+            if not np.array_equal(old, new):
+                for points in (old, new):
+                    at = self.still_size * (points @ self.sun.T * self.still_scale + self.still_offset)[:, :2]
+                    low = np.clip(np.floor(at.min(0)) - 2, 0, self.still_size).astype(int)
+                    high = np.clip(np.ceil(at.max(0)) + 2, 0, self.still_size).astype(int)
+                    yield (*low.tolist(), *(high - low).tolist())
 
     def falls_on(self, low: Floats, high: Floats) -> NDArray[np.bool_]:
         """Whether a static shadow falls on each rectangle of level ground. `low`, `high`: corners, shape (n, 2)."""

@@ -61,6 +61,10 @@ class RenderTarget:
         self._last.read_into(pixels, components=4)
         return pixels
 
+    def read_rgb_into(self, pixels: moderngl.Buffer, offset: int) -> None:
+        """Copy the finished image to a buffer, from that byte on: rows of 3 bytes a pixel, without a wait on a GPU."""
+        self._last.read_into(pixels, components=3, alignment=1, write_offset=offset)
+
 
 class DepthLabelTarget:
     """Depth and label at the centre of each pixel, without antialiasing."""
