@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from autodrive.batch import BatchWorld as BatchWorld
     from autodrive.client import Client as Client
     from autodrive.client import NoSimulatorError as NoSimulatorError
     from autodrive.errors import AutodriveError as AutodriveError
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from autodrive.world import World as World
 
 _HOME = {
+    "batch": ("BatchWorld",),
     "client": ("Client", "NoSimulatorError"),
     "errors": (
         "AutodriveError",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ TWO_CARS = ScenarioSpec(
     },  # pyright: ignore[reportArgumentType]
     boxes={"box": {"x": 0.5, "y": 0.1}},  # pyright: ignore[reportArgumentType]
 )
+DOCS = Path(__file__).parents[2] / "docs"
 FORWARD = np.array([1.0, 0.0])
 
 
@@ -304,6 +306,14 @@ def test_a_world_needs_less_than_64_kib() -> None:
             rows += one.nbytes
     rays = batch.readings.lidar_ranges.shape[-1]
     assert rows / n + 8 * (1080 - rays) < 64 * 1024
+
+
+def test_the_example_of_the_documentation_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "batch.md").read_text(), flags=re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert names["batch"].readings.tick[:3].tolist() == [0, 0, 5]
+    assert len(capsys.readouterr().out.split("\n")) > 5
 
 
 def test_readings_cannot_be_written() -> None:
