@@ -6,8 +6,7 @@ subset, once for each combination of argument types, as Numba does. It only rewr
 
 - a NamedTuple becomes a struct; a table becomes a struct with an array for each column;
 - a tuple becomes one variable for each of its numbers; a row of an array becomes the array and the row's index;
-- numbers are float64 and int64; `%`, `min`, `max` and conditional expressions have the same meaning as in Python;
-- memory that a function allocates becomes an argument (Warp allocates none in a kernel).
+- numbers are float64 and int64; `%`, `min`, `max` and conditional expressions have the same meaning as in Python.
 
 Warp may not fuse multiplications and additions, as Numba does not. The order of operations is that of the source.
 IEEE 754 then fixes every bit of the result.
@@ -146,18 +145,14 @@ class Program:
         self.translated: set[str] = set()
         """Full names of all functions that were translated."""
 
-    def add(self, function: Callable[..., Any], *example: Any, **workspace: NDArray[Any]) -> Entry:
-        """A function to be called from Python with arguments of these types.
-
-        `workspace`: the memory that the function allocates, by the name of the variable.
-        """
+    def add(self, function: Callable[..., Any], *example: Any) -> Entry:
+        """A function to be called from Python with arguments of these types."""
         types = tuple(self.type_of(argument) for argument in example)
-        memory = tuple((name, self.type_of(array)) for name, array in workspace.items())
-        special = self.specialize(plain(function), types, memory)
+        special = self.specialize(plain(function), types)
         self._count += 1
         kernel = f"kernel_{self._count}"
         parameters, arguments = [], []
-        for n, leaf in enumerate(leaf for one in (*types, *(t for _, t in memory)) for leaf in leaves(one)):
+        for n, leaf in enumerate(leaf for one in types for leaf in leaves(one)):
             is_scalar = leaf in SCALARS.values()
             parameters.append(f"a{n}: " + (f"wp.array(dtype={leaf})" if is_scalar else leaf))
             arguments.append(f"a{n}[i]" if is_scalar else f"a{n}")
@@ -167,7 +162,7 @@ class Program:
         lines = ["i = wp.tid()", (f"{names} = " if names else "") + f"{special.name}({', '.join(arguments)})"]
         lines += [f"r{n}[i] = x{n}" for n in range(len(results))]
         self._text.append(f"\n\n@wp.kernel\ndef {kernel}({', '.join(parameters)}):\n" + _indented(lines))
-        return Entry(self, kernel, types, special.result, tuple(workspace.values()))
+        return Entry(self, kernel, types, special.result)
 
     def build(self, folder: Path) -> None:
         """Writes the generated source to a folder and lets Warp read it; the first call compiles it."""
@@ -226,20 +221,18 @@ class Program:
 
     # -- functions ----------------------------------------------------------------------------------------------
 
-    def specialize(
-        self, function: Callable[..., Any], types: tuple[Type, ...], memory: tuple[tuple[str, Type], ...] = ()
-    ) -> Specialized:
+    def specialize(self, function: Callable[..., Any], types: tuple[Type, ...]) -> Specialized:
         """The translation of a function for these types of arguments."""
         replacement = self._replaced.get(function, function)
         if replacement is None:
             return Specialized("", None)
         function = replacement
-        key = function.__code__, types, memory
+        key = function.__code__, types
         if key not in self._functions:
             self._functions[key] = None
             self._count += 1
             name = f"{function.__name__}_{self._count}"
-            translation = _Translation(self, function, types, memory)
+            translation = _Translation(self, function, types)
             self._text.append(translation.text(name))
             self._functions[key] = Specialized(name, translation.result)
             self.translated.add(f"{function.__module__}.{function.__name__}")
@@ -252,10 +245,8 @@ class Program:
 class Entry:
     """A function of a built program, to be called from Python. Arrays in its arguments are changed in place."""
 
-    def __init__(
-        self, program: Program, kernel: str, types: Sequence[Type], result: Type, memory: Sequence[NDArray[Any]]
-    ) -> None:
-        self._program, self._kernel, self._types, self._result, self._memory = program, kernel, types, result, memory
+    def __init__(self, program: Program, kernel: str, types: Sequence[Type], result: Type) -> None:
+        self._program, self._kernel, self._types, self._result = program, kernel, types, result
 
     def __call__(self, *arguments: Any) -> Any:
         """One call: a number, or a tuple of all numbers of the result."""
@@ -275,7 +266,6 @@ class Entry:
             for k, leaf in enumerate(leaves(one)):
                 kind = next(kind for kind, name in SCALARS.items() if name == leaf)
                 inputs.append(wp.array(np.array([column[k] for column in columns], DTYPES[kind]), device="cpu"))
-        inputs += [wp.array(array, device="cpu") for array in self._memory]
         outputs = [wp.zeros(len(calls), dtype=eval(leaf, {"wp": wp}), device="cpu") for leaf in leaves(self._result)]
         wp.launch(getattr(self._program.module, self._kernel), dim=len(calls), inputs=inputs + outputs, device="cpu")
         for there, here in shared:
@@ -320,13 +310,7 @@ def leaves(one: Type) -> list[str]:
 class _Translation:
     """Translates one function for certain types of arguments."""
 
-    def __init__(
-        self,
-        program: Program,
-        function: Callable[..., Any],
-        types: tuple[Type, ...],
-        memory: tuple[tuple[str, Type], ...],
-    ) -> None:
+    def __init__(self, program: Program, function: Callable[..., Any], types: tuple[Type, ...]) -> None:
         self._program = program
         self._function = function
         self._globals = {**vars(builtins), **function.__globals__}
@@ -345,7 +329,6 @@ class _Translation:
                 self._bind(argument.arg, value)
             else:
                 self._names[argument.arg] = value
-        self._memory = {name: self._parameter(name, one) for name, one in memory}
         self._block(definition.body)
 
     def text(self, name: str) -> str:
@@ -429,10 +412,6 @@ class _Translation:
 
     def _assign(self, node: ast.Assign) -> None:
         (target, *others) = node.targets
-        if isinstance(node.value, ast.Call) and self._static(node.value.func) is np.empty:
-            assert isinstance(target, ast.Name)
-            self._names[target.id] = self._memory[target.id]
-            return
         value = self._value(node.value)
         if others or isinstance(target, ast.Tuple):
             value = self._frozen(value)
