@@ -42,6 +42,24 @@ class Poses:
         qpos = self._compiled.engine.body(name)[1]
         return self._compiled.state.qpos[qpos : qpos + 7].copy()
 
+    def start(self, start: Floats, poses: Mapping[str, Floats]) -> Floats:
+        """`start`, a `State.qpos`, with these poses instead. Raises `CommandError` if one overlaps something."""
+        c = self._compiled
+        start = start.copy()
+        for name, pose in poses.items():
+            qpos = c.engine.body(name)[1]
+            start[qpos : qpos + 7] = pose
+        before = c.state.qpos.copy(), c.state.asleep.copy()
+        c.state.qpos[:] = start
+        place(c.model, c.state, c.views)
+        try:
+            for name in poses:
+                self._check_is_free(name)
+        finally:
+            c.state.qpos[:], c.state.asleep[:] = before
+            observe(c.model, c.state)
+        return start
+
     def place(self, poses: Mapping[str, Floats]) -> None:
         """Place vehicles and objects, at rest, at these poses. Raises `CommandError`; then nothing has moved."""
         c = self._compiled
@@ -55,12 +73,13 @@ class Poses:
             qpos = c.engine.body(name)[1]
             c.state.qpos[qpos : qpos + 7] = pose
         place(c.model, c.state, c.views)
-        for name, pose in poses.items():
-            if others := _overlaps(c, name):
-                c.state.qpos[:], c.state.asleep[:] = before
-                observe(c.model, c.state)
-                x, y = (float(f"{value:.6g}") for value in pose[:2])
-                raise CommandError(f"{self.noun(name)} cannot be placed at x={x}, y={y}: it would overlap {others}")
+        try:
+            for name in poses:
+                self._check_is_free(name)
+        except CommandError:
+            c.state.qpos[:], c.state.asleep[:] = before
+            observe(c.model, c.state)
+            raise
         for name in poses:
             dof = c.engine.body(name)[2]
             c.state.qvel[dof : dof + 6] = 0.0
@@ -91,6 +110,12 @@ class Poses:
             c.state.qpos[qpos : qpos + 7] = pose
             c.state.qvel[dof : dof + 6] = 0.0
         observe(c.model, c.state)
+
+    def _check_is_free(self, name: str) -> None:
+        """Raises `CommandError` if a vehicle or an object overlaps something where it is in the engine."""
+        if others := _overlaps(self._compiled, name):
+            x, y = (float(f"{value:.6g}") for value in self.get(name)[:2])
+            raise CommandError(f"{self.noun(name)} cannot be placed at x={x}, y={y}: it would overlap {others}")
 
     def _checked(self, name: str, pose: Any) -> Floats:
         """As an array with a quaternion of length 1. Raises `CommandError`."""

@@ -163,15 +163,24 @@ class World(OneThread):
         return self._show(events)
 
     @by_one_thread
-    def reset(self, seed: int | None = None) -> Frame:
-        """Return to the initial state; a new seed stays until the next one. Raises `CommandError` for a wrong seed."""
+    def reset(
+        self, seed: int | None = None, *, poses: Mapping[str, tuple[float, float, float]] | None = None
+    ) -> Frame:
+        """Return to the initial state; a new seed stays until the next one.
+
+        `poses`: x, y [m] and yaw [rad] on the ground at which vehicles and objects start this time, by name. Raises
+        `CommandError` for a wrong seed, and for a pose that is wrong or overlaps something; then nothing has changed.
+        """
         if seed is not None:
             check_seed(seed)
+        on_ground = {name: self._on_ground(name, *pose) for name, pose in (poses or {}).items()}
+        start = self._poses.start(self._start, on_ground) if on_ground else self._start
+        if seed is not None:
             self._seed = int(seed)
         c = self._compiled
         c.engine.forget_warnings()
         numbers(c.state)[:] = 0.0
-        c.state.qpos[:] = self._start
+        c.state.qpos[:] = start
         fixed = c.model.shapes.n_fixed
         c.state.shape_position[:fixed] = c.model.shapes.position[:fixed]
         c.state.shape_rotation[:fixed] = c.model.shapes.rotation[:fixed]
@@ -204,6 +213,10 @@ class World(OneThread):
 
         Encoders keep their counts. Raises `CommandError` if it would overlap something there; then nothing has moved.
         """
+        self.set_poses({name: self._on_ground(name, x, y, yaw)})
+
+    def _on_ground(self, name: str, x: float, y: float, yaw: float) -> Floats:
+        """The pose of a vehicle or an object on the ground. Raises `CommandError`."""
         self._poses.check_name(name)
         if not all(is_number(value, MAX_DISTANCE) for value in (x, y, yaw)):
             raise CommandError(
@@ -213,7 +226,7 @@ class World(OneThread):
         x, y, yaw = float(x), float(y), float(yaw)
         box = self.boxes.get(name)
         height = 0.5 * box.size[2] if box else self.vehicle_specs[name].ride_height
-        self.set_poses({name: np.array([x, y, height, *quaternion_from_yaw(yaw)])})
+        return np.array([x, y, height, *quaternion_from_yaw(yaw)])
 
     @by_one_thread
     def pose(self, name: str) -> Floats:
