@@ -313,6 +313,43 @@ def test_scene_light_and_driving_mode_change_at_once_and_stay() -> None:
         world.set_driving_mode("V7", True)
 
 
+def test_a_reset_places_vehicles_and_objects_and_every_sensor_reads_there() -> None:
+    box = {"box": BoxSpec(x=1.0, y=0.0, size=(0.3, 0.3, 0.3))}
+    world = plane(boxes=box)
+    drive(world, 20, throttle=1.0)
+    frame = world.reset(5, poses={"V1": (1.0, 2.0, 0.5 * math.pi), "box": (1.0, 3.0, 0.0)})
+    car = frame.vehicles["V1"]
+    assert car.ips.position == pytest.approx([1.0, 2.0, car.pose.position[2]])
+    assert car.lidar is not None
+    assert car.lidar.ranges[0] == pytest.approx(1.0 - 0.15 - 0.1445, abs=1e-3)  # to the box, from the mount
+    assert frame.tick == 0
+    fresh = plane(boxes=box)
+    fresh.reset(5, poses={"V1": (1.0, 2.0, 0.5 * math.pi), "box": (1.0, 3.0, 0.0)})
+    commands = lambda _: {"V1": Command(throttle=1.0)}  # noqa: E731
+    assert digests(world, 30, commands) == digests(fresh, 30, commands)
+    assert world.reset().vehicles["V1"].pose.position[0] == 0.0  # only that time
+
+
+@pytest.mark.parametrize(
+    ("poses", "error"),
+    [
+        ({"V1": (1.0, 0.0, 0.0)}, "vehicle 'V1' cannot be placed at x=1.0, y=0.0: it would overlap 'box'"),
+        ({"V9": (1.0, 0.0, 0.0)}, "V9"),
+        ({"V1": (math.nan, 0.0, 0.0)}, "must be numbers"),
+    ],
+)
+def test_a_reset_to_a_wrong_pose_changes_nothing(poses: dict[str, tuple[float, float, float]], error: str) -> None:
+    world = plane(boxes={"box": BoxSpec(x=1.0, y=0.0)})
+    drive(world, 20, throttle=1.0)
+    saved = world.save()
+    with pytest.raises(CommandError, match=error):
+        world.reset(7, poses=poses)
+    commands = lambda _: {"V1": Command(throttle=1.0)}  # noqa: E731
+    after = digests(world, 20, commands)
+    world.restore(saved)
+    assert after == digests(world, 20, commands)
+
+
 def test_a_restore_recovers_from_a_diverged_state_in_contact_with_a_box() -> None:
     world = plane(boxes={"box": BoxSpec(x=0.36, y=0.0)})
     drive(world, 60, throttle=1.0)  # it pushes

@@ -7,9 +7,13 @@ Numba and OpenGL only when a world is made.
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from importlib.machinery import ModuleSpec
+    from types import ModuleType
+
     from autodrive.batch import BatchWorld as BatchWorld
     from autodrive.client import Client as Client
     from autodrive.client import NoSimulatorError as NoSimulatorError
@@ -152,3 +156,53 @@ def _is_client_only(home: str, missing: str) -> bool:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+# -- learning environments ---------------------------------------------------------------------------------------------
+
+
+class _WhenGymnasiumIsImported:
+    """Registers the learning environments after the import of Gymnasium, if that comes after ours.
+
+    `gymnasium.make("autodrive:...")` imports this package, which has no effect if it has been imported before, and
+    Gymnasium has no entry points. So this finder of modules finds Gymnasium as the others do, and adds a last step.
+    """
+
+    def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Nothing but Gymnasium."""
+        if name != "gymnasium":
+            return None
+        from importlib.util import find_spec  # noqa: PLC0415  it takes longer than the rest of this module
+
+        sys.meta_path.remove(self)
+        spec = find_spec(name)
+        if spec is None or spec.loader is None:
+            return spec
+        execute = spec.loader.exec_module
+
+        def execute_and_register(module: ModuleType) -> None:
+            execute(module)
+            _register_environments()
+
+        spec.loader.exec_module = execute_and_register  # type: ignore[method-assign]
+        return spec
+
+
+def _register_environments() -> None:
+    try:
+        registration = importlib.import_module("autodrive.envs.registration")
+    except ModuleNotFoundError as error:
+        if error.name != "autodrive.envs":  # autodrive-client has none
+            raise
+    else:
+        registration.register()
+
+
+def _register_now_or_later() -> None:
+    if "gymnasium" in sys.modules:
+        _register_environments()
+    else:
+        sys.meta_path.insert(0, _WhenGymnasiumIsImported())
+
+
+_register_now_or_later()

@@ -42,8 +42,8 @@ LAYERS: list[tuple[str, set[str]]] = [
     ("appearance", {"meshes"}),
     ("the tick", {"cameras", "compile", "controls", "referee", "frames", "world", "factory", "editing"}),
     ("time", {"simulation", "batch"}),
-    ("edges", {"server", "bridge", "recording", "envs", "racing", "campaigns"}),
-    ("a run", {"run", "testing"}),
+    ("edges", {"server", "bridge", "recording", "racing", "campaigns"}),
+    ("a run", {"run", "testing", "envs"}),
     ("command line", {"cli"}),
 ]
 """Name and members of each layer, from the ground up. A module imports from its own layer and those below."""

@@ -163,9 +163,7 @@ class World(OneThread):
         return self._show(events)
 
     @by_one_thread
-    def reset(
-        self, seed: int | None = None, *, poses: Mapping[str, tuple[float, float, float]] | None = None
-    ) -> Frame:
+    def reset(self, seed: int | None = None, *, poses: Mapping[str, tuple[float, float, float]] | None = None) -> Frame:
         """Return to the initial state; a new seed stays until the next one.
 
         `poses`: x, y [m] and yaw [rad] on the ground at which vehicles and objects start this time, by name. Raises

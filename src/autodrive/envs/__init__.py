@@ -1,0 +1,1 @@
+"""Learning environments: driving tasks for Gymnasium and PettingZoo, and adapters for learning libraries."""

@@ -1,0 +1,154 @@
+"""The Gymnasium vector environment: many cars, each in a world of its own, stepped by one compiled call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from autodrive.batch import BatchWorld
+from autodrive.envs.episodes import Episodes, observation_space
+from autodrive.envs.settings import TASKS, Action, Settings, action_space, commands_of
+from autodrive.envs.task import Bools, CarReadings, Observation, Start
+from autodrive.errors import SpecError
+from autodrive.specs import suggest
+
+
+class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
+    """Environment k has the bits of a `DrivingEnv` that is reset with its seed and driven with its actions."""
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        task: str = "lane_keeping",
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        observation: Observation | None = None,
+        action: Action = "continuous",
+        frame_skip: int = 5,
+        threads: int | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        """`threads`: of the batch; None: one for each core. Raises `SpecError` for wrong settings."""
+        self.settings = Settings(task, observation, action, frame_skip)
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.task = TASKS[task](frame_skip)
+        seen = observation or self.task.observation
+        if seen == "camera" or render_mode is not None:
+            what = "observation 'camera'" if seen == "camera" else f"render_mode {render_mode!r}"
+            raise SpecError(
+                [f"{what}: a batch of worlds draws no images; use make_vec(..., vectorization_mode='async'), or make"]
+            )
+        self.num_envs = num_envs
+        self.single_observation_space = observation_space(self.task, seen)
+        self.single_action_space = action_space(self.settings)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._max_steps = max_episode_steps
+        self.batch = BatchWorld(self.task.scenario, num_envs, threads=threads)
+        """The worlds."""
+        self._episodes = Episodes(self.task, seen, num_envs)
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self._steps = np.zeros(num_envs, np.int64)
+        self._has_ended = np.zeros(num_envs, np.bool_)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode in every world, or in those of `options["reset_mask"]`; world k gets `seed` + k."""
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else seed or [None] * self.num_envs
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"there must be {self.num_envs} seeds, one for each environment, not {len(seeds)}")
+        rows = np.flatnonzero(self._mask(options))
+        for row in rows.tolist():
+            if seeds[row] is not None:
+                self._rngs[row] = seeding.np_random(seeds[row])[0]
+        self._begin(rows)
+        self._has_ended[rows] = False
+        return self._episodes.numbers(), {}
+
+    def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
+        """Drive each car with its action for `frame_skip` ticks; what happens at an end says the autoreset mode."""
+        ended = self._has_ended
+        if ended.any() and self.autoreset_mode == AutoresetMode.DISABLED:
+            raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
+        commands = commands_of(actions, self.settings, self.num_envs)
+        readings = self.batch.step(commands[:, None], self.settings.frame_skip)
+        outcome = self._episodes.advance(CarReadings.of_batch(readings), readings.is_unstable)
+        self._steps += 1
+        terminated = outcome.has_ended
+        truncated = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self._steps >= self._max_steps
+        reward, is_success, stepped = outcome.reward, outcome.is_success, np.ones(self.num_envs, np.bool_)
+        info: dict[str, Any] = {}
+        if self.autoreset_mode == AutoresetMode.NEXT_STEP and ended.any():
+            self._begin(np.flatnonzero(ended))
+            stepped = ~ended
+            reward[ended], terminated[ended], truncated[ended], is_success[ended] = 0.0, False, False, False
+        self._has_ended = ended = terminated | truncated
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
+            self._has_ended = np.zeros(self.num_envs, np.bool_)
+            info |= self._final(ended, is_success)
+            self._begin(np.flatnonzero(ended))
+            stepped = ~ended
+            is_success = is_success & stepped
+        if stepped.any():
+            info |= {"is_success": is_success, "_is_success": stepped}
+        return self._episodes.numbers(), reward, terminated, truncated, info
+
+    def render(self) -> None:
+        """Nothing: see `autodrive.envs.driving_env` for images."""
+
+    def _begin(self, rows: NDArray[np.intp]) -> None:
+        """Start an episode in these worlds."""
+        starts: list[Start] = []
+        seeds: list[int] = []
+        for row in rows.tolist():
+            rng = self._rngs[row]
+            if rng is None:
+                rng = self._rngs[row] = seeding.np_random()[0]
+            seeds.append(int(rng.integers(2**31)))
+            starts.append(self.task.start(rng))
+        poses = {name: np.array([start.poses[name] for start in starts]) for name in starts[0].poses}
+        readings = self.batch.reset(rows, np.array(seeds), poses=poses)
+        self._episodes.begin(rows, starts, CarReadings.of_batch(readings))
+        self._steps[rows] = 0
+
+    def _final(self, ended: Bools, is_success: Bools) -> dict[str, Any]:
+        """Observations and infos of the episodes that have just ended."""
+        observations = np.full(self.num_envs, None, dtype=object)
+        numbers = self._episodes.numbers()
+        for row in np.flatnonzero(ended).tolist():
+            observations[row] = numbers[row]
+        final = {"is_success": is_success & ended, "_is_success": ended.copy()}
+        return {"final_obs": observations, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy()}
+
+    def _mask(self, options: dict[str, Any] | None) -> Bools:
+        """The worlds to reset."""
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if not isinstance(mask, np.ndarray) or mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise ValueError(f"options['reset_mask'] must be a numpy array of bool of shape ({self.num_envs},)")
+        if not mask.any():
+            raise ValueError("options['reset_mask'] must have at least one True")
+        return mask
+
+
+def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """The mode, also by its name or value."""
+    known = {text: one for one in AutoresetMode for text in (one.name, one.value)}
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode not in known:
+        raise SpecError([f"autoreset_mode: {mode!r} is not known. {suggest(str(mode), list(known))}"])
+    return known[mode]
