@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import gymnasium
@@ -20,6 +20,9 @@ from autodrive.envs.registration import IDS
 from autodrive.errors import SpecError
 from autodrive.maps import load_map
 from autodrive.protocol.display import yaw
+
+COLLIDES = {"parking": 0, "navigation": 7}
+"""Seed of an episode in which a car that drives straight on hits something."""
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +45,17 @@ def values(env: DrivingEnv, observation: Any) -> dict[str, float]:
 
 def car(env: DrivingEnv) -> autodrive.VehicleFrame:
     return env.frame.vehicles["V1"]
+
+
+def last_step(env: DrivingEnv, action: Callable[[], Any], rewards: list[float] | None = None) -> tuple[Any, ...]:
+    """The step that ends the episode."""
+    rewards = [] if rewards is None else rewards
+    for _ in range(300):
+        step = env.step(action())
+        rewards.append(step[1])
+        if step[2]:
+            return step
+    raise AssertionError("the episode has not ended")
 
 
 # -- the checkers of the field ----------------------------------------------------------------------------------------
@@ -197,11 +211,8 @@ def test_the_reward_of_lane_keeping_is_the_progress_near_the_centre_line(envs: d
 def test_leaving_the_lane_ends_the_episode(envs: dict[str, DrivingEnv]) -> None:
     env = envs["lane_keeping"]
     env.reset(seed=1)
-    for _ in range(100):
-        observation, reward, has_ended, is_truncated, info = env.step([1.0, 1.0])
-        if has_ended:
-            break
-    assert (reward, has_ended, is_truncated, info) == (-1.0, True, False, {"is_success": False})
+    observation, *rest = last_step(env, lambda: [1.0, 1.0])
+    assert rest == [-1.0, True, False, {"is_success": False}]
     seen = values(env, observation)
     assert abs(seen["offset"]) > 0.15 or seen["direction_cos"] < 0.0
 
@@ -216,13 +227,10 @@ def test_the_goal_is_reached_by_a_car_that_is_placed_before_it(envs: dict[str, D
     distance = math.hypot(seen["goal_x"], seen["goal_y"])
     place = goal - 0.1 * np.exp(1j * heading) if task == "parking" else goal
     env._rendered.world.teleport("V1", place.real, place.imag, heading)
-    total = 0.0
-    for _ in range(100):
-        ahead = values(env, env._episodes.numbers()[0])["goal_x"] if total else 0.1
-        _, reward, has_ended, _, info = env.step([1.0 if ahead > 0.04 and task == "parking" else 0.0, 0.0])
-        total += reward
-        if has_ended:
-            break
+    rewards: list[float] = []
+    is_far = task == "parking"
+    *_, info = last_step(env, lambda: [1.0 if is_far and len(rewards) < 5 else 0.0, 0.0], rewards)
+    total = sum(rewards)
     assert info == {"is_success": True}
     turn = 0.2 * (1.0 - seen["goal_cos"]) if task == "parking" else 0.0
     assert total == pytest.approx(1.0 + distance + turn, abs=0.06)  # it stops within 5 cm, or was placed at the goal
@@ -231,15 +239,12 @@ def test_the_goal_is_reached_by_a_car_that_is_placed_before_it(envs: dict[str, D
 @pytest.mark.parametrize("task", ["parking", "navigation"])
 def test_a_collision_ends_the_episode(envs: dict[str, DrivingEnv], task: str) -> None:
     env = envs[task]
-    for seed in range(10):
-        env.reset(seed=seed)
-        has_ended, reward = False, 0.0
-        while not has_ended and env.frame.time < 15.0:
-            _, reward, has_ended, _, _ = env.step([1.0, 0.0])
-        if car(env).collision_count:
-            break
+    env.reset(seed=COLLIDES[task])
+    _, reward, has_ended, _, info = last_step(env, lambda: [1.0, 0.0])
+    assert car(env).collision_count == 1
     assert has_ended
-    assert -1.1 < reward < -0.9
+    assert reward == pytest.approx(-1.0, abs=0.1)  # with the progress of that step
+    assert info == {"is_success": False}
 
 
 def test_an_unstable_physics_ends_the_episode(envs: dict[str, DrivingEnv]) -> None:

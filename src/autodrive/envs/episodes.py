@@ -9,8 +9,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from autodrive.arrays import Floats
 from autodrive.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH
 from autodrive.envs.task import Bools, CarReadings, Feature, Observation, Outcome, Start, Task
+from autodrive.jit import jit
 
 SECTORS = 36
 """Of the observation 'lidar': the shortest range in each 10 degrees."""
@@ -52,61 +54,77 @@ class Episodes:
     def __init__(self, task: Task, observation: Observation, count: int) -> None:
         self._task = task
         self._has_scan = observation == "lidar"
-        self._width = len(task.features) if observation == "state" else task.known
         numbers = observed(task, observation)
-        self._low, self._high = (np.array([getattr(one, limit) for one in numbers]) for limit in ("low", "high"))
+        written = task.features if observation == "state" else task.features[: task.known]
+        self._low, self._high = (np.array([getattr(one, limit) for one in written]) for limit in ("low", "high"))
         self._memory = np.zeros((count, task.memory_size))
-        self._features = np.zeros((count, len(numbers)))
+        self._features = np.zeros((count, len(written)))
+        self._numbers = np.zeros((count, len(numbers)), np.float32)
         self._scan_time = np.full(count, np.nan)
-        self._rays: NDArray[np.intp] | None = None
-        self._unstable: NDArray[np.intp] | None = None
+        self._is_unstable = np.zeros(count, np.bool_)
 
     def begin(self, rows: NDArray[np.intp], starts: Sequence[Start], cars: CarReadings) -> None:
         """Start the episodes of these cars; `cars` are the readings of all of them at that time."""
         memory = np.array([start.memory for start in starts])
-        features = np.zeros((len(rows), self._width))
-        self._task.evaluate(cars.rows(rows), memory, features)
+        features = np.zeros((len(rows), self._features.shape[1]))
+        self._task.evaluate(cars.rows(rows), memory, features, new_outcome(len(rows)))
         self._memory[rows] = memory
-        self._features[rows, : self._width] = features
+        self._features[rows] = features
+        self._is_unstable[rows] = False
         self._scan_time[rows] = np.nan
-        self._unstable = None
-        if self._has_scan:
-            self._read_scans(cars)
+        self._read_scans(cars)
 
     def advance(self, cars: CarReadings, is_unstable: Bools | None = None) -> Outcome:
         """Judge a step of all cars. `is_unstable`: whether the physics of a car diverged, which ends its episode."""
-        outcome = self._task.evaluate(cars, self._memory, self._features[:, : self._width])
-        if self._has_scan:
-            self._read_scans(cars)
-        self._unstable = None
+        outcome = new_outcome(len(self._memory))
+        self._task.evaluate(cars, self._memory, self._features, outcome)
+        self._read_scans(cars)
         if is_unstable is not None and is_unstable.any():
-            self._unstable = np.flatnonzero(is_unstable)
+            self._is_unstable[:] = is_unstable
             outcome.reward[is_unstable] = FAILURE
             outcome.has_ended[is_unstable] = True
             outcome.is_success[is_unstable] = False
         return outcome
 
     def numbers(self) -> NDArray[np.float32]:
-        """The observations but for images, shape (n, n_number); a new array."""
-        values = np.empty(self._features.shape, np.float32)
-        np.clip(self._features, self._low, self._high, out=values, casting="unsafe")
-        if self._unstable is not None:
-            values[self._unstable] = 0.0  # the state may be no number
-        return values
+        """The observations but for images, shape (n, n_number); a new array. Zeros if the physics diverged."""
+        _write_numbers(self._features, self._low, self._high, self._is_unstable, self._numbers)
+        return self._numbers.copy()
 
     def _read_scans(self, cars: CarReadings) -> None:
-        """Scans are rarer than steps: only those that are new are summarised."""
-        self._features[:, self._width] = cars.time - cars.lidar_time
-        rows = np.flatnonzero(cars.lidar_time != self._scan_time)
-        if len(rows):
-            if self._rays is None:
-                self._rays = _rays_of_sectors(cars.lidar_ranges.shape[1])
-            ranges = cars.lidar_ranges[rows]
-            self._features[rows, self._width + 1 :] = ranges[:, self._rays].min(axis=2)
-            self._scan_time[rows] = cars.lidar_time[rows]
+        if self._has_scan:
+            _write_scans(cars, self._scan_time, self._numbers[:, -len(SCAN) :])
 
 
-def _rays_of_sectors(count: int) -> NDArray[np.intp]:
-    """Numbers of the rays of each sector, shape (SECTORS, rays); sector 0 is around ray 0, straight ahead."""
-    each = count // SECTORS
-    return (np.arange(SECTORS * each).reshape(SECTORS, each) - each // 2) % count
+def new_outcome(count: int) -> Outcome:
+    """Of that number of cars, not yet written."""
+    return Outcome(np.empty(count), np.empty(count, np.bool_), np.empty(count, np.bool_))
+
+
+@jit
+def _write_numbers(
+    features: Floats, low: Floats, high: Floats, is_unstable: Bools, numbers: NDArray[np.float32]
+) -> None:
+    """Write the features within their limits."""
+    for i in range(features.shape[0]):
+        if is_unstable[i]:
+            numbers[i] = 0.0
+        else:
+            for k in range(features.shape[1]):
+                numbers[i, k] = min(max(features[i, k], low[k]), high[k])
+
+
+@jit
+def _write_scans(cars: CarReadings, scan_time: Floats, numbers: NDArray[np.float32]) -> None:
+    """Write the numbers of `SCAN`. Scans are rarer than steps: only those that are new are read."""
+    for i in range(len(scan_time)):
+        numbers[i, 0] = cars.time[i] - cars.lidar_time[i]
+        if cars.lidar_time[i] != scan_time[i]:
+            scan_time[i] = cars.lidar_time[i]
+            ranges = cars.lidar_ranges[i]
+            each = len(ranges) // SECTORS
+            for sector in range(SECTORS):
+                shortest = RANGE
+                for ray in range(sector * each - each // 2, sector * each - each // 2 + each):
+                    shortest = min(shortest, ranges[ray])  # rays before ray 0 are the last ones
+                numbers[i, 1 + sector] = max(shortest, 0.0)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from autodrive.arrays import Floats
-from autodrive.envs.task import MOTION, CarReadings, Feature, distance, heading, turned
+from autodrive.envs.task import CarReadings, Feature, Outcome, heading, turned
+from autodrive.jit import jit
 
 GOAL = (
     Feature("goal_x", -8.0, 8.0, "x of the goal in the vehicle frame [m]"),
@@ -21,12 +22,19 @@ def goal_memory(x: float, y: float, yaw: float) -> tuple[float, ...]:
     return x, y, math.cos(yaw), math.sin(yaw), 0.0
 
 
-def write_goal(cars: CarReadings, memory: Floats, features: Floats) -> tuple[Floats, Floats]:
+@jit
+def write_goal(cars: CarReadings, i: int, memory: Floats, features: Floats) -> tuple[float, float]:
     """Write the features of `GOAL`; the distance to the goal [m] and the cosine of the angle between the headings."""
-    c, s = heading(cars.orientation)
-    x, y = memory[:, 0] - cars.position[:, 0], memory[:, 1] - cars.position[:, 1]
-    ahead, left = turned(x, y, c, s)
-    aligned, turn = turned(memory[:, 2], memory[:, 3], c, s)
-    for i, values in enumerate((ahead, left, aligned, turn), len(MOTION)):
-        features[:, i] = values
-    return distance(x, y), aligned
+    c, s = heading(cars, i)
+    x, y = memory[i, 0] - cars.position[i, 0], memory[i, 1] - cars.position[i, 1]
+    features[i, 3], features[i, 4] = turned(x, y, c, s)
+    features[i, 5], features[i, 6] = turned(memory[i, 2], memory[i, 3], c, s)
+    return math.sqrt(x * x + y * y), features[i, 5]
+
+
+@jit
+def write_outcome(outcome: Outcome, i: int, progress: float, is_success: bool, has_failed: bool) -> None:
+    """The reward is the progress [m], +1 for success, -1 for a failure; both end the episode."""
+    outcome.is_success[i] = is_success and not has_failed
+    outcome.has_ended[i] = is_success or has_failed
+    outcome.reward[i] = progress + (-1.0 if has_failed else 1.0 if is_success else 0.0)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from autodrive.arrays import Floats
+from autodrive.arrays import Floats, Integers
 from autodrive.envs.task import (
     MOTION,
     CarReadings,
@@ -27,6 +27,7 @@ from autodrive.envs.task import (
     wrapped,
     write_motion,
 )
+from autodrive.jit import jit
 from autodrive.maps.map import load_map
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 
@@ -44,6 +45,7 @@ START_OFFSET, START_ANGLE = 0.05, 0.2
 FAILURE = -1.0
 """Reward of a step that ends an episode."""
 
+KNOWN = len(MOTION)
 PLACE, BEYOND, DRIVEN = 0, 1, 2
 """Columns of the memory: number of the nearest point of the centre line; distance beyond it, from the start [m]."""
 
@@ -61,15 +63,16 @@ class CentreLine:
         self.spacing = self.length / self.count
         """[m]."""
         at = np.arange(self.count) * self.spacing
-        self.x, self.y = (np.interp(at, along, points[:, axis]) for axis in (0, 1))
-        dx, dy = (np.roll(values, -1) - np.roll(values, 1) for values in (self.x, self.y))
+        x, y = (np.interp(at, along, points[:, axis]) for axis in (0, 1))
+        dx, dy = (np.roll(values, -1) - np.roll(values, 1) for values in (x, y))
         length = np.hypot(dx, dy)
-        self.cos, self.sin = dx / length, dy / length
-        """Direction of the lane at each point."""
+        self.table = np.column_stack([x, y, dx / length, dy / length])
+        """x, y [m], cosine and sine of the direction of the lane at each point, shape (count, 4)."""
 
     def pose(self, place: int) -> tuple[float, float, float]:
         """x, y [m] and yaw [rad] of a point."""
-        return float(self.x[place]), float(self.y[place]), math.atan2(self.sin[place], self.cos[place])
+        x, y, c, s = self.table[place].tolist()
+        return x, y, math.atan2(s, c)
 
 
 class LaneKeeping(Task):
@@ -87,7 +90,7 @@ class LaneKeeping(Task):
             for axis in "xy"
         ),
     )
-    known = len(MOTION)
+    known = KNOWN
     observation = "state"
     memory_size = 3
 
@@ -101,8 +104,7 @@ class LaneKeeping(Task):
             },
         )
         self._preview = np.array([round(distance / line.spacing) for distance in PREVIEW])
-        reach = math.ceil(TOP_SPEED * self.scenario.tick * frame_skip / line.spacing) + 2
-        self._window = np.arange(-reach, reach + 1)
+        self._reach = math.ceil(TOP_SPEED * self.scenario.tick * frame_skip / line.spacing) + 2
 
     def start(self, rng: np.random.Generator) -> Start:
         """A place on the lane."""
@@ -117,35 +119,54 @@ class LaneKeeping(Task):
             place = (first + k * self.line.count // len(names)) % self.line.count
             x, y, yaw = self.line.pose(place)
             aside, turn = uniform(rng, (START_OFFSET, START_ANGLE))
-            x, y = x - aside * float(self.line.sin[place]), y + aside * float(self.line.cos[place])
+            x, y = x - aside * math.sin(yaw), y + aside * math.cos(yaw)
             starts.append(Start({name: (x, y, wrapped(yaw + turn))}, (float(place), 0.0, 0.0)))
         return starts
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats) -> Outcome:
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`. The nearest point is sought around the last one, so that crossings do not matter."""
         line = self.line
-        x, y = cars.position[:, 0], cars.position[:, 1]
-        before = memory[:, PLACE].astype(np.intp)
-        near = (before[:, None] + self._window) % line.count
-        dx, dy = line.x[near] - x[:, None], line.y[near] - y[:, None]
-        nearest = (dx * dx + dy * dy).argmin(axis=1)
-        moved = self._window[nearest]
-        place = (before + moved) % line.count
-        dx, dy = x - line.x[place], y - line.y[place]
-        beyond, offset = turned(dx, dy, line.cos[place], line.sin[place])
-        c, s = heading(cars.orientation)
-        direction_cos, direction_sin = turned(line.cos[place], line.sin[place], c, s)
+        _judge(cars, line.table, line.spacing, line.length, self._reach, self._preview, memory, features, outcome)
 
-        progress = moved * line.spacing + beyond - memory[:, BEYOND]
-        driven = memory[:, DRIVEN] + progress
-        memory[:, PLACE], memory[:, BEYOND], memory[:, DRIVEN] = place, beyond, driven
-        write_motion(cars, features)
-        if features.shape[1] > self.known:
-            features[:, 3], features[:, 4], features[:, 5] = offset, direction_cos, direction_sin
-            for i, steps in enumerate(self._preview.tolist()):
-                there = (place + steps) % line.count
-                features[:, 6 + 2 * i], features[:, 7 + 2 * i] = turned(line.x[there] - x, line.y[there] - y, c, s)
-        away = np.abs(offset)
-        has_ended = (away > HALF_WIDTH) | (direction_cos < 0.0) | (cars.collision_count > 0)
-        reward = np.where(has_ended, FAILURE, progress * (1.0 - away / HALF_WIDTH))
-        return Outcome(reward, has_ended, driven >= line.length)
+
+@jit
+def _judge(
+    cars: CarReadings,
+    line: Floats,
+    spacing: float,
+    length: float,
+    reach: int,
+    preview: Integers,
+    memory: Floats,
+    features: Floats,
+    outcome: Outcome,
+) -> None:
+    """`line`: see `CentreLine.table`."""
+    count = len(line)
+    for i in range(len(memory)):
+        x, y = cars.position[i, 0], cars.position[i, 1]
+        before, moved, least = int(memory[i, PLACE]), 0, math.inf
+        for steps in range(-reach, reach + 1):
+            point = line[(before + steps) % count]
+            square = (point[0] - x) * (point[0] - x) + (point[1] - y) * (point[1] - y)
+            if square < least:
+                least, moved = square, steps
+        place = (before + moved) % count
+        point = line[place]
+        beyond, offset = turned(x - point[0], y - point[1], point[2], point[3])
+        c, s = heading(cars, i)
+        direction_cos, direction_sin = turned(point[2], point[3], c, s)
+
+        progress = moved * spacing + beyond - memory[i, BEYOND]
+        memory[i, PLACE], memory[i, BEYOND] = place, beyond
+        memory[i, DRIVEN] += progress
+        write_motion(cars, i, features)
+        if features.shape[1] > KNOWN:
+            features[i, 3], features[i, 4], features[i, 5] = offset, direction_cos, direction_sin
+            for k in range(len(preview)):
+                there = line[(place + preview[k]) % count]
+                features[i, 6 + 2 * k], features[i, 7 + 2 * k] = turned(there[0] - x, there[1] - y, c, s)
+        has_ended = abs(offset) > HALF_WIDTH or direction_cos < 0.0 or cars.collision_count[i] > 0
+        outcome.has_ended[i] = has_ended
+        outcome.reward[i] = FAILURE if has_ended else progress * (1.0 - abs(offset) / HALF_WIDTH)
+        outcome.is_success[i] = memory[i, DRIVEN] >= length

@@ -17,8 +17,9 @@ import math
 import numpy as np
 
 from autodrive.arrays import Floats
-from autodrive.envs.goal import GOAL, goal_memory, write_goal
+from autodrive.envs.goal import GOAL, goal_memory, write_goal, write_outcome
 from autodrive.envs.task import MOTION, CarReadings, Feature, Outcome, Start, Task, heading, turned, write_motion
+from autodrive.jit import jit
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 
 CELLS = 5
@@ -31,6 +32,7 @@ FAR = 7.0
 """[m]."""
 PLACES = [(float(column - CELLS // 2), float(row - CELLS // 2)) for column in range(1, 4) for row in range(CELLS)]
 """Middles of the cells for boxes [m]."""
+KNOWN = len(MOTION) + len(GOAL)
 NAMES = [f"box_{k + 1}" for k in range(BOXES)]
 
 
@@ -47,7 +49,7 @@ class Navigation(Task):
             for axis in "xy"
         ),
     )
-    known = len(MOTION) + len(GOAL)
+    known = KNOWN
     observation = "lidar"
     memory_size = 5
 
@@ -70,17 +72,21 @@ class Navigation(Task):
             poses[name] = (x + JITTER * dx, y + JITTER * dy, math.pi * turn)
         return Start(poses, goal_memory(edge, float(rows[1] - middle), 0.25 * math.pi * numbers[1]))
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats) -> Outcome:
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`."""
-        write_motion(cars, features)
-        away, aligned = write_goal(cars, memory, features)
-        is_success = (away < NEAR) & (aligned > ALIGNED)
-        has_failed = (cars.collision_count > 0) | (away > FAR)
-        is_success &= ~has_failed
-        reward = memory[:, 4] - away + is_success - has_failed
-        memory[:, 4] = away
-        if features.shape[1] > self.known:
-            c, s = heading(cars.orientation)
-            x, y = (cars.objects[:, :, axis] - cars.position[:, None, axis] for axis in (0, 1))
-            features[:, self.known :: 2], features[:, self.known + 1 :: 2] = turned(x, y, c[:, None], s[:, None])
-        return Outcome(reward, is_success | has_failed, is_success)
+        _judge(cars, memory, features, outcome)
+
+
+@jit
+def _judge(cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+    for i in range(len(memory)):
+        write_motion(cars, i, features)
+        away, aligned = write_goal(cars, i, memory, features)
+        has_failed = cars.collision_count[i] > 0 or away > FAR
+        write_outcome(outcome, i, memory[i, 4] - away, away < NEAR and aligned > ALIGNED, has_failed)
+        memory[i, 4] = away
+        if features.shape[1] > KNOWN:
+            c, s = heading(cars, i)
+            for k in range(BOXES):
+                x, y = cars.objects[i, k, 0] - cars.position[i, 0], cars.objects[i, k, 1] - cars.position[i, 1]
+                features[i, KNOWN + 2 * k], features[i, KNOWN + 2 * k + 1] = turned(x, y, c, s)

@@ -15,8 +15,9 @@ import math
 import numpy as np
 
 from autodrive.arrays import Floats
-from autodrive.envs.goal import GOAL, goal_memory, write_goal
+from autodrive.envs.goal import GOAL, goal_memory, write_goal, write_outcome
 from autodrive.envs.task import MOTION, CarReadings, Outcome, Start, Task, uniform, write_motion
+from autodrive.jit import jit
 from autodrive.maps.map import load_map
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.vehicles.spec import load_vehicle
@@ -57,14 +58,18 @@ class Parking(Task):
         x, y, yaw = (middle + by for middle, by in zip(AISLE, uniform(rng, SPREAD), strict=True))
         return Start({"V1": (x, y, yaw)}, goal_memory(*goal))
 
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats) -> Outcome:
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`."""
-        write_motion(cars, features)
-        away, aligned = write_goal(cars, memory, features)
+        _judge(cars, memory, features, outcome)
+
+
+@jit
+def _judge(cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+    for i in range(len(memory)):
+        write_motion(cars, i, features)
+        away, aligned = write_goal(cars, i, memory, features)
         left = away + TURN_WEIGHT * (1.0 - aligned)
-        is_success = (away < NEAR) & (aligned > ALIGNED) & (np.abs(cars.velocity[:, 0]) < SLOW)
-        has_failed = (cars.collision_count > 0) | (away > FAR)
-        is_success &= ~has_failed
-        reward = memory[:, 4] - left + is_success - has_failed
-        memory[:, 4] = left
-        return Outcome(reward, is_success | has_failed, is_success)
+        is_success = away < NEAR and aligned > ALIGNED and abs(cars.velocity[i, 0]) < SLOW
+        has_failed = cars.collision_count[i] > 0 or away > FAR
+        write_outcome(outcome, i, memory[i, 4] - left, is_success, has_failed)
+        memory[i, 4] = left

@@ -70,7 +70,7 @@ def action_space(settings: Settings) -> spaces.Space[Any]:
 
 
 def commands_of(actions: Any, settings: Settings, count: int) -> Floats:
-    """Throttle and steering of that number of actions, shape (count, 2)."""
+    """Throttle and steering of that number of actions, shape (count, 2); the world limits them to [-1, 1]."""
     if settings.action == "discrete":
         return CHOICES[np.asarray(actions).reshape(count)]
-    return np.clip(np.asarray(actions, dtype=np.float64).reshape(count, 2), -1.0, 1.0)
+    return np.asarray(actions, dtype=np.float64).reshape(count, 2)

@@ -1,7 +1,7 @@
 """A driving task: its scenario, how an episode starts, its features, its reward and its end.
 
-All functions take arrays with a leading axis of n cars, so that single and vector environments run the same code. They
-use only operations that are rounded correctly (+, -, *, /, sqrt): the bits do not depend on n.
+Single and vector environments run the same compiled functions, on arrays with a leading axis of n cars. They use only
+operations that are rounded correctly (+, -, *, /, sqrt), so that the bits are the same on every processor.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from autodrive.arrays import Floats
+from autodrive.jit import jit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -153,36 +154,41 @@ class Task(ABC):
         """Draw the start of an episode."""
 
     @abstractmethod
-    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats) -> Outcome:
-        """Judge the last step; writes `memory`, shape (n, memory_size), and `features`, shape (n, n_feature or known).
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+        """Judge the last step.
 
-        It is also called at the start of an episode, for the memory and the features only.
+        Writes `memory`, shape (n, memory_size), `features`, shape (n, n_feature or known), and `outcome`. It is also
+        called at the start of an episode, for the memory and the features only.
         """
 
 
-def write_motion(cars: CarReadings, features: Floats) -> None:
+# -- parts of the compiled functions; i is the number of a car ---------------------------------------------------------
+
+
+@jit
+def write_motion(cars: CarReadings, i: int, features: Floats) -> None:
     """Write the features of `MOTION`."""
-    features[:, 0] = cars.velocity[:, 0]
-    features[:, 1] = cars.angular_velocity[:, 2]
-    features[:, 2] = cars.steering
+    features[i, 0] = cars.velocity[i, 0]
+    features[i, 1] = cars.angular_velocity[i, 2]
+    features[i, 2] = cars.steering[i]
 
 
-def heading(orientation: Floats) -> tuple[Floats, Floats]:
-    """Cosine and sine of the yaw angle of quaternions, shape (n,) each."""
-    w, x, y, z = orientation.T
-    c, s = 1.0 - 2.0 * (y * y + z * z), 2.0 * (w * z + x * y)
-    length = np.sqrt(c * c + s * s)
+@jit
+def heading(cars: CarReadings, i: int) -> tuple[float, float]:
+    """Cosine and sine of the yaw angle."""
+    q = cars.orientation[i]
+    c, s = 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]), 2.0 * (q[0] * q[3] + q[1] * q[2])
+    length = math.sqrt(c * c + s * s)
     return c / length, s / length
 
 
-def turned(x: Floats, y: Floats, c: Floats, s: Floats) -> tuple[Floats, Floats]:
+@jit
+def turned(x: float, y: float, c: float, s: float) -> tuple[float, float]:
     """A vector of the map frame in the axes of a vehicle whose yaw angle has that cosine and sine."""
     return c * x + s * y, c * y - s * x
 
 
-def distance(x: Floats, y: Floats) -> Floats:
-    """Length of a vector."""
-    return np.sqrt(x * x + y * y)
+# -- parts of a start ------------------------------------------------------------------------------------------------
 
 
 def uniform(rng: np.random.Generator, limits: Sequence[float]) -> list[float]:
