@@ -56,6 +56,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self._max_steps = max_episode_steps
         self.batch = BatchWorld(self.task.scenario, num_envs, threads=threads)
         """The worlds."""
+        self._cars = CarReadings.of_batch(self.batch.readings)  # views: the batch always writes the same arrays
         self._episodes = Episodes(self.task, seen, num_envs)
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._steps = np.zeros(num_envs, np.int64)
@@ -84,7 +85,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
             raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
         commands = commands_of(actions, self.settings, self.num_envs)
         readings = self.batch.step(commands[:, None], self.settings.frame_skip)
-        outcome = self._episodes.advance(CarReadings.of_batch(readings), readings.is_unstable)
+        outcome = self._episodes.advance(self._cars, readings.is_unstable)
         self._steps += 1
         terminated = outcome.has_ended
         truncated = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self._steps >= self._max_steps
@@ -119,8 +120,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
             seeds.append(int(rng.integers(2**31)))
             starts.append(self.task.start(rng))
         poses = {name: np.array([start.poses[name] for start in starts]) for name in starts[0].poses}
-        readings = self.batch.reset(rows, np.array(seeds), poses=poses)
-        self._episodes.begin(rows, starts, CarReadings.of_batch(readings))
+        self.batch.reset(rows, np.array(seeds), poses=poses)
+        self._episodes.begin(rows, starts, self._cars)
         self._steps[rows] = 0
 
     def _final(self, ended: Bools, is_success: Bools) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from autodrive.arrays import Floats
 from autodrive.envs.lane_keeping import LaneKeeping
@@ -69,8 +70,8 @@ def action_space(settings: Settings) -> spaces.Space[Any]:
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
-def commands_of(actions: Any, settings: Settings, count: int) -> Floats:
+def commands_of(actions: Any, settings: Settings, count: int) -> NDArray[Any]:
     """Throttle and steering of that number of actions, shape (count, 2); the world limits them to [-1, 1]."""
     if settings.action == "discrete":
         return CHOICES[np.asarray(actions).reshape(count)]
-    return np.asarray(actions, dtype=np.float64).reshape(count, 2)
+    return np.asarray(actions).reshape(count, 2)
