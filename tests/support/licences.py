@@ -29,7 +29,13 @@ SPDX = {
 
 MIT_TEXT = "Permission is hereby granted, free of charge, to any person obtaining a"
 
-EXTRAS = {"warp-lang": ("gpu", "Apache-2.0")}
+EXTRAS = {
+    "gymnasium": ("envs", "MIT"),
+    "cloudpickle": ("envs", "BSD-3-Clause"),
+    "farama-notifications": ("envs", "MIT"),
+    "pettingzoo": ("envs", "MIT"),
+    "warp-lang": ("gpu", "Apache-2.0"),
+}
 """Package -> the extra that installs it, and its licence. These packages are not installed with the simulator."""
 
 HEAD = """# Dependencies
@@ -44,8 +50,8 @@ versions.
 
 EXTRAS_HEAD = """## Extras
 
-`pip install "autodrive-simulator[gpu]"` adds these packages. The wheels of warp-lang for Linux and Windows also contain
-parts of NVIDIA's CUDA toolkit under NVIDIA's own licence, which is in the wheel.
+`pip install "autodrive-simulator[EXTRA]"` adds these packages. The wheels of warp-lang for Linux and Windows also
+contain parts of NVIDIA's CUDA toolkit under NVIDIA's own licence, which is in the wheel.
 
 """
 
