@@ -89,15 +89,19 @@ def rllib(steps: int) -> tuple[Any, Any, Any]:
 
 
 def pufferlib(steps: int) -> tuple[Any, Any, Any]:
+    import pufferlib.vector  # noqa: PLC0415  # pyright: ignore[reportMissingImports]
+
     from autodrive.envs.adapters.pufferlib import NigelPufferEnv  # noqa: PLC0415
 
-    env = NigelPufferEnv(ID, COUNT)
+    settings = {"id_": ID, "num_envs": COUNT}
+    env = pufferlib.vector.make(NigelPufferEnv, env_kwargs=settings, backend=pufferlib.PufferEnv)
     rounds = steps // COUNT
 
-    def run() -> None:
-        env.reset()
+    def run() -> None:  # its trainer needs its compiled extension; this is what the trainer calls
+        env.async_reset(1)
         for _ in range(rounds):
-            env.step(env.action_space.sample())
+            env.recv()
+            env.send(env.action_space.sample())
 
     return None, run, rounds * COUNT
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from autodrive.batch import BatchWorld
 from autodrive.envs.episodes import Episodes, observation_space
+from autodrive.envs.rendered_world import batch_camera
 from autodrive.envs.settings import TASKS, Action, Settings, action_space, commands_of
 from autodrive.envs.task import Bools, CarReadings, Observation, Start
 from autodrive.errors import SpecError
@@ -37,16 +38,18 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         threads: int | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """`threads`: of the batch; None: one for each core. Raises `SpecError` for wrong settings."""
+        """`threads`: of the batch; None: one for each core.
+
+        Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
+        """
         self.settings = Settings(task, observation, action, frame_skip)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.task = TASKS[task](frame_skip)
         seen = observation or self.task.observation
-        if seen == "camera" or render_mode is not None:
-            what = "observation 'camera'" if seen == "camera" else f"render_mode {render_mode!r}"
+        if render_mode is not None:
             raise SpecError(
-                [f"{what}: a batch of worlds draws no images; use make_vec(..., vectorization_mode='async'), or make"]
+                [f"render_mode {render_mode!r}: a vector environment draws no images for people; use gymnasium.make"]
             )
         self.num_envs = num_envs
         self.single_observation_space = observation_space(self.task, seen)
@@ -57,9 +60,11 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self.batch = BatchWorld(self.task.scenario, num_envs, threads=threads)
         """The worlds."""
         self._cars = CarReadings.of_batch(self.batch.readings)  # views: the batch always writes the same arrays
+        self._camera = batch_camera(self.task.scenario) if seen == "camera" else None
         self._episodes = Episodes(self.task, seen, num_envs)
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
-        self._steps = np.zeros(num_envs, np.int64)
+        self.steps = np.zeros(num_envs, np.int64)
+        """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
         self._has_ended = np.zeros(num_envs, np.bool_)
 
     def reset(
@@ -76,7 +81,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
                 self._rngs[row] = seeding.np_random(seeds[row])[0]
         self._begin(rows)
         self._has_ended[rows] = False
-        return self._episodes.numbers(), {}
+        return self._observations(), {}
 
     def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Drive each car with its action for `frame_skip` ticks; what happens at an end says the autoreset mode."""
@@ -86,9 +91,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         commands = commands_of(actions, self.settings, self.num_envs)
         readings = self.batch.step(commands[:, None], self.settings.frame_skip)
         outcome = self._episodes.advance(self._cars, readings.is_unstable)
-        self._steps += 1
+        self.steps += 1
         terminated = outcome.has_ended
-        truncated = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self._steps >= self._max_steps
+        truncated = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self.steps >= self._max_steps
         reward, is_success, stepped = outcome.reward, outcome.is_success, np.ones(self.num_envs, np.bool_)
         info: dict[str, Any] = {}
         if self.autoreset_mode == AutoresetMode.NEXT_STEP and ended.any():
@@ -104,10 +109,22 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
             is_success = is_success & stepped
         if stepped.any():
             info |= {"is_success": is_success, "_is_success": stepped}
-        return self._episodes.numbers(), reward, terminated, truncated, info
+        return self._observations(), reward, terminated, truncated, info
 
     def render(self) -> None:
-        """Nothing: see `autodrive.envs.driving_env` for images."""
+        """Nothing: see `autodrive.envs.driving_env` for images for people."""
+
+    def close_extras(self, **_: Any) -> None:
+        """End the threads of the batch, and free the renderer."""
+        self.batch.close()
+        if self._camera is not None:
+            self._camera.close()
+
+    def _observations(self) -> Any:
+        numbers = self._episodes.numbers()
+        if self._camera is None:
+            return numbers
+        return {"image": self._camera.render(self.batch.readings), "state": numbers}
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
         """Start an episode in these worlds."""
@@ -122,14 +139,14 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         poses = {name: np.array([start.poses[name] for start in starts]) for name in starts[0].poses}
         self.batch.reset(rows, np.array(seeds), poses=poses)
         self._episodes.begin(rows, starts, self._cars)
-        self._steps[rows] = 0
+        self.steps[rows] = 0
 
     def _final(self, ended: Bools, is_success: Bools) -> dict[str, Any]:
         """Observations and infos of the episodes that have just ended."""
         observations = np.full(self.num_envs, None, dtype=object)
-        numbers = self._episodes.numbers()
+        seen = self._observations()
         for row in np.flatnonzero(ended).tolist():
-            observations[row] = numbers[row]
+            observations[row] = {k: one[row] for k, one in seen.items()} if isinstance(seen, dict) else seen[row]
         final = {"is_success": is_success & ended, "_is_success": ended.copy()}
         return {"final_obs": observations, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy()}
 

@@ -17,6 +17,7 @@ from autodrive.protocol.messages import Command, Frame
 
 if TYPE_CHECKING:
     from autodrive.cameras.backend import CameraBackend
+    from autodrive.cameras.batch_camera import BatchCamera
     from autodrive.compile import Compiled
     from autodrive.envs.task import Ground
     from autodrive.render.renderer import Renderer
@@ -27,6 +28,18 @@ WIDTH, HEIGHT = 640, 360
 """Of the images of 'rgb_array' [pixels]."""
 CAMERA = "front"
 """The camera of the observation 'camera'."""
+
+
+QUALITY = "small"
+"""Of its images."""
+
+
+def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
+    """The cameras of the observation 'camera', of the first car of many worlds."""
+    from autodrive.cameras.batch_camera import BatchCamera  # noqa: PLC0415
+
+    vehicle = next(iter(scenario.vehicles))
+    return BatchCamera(scenario, vehicle, CAMERA, size=(IMAGE_WIDTH, IMAGE_HEIGHT), quality=QUALITY)
 
 
 class RenderedWorld:
@@ -90,7 +103,7 @@ class RenderedWorld:
         cameras = {
             vehicle: {CAMERA: specs[CAMERA].model_copy(update=changed)} for vehicle, specs in compiled.cameras.items()
         }
-        return TickCameras(camera_rig(replace(compiled, cameras=cameras)))
+        return TickCameras(camera_rig(replace(compiled, cameras=cameras), QUALITY))
 
     def _started_renderer(self) -> Renderer:
         if self._renderer is None:

@@ -19,9 +19,8 @@ class NigelVecEnv(VecEnv):
     """A `VecEnv` of one batch, with one group of observations, 'policy'. `settings`: those of `gymnasium.make_vec`."""
 
     def __init__(self, id_: str, num_envs: int, *, device: str = "cpu", **settings: Any) -> None:
-        self.envs = gymnasium.make_vec(f"autodrive:{id_}", num_envs, autoreset_mode="SameStep", **settings)
+        self.envs: Any = gymnasium.make_vec(f"autodrive:{id_}", num_envs, autoreset_mode="SameStep", **settings)
         spec = self.envs.spec
-        assert spec is not None
         self.num_envs = num_envs
         self.num_actions = gymnasium.spaces.flatdim(self.envs.single_action_space)
         self.max_episode_length = spec.kwargs.get("max_episode_steps") or spec.max_episode_steps
@@ -36,12 +35,12 @@ class NigelVecEnv(VecEnv):
 
     def step(self, actions: Any) -> Any:
         """Observations, rewards, ends, and which of them are truncations (`time_outs`)."""
+        steps = self.envs.unwrapped.steps
+        steps[:] = self.episode_length_buf.cpu().numpy()  # the runner may have written it
         observations, rewards, terminated, truncated, _ = self.envs.step(actions.detach().cpu().numpy())
-        done = self._tensor(terminated | truncated)
-        self.episode_length_buf += 1
-        self.episode_length_buf[done] = 0
+        self.episode_length_buf[:] = self._tensor(steps)
         self._observations = self._group(observations)
-        time_outs = self._tensor(truncated & ~terminated)
+        done, time_outs = self._tensor(terminated | truncated), self._tensor(truncated & ~terminated)
         return self._observations, self._tensor(rewards).float(), done.long(), {"time_outs": time_outs}
 
     def close(self) -> None:
