@@ -10,7 +10,7 @@ import pytest
 ADAPTERS = {
     "stable_baselines3": ("stable_baselines3", "pip install stable-baselines3"),
     "rsl_rl": ("rsl_rl", "pip install rsl-rl-lib"),
-    "pufferlib": ("pufferlib", "pip install pufferlib"),
+    "pufferlib": ("pufferlib", "pip install --no-deps pufferlib"),
     "rllib": ("ray", "pip install 'ray[rllib]'"),
 }
 

@@ -1,4 +1,8 @@
-"""For PufferLib 3: `NigelPufferEnv("NigelLaneKeeping-v0", 256)`, itself a vector environment."""
+"""For PufferLib 3: `NigelPufferEnv("NigelLaneKeeping-v0", 256)`, itself a vector environment.
+
+PufferLib 3.0 states that it needs NumPy below 2 and Gymnasium below 1, which our package does not support; its
+environments and `pufferlib.vector` run with later ones, too.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ import numpy as np
 
 from autodrive.envs.adapters import require
 
-require("pufferlib", "pufferlib")
+require("pufferlib", "--no-deps pufferlib")
 
 import pufferlib  # noqa: E402  # pyright: ignore[reportMissingImports]
 
