@@ -1,10 +1,12 @@
-"""Files that are written whole or not at all; cache folders, versioned by a hash of the source of their contents."""
+"""Files that are written whole or not at all; cache folders, and the source files that their contents depend on."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -83,17 +85,41 @@ _UMASK = _umask()  # when this module is imported, because threads may write fil
 
 
 def cache_folder(kind: str, *packages: str, also: str = "") -> Path:
-    """Folder for contents of that kind, which the Python files of these packages generate (default: all packages).
+    """Folder for contents of that kind, which the Python files of these packages generate.
 
     `also` is anything else that the contents depend on. Another version of a file gives another folder. The folder is
     not created.
     """
     stamp = hashlib.sha256((sys.version + also).encode())
-    for folder in [PACKAGE / package for package in packages] or [PACKAGE]:
-        for path in sorted(folder.rglob("*.py")):
+    for package in packages:
+        for path in sorted((PACKAGE / package).rglob("*.py")):
             status = path.stat()
             stamp.update(f"{path.relative_to(PACKAGE)} {status.st_size} {status.st_mtime_ns}".encode())
     return _root() / "autodrive" / f"{kind}-{stamp.hexdigest()[:16]}"
+
+
+def sources(file: Path) -> list[Path]:
+    """A Python file and all files of this package that it imports, directly or not. Raises `OSError`."""
+    found, pending = {file}, [file]
+    while pending:
+        new = _imported(pending.pop()) - found
+        found |= new
+        pending += new
+    return sorted(found)
+
+
+_IMPORT = re.compile(r"^[ \t]*(?:import ([\w., ]+)|from ([\w.]+) import (\([^)]*\)|.*))", re.MULTILINE)
+
+
+@functools.cache
+def _imported(file: Path) -> frozenset[Path]:
+    """The files of this package that a file imports itself."""
+    names: set[str] = set()
+    for modules, module, members in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        names |= set(re.findall(r"[\w.]+", modules)) | {module}
+        names |= {f"{module}.{member}" for member in re.findall(r"\w+", members)}
+    paths = [PACKAGE.joinpath(*name.split(".")[1:]) for name in names if name.startswith("autodrive.")]
+    return frozenset(one for path in paths for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file())
 
 
 def read_cached(path: Path) -> bytes:

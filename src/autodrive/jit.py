@@ -24,7 +24,7 @@ from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 
-from autodrive.cache import cache_folder, read_cached, write_cached
+from autodrive.cache import cache_folder, read_cached, sources, write_cached
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 
 def _folder() -> Path:
-    """A folder for each version of the whole source, because a function also contains those that it calls."""
+    """A folder for each version of the compiler; see `_FileCache` for versions of the functions."""
     own = cache_folder("numba", also=f"{numba.__version__} {llvmlite.__version__}")
     return Path(os.environ["NUMBA_CACHE_DIR"], own.name) if os.environ.get("NUMBA_CACHE_DIR") else own
 
@@ -109,6 +109,9 @@ def _cached(dispatcher: Any) -> Any:
 class _FileCache(FunctionCache):
     """A checked file for each function and its argument types; without a usable file, the function is compiled.
 
+    The file is valid for one version of the function's module and of all modules that it imports, because a function
+    also contains those that it calls.
+
     Numba's own cache raises for a damaged file or a full disk, and its index can be wrong after two processes have
     written it at once.
     """
@@ -147,7 +150,7 @@ class _FileCache(FunctionCache):
             )
 
     def flush(self) -> None:
-        """Nothing: files of other sources are in other folders."""
+        """Nothing: files of other sources have other names."""
 
     def _path(self, sig: Any, codegen: Any) -> Path | None:
         """None: no name is certain, because the source cannot be read or a type is named by an address."""
@@ -160,11 +163,17 @@ class _FileCache(FunctionCache):
 
 @functools.cache
 def _source_digest(file: str) -> str:
-    """Of a file with compiled functions; empty if it cannot be read, as for a function of a notebook."""
+    """Of a file with compiled functions and all that it imports; empty if it cannot be read, as in a notebook."""
     try:
-        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        digests = [_file_digest(path) for path in sources(Path(file))]
     except OSError:
         return ""
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+@functools.cache
+def _file_digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 _warnings: list[str] = []
