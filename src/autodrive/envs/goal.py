@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from autodrive.arrays import Floats
+from autodrive.elementary import cos, sin
 from autodrive.envs.task import CarReadings, Feature, Outcome, heading, turned
 from autodrive.jit import jit
 
@@ -19,7 +20,7 @@ GOAL = (
 
 def goal_memory(x: float, y: float, yaw: float) -> tuple[float, ...]:
     """The memory of a goal: x, y [m], cosine and sine of its heading, and a column for what is left to do."""
-    return x, y, math.cos(yaw), math.sin(yaw), 0.0
+    return x, y, cos(yaw), sin(yaw), 0.0
 
 
 @jit

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from autodrive.arrays import Floats, Integers
+from autodrive.elementary import atan2, cos, sin
 from autodrive.envs.task import (
     MOTION,
     CarReadings,
@@ -56,7 +57,7 @@ class CentreLine:
     def __init__(self, map_: str) -> None:
         lanes = load_map(map_).lane_graph
         points = lanes.path(lanes.loops()[-1])
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        along = np.concatenate([[0.0], np.cumsum(np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1)))])
         self.length = float(along[-1])
         """[m]."""
         self.count = round(self.length / SPACING)
@@ -65,14 +66,14 @@ class CentreLine:
         at = np.arange(self.count) * self.spacing
         x, y = (np.interp(at, along, points[:, axis]) for axis in (0, 1))
         dx, dy = (np.roll(values, -1) - np.roll(values, 1) for values in (x, y))
-        length = np.hypot(dx, dy)
+        length = np.sqrt(dx * dx + dy * dy)
         self.table = np.column_stack([x, y, dx / length, dy / length])
         """x, y [m], cosine and sine of the direction of the lane at each point, shape (count, 4)."""
 
     def pose(self, place: int) -> tuple[float, float, float]:
         """x, y [m] and yaw [rad] of a point."""
         x, y, c, s = self.table[place].tolist()
-        return x, y, math.atan2(s, c)
+        return x, y, atan2(s, c)
 
 
 class LaneKeeping(Task):
@@ -119,7 +120,7 @@ class LaneKeeping(Task):
             place = (first + k * self.line.count // len(names)) % self.line.count
             x, y, yaw = self.line.pose(place)
             aside, turn = uniform(rng, (START_OFFSET, START_ANGLE))
-            x, y = x - aside * math.sin(yaw), y + aside * math.cos(yaw)
+            x, y = x - aside * sin(yaw), y + aside * cos(yaw)
             starts.append(Start({name: (x, y, wrapped(yaw + turn))}, (float(place), 0.0, 0.0)))
         return starts
 

@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from autodrive.arrays import Floats
+from autodrive.elementary import cos, sin
 from autodrive.envs.goal import GOAL, goal_memory, write_goal, write_outcome
 from autodrive.envs.task import MOTION, CarReadings, Outcome, Start, Task, uniform, write_motion
 from autodrive.jit import jit
@@ -29,7 +30,7 @@ SPREAD = (0.05, 0.25, 0.3)
 """Largest distances from it [m, m, rad]."""
 TURN_WEIGHT = 0.2
 """[m]."""
-NEAR, ALIGNED, SLOW = 0.05, math.cos(math.radians(10.0)), 0.05
+NEAR, ALIGNED, SLOW = 0.05, cos(math.radians(10.0)), 0.05
 """Limits of success [m], cosine, [m/s]."""
 FAR = 3.0
 """[m]."""
@@ -49,7 +50,7 @@ class Parking(Task):
         self.scenario = ScenarioSpec(map=MAP, vehicles={"V1": VehiclePlacement(x=x, y=y, yaw_deg=math.degrees(yaw))})
         bays = [bay.pose for bay in load_map(MAP).bays if bay.name.startswith(LOT)]
         behind = 0.5 * load_vehicle(self.scenario.vehicles["V1"].type).wheelbase
-        self.goals = [(x - behind * math.cos(yaw), y - behind * math.sin(yaw), yaw) for x, y, yaw in bays]
+        self.goals = [(x - behind * cos(yaw), y - behind * sin(yaw), yaw) for x, y, yaw in bays]
         """Poses of the centre of the rear axle in each bay [m, m, rad]."""
 
     def start(self, rng: np.random.Generator) -> Start:
