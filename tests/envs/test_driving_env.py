@@ -118,8 +118,8 @@ def test_every_episode_starts_somewhere_else_and_at_rest(envs: dict[str, Driving
             "observation: 'lidra' is not known. Known: state, lidar, camera. Did you mean 'lidar'?",
         ),
         (
-            {"action": "discreet"},
-            "action: 'discreet' is not known. Known: continuous, discrete. Did you mean 'discrete'?",
+            {"action": "discrte"},
+            "action: 'discrte' is not known. Known: continuous, discrete. Did you mean 'discrete'?",
         ),
         ({"frame_skip": 0}, "frame_skip: must be a whole number of ticks from 1 to 50, not 0"),
         ({"frame_skip": 2.5}, "frame_skip: must be a whole number of ticks from 1 to 50, not 2.5"),
