@@ -32,7 +32,10 @@ from autodrive.transforms import quaternion_from_yaw
 from autodrive.vehicles.parameters import wheel_table
 
 BLOCK = 16
-"""Worlds that a thread takes at a time."""
+"""Worlds that a thread takes at a time, at least."""
+
+BLOCKS = 8
+"""Blocks of worlds for each thread, at most: worlds in contact take longer than others."""
 
 LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
 """Least and greatest factor, as in `VehiclePlacement`."""
@@ -74,6 +77,7 @@ class BatchWorld(OneThread):
         self.object_names = list(c.objects)
         self.tick_duration = spec.tick
         self._tick = Fraction(str(spec.tick))
+        self._substeps = spec.substeps
         self._sensors = sensor_tables(c)
         table = self._sensors.vehicles
         rays, rolling_rays = (int(one.max(initial=0)) for one in (table["rays"], table["rays"] * table["is_rolling"]))
@@ -89,6 +93,7 @@ class BatchWorld(OneThread):
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
         }
         count = min(threads or _processors(), math.ceil(n / BLOCK))
+        self._block = max(BLOCK, n // (BLOCKS * count))
         engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]
         self._threads = [new_thread(c, one, rays) for one in engines]
         self._engines = engines  # they own the memory of the views
@@ -119,7 +124,7 @@ class BatchWorld(OneThread):
         if self._pool is None:
             self._step(*self._arguments(self._threads[0], 0, self.n, ticks))
         else:
-            blocks = itertools.count(0, BLOCK)
+            blocks = itertools.count(0, self._block)
             others = [self._pool.submit(self._run, one, blocks, ticks) for one in self._threads[1:]]
             self._run(self._threads[0], blocks, ticks)
             for other in others:
@@ -176,7 +181,7 @@ class BatchWorld(OneThread):
         for first in iter(blocks.__next__, None):
             if first >= self.n:
                 return
-            self._step(*self._arguments(thread, first, min(first + BLOCK, self.n), ticks))
+            self._step(*self._arguments(thread, first, min(first + self._block, self.n), ticks))
 
     def _arguments(self, thread: Thread, first: int, last: int, ticks: int) -> tuple[Any, ...]:
         c = self._compiled
@@ -191,14 +196,14 @@ class BatchWorld(OneThread):
             first,
             last,
             ticks,
-            c.spec.substeps,
+            self._substeps,
             self._is_always,
             self._has_rolling_lidar,
         )
 
     def _begin_arguments(self, chosen: Integers) -> tuple[Any, ...]:
         c = self._compiled
-        return c.model, self._worlds, self._threads[0], self._sensors, chosen, c.spec.substeps
+        return c.model, self._worlds, self._threads[0], self._sensors, chosen, self._substeps
 
     def _show(self) -> Readings:
         numerator, denominator = self._tick.numerator, self._tick.denominator
