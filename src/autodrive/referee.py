@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from autodrive.arrays import Floats
-from autodrive.jit import jit, resolved
+from autodrive.jit import jit_uncounted, resolved
 from autodrive.model import Model, Table
 from autodrive.physics.buffers import VehicleContacts
 from autodrive.protocol.messages import BackOnRoad, Collision, Event, OffRoad
@@ -90,7 +90,7 @@ class Referee:
         return events
 
 
-@jit
+@jit_uncounted
 def any_wheel_outside(edges: Floats, wheels: Table, vehicle: int, position: Floats, orientation: Floats) -> bool:
     """Whether a wheel of the vehicle is outside the polygons whose edges are x0, y0, x1, y1, shape (n, 4)."""
     xa, ya = _above(wheels[4 * vehicle]["hub"], position, orientation)
@@ -110,14 +110,14 @@ def any_wheel_outside(edges: Floats, wheels: Table, vehicle: int, position: Floa
     return not (a and b and c and d)
 
 
-@jit
+@jit_uncounted
 def _above(hub: Floats, position: Floats, orientation: Floats) -> tuple[float, float]:
     """Where a wheel is, seen from above [m]."""
     x, y, _ = rotate(orientation, hub)
     return x + position[0], y + position[1]
 
 
-@jit
+@jit_uncounted
 def _is_left_of(edge: Floats, x: float, y: float) -> bool:
     """Whether a point is on the side of -x of an edge, within the edge's range of y."""
     x0, y0, x1, y1 = edge[0], edge[1], edge[2], edge[3]

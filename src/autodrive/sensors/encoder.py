@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from autodrive.arrays import Floats, Integers
-from autodrive.jit import jit
+from autodrive.jit import jit_uncounted
 from autodrive.model import Shapes
 from autodrive.protocol.messages import EncoderReading
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -55,7 +55,7 @@ class Encoders(Sensor[EncoderReading]):
         return EncoderReading(time, ticks, angles)
 
 
-@jit
+@jit_uncounted
 def count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
     """Write the counts of the wheel angles, and replace each angle [rad] by that of its count."""
     for side in range(2):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from autodrive.arrays import Floats, Integers
-from autodrive.jit import jit
+from autodrive.jit import jit_uncounted
 from autodrive.model import BOX, CYLINDER, Shapes
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.ray import inverse_distance
@@ -30,7 +30,7 @@ from autodrive.transforms import Quaternion, Vector, compose, rotate, rotation_f
 TURN = 2.0 * math.pi
 
 
-@jit
+@jit_uncounted
 def cast_fan(
     vehicle_position: Floats,
     vehicle_orientation: Floats,
@@ -130,7 +130,7 @@ def cast_fan(
                         inverse_range[i] = max(inverse_range[i], b + math.sqrt(discriminant))
 
 
-@jit
+@jit_uncounted
 def _draw_floor(cosines: Floats, sines: Floats, inverse_range: Floats, a: float, b: float) -> None:
     """Initialise the buffer with the plane z = 0."""
     for i in range(len(inverse_range)):

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import model_validator
 
 from autodrive.arrays import Floats
-from autodrive.jit import jit, resolved
+from autodrive.jit import jit_uncounted, resolved
 from autodrive.model import Shapes
 from autodrive.protocol.messages import ImuReading
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -115,7 +115,7 @@ class Imu(Sensor[ImuReading]):
         return ImuReading(time, out[:4], out[4:7], out[7:10], out[10:])
 
 
-@jit
+@jit_uncounted
 def measure_motion(
     map_from_vehicle: Floats,
     angular_velocity: Floats,
@@ -144,7 +144,7 @@ def measure_motion(
     out[10], out[11], out[12] = rotate(sensor_from_vehicle, at_mount)
 
 
-@jit
+@jit_uncounted
 def turn(out: Floats, rotation: Floats) -> None:
     """Rotate the reported orientation about the axes of the sensor by the rotation vector rotation[:3]."""
     q = compose(out[:4], quaternion_from_rotation_vector(rotation[:3]))

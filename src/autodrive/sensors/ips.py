@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from autodrive.arrays import Floats
-from autodrive.jit import jit
+from autodrive.jit import jit_uncounted
 from autodrive.model import Shapes
 from autodrive.protocol.messages import IpsReading
 from autodrive.sensors.noise import Noise, NoiseSpec
@@ -41,7 +41,7 @@ class Ips(Sensor[IpsReading]):
         return IpsReading(time, position)
 
 
-@jit
+@jit_uncounted
 def measure_position(position: Floats, orientation: Floats, offset: Vector, out: Floats) -> None:
     """Write the position of the point at `offset` in the frame of a vehicle [m]."""
     lever = rotate(orientation, offset)

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from autodrive.arrays import Floats
 from autodrive.elementary import cos, sin
-from autodrive.jit import jit, resolved
+from autodrive.jit import jit_uncounted, resolved
 from autodrive.model import Shapes
 from autodrive.protocol.messages import LidarScan
 from autodrive.sensors.fan import cast_fan
@@ -225,7 +225,7 @@ def _constants(spec: LidarSpec) -> dict[str, Any]:
     }
 
 
-@jit
+@jit_uncounted
 def measure(inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
     """The ranges that a sensor without noise reports."""
     for i in range(len(ranges)):

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from autodrive.arrays import Floats
-from autodrive.jit import jit
+from autodrive.jit import jit_uncounted
 from autodrive.sensors.noise import Deviation
 from autodrive.sensors.random_stream import Stream, new_stream, normal, uniform
 from autodrive.specs import Spec
@@ -71,7 +71,7 @@ class LidarErrors:
         self._scale, self._stream[:] = saved
 
 
-@jit
+@jit_uncounted
 def classify(distance: float, range_min: float, range_max: float) -> float:
     """A measured range as in REP 117: -inf below the minimum range, +inf for no return within the maximum range."""
     if distance < range_min:
@@ -79,7 +79,7 @@ def classify(distance: float, range_min: float, range_max: float) -> float:
     return distance if distance <= range_max else math.inf
 
 
-@jit
+@jit_uncounted
 def measure_with_noise(
     inverse_range: Floats,
     scale: float,

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from autodrive.arrays import Floats
-from autodrive.jit import jit, resolved
+from autodrive.jit import jit_uncounted, resolved
 from autodrive.sensors.random_stream import Stream, new_stream, normal
 from autodrive.specs import Spec
 
@@ -76,7 +76,7 @@ class Noise:
         self._bias[:], self._stream[:] = bias, stream
 
 
-@jit
+@jit_uncounted
 def corrupt(values: Floats, spec: Floats, bias: Floats, stream: Stream, elapsed: float) -> None:
     """Add noise to `values`, shape (n,), `elapsed` [s] after the last sample; the columns of `spec` are NoiseSpec's."""
     for i in range(len(values)):

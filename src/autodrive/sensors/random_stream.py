@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.elementary import log
-from autodrive.jit import jit
+from autodrive.jit import jit_uncounted
 
 Stream = NDArray[np.uint64]
 """Two words of the key and the number of random numbers that were drawn, shape (3,)."""
@@ -60,7 +60,7 @@ def new_stream(rng: np.random.Generator) -> Stream:
     return np.array([*rng.integers(0, 2**64, size=2, dtype=np.uint64), 0], dtype=np.uint64)
 
 
-@jit
+@jit_uncounted
 def uniform(stream: Stream) -> float:
     """The next number: one of the centres of 2^52 equal parts of (0, 1), which are all exact."""
     stream[2] += np.uint64(1)
@@ -68,13 +68,13 @@ def uniform(stream: Stream) -> float:
     return (np.float64(bits >> np.uint64(12)) + 0.5) * 2.0**-52
 
 
-@jit
+@jit_uncounted
 def normal(stream: Stream) -> float:
     """The next number of the standard normal distribution, between -8.2 and 8.2."""
     return inverse_normal(uniform(stream))
 
 
-@jit
+@jit_uncounted
 def _mixed(z: np.uint64) -> np.uint64:
     """A permutation of the 64-bit numbers in which each bit depends on all."""
     z = (z ^ (z >> np.uint64(30))) * FIRST
@@ -82,7 +82,7 @@ def _mixed(z: np.uint64) -> np.uint64:
     return z ^ (z >> np.uint64(31))
 
 
-@jit
+@jit_uncounted
 def inverse_normal(p: float) -> float:
     """The value below which a standard normal number is with probability p in (0, 1); relative error about 1e-16."""
     q = p - 0.5
@@ -94,7 +94,7 @@ def inverse_normal(p: float) -> float:
     return -size if q < 0.0 else size
 
 
-@jit
+@jit_uncounted
 def _ratio(r: float, c: Ratio) -> float:
     """A polynomial of degree 7 over another one, whose constant term is 1."""
     over = ((((((c[7] * r + c[6]) * r + c[5]) * r + c[4]) * r + c[3]) * r + c[2]) * r + c[1]) * r + c[0]

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from autodrive.arrays import Floats, Integers
 from autodrive.elementary import cos, sin
-from autodrive.jit import jit, resolved
+from autodrive.jit import jit_uncounted, resolved
 from autodrive.model import Shapes
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.ray import inverse_distance, misses_sphere
@@ -106,7 +106,7 @@ def directions(field_of_view: float, rings: int) -> Floats:
     return np.array(rays)
 
 
-@jit
+@jit_uncounted
 def nearest(
     vehicle_position: Floats,
     vehicle_orientation: Floats,
@@ -154,7 +154,7 @@ def nearest(
     return nearest
 
 
-@jit
+@jit_uncounted
 def _in_shape(rotation: Floats, g: int, v: Vector) -> Vector:
     """Transform a vector from the map frame to the axes of shape g."""
     return (

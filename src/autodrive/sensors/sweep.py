@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from autodrive.arrays import Floats, Integers
-from autodrive.jit import jit
+from autodrive.jit import jit_uncounted
 from autodrive.model import Shapes
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.ray import inverse_distance, misses_sphere
@@ -42,7 +42,7 @@ class Timing(NamedTuple):
     """[s]."""
 
 
-@jit
+@jit_uncounted
 def cast_sweep(
     position_before: Floats,
     orientation_before: Floats,
@@ -118,7 +118,7 @@ def cast_sweep(
     return rays
 
 
-@jit
+@jit_uncounted
 def _in_shape(before: Floats, after: Floats, g: int, fraction: float, v: Vector) -> Vector:
     """Transform a vector from the map frame to the axes of shape g at that fraction of the tick."""
     x = y = z = 0.0
