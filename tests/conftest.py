@@ -47,6 +47,7 @@ SLOWEST_FIRST = (
     "devkit/test_python_examples.py",
     "cameras/test_tick_cameras.py",
     "hardening/test_long_drive.py",
+    "test_processors.py",
     "test_determinism.py",
     "test_documentation.py",
     "test_page_logic.py",
