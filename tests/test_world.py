@@ -336,9 +336,13 @@ def test_a_reset_places_vehicles_and_objects_and_every_sensor_reads_there() -> N
         ({"V1": (1.0, 0.0, 0.0)}, "vehicle 'V1' cannot be placed at x=1.0, y=0.0: it would overlap 'box'"),
         ({"V9": (1.0, 0.0, 0.0)}, "V9"),
         ({"V1": (math.nan, 0.0, 0.0)}, "must be numbers"),
+        ({"V1": (1.0, 0.0)}, r"the pose of 'V1' must be x, y \[m\] and yaw \[rad\], not \(1.0, 0.0\)"),
+        ({"V1": 2.0}, "the pose of 'V1' must be x, y"),
+        ({"V1": ("x", (), None)}, "must be numbers"),
+        ([(1.0, 0.0, 0.0)], "poses must be a dictionary"),
     ],
 )
-def test_a_reset_to_a_wrong_pose_changes_nothing(poses: dict[str, tuple[float, float, float]], error: str) -> None:
+def test_a_reset_to_a_wrong_pose_changes_nothing(poses: Any, error: str) -> None:
     world = plane(boxes={"box": BoxSpec(x=1.0, y=0.0)})
     drive(world, 20, throttle=1.0)
     saved = world.save()

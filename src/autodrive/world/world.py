@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+import reprlib
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
@@ -171,7 +172,7 @@ class World(OneThread):
         """
         if seed is not None:
             check_seed(seed)
-        on_ground = {name: self._on_ground(name, *pose) for name, pose in (poses or {}).items()}
+        on_ground = {} if poses is None else self._start_poses(poses)
         start = self._poses.start(self._start, on_ground) if on_ground else self._start
         if seed is not None:
             self._seed = int(seed)
@@ -212,6 +213,15 @@ class World(OneThread):
         Encoders keep their counts. Raises `CommandError` if it would overlap something there; then nothing has moved.
         """
         self.set_poses({name: self._on_ground(name, x, y, yaw)})
+
+    def _start_poses(self, poses: Mapping[str, tuple[float, float, float]]) -> dict[str, Floats]:
+        """See `reset`. Raises `CommandError`."""
+        if not isinstance(poses, Mapping):
+            raise CommandError(f"poses must be a dictionary with x, y, yaw for each name, not {reprlib.repr(poses)}")
+        for name, pose in poses.items():
+            if not isinstance(pose, Sequence | np.ndarray) or isinstance(pose, str) or len(pose) != 3:
+                raise CommandError(f"the pose of '{name}' must be x, y [m] and yaw [rad], not {reprlib.repr(pose)}")
+        return {name: self._on_ground(name, *pose) for name, pose in poses.items()}
 
     def _on_ground(self, name: str, x: float, y: float, yaw: float) -> Floats:
         """The pose of a vehicle or an object on the ground. Raises `CommandError`."""
