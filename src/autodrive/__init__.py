@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import BackOnRoad as BackOnRoad
     from autodrive.protocol.messages import CameraImage as CameraImage
     from autodrive.protocol.messages import CameraIntrinsics as CameraIntrinsics
+    from autodrive.protocol.messages import CheckpointPassed as CheckpointPassed
     from autodrive.protocol.messages import Collision as Collision
     from autodrive.protocol.messages import Command as Command
     from autodrive.protocol.messages import EncoderReading as EncoderReading
@@ -39,15 +40,22 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import ImuReading as ImuReading
     from autodrive.protocol.messages import Indicators as Indicators
     from autodrive.protocol.messages import IpsReading as IpsReading
+    from autodrive.protocol.messages import LapCompleted as LapCompleted
     from autodrive.protocol.messages import LidarScan as LidarScan
     from autodrive.protocol.messages import Lights as Lights
     from autodrive.protocol.messages import ObjectFrame as ObjectFrame
     from autodrive.protocol.messages import OffRoad as OffRoad
     from autodrive.protocol.messages import Pose as Pose
+    from autodrive.protocol.messages import RacePenalty as RacePenalty
+    from autodrive.protocol.messages import RaceState as RaceState
+    from autodrive.protocol.messages import RaceStatus as RaceStatus
+    from autodrive.protocol.messages import RaceStatusChanged as RaceStatusChanged
     from autodrive.protocol.messages import RangeReading as RangeReading
+    from autodrive.protocol.messages import SetBack as SetBack
     from autodrive.protocol.messages import TailLights as TailLights
     from autodrive.protocol.messages import VehicleFrame as VehicleFrame
     from autodrive.protocol.messages import WheelsReading as WheelsReading
+    from autodrive.protocol.messages import WrongWay as WrongWay
     from autodrive.render.gl import GlUnavailable as GlUnavailable
     from autodrive.scenario import BoxSpec as BoxSpec
     from autodrive.scenario import Scenario as Scenario
@@ -76,6 +84,7 @@ _HOME = {
         "BackOnRoad",
         "CameraImage",
         "CameraIntrinsics",
+        "CheckpointPassed",
         "Collision",
         "Command",
         "EncoderReading",
@@ -84,15 +93,22 @@ _HOME = {
         "ImuReading",
         "Indicators",
         "IpsReading",
+        "LapCompleted",
         "LidarScan",
         "Lights",
         "ObjectFrame",
         "OffRoad",
         "Pose",
+        "RacePenalty",
+        "RaceState",
+        "RaceStatus",
+        "RaceStatusChanged",
         "RangeReading",
+        "SetBack",
         "TailLights",
         "VehicleFrame",
         "WheelsReading",
+        "WrongWay",
     ),
     "maps.map": ("Map", "MapSpec", "load_map"),
     "render.gl": ("GlUnavailable",),

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import autodrive
 from autodrive.protocol.channels import CHANNELS, SIGNALS
-from autodrive.protocol.messages import VehicleFrame
+from autodrive.protocol.messages import RaceState, RaceStatus, VehicleFrame
 from autodrive.protocol.typescript import signal_tables
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
@@ -27,7 +28,8 @@ def spec_file(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def vehicle(spec_file: str) -> VehicleFrame:
     world = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=spec_file)}))
-    return world.step().vehicles["V1"]
+    race = RaceState(RaceStatus.RACING, 3, 12, 1.0, 8.0, 7.5, 15.5, 10.0, 1, 4, 50.0, 1, 0.0, False)
+    return replace(world.step().vehicles["V1"], race=race)
 
 
 def test_every_field_of_a_vehicle_frame_but_the_cameras_is_a_channel() -> None:
@@ -50,8 +52,8 @@ def test_type_and_shape_of_every_signal_are_those_of_its_value(vehicle: VehicleF
 def test_a_signal_without_a_reading_is_none(vehicle: VehicleFrame) -> None:
     bare = autodrive.make("plane").frame.vehicles["V1"]
     absent = {signal.name for signal in SIGNALS if signal.read(bare) is None}
-    assert absent == {signal.name for signal in SIGNALS if signal.name.startswith("range.")}
-    assert [signal.name for signal in SIGNALS if signal.is_optional] == ["range.time", "range.range"]
+    assert absent == {signal.name for signal in SIGNALS if signal.name.startswith(("range.", "race."))}
+    assert absent == {signal.name for signal in SIGNALS if signal.is_optional}
 
 
 def test_names_are_unique() -> None:

@@ -4,7 +4,7 @@
 export interface HudRow {
   label: string
   title: string
-  format: 'number' | 'turn' | 'magnitude' | 'vector' | 'list' | 'mode' | 'gear' | 'beam'
+  format: 'number' | 'turn' | 'magnitude' | 'vector' | 'list' | 'mode' | 'gear' | 'beam' | 'lap' | 'time'
   unit: string
   scale: number
   decimals: number
@@ -44,6 +44,12 @@ export const HUD_ROWS = {
   'gear': { label: 'Gear', title: 'D: drive, R: reverse (from the speed of the rear wheels)', format: 'gear', unit: 'rad/s', scale: 1.0, decimals: 2, section: '', signal: 'wheels.angular_velocity', optional: false },
   'mode': { label: 'Driving Mode', title: 'Manual: a person drives. Autonomous: a script drives', format: 'mode', unit: '', scale: 1.0, decimals: 2, section: '', signal: 'is_autonomous', optional: false },
   'collisions': { label: 'Collisions', title: '', format: 'number', unit: '', scale: 1.0, decimals: 0, section: '', signal: 'collision_count', optional: false },
+  'race-lap': { label: 'Lap', title: 'Completed laps, and those of the race with its warm-up laps', format: 'lap', unit: '', scale: 1.0, decimals: 2, section: '', signal: 'race.lap_count', optional: true },
+  'race-lap-time': { label: 'Lap Time', title: 'Time in the present lap', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.lap_time', optional: true },
+  'race-last-lap': { label: 'Last Lap', title: '', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.last_lap_time', optional: true },
+  'race-best-lap': { label: 'Best Lap', title: 'Best of the laps that count', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.best_lap_time', optional: true },
+  'race-time': { label: 'Race Time', title: 'Time of the laps that count, without penalties', format: 'time', unit: 's', scale: 1.0, decimals: 2, section: '', signal: 'race.race_time', optional: true },
+  'race-penalty': { label: 'Penalties', title: 'Added to the race time by the rules', format: 'number', unit: 's', scale: 1.0, decimals: 0, section: '', signal: 'race.penalty', optional: true },
 } as const satisfies Record<string, HudRow>
 
 export const PLOTS = {

@@ -1,6 +1,8 @@
 // The log of the page: all notices, events and errors with their times.
 import { sentence } from './actions'
+import { lapTime } from './lap_time'
 import type { Event } from './messages'
+import { RaceStatus } from './messages'
 import { Observable } from './observable'
 import type { Store } from './store'
 
@@ -67,6 +69,14 @@ export function logOf(store: Store): Observable<readonly Entry[]> {
   return entries
 }
 
+const RACE_STATUS = {
+  [RaceStatus.WAITING]: 'waits for the start',
+  [RaceStatus.RACING]: 'races',
+  [RaceStatus.FINISHED]: 'has finished',
+  [RaceStatus.DISQUALIFIED]: 'is disqualified',
+  [RaceStatus.RETIRED]: 'has retired',
+}
+
 /** The text of an event, and its level. */
 export function describe(event: Event): [string, Level] {
   switch (event.type) {
@@ -76,5 +86,17 @@ export function describe(event: Event): [string, Level] {
       return [`${event.vehicle} left the road`, 'warning']
     case 'BackOnRoad':
       return [`${event.vehicle} is back on the road`, 'good']
+    case 'CheckpointPassed':
+      return [`${event.vehicle} passed checkpoint ${event.checkpoint} of lap ${event.lap}`, 'info']
+    case 'LapCompleted':
+      return [`${event.vehicle} completed lap ${event.lap} in ${lapTime(event.lap_time)}`, 'good']
+    case 'RacePenalty':
+      return [`${event.vehicle} gets ${event.duration} s: ${event.reason}`, 'warning']
+    case 'SetBack':
+      return [`${event.vehicle} is set back to checkpoint ${event.checkpoint}`, 'info']
+    case 'WrongWay':
+      return [`${event.vehicle} drives the wrong way`, 'warning']
+    case 'RaceStatusChanged':
+      return [`${event.vehicle} ${RACE_STATUS[event.status]}${event.reason && `: ${event.reason}`}`, 'info']
   }
 }

@@ -275,6 +275,85 @@ export interface BackOnRoad {
 }
 
 /**
+ * A vehicle passed a checkpoint at `time`, within the tick; `lap` from 1, `split` [s] since the start of the lap.
+ *
+ * `sector_time` [s] since the checkpoint before. The finish line is the last checkpoint.
+ */
+export interface CheckpointPassed {
+  type: 'CheckpointPassed'
+  time: number
+  vehicle: string
+  lap: number
+  checkpoint: number
+  split: number
+  sector_time: number
+  position: Float64Array
+}
+
+/**
+ * A vehicle completed a lap at `time`, within the tick; `lap` from 1. `is_counted`: not a warm-up lap.
+ */
+export interface LapCompleted {
+  type: 'LapCompleted'
+  time: number
+  vehicle: string
+  lap: number
+  lap_time: number
+  is_counted: boolean
+  position: Float64Array
+}
+
+/**
+ * The rules add `duration` [s] to the time of a vehicle.
+ */
+export interface RacePenalty {
+  type: 'RacePenalty'
+  time: number
+  vehicle: string
+  reason: string
+  duration: number
+  position: Float64Array
+}
+
+/**
+ * The rules set a vehicle back to the checkpoint that it passed last; `position` is that before.
+ */
+export interface SetBack {
+  type: 'SetBack'
+  time: number
+  vehicle: string
+  checkpoint: number
+  position: Float64Array
+}
+
+/**
+ * A vehicle drives against the direction of the track.
+ */
+export interface WrongWay {
+  type: 'WrongWay'
+  time: number
+  vehicle: string
+  position: Float64Array
+}
+
+/**
+ * A vehicle in a race: it waits for the start, races, has finished, is disqualified, or has retired.
+ */
+export enum RaceStatus { WAITING = 0, RACING = 1, FINISHED = 2, DISQUALIFIED = 3, RETIRED = 4 }
+
+/**
+ * A vehicle started, finished, retired or was disqualified, for this reason.
+ */
+export interface RaceStatusChanged {
+  type: 'RaceStatusChanged'
+  time: number
+  vehicle: string
+  status: RaceStatus
+  reason: string
+  position: Float64Array
+}
+
+/**
  * The first message: the version that the client speaks, and its display name.
  */
 export interface Hello {
@@ -617,6 +696,31 @@ export interface RangeReading {
 }
 
 /**
+ * A vehicle in a race, ground truth. Times are in simulated seconds; 0 before there is one.
+ *
+ * `lap_count` completed laps of `lap_total`, with warm-up laps (0: without limit); `lap_time` in the present lap,
+ * `last_lap_time`, `best_lap_time` of the laps that count. `race_time` of the laps that count, so far, without
+ * `penalty` [s]. `collision_count` of the collisions that the rules count. `checkpoint`: checkpoints passed in this
+ * lap. `distance` [m] along the track since the start line; `rank` from 1; `gap` to the first vehicle [s].
+ */
+export interface RaceState {
+  status: RaceStatus
+  lap_count: number
+  lap_total: number
+  lap_time: number
+  last_lap_time: number
+  best_lap_time: number
+  race_time: number
+  penalty: number
+  collision_count: number
+  checkpoint: number
+  distance: number
+  rank: number
+  gap: number
+  is_wrong_way: boolean
+}
+
+/**
  * One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest reading of every sensor.
  *
  * `pose` is the pose of the vehicle frame (origin: centre of the rear axle at wheel-centre height). `velocity` [m/s]
@@ -624,7 +728,7 @@ export interface RangeReading {
  * command of the drive actuators; `steering` [rad], left positive, is the angle of the steering actuator (report,
  * tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
  * None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
- * empty if cameras are off and before the first image, see `Images`.
+ * empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
  */
 export interface VehicleFrame {
   pose: Pose
@@ -642,6 +746,7 @@ export interface VehicleFrame {
   collision_count: number
   cameras: Record<string, CameraImage>
   range: RangeReading | null
+  race: RaceState | null
 }
 
 /**
@@ -663,7 +768,7 @@ export interface Frame {
   tick: number
   vehicles: Record<string, VehicleFrame>
   objects: Record<string, ObjectFrame>
-  events: (Collision | OffRoad | BackOnRoad)[]
+  events: (Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged)[]
   scene_light: boolean
   time_of_day: number | null
 }
@@ -695,7 +800,7 @@ export interface Error {
 
 export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
 
-export type Event = Collision | OffRoad | BackOnRoad
+export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 

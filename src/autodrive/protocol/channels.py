@@ -21,10 +21,10 @@ from autodrive.protocol.messages import WHEEL_NAMES, VehicleFrame
 EACH_TICK = ""
 """Rate of a signal that has a new value in each Frame."""
 
-Format: TypeAlias = Literal["number", "turn", "magnitude", "vector", "list", "mode", "gear", "beam"]
+Format: TypeAlias = Literal["number", "turn", "magnitude", "vector", "list", "mode", "gear", "beam", "lap", "time"]
 """How the HUD writes a signal: one number, a number with an arrow to its side (left is positive), a number without its
 sign, three columns, integers in brackets, 'Autonomous' or 'Manual', 'D' or 'R', the range at the bearing that the user
-sets."""
+sets, completed laps of all, minutes and seconds to the millisecond."""
 
 Reduction: TypeAlias = Literal["element", "nearest", "beam"]
 """How a plot makes one number of a signal: by taking an element, the least range, or the range at the bearing that the
@@ -473,6 +473,54 @@ CHANNELS: tuple[Channel, ...] = (
                 hud=(HudRow("collisions", "Collisions", decimals=0),),
                 plots=(Plot("collisions", "Vehicle", "Collisions", 1.0),),
             ),
+        ),
+    ),
+    Channel(
+        "race",
+        (
+            Signal("race.status", "0 waits for the start, 1 races, 2 finished, 3 disqualified, 4 retired"),
+            Signal(
+                "race.lap_count",
+                "completed laps",
+                hud=(HudRow("race-lap", "Lap", "Completed laps, and those of the race with its warm-up laps", "lap"),),
+            ),
+            Signal("race.lap_total", "laps of the race with its warm-up laps, 0 without limit"),
+            Signal(
+                "race.lap_time",
+                "time in the present lap",
+                "s",
+                hud=(HudRow("race-lap-time", "Lap Time", "Time in the present lap", "time"),),
+            ),
+            Signal(
+                "race.last_lap_time",
+                "time of the last lap, 0 before there is one",
+                "s",
+                hud=(HudRow("race-last-lap", "Last Lap", "", "time"),),
+            ),
+            Signal(
+                "race.best_lap_time",
+                "best time of a lap that counts, 0 before there is one",
+                "s",
+                hud=(HudRow("race-best-lap", "Best Lap", "Best of the laps that count", "time"),),
+            ),
+            Signal(
+                "race.race_time",
+                "time of the laps that count, so far, without penalties",
+                "s",
+                hud=(HudRow("race-time", "Race Time", "Time of the laps that count, without penalties", "time"),),
+            ),
+            Signal(
+                "race.penalty",
+                "sum of the time penalties",
+                "s",
+                hud=(HudRow("race-penalty", "Penalties", "Added to the race time by the rules", decimals=0),),
+            ),
+            Signal("race.collision_count", "collisions that the rules count"),
+            Signal("race.checkpoint", "checkpoints passed in this lap"),
+            Signal("race.distance", "distance along the track since the start line", "m"),
+            Signal("race.rank", "place in the race, from 1"),
+            Signal("race.gap", "time behind the first vehicle", "s"),
+            Signal("race.is_wrong_way", "whether it drives against the direction of the track"),
         ),
     ),
 )

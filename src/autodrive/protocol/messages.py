@@ -47,6 +47,16 @@ class TailLights(enum.IntEnum):
     BRIGHT = 2
 
 
+class RaceStatus(enum.IntEnum):
+    """A vehicle in a race: it waits for the start, races, has finished, is disqualified, or has retired."""
+
+    WAITING = 0
+    RACING = 1
+    FINISHED = 2
+    DISQUALIFIED = 3
+    RETIRED = 4
+
+
 # -- messages in ------------------------------------------------------------------------------------------------
 
 Name: TypeAlias = Annotated[str, msgspec.Meta(max_length=100)]
@@ -400,6 +410,31 @@ class WheelsReading(Displayed, frozen=True, gc=False):
     slip_angle: Array
 
 
+class RaceState(Displayed, frozen=True, gc=False):
+    """A vehicle in a race, ground truth. Times are in simulated seconds; 0 before there is one.
+
+    `lap_count` completed laps of `lap_total`, with warm-up laps (0: without limit); `lap_time` in the present lap,
+    `last_lap_time`, `best_lap_time` of the laps that count. `race_time` of the laps that count, so far, without
+    `penalty` [s]. `collision_count` of the collisions that the rules count. `checkpoint`: checkpoints passed in this
+    lap. `distance` [m] along the track since the start line; `rank` from 1; `gap` to the first vehicle [s].
+    """
+
+    status: RaceStatus
+    lap_count: int
+    lap_total: int
+    lap_time: float
+    last_lap_time: float
+    best_lap_time: float
+    race_time: float
+    penalty: float
+    collision_count: int
+    checkpoint: int
+    distance: float
+    rank: int
+    gap: float
+    is_wrong_way: bool
+
+
 class VehicleFrame(Displayed, frozen=True, gc=False):
     """One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest reading of every sensor.
 
@@ -408,7 +443,7 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     command of the drive actuators; `steering` [rad], left positive, is the angle of the steering actuator (report,
     tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
     None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
-    empty if cameras are off and before the first image, see `Images`.
+    empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
     """
 
     pose: Pose
@@ -426,6 +461,7 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     collision_count: int
     cameras: dict[str, CameraImage] = msgspec.field(default_factory=Images)
     range: RangeReading | None = None
+    race: RaceState | None = None
 
     @property
     def speed(self) -> float:
@@ -475,7 +511,75 @@ class BackOnRoad(Displayed, frozen=True, tag=True):
     position: Array
 
 
-Event: TypeAlias = Collision | OffRoad | BackOnRoad
+# Events of a race; `position` [m], shape (3,), is the rear axle centre at the end of the tick.
+
+
+class CheckpointPassed(Displayed, frozen=True, tag=True):
+    """A vehicle passed a checkpoint at `time`, within the tick; `lap` from 1, `split` [s] since the start of the lap.
+
+    `sector_time` [s] since the checkpoint before. The finish line is the last checkpoint.
+    """
+
+    time: float
+    vehicle: str
+    lap: int
+    checkpoint: int
+    split: float
+    sector_time: float
+    position: Array
+
+
+class LapCompleted(Displayed, frozen=True, tag=True):
+    """A vehicle completed a lap at `time`, within the tick; `lap` from 1. `is_counted`: not a warm-up lap."""
+
+    time: float
+    vehicle: str
+    lap: int
+    lap_time: float
+    is_counted: bool
+    position: Array
+
+
+class RacePenalty(Displayed, frozen=True, tag=True):
+    """The rules add `duration` [s] to the time of a vehicle."""
+
+    time: float
+    vehicle: str
+    reason: str
+    duration: float
+    position: Array
+
+
+class SetBack(Displayed, frozen=True, tag=True):
+    """The rules set a vehicle back to the checkpoint that it passed last; `position` is that before."""
+
+    time: float
+    vehicle: str
+    checkpoint: int
+    position: Array
+
+
+class WrongWay(Displayed, frozen=True, tag=True):
+    """A vehicle drives against the direction of the track."""
+
+    time: float
+    vehicle: str
+    position: Array
+
+
+class RaceStatusChanged(Displayed, frozen=True, tag=True):
+    """A vehicle started, finished, retired or was disqualified, for this reason."""
+
+    time: float
+    vehicle: str
+    status: RaceStatus
+    reason: str
+    position: Array
+
+
+RaceEvent: TypeAlias = CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
+
+Event: TypeAlias = Collision | OffRoad | BackOnRoad | RaceEvent
 
 
 class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):

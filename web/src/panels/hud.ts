@@ -8,7 +8,7 @@ import { History } from './history'
 import type { HudState } from './hud_rows'
 import { TEXTS } from './hud_rows'
 import type { Rows, Section } from './hud_sections'
-import { dashboard, sensors, signalRow, simulation } from './hud_sections'
+import { dashboard, race, sensors, signalRow, simulation } from './hud_sections'
 import { plot } from './plot'
 import { polar } from './polar'
 import { loadPreference, savePreference } from './preferences'
@@ -27,6 +27,7 @@ export function hud(store: Store, connection: Connection): HTMLElement {
   const rows: Rows = new Map()
   const sections = [
     dashboard(rows, vehicleEvents),
+    race(rows),
     cameras(store),
     sensors(rows),
     lidar(rows, store),

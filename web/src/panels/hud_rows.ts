@@ -1,6 +1,7 @@
 // The texts of the HUD rows as pure functions of the state, in the units of the report (table 13).
 import type { HudRow } from '../channels'
 import { HUD_ROWS } from '../channels'
+import { lapTime } from '../lap_time'
 import type { BridgeStatus, Frame, LidarScan, Pose, Status, VehicleFrame, VehicleScene } from '../messages'
 
 /** The input of all rows; null means not received yet. */
@@ -116,6 +117,11 @@ const FORMATS: Record<Exclude<HudRow['format'], 'vector'>, (value: Value, row: H
   list: (value) => `[${Array.from(value as ArrayLike<bigint>).join(', ')}]`,
   mode: (value) => (value ? 'Autonomous' : 'Manual'),
   gear: (_, __, { vehicle }) => (vehicle ? gear(vehicle) : NONE),
+  lap: (value, _, { vehicle }) => {
+    const total = vehicle?.race?.lap_total ?? 0
+    return total > 0 ? `${element(value)} / ${total}` : String(element(value))
+  },
+  time: (value) => lapTime(element(value)),
   beam: (_, row, state) => withUnit(fixed(rangeAt(state), row.decimals), row.unit),
 }
 

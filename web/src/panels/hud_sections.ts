@@ -1,6 +1,9 @@
 // The HUD sections that consist of rows: vehicle, sensors, simulation.
 import type { HudRow } from '../channels'
 import { HUD_ROWS } from '../channels'
+import { lapTime } from '../lap_time'
+import type { Frame } from '../messages'
+import { RaceStatus } from '../messages'
 import { h, setText } from './element'
 import type { HudState, Row } from './hud_rows'
 import { clock, element as elementOf, fixed, NONE, reader, SENSOR_ROWS, VECTORS } from './hud_rows'
@@ -107,6 +110,59 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
       lastCollision.title = isShown ? `Last collision, at ${clock(last.time)}` : ''
     },
   }
+}
+
+/** Laps and times of the vehicle, and the standings; hidden without a race. */
+export function race(rows: Rows): Section {
+  const standings = h('table', { class: 'standings', testid: 'hud-standings' })
+  const element = h(
+    'section',
+    { class: 'race', 'aria-label': 'Race', hidden: true, testid: 'hud-race' },
+    h(
+      'dl',
+      { class: 'strip' },
+      signalRow(rows, 'race-lap'),
+      signalRow(rows, 'race-lap-time'),
+      signalRow(rows, 'race-time'),
+      signalRow(rows, 'race-penalty'),
+      signalRow(rows, 'race-last-lap'),
+      signalRow(rows, 'race-best-lap'),
+    ),
+    standings,
+  )
+  let written = ''
+  return {
+    element,
+    refresh({ frame, vehicle, name }) {
+      element.hidden = !vehicle?.race
+      const lines = frame ? standingsOf(frame) : []
+      standings.hidden = lines.length < 2
+      const text = JSON.stringify([name, lines])
+      if (text === written) return
+      written = text
+      const cells = (tag: 'td' | 'th', texts: readonly string[]) => texts.map((one) => h(tag, {}, one))
+      standings.replaceChildren(
+        h('tr', {}, ...cells('th', ['', 'Vehicle', 'Lap', 'Gap', 'Best lap'])),
+        ...lines.map((line) => h('tr', { 'aria-current': line[1] === name ? 'true' : null }, ...cells('td', line))),
+      )
+    },
+  }
+}
+
+const OUT = { [RaceStatus.DISQUALIFIED]: 'DSQ', [RaceStatus.RETIRED]: 'DNF' } as const
+
+/** Place, vehicle, laps, gap to the first vehicle and best lap of each vehicle in the race, in the order of places. */
+function standingsOf(frame: Frame): string[][] {
+  return Object.entries(frame.vehicles)
+    .flatMap(([name, { race }]) => (race ? [{ name, race }] : []))
+    .sort((a, b) => a.race.rank - b.race.rank)
+    .map(({ name, race }) => [
+      String(race.rank),
+      name,
+      String(race.lap_count),
+      OUT[race.status as keyof typeof OUT] ?? (race.rank === 1 ? '' : `+${fixed(race.gap, 1)} s`),
+      lapTime(race.best_lap_time),
+    ])
 }
 
 function withBar(element: HTMLElement, bar: { element: HTMLElement }): HTMLElement {

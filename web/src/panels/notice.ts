@@ -50,7 +50,7 @@ export function notices(store: Store): HTMLElement {
     if (text) show(sentence(text), 'warning', false)
   })
   store.events.watch((events) => {
-    for (const event of events) show(...describe(event), true)
+    for (const event of events) if (event.type !== 'CheckpointPassed') show(...describe(event), true)
   })
   return list
 }

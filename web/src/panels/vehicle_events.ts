@@ -8,7 +8,7 @@ export class VehicleEvents {
   add(events: readonly Event[]): void {
     for (const event of events) {
       if (event.type === 'Collision') this.collisions.set(event.vehicle, event)
-      else this.road.set(event.vehicle, event)
+      else if (event.type === 'OffRoad' || event.type === 'BackOnRoad') this.road.set(event.vehicle, event)
     }
   }
 

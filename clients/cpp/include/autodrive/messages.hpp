@@ -72,9 +72,9 @@ struct VehicleFrame {
     std::int64_t collision_count = 0;  ///< since the last reset
 };
 
-/// A collision, a road departure, or a return to the road.
+/// A collision, a road departure, a return to the road, or an event of a race.
 struct Event {
-    std::string type;  ///< "Collision", "OffRoad" or "BackOnRoad"
+    std::string type;  ///< "Collision", "OffRoad", "BackOnRoad", "LapCompleted" ...
     double time = 0.0;    ///< [s]
     std::string vehicle;  ///< name of the vehicle
     std::string other;    ///< name of the other object in a collision
