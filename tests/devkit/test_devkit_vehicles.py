@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import simplejpeg
 
-from autodrive.devkit import F1TENTH, Nigel, TrafficLight, Vehicle
+from autodrive.devkit import F1TENTH, Nigel, RoboRacer, TrafficLight, Vehicle
 from autodrive.protocol.devkit import read_commands, telemetry
 from autodrive.protocol.devkit_profile import PROFILES, detect_profile
-from autodrive.protocol.messages import Command, Headlights, Indicators
+from autodrive.protocol.messages import Command, Headlights, Hold, Indicators
 from tests.protocol.devkit_frames import frame, scan, vehicle
 
 RECORDED = Path(__file__).parents[1] / "protocol" / "data" / "devkit_2023.json"
@@ -105,6 +105,23 @@ def test_a_left_positive_vehicle_is_a_script_of_2025() -> None:
     assert profile
     assert profile is PROFILES["2025"]
     assert read_commands(message, profile, {"V1": Command()}).commands["V1"].steering == 0.5
+
+
+def test_the_racing_car_reads_the_telemetry_of_the_league_and_is_driven_by_its_profile() -> None:
+    sent = frame(vehicle(velocity=np.array([2.0, -0.1, 0.0]), collision_count=3))
+    car = RoboRacer("V1")
+    car.parse_data(telemetry(sent, PROFILES["roboracer"]))
+    assert car.linear_velocity.tolist() == [2.0, -0.1, 0.0]
+    assert (car.lap_count, car.lap_time, car.best_lap_time, car.collision_count) == (0, 0.0, 0.0, 3)
+    assert car.rear_camera_image is None
+    car.steering_command, car.cosim_mode = 0.5, 1
+    car.posX_command, car.posY_command, car.posZ_command = 1.0, 2.0, 0.1
+    car.rotX_command = car.rotY_command = car.rotZ_command = 0.0
+    car.rotW_command = 1.0
+    received = read_commands(car.generate_commands(), PROFILES["roboracer"], {"red": Command()})
+    assert received.commands["red"].steering == 0.5  # left
+    assert received.holds == [Hold("red", (1.0, 2.0, 0.1))]
+    assert received.resets == {"red": False}
 
 
 def test_unset_commands_are_omitted() -> None:

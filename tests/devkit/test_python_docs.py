@@ -13,7 +13,7 @@ import pytest
 import autodrive
 from autodrive import Simulation
 from autodrive.bridge.devkit import DevkitBridge
-from autodrive.devkit import Nigel
+from autodrive.devkit import F1TENTH, Nigel
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
 from tests.protocol.devkit_frames import frame
@@ -24,23 +24,24 @@ PAGE = (Path(__file__).parents[2] / "docs" / "python.md").read_text()
 
 def rows(*, of_commands: bool) -> dict[str, str]:
     """Attribute -> type, of one of the two tables."""
-    found = dict(re.findall(r"^\| `(\w+)` \| ([\w, ().]+) \|", PAGE, re.MULTILINE))
-    return {name: kind for name, kind in found.items() if name.endswith("_command") == of_commands}
+    lines = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \| ([\w, ().]+) \|", PAGE, re.MULTILINE)
+    found = {name: kind for names, kind in lines for name in re.findall(r"\w+", names)}
+    return {name: kind for name, kind in found.items() if name.endswith(("_command", "_mode")) == of_commands}
 
 
 def test_the_tables_have_all_attributes_of_a_vehicle() -> None:
-    nigel = Nigel("V1")
-    public = {name for name in dir(nigel) if not name.startswith("_") and not callable(getattr(nigel, name))} - {"id"}
-    assert {*rows(of_commands=False), *rows(of_commands=True)} == public
+    cars = Nigel("V1"), F1TENTH("V1")
+    names = {name for car in cars for name in dir(car) if not name.startswith("_") and not callable(getattr(car, name))}
+    assert {*rows(of_commands=False), *rows(of_commands=True)} == names - {"id"}
 
 
 def test_each_attribute_is_of_the_type_that_the_table_says() -> None:
-    nigel = Nigel("V1")
-    nigel.parse_data(telemetry(frame(), PROFILES["2025"]))
+    car = F1TENTH("V1")
+    car.parse_data(telemetry(frame(), PROFILES["2025"]) | telemetry(frame(), PROFILES["roboracer"]))
     for name, kind in rows(of_commands=False).items():
-        value = getattr(nigel, name)
-        if kind == "float":
-            assert isinstance(value, float), name
+        value = getattr(car, name)
+        if kind in ("float", "int"):
+            assert type(value).__name__ == kind, name
         else:
             dtype, shape = kind.split(", ", 1)
             assert value.dtype == np.dtype(dtype), name
@@ -56,7 +57,8 @@ def test_each_command_takes_the_values_that_the_table_says() -> None:
         setattr(nigel, name, {"float": 0.5, "int": 1, "bool": True}[kind])
     assert nigel.generate_commands() == {
         "V1 Throttle": "0.5", "V1 Steering": "0.5", "V1 Headlights": "1", "V1 Indicators": "1", "V1 Reset": "True",
-        "V1 Steering Sign": "right",
+        "V1 Steering Sign": "right", "V1 CoSim": "1", "V1 PosX": "0.5", "V1 PosY": "0.5", "V1 PosZ": "0.5",
+        "V1 RotX": "0.5", "V1 RotY": "0.5", "V1 RotZ": "0.5", "V1 RotW": "0.5",
     }  # fmt: skip
 
 

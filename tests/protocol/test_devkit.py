@@ -29,6 +29,7 @@ RECORDED = json.loads((Path(__file__).parent / "data" / "devkit_2023.json").read
 
 LEFT, RIGHT = 1, -1
 SIGNS = {"2020": (RIGHT, RIGHT), "2022": (RIGHT, RIGHT), "2023": (LEFT, LEFT), "2025": (LEFT, LEFT)}
+SIGNS["roboracer"] = (LEFT, LEFT)
 """Where a positive command and a positive feedback point, by the teleoperation, the navigation and the wheel frames of
 the ROS packages of each year."""
 
@@ -72,6 +73,25 @@ def test_messages_of_2025_add_the_speed_and_a_decimal() -> None:
     assert data["V1 Position"] == "1.0000 2.0000 0.0325"
     ranges = gzip.decompress(base64.b64decode(data["V1 LIDAR Range Array"])).decode()
     assert ranges == "\n".join(["1"] * 360)
+
+
+def test_messages_of_the_league_have_all_its_keys() -> None:
+    sent = frame(vehicle(velocity=np.array([2.0, -0.1, 0.0]), collision_count=3), vehicle())
+    data = telemetry(sent, PROFILES["roboracer"])
+    assert set(telemetry(sent, PROFILES["2025"])) - set(data) == {"V1 Rear Camera Image", "V2 Rear Camera Image"}
+    for car in ("V1", "V2"):
+        assert {f"{car} {key}" for key in LEAGUE_KEYS} <= set(data)
+    assert (data["V1 Linear Velocity"], data["V1 Speed"]) == ("2.0000 -0.1000 0.0000", "2.0000")
+    assert (data["V1 Collisions"], data["V2 Collisions"]) == ("3", "0")
+    assert (data["V1 Lap Count"], data["V1 Lap Time"], data["V1 Best Lap Time"]) == ("0", "0.0000", "0.0000")
+    sizes = {("red", "rear"): (64, 48)}
+    assert "V1 Rear Camera Image" in telemetry(sent, PROFILES["roboracer"], image_sizes=sizes)  # a car that has one
+
+
+LEAGUE_KEYS = """Throttle, Steering, Encoder Angles, Position, Orientation Quaternion, Angular Velocity,
+Linear Velocity, Speed, Linear Acceleration, LIDAR Scan Rate, LIDAR Range Array, Front Camera Image, Lap Count,
+Lap Time, Last Lap Time, Best Lap Time, Collisions""".replace("\n", " ").split(", ")
+"""What the bridge node of the RoboRacer league reads, without prefix; 'Speed': its releases of 2025."""
 
 
 @pytest.mark.parametrize("year", SIGNS)

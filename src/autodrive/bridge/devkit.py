@@ -63,8 +63,9 @@ class SimulationWithSinks(SimulationControl, Protocol):
 class DevkitBridge:
     """Sends telemetry to a devkit script and its commands to a Simulation, in its own thread.
 
-    `settings` holds what the user has chosen about the devkit generation of the script; the rest is detected from the
-    keys of the commands. `images(frame, factor)` gives the JPEG images of a Frame; `factor` of their quality is 1
+    `settings` holds what the user has chosen about the devkit generation of the script. `vehicle_profile()` gives the
+    profile that the vehicles of the current world have, if they have one. The rest is detected from the keys of the
+    commands. `images(frame, factor)` gives the JPEG images of a Frame; `factor` of their quality is 1
     unless a message would be too long. `image_sizes()` gives the sizes of all cameras; a camera without an image is
     black. At most one message is sent per tick, and one waits for a command at a time, so a slow script receives the
     latest state instead of a backlog. Raises `AutodriveError` for an invalid address.
@@ -79,9 +80,10 @@ class DevkitBridge:
         *,
         images: Callable[[Frame, float], Images] | None = None,
         image_sizes: Callable[[], ImageSizes] | None = None,
+        vehicle_profile: Callable[[], str | None] = lambda: None,
     ) -> None:
         self._simulation = simulation
-        self._detection = Detection(settings or DevkitSettings())
+        self._detection = Detection(settings or DevkitSettings(), vehicle_profile)
         self._images = images
         self._image_sizes = image_sizes
         self._metrics = Metrics()

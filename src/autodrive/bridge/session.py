@@ -339,7 +339,7 @@ class Session:
         sizes = self._image_sizes() if self._image_sizes else None
         lidar = detection.lidar(attempt)
         profile = detection.profile
-        is_uncertain = detection.settings.profile is None and attempt > 1
+        is_uncertain = detection.fixed is None and attempt > 1
         lights = self._traffic_lights
         if profile is None or is_uncertain:
             return devkit.initial_telemetry(

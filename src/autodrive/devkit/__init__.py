@@ -15,6 +15,6 @@ script needs no web framework:
 """
 
 from autodrive.devkit.server import Server, drive
-from autodrive.devkit.vehicles import F1TENTH, Nigel, TrafficLight, Vehicle
+from autodrive.devkit.vehicles import F1TENTH, Nigel, RoboRacer, TrafficLight, Vehicle
 
-__all__ = ["F1TENTH", "Nigel", "Server", "TrafficLight", "Vehicle", "drive"]
+__all__ = ["F1TENTH", "Nigel", "RoboRacer", "Server", "TrafficLight", "Vehicle", "drive"]

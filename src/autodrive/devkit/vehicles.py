@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -37,7 +37,8 @@ class Vehicle:
     Commands: `throttle_command` and `steering_command` [-1, 1]; None sends nothing. A positive steering command turns
     right, as in the simulators of 2020 to 2023; the messages state this sign. With `is_left_positive` it turns left, as
     since 2025; then `reset_command` (soft reset while True) is sent, too, from which the simulator detects the devkit
-    generation.
+    generation. For co-simulation, `cosim_mode` 1 holds the vehicle at `posX_command`, `posY_command`, `posZ_command`
+    [m] and the quaternion `rotX_command` to `rotW_command`.
     """
 
     def __init__(self, id: str | None = None, *, is_left_positive: bool = False) -> None:
@@ -58,6 +59,15 @@ class Vehicle:
         self.throttle_command: float | MaybeNone = None
         self.steering_command: float | MaybeNone = None
         self.reset_command: bool | None = False if is_left_positive else None
+        self.cosim_mode: int | MaybeNone = None
+        self.posX_command: float | MaybeNone = None
+        self.posY_command: float | MaybeNone = None
+        self.posZ_command: float | MaybeNone = None
+        self.rotX_command: float | MaybeNone = None
+        self.rotY_command: float | MaybeNone = None
+        self.rotZ_command: float | MaybeNone = None
+        self.rotW_command: float | MaybeNone = None
+        self._readings = _READINGS
         self._steering_sign = None if is_left_positive else "right"
         self._images: dict[str, str | NDArray[np.uint8]] = {}
 
@@ -73,14 +83,14 @@ class Vehicle:
 
     def parse_data(self, data: Mapping[str, Any], verbose: bool = False) -> None:
         """Read the values of this vehicle from a telemetry message; `verbose` prints them."""
-        for attribute, (key, read) in _READINGS.items():
+        for attribute, (key, read) in self._readings.items():
             if (text := data.get(self._prefix + key)) is not None:
                 setattr(self, attribute, read(text))
         for key in ("Front Camera Image", "Rear Camera Image"):
             if text := data.get(self._prefix + key):
                 self._images[key] = text
         if verbose:
-            self._print("Receive Data from", [*_READINGS])
+            self._print("Receive Data from", [*self._readings])
 
     def generate_commands(self, verbose: bool = False) -> dict[str, str]:
         """The commands as a message to the simulator; unset commands are omitted. `verbose` prints them."""
@@ -120,7 +130,26 @@ class Nigel(Vehicle):
 
 
 class F1TENTH(Vehicle):
-    """The 1:10 racing car: a `Vehicle` without lights."""
+    """The 1:10 racing car, also called RoboRacer: a `Vehicle` without lights, with the readings of a race.
+
+    More readings: `linear_velocity` in the vehicle frame [m/s], shape (3,); `lap_count`; `lap_time`, `last_lap_time`,
+    `best_lap_time` [s], 0 before there is one; `collision_count`. A positive steering command turns left, as in all
+    devkits of this car.
+    """
+
+    def __init__(self, id: str | None = None, *, is_left_positive: bool = True) -> None:
+        super().__init__(id, is_left_positive=is_left_positive)
+        self.linear_velocity: NDArray[np.float64] | MaybeNone = None
+        self.lap_count: int | MaybeNone = None
+        self.lap_time: float | MaybeNone = None
+        self.last_lap_time: float | MaybeNone = None
+        self.best_lap_time: float | MaybeNone = None
+        self.collision_count: int | MaybeNone = None
+        self._readings = _READINGS | _RACE_READINGS
+
+
+RoboRacer = F1TENTH
+"""The name of the class in devkits since 2025."""
 
 
 class TrafficLight:
@@ -149,6 +178,10 @@ def _numbers(text: str) -> NDArray[np.float64]:
     return np.array(text.split(), dtype=np.float64)
 
 
+def _integer(text: str) -> int:
+    return int(float(text))
+
+
 def _integers(text: str) -> NDArray[np.int64]:
     return _numbers(text).astype(np.int64)
 
@@ -158,7 +191,7 @@ def _scan(text: str) -> NDArray[np.float64]:
     return _numbers(gzip.decompress(base64.b64decode(text)).decode() if text.startswith(GZIP_IN_BASE64) else text)
 
 
-_READINGS = {
+_READINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "throttle": ("Throttle", float),
     "steering": ("Steering", float),
     "speed": ("Speed", float),
@@ -175,10 +208,23 @@ _READINGS = {
 }
 """Attribute -> key of the message without prefix, and parser of its text."""
 
+_RACE_READINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "linear_velocity": ("Linear Velocity", _numbers),
+    "lap_count": ("Lap Count", _integer),
+    "lap_time": ("Lap Time", float),
+    "last_lap_time": ("Last Lap Time", float),
+    "best_lap_time": ("Best Lap Time", float),
+    "collision_count": ("Collisions", _integer),
+}
+"""The same for the readings that only `F1TENTH` has."""
+
 _COMMANDS = {
     "throttle_command": "Throttle",
     "steering_command": "Steering",
     "headlights_command": "Headlights",
     "indicators_command": "Indicators",
     "reset_command": "Reset",
+    "cosim_mode": "CoSim",
+    **{f"{kind}{axis}_command": f"{kind.title()}{axis}" for kind in ("pos", "rot") for axis in "XYZ"},
+    "rotW_command": "RotW",
 }

@@ -1,4 +1,4 @@
-"""Converts Frames and Commands to and from the messages of the AutoDRIVE devkits of 2020, 2022, 2023 and 2025; no I/O.
+"""Converts Frames and Commands to and from the messages of the AutoDRIVE devkits of 2020 to 2026; no I/O.
 
 Telemetry is a dictionary of texts; commands are a dictionary of texts or numbers. A `Profile` holds the differences
 between devkit generations (`devkit_profile.py`). Only this module uses right-positive steering, quaternions xyzw and
@@ -16,7 +16,7 @@ import base64
 import gzip
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING
@@ -66,8 +66,8 @@ def telemetry(
     """Telemetry message of all vehicles (2020: the first vehicle only), with the key order of the original.
 
     Vehicle i of the frame is 'V<i+1>'. `traffic_lights` holds states by number from 1; missing ones are 0 (disabled).
-    A camera without an image in `images` is sent as a black image of its size in `image_sizes`: scripts of all
-    generations read both image keys. A vehicle without a LIDAR sends a scan without returns.
+    A camera without an image in `images` is sent as a black image of its size in `image_sizes`: scripts read the image
+    keys of all cameras of their profile. A vehicle without a LIDAR sends a scan without returns.
     """
     vehicles = frame.vehicles.items()
     if not profile.is_prefixed:
@@ -91,7 +91,7 @@ def initial_telemetry(
     images: Images | None = None,
     image_sizes: ImageSizes | None = None,
 ) -> dict[str, str]:
-    """Telemetry message for a script of an unknown devkit generation: the keys of all generations at once.
+    """Telemetry message for a script of an unknown profile: the keys of all profiles at once.
 
     No scan format suits all: a 2025 devkit raises on text; a 2023 devkit raises on gzip (NumPy 2) or reads wrong values
     (NumPy 1). A script that cannot read `lidar` does not answer.
@@ -99,7 +99,8 @@ def initial_telemetry(
     formats: tuple[tuple[str, Keys, LidarFormat], ...] = (("2025", "prefixed", lidar), ("2020", "plain", "text"))
     data: dict[str, str] = {}
     for year, keys, lidar_format in formats:
-        profile = replace((settings or DevkitSettings()).applied_to(PROFILES[year]), keys=keys, lidar=lidar_format)
+        profile = (settings or DevkitSettings()).applied_to(PROFILES[year])
+        profile = replace(profile, keys=keys, lidar=lidar_format, has_race=keys == "prefixed")
         data |= telemetry(frame, profile, traffic_lights=traffic_lights, images=images, image_sizes=image_sizes)
     return data
 
@@ -129,6 +130,8 @@ def _vehicle_telemetry(
     yield "Steering", text(profile.feedback_sign * vehicle.steering)
     if profile.has_speed:
         yield "Speed", text(abs(vehicle.speed))
+    if profile.has_race:
+        yield "Linear Velocity", text(*vehicle.velocity.tolist())
     yield "Encoder Ticks", " ".join(map(str, vehicle.encoders.ticks.tolist()))
     yield "Encoder Angles", text(*vehicle.encoders.angles.tolist())
     lever = rotate((w, x, y, z), profile.origin)
@@ -143,8 +146,21 @@ def _vehicle_telemetry(
     yield "LIDAR Intensity Array", _scan_text(scan, scan.intensities, profile)
     for camera in ("front", "rear"):
         jpeg = images.get((name, camera)) if images else None
-        size = (image_sizes or {}).get((name, camera), ORIGINAL_IMAGE_SIZE)
-        yield f"{camera.capitalize()} Camera Image", (_image_text(jpeg) if jpeg else None) or black_image(*size)
+        size = (image_sizes or {}).get((name, camera))
+        if camera in profile.cameras or jpeg or size:
+            black = black_image(*(size or ORIGINAL_IMAGE_SIZE))
+            yield f"{camera.capitalize()} Camera Image", (_image_text(jpeg) if jpeg else None) or black
+    if profile.has_race:
+        yield from _race_telemetry(vehicle, text)
+
+
+def _race_telemetry(vehicle: VehicleFrame, text: Callable[[float], str]) -> Iterable[tuple[str, str]]:
+    """Laps, 0 without a race, and collisions."""
+    race = getattr(vehicle, "race", None)
+    yield "Lap Count", str(race.lap_count) if race else "0"
+    for name in ("lap_time", "last_lap_time", "best_lap_time"):
+        yield name.replace("_", " ").title(), text(getattr(race, name) if race else 0.0)
+    yield "Collisions", str(race.collision_count if race else vehicle.collision_count)
 
 
 _NO_RETURNS = LidarScan(

@@ -1,4 +1,4 @@
-"""What differs between the generations of the AutoDRIVE devkits: profiles, settings of a user, detection; no I/O."""
+"""What differs between the AutoDRIVE devkits: profiles, settings of a user, detection; no I/O."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Handshake: TypeAlias = Literal["engineio-3", "engineio-4", "raw"]
 
 @dataclass(frozen=True)
 class Profile:
-    """Message format of one devkit generation."""
+    """Message format of one devkit generation, or of the scripts for one vehicle."""
 
     name: str
-    """Year of the devkit generation."""
+    """Year of the devkit generation, or name of the vehicle that has its own."""
     keys: Keys
     """Whether keys have a vehicle prefix ('V1 Throttle') and traffic lights exist; otherwise a single vehicle."""
     decimals: int
@@ -38,6 +38,10 @@ class Profile:
     """Direction of a positive steering feedback."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Reference point of the position, in the vehicle frame (origin: centre of the rear axle) [m]."""
+    has_race: bool = False
+    """Whether telemetry has the velocity as a vector, laps and collisions."""
+    cameras: tuple[str, ...] = ("front", "rear")
+    """Cameras of which every vehicle sends an image; black without such a camera."""
 
     @property
     def is_prefixed(self) -> bool:
@@ -67,6 +71,8 @@ PROFILES = {
         # simulator of that year took right-positive commands, and scripts written for it need `steering` "right"
         Profile("2023", "prefixed", 3, "text", False, "left", "left"),
         Profile("2025", "prefixed", 4, "gzip", True, "left", "left"),
+        # the RoboRacer Sim Racing League: keys of its releases of 2025 ('Speed') and of 2026 ('Linear Velocity')
+        Profile("roboracer", "prefixed", 4, "gzip", True, "left", "left", has_race=True, cameras=("front",)),
     )
 }
 

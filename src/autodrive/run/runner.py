@@ -164,12 +164,20 @@ def _encoder(options: RunOptions) -> JpegEncoder | None:
 def _bridge(simulation: Simulation, options: RunOptions, encoder: JpegEncoder | None) -> DevkitBridge:
     """A bridge that is not started yet: an option or a client request starts it."""
     host, port = options.devkit or ("127.0.0.1", DEVKIT_PORT)
-    settings, sizes = options.devkit_settings, partial(_image_sizes, simulation, options)
-    if encoder is None:
-        return DevkitBridge(simulation, host, port, settings, image_sizes=sizes)
-    from autodrive.cameras.jpeg import images_of
+    images = None
+    if encoder is not None:
+        from autodrive.cameras.jpeg import images_of
 
-    return DevkitBridge(simulation, host, port, settings, images=partial(images_of, encoder=encoder), image_sizes=sizes)
+        images = partial(images_of, encoder=encoder)
+    return DevkitBridge(
+        simulation,
+        host,
+        port,
+        options.devkit_settings,
+        images=images,
+        image_sizes=partial(_image_sizes, simulation, options),
+        vehicle_profile=partial(_vehicle_profile, simulation),
+    )
 
 
 def _image_sizes(simulation: Simulation, options: RunOptions) -> ImageSizes:
@@ -179,6 +187,12 @@ def _image_sizes(simulation: Simulation, options: RunOptions) -> ImageSizes:
         for vehicle, spec in simulation.world.vehicle_specs.items()
         for name, camera in spec.cameras.items()
     }
+
+
+def _vehicle_profile(simulation: Simulation) -> str | None:
+    """The devkit profile of the first vehicle that has one: a script has one profile for all vehicles."""
+    specs = simulation.world.vehicle_specs.values()
+    return next((spec.devkit_profile for spec in specs if spec.devkit_profile), None)
 
 
 def _server(

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from autodrive.actuators.drivetrain import DrivetrainSpec
 from autodrive.actuators.lights import LightsSpec
 from autodrive.actuators.steering import SteeringSpec
+from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.catalog import SensorSuiteSpec
 from autodrive.specs import Length, Offset, Rule, RuleError, Spec, read
@@ -220,6 +221,12 @@ def _named(cameras: dict[str, CameraSpec]) -> dict[str, CameraSpec]:
     return cameras
 
 
+def _known(profile: str | None) -> str | None:
+    if profile not in (None, *PROFILES):
+        raise ValueError(f"'{profile}' is not known. Known: {', '.join(PROFILES)}")
+    return profile
+
+
 class VehicleSpec(Spec):
     """A four-wheeled car with two axles.
 
@@ -247,6 +254,8 @@ class VehicleSpec(Spec):
     lights: LightsSpec
     sensors: SensorSuiteSpec
     cameras: Annotated[dict[str, CameraSpec], AfterValidator(_named)] = Field(default_factory=dict)
+    devkit_profile: Annotated[str | None, AfterValidator(_known)] = None
+    """Profile of the devkit scripts for this vehicle, for example roboracer; null: detected from their commands."""
 
     @model_validator(mode="after")
     def _stands(self) -> VehicleSpec:

@@ -34,7 +34,7 @@ def read(year, data):
     result = {key: float(data[prefix + key]) for key in ("Throttle", "Steering", "LIDAR Scan Rate")}
     result |= {key: numbers(data[prefix + key]) for key in VECTORS}
     result["Encoder Ticks"] = numbers(data[prefix + "Encoder Ticks"], dtype=int)
-    if year == "2025":
+    if year in ("2025", "roboracer"):
         result["Speed"] = float(data[prefix + "Speed"])
         result["LIDAR Range Array"] = numbers(inflated(data[prefix + "LIDAR Range Array"]), sep="\n")
     else:
@@ -42,7 +42,7 @@ def read(year, data):
         result["LIDAR Intensity Array"] = numbers(data[prefix + "LIDAR Intensity Array"])
     if year != "2020":
         result["lights"] = [int(data[f"TL{n} State"]) for n in range(1, 5)]
-    for side in ("Front", "Rear"):
+    for side in ("Front",) if year == "roboracer" else ("Front", "Rear"):
         picture = np.asarray(Image.open(BytesIO(base64.b64decode(data[f"{prefix}{side} Camera Image"]))))
         result[f"{side} Camera Image"] = [picture.shape, int(picture.min()), int(picture.max())]
     return result
