@@ -20,7 +20,7 @@ from autodrive.model import Model, Shapes
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
 from autodrive.physics.grid import fixed_grid
-from autodrive.scenario import MAX_BOXES, ScenarioSpec
+from autodrive.scenario import MAX_BOXES, ScenarioSpec, VehiclePlacement
 from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.catalog import ALWAYS_READ, SensorSuite, SensorSuiteSpec
 from autodrive.sensors.settings import ConfiguredSensor, configured_sensors
@@ -69,6 +69,7 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
     map_, vehicles, errors = _load(spec, source)
     if map_ is None:
         raise SpecError(errors, source.path)
+    spec = on_grid(spec, map_)
     configured, wrong_sensors = _configured(spec, vehicles)
     boxes, unknown_boxes = _boxes(spec, map_, source)
     twice = _names_used_twice(spec, map_, boxes, source)
@@ -146,6 +147,19 @@ def _shapes(geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
     )
 
 
+def on_grid(spec: ScenarioSpec, map_: Map) -> ScenarioSpec:
+    """On a race track, vehicles without a pose start on the grid behind the start line."""
+    if map_.track is None:
+        return spec
+    count = len(spec.vehicles)
+    placed: dict[str, VehiclePlacement] = {}
+    for place, (name, one) in enumerate(spec.vehicles.items()):
+        x, y, yaw = map_.track.grid_pose(place, count)
+        pose = {"x": round(x, 4), "y": round(y, 4), "yaw_deg": round(math.degrees(yaw), 4)}
+        placed[name] = one if one.model_fields_set & {*pose} else one.model_copy(update=pose)
+    return spec.model_copy(update={"vehicles": placed})
+
+
 def placement_errors(spec: ScenarioSpec, source: Source) -> list[str]:
     """Probable mistakes that a run accepts: vehicles outside the walls, and boxes that overlap other objects."""
     try:
@@ -154,6 +168,7 @@ def placement_errors(spec: ScenarioSpec, source: Source) -> list[str]:
         return []
     if map_ is None:
         return []
+    spec = on_grid(spec, map_)
     return [*_vehicles_outside(spec, map_, source), *_overlapping_boxes(spec, map_, source)]
 
 

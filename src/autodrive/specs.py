@@ -17,7 +17,7 @@ from yaml.constructor import ConstructorError
 
 from autodrive.errors import SpecError
 
-Kind = Literal["vehicle", "module", "map", "scenario"]
+Kind = Literal["vehicle", "module", "map", "track", "scenario"]
 
 MAX_BYTES = 2**20
 """Largest size of a file."""
@@ -109,8 +109,11 @@ def names(kind: Kind) -> list[str]:
     return sorted(path.stem for path in _folder(kind).glob("*.yaml"))
 
 
-def find(kind: Kind, name: str | Path) -> Path:
-    """Path of an included file, given its name, or of a YAML file, given its path. Raises `SpecError`."""
+def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
+    """Path of an included file, given its name, or of a YAML file, given its path. Raises `SpecError`.
+
+    `also`: another kind, whose names the error lists too.
+    """
     path = Path(name)
     if path.suffix in {".yaml", ".yml"}:
         if os.path.isfile(path):  # False also for a name that no file can have
@@ -119,7 +122,8 @@ def find(kind: Kind, name: str | Path) -> Path:
     included = _folder(kind) / f"{name}.yaml"
     if os.path.isfile(included):
         return included
-    raise SpecError([f"{kind} '{_short(str(name))}' is not known. {suggest(str(name), names(kind))}"])
+    known = names(kind) + (names(also) if also else [])
+    raise SpecError([f"{kind} '{_short(str(name))}' is not known. {suggest(str(name), known)}"])
 
 
 class Source:

@@ -38,7 +38,7 @@ LAYERS: list[tuple[str, set[str]]] = [
     ),
     ("parts", {"actuators", "physics", "sensors", "assets"}),
     ("renderer", {"render"}),
-    ("descriptions", {"vehicles", "maps", "scenario"}),
+    ("descriptions", {"vehicles", "tracks", "maps", "scenario"}),
     ("appearance", {"meshes"}),
     ("the tick", {"cameras", "compile", "controls", "referee", "frames", "world", "factory", "editing"}),
     ("time", {"simulation", "batch"}),

@@ -88,13 +88,15 @@ def draw(kind: Kind, name: str, path: Path) -> None:
 
     For a scenario: its map, with an arrow at the start pose of each vehicle.
     """
+    from autodrive.compile import on_grid
     from autodrive.maps.draw import to_png, to_svg
 
     starts: list[tuple[float, float, float]] = []
     if kind == "scenario":
         scenario = load_scenario(name)
-        starts = [(vehicle.x, vehicle.y, vehicle.yaw) for vehicle in scenario.vehicles.values()]
         map_ = load_map(scenario.map)
+        scenario = on_grid(scenario, map_)
+        starts = [(vehicle.x, vehicle.y, vehicle.yaw) for vehicle in scenario.vehicles.values()]
     else:
         map_ = _map(kind, name)
     if path.suffix.lower() == ".svg":

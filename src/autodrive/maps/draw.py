@@ -31,8 +31,10 @@ COLOURS = {
     "mown": "#86ba65",
     "kerb": "#a9a79f",
     "road": "#4b4f55",
+    "track": "#b9b7b0",
     "white": "#f6f5f0",
     "wall": "#9b958a",
+    "duct": "#77797d",
     "block": "#c9b79c",
     "box": "#f2902b",
     "box_edge": "#b9610f",
@@ -130,7 +132,7 @@ def _solids(map_: Map) -> Iterator[str]:
     casters = [*_fixed(map_), *map_.boxes]
     shadows = [_shadow(solid.plan, *solid.span) for solid in casters]
     yield f'<path d="{_d(shapely.union_all(shadows))}" fill-rule="evenodd"/></g>'
-    for material in ("block", "wall"):
+    for material in ("block", "wall", "duct"):
         together = [shape.plan for shape in _fixed(map_) if shape.material == material]
         outline = shapely.union_all(together, grid_size=GRID)
         yield (
@@ -210,7 +212,7 @@ _DEFINITIONS = (
 
 
 def _fixed(map_: Map) -> list[StaticShape]:
-    return [shape for shape in map_.statics if shape.material in {"wall", "block"}]
+    return [shape for shape in map_.statics if shape.material in {"wall", "duct", "block"}]
 
 
 def _kerb(map_: Map) -> BaseGeometry:

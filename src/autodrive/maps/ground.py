@@ -42,7 +42,7 @@ class Region:
     """Ground of one kind. The regions of a map neither overlap nor leave gaps."""
 
     name: str
-    """'floor', 'lawn', 'pavement', 'kerb', 'bevel', 'road' or 'paint'."""
+    """'floor', 'lawn', 'pavement', 'kerb', 'bevel', 'road', 'track' or 'paint'."""
     label: Label
     geometry: BaseGeometry
 
@@ -63,9 +63,9 @@ def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]
     for kind, label in reversed(MARKING_LABELS.items()):
         lines = shapely.union_all([m.geometry for m in map_.markings if m.kind == kind], grid_size=GRID)
         add("paint", label, shapely.intersection(shapely.simplify(lines, tolerance), road, grid_size=GRID))
-    add("road", Label.ROAD, road)
+    add("road" if map_.track is None else "track", Label.ROAD, road)
     strips = (("bevel", BEVEL), ("kerb", KERB_WIDTH), ("pavement", KERB_WIDTH + PAVEMENT_WIDTH))
-    for name, width in strips if not road.is_empty else ():
+    for name, width in strips if not road.is_empty and map_.track is None else ():
         strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * tolerance)
         add(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))
     for surface in map_.surfaces:

@@ -24,7 +24,9 @@ from autodrive.maps.placing import PlacedModule, Placement, PortId, join, overla
 from autodrive.maps.props import Prop, PropSpec, prop_shapes
 from autodrive.maps.shapes import Extent, Pose, Shapes, rectangle
 from autodrive.maps.solids import BlockSpec, BoxPlacement, StaticShape, WallSpec, block_shape, wall_shapes
+from autodrive.maps.track_map import barriers, lane, pieces, road, start_line
 from autodrive.specs import Spec
+from autodrive.tracks.track import Track, TrackSpec
 from autodrive.units import DEGREE
 
 GRID = 1e-6
@@ -82,7 +84,7 @@ class Surface:
     """Ground of one kind, for drawing; later surfaces cover earlier ones."""
 
     kind: str
-    """'lawn' or 'road'."""
+    """'lawn', 'road' or 'track'."""
     geometry: BaseGeometry
 
 
@@ -133,6 +135,8 @@ class Map:
     """Pairs of connected ports, in both directions."""
     enclosure: BaseGeometry | None
     """The ground inside closed walls that enclose the drivable area; None if there are none."""
+    track: Track | None = None
+    """The race track, if the map is one; its barriers are in `statics`."""
 
 
 def load_map(name: str | Path) -> Map:
@@ -148,14 +152,64 @@ def read_map(name: str | Path) -> tuple[Map | None, list[str], Path]:
 
     The map is None if its file has errors besides those of placements. Raises `SpecError` if there is no such file.
     """
-    path = specs.find("map", name)
+    path = find_map(name)
     source = specs.source(path)
+    if _is_track(source):
+        track, errors = _readable_track(source, path.stem)
+        return track and track_map(track), errors, path
     spec, errors = specs.readable(source, MapSpec)
     if errors or spec is None:
         errors += _errors_of_readable_placements(source, path)
         return None, [f"map '{path.stem}': {error}" for error in errors], path
     map_, errors = _compiled(spec, path.stem, path.parent, source)
     return map_, errors, path
+
+
+def find_map(name: str | Path) -> Path:
+    """Path of the file of a map or track, given its name or path. Raises `SpecError`."""
+    if str(name) in specs.names("track") and str(name) not in specs.names("map"):
+        return specs.find("track", name)
+    return specs.find("map", name, also="track")
+
+
+def track_map(track: Track) -> Map:
+    """The map of a race track. It reports no departures from the road: its barriers are the limits."""
+    walls = barriers(track)
+    statics = tuple(pieces(walls, track.barrier))
+    drivable = road(track)
+    x0, y0, x1, y1 = shapely.total_bounds(np.array([drivable, *(shape.plan for shape in statics)], dtype=object))
+    bounds = (float(x0), float(y0), float(x1), float(y1))
+    extent = 2.0 * max(map(abs, bounds)) + 10.0
+    return Map(
+        track.name,
+        track.title or track.name,
+        GroundSpec(length=extent, width=extent),
+        drivable,
+        drivable_edges=np.empty((0, 4)),
+        statics=statics,
+        boxes=(),
+        surfaces=(Surface("track", drivable),),
+        markings=(Marking("stop_line", "white", start_line(track), z_order=1),),
+        props=(),
+        bays=(),
+        lane_graph=lane_graph([lane(track)]),
+        bounds=bounds,
+        modules=(),
+        joins={},
+        enclosure=drivable,
+        track=track,
+    )
+
+
+def _is_track(source: specs.Source) -> bool:
+    return isinstance(source.tree, dict) and "centre_line" in source.tree
+
+
+def _readable_track(source: specs.Source, name: str) -> tuple[Track | None, list[str]]:
+    spec, errors = specs.readable(source, TrackSpec)
+    if errors or spec is None:
+        return None, [f"track '{name}': {error}" for error in errors]
+    return Track.of(spec, name), []
 
 
 def compile_map(spec: MapSpec, name: str = "map") -> Map:

@@ -29,6 +29,7 @@ FREE, OCCUPIED = 254, 0
 """Grey values, as map_saver of ROS writes them."""
 SOLID_LABELS = {
     "wall": Label.WALL,
+    "duct": Label.WALL,
     "block": Label.BLOCK,
     "post": Label.POST,
     "plate": Label.SIGN,

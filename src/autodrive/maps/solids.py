@@ -61,7 +61,7 @@ class StaticShape:
     yaw: float
     """[rad]."""
     material: str
-    """'wall', 'block', 'post', 'plate' or 'housing'."""
+    """'wall', 'duct', 'block', 'post', 'plate' or 'housing'."""
 
     @property
     def plan(self) -> shapely.Polygon:

@@ -38,6 +38,7 @@ MATERIALS = {
     "floor": (Material("floor", (1.0, 1.0, 1.0), roughness=0.9, texture="floor"), 1.6),
     "lawn": (Material("lawn", (1.0, 1.0, 1.0), roughness=1.0, texture="grass"), 0.8),
     "road": (Material("road", (1.0, 1.0, 1.0), roughness=0.9, texture="asphalt"), 0.5),
+    "track": (Material("track", (0.80, 0.80, 0.78), roughness=0.6, texture="floor"), 1.6),
     "pavement": (Material("pavement", (1.0, 1.0, 1.0), roughness=0.9, texture="pavement"), 0.5),
     "kerb": (Material("kerb", (1.0, 1.0, 1.0), roughness=0.85, texture="kerb"), 0.5),
     "bevel": (Material("kerb", (1.0, 1.0, 1.0), roughness=0.85, texture="kerb"), 0.5),

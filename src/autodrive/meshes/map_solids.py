@@ -21,6 +21,7 @@ from autodrive.maps.props import HOUSING_DEPTH, LAMP_HEIGHTS, PLATE_SIZE, SIGNS,
 from autodrive.maps.solids import StaticShape
 from autodrive.meshes.polygons import Mesh, box_faces, joined, level, quad
 from autodrive.meshes.solids import box, plate, rotated_by, surface, without_faces
+from autodrive.meshes.track import barrier_nodes
 from autodrive.protocol.png import decode_png
 from autodrive.transforms import quaternion_from_yaw
 from autodrive.units import DEGREE
@@ -49,8 +50,11 @@ ATLAS = 3
 
 
 def solid_nodes(map_: Map) -> Iterator[AssetNode]:
-    """One node for each static shape, and one for each lens of a traffic light."""
+    """One node for each static shape, and one for each lens of a traffic light; of a track, its barriers."""
     props = {prop.name: prop for prop in map_.props}
+    if map_.track is not None:
+        yield from barrier_nodes(map_.track)
+        return
     for shape in map_.statics:
         name, _, part = shape.name.rpartition(".")
         yield _node(shape, props.get(name) if part == shape.material else None)
