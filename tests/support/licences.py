@@ -34,6 +34,7 @@ EXTRAS = {
     "cloudpickle": ("envs", "BSD-3-Clause"),
     "farama-notifications": ("envs", "MIT"),
     "pettingzoo": ("envs", "MIT"),
+    "zstandard": ("recording", "BSD-3-Clause"),
     "warp-lang": ("gpu", "Apache-2.0"),
 }
 """Package -> the extra that installs it, and its licence. These packages are not installed with the simulator."""

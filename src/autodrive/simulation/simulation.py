@@ -67,6 +67,16 @@ class Sink(Protocol):
         """Receive a Frame, in the thread of the simulation: return quickly, and process the Frame in another thread."""
 
 
+class Observer(Sink, Protocol):
+    """A Sink that also learns what the World is given, for example a recorder."""
+
+    def given(self, commands: Mapping[str, Command]) -> None:
+        """The next tick runs with these commands."""
+
+    def executed(self, request: Operation) -> None:
+        """A request was executed; its Frame follows, if it made one."""
+
+
 class Simulation:
     """One World at a time, ticking in real time, at another speed, or as fast as it can.
 
@@ -99,6 +109,7 @@ class Simulation:
         self._pace = Pace(world.tick_duration, speed)
         self._frame = world.frame
         self._sinks: tuple[Sink, ...] = ()
+        self._observers: tuple[Observer, ...] = ()
         self._commands: dict[tuple[str, Source], Command] = {}
         self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
         self._mailbox = threading.Condition()
@@ -224,6 +235,18 @@ class Simulation:
         with self._mailbox:
             self._sinks = tuple(other for other in self._sinks if other is not sink)
 
+    def add_observer(self, observer: Observer) -> None:
+        """As `add_sink`, and tell it the commands of each tick and the requests, in their order."""
+        with self._mailbox:
+            self._observers = (*self._observers, observer)
+        self.add_sink(observer)
+
+    def remove_observer(self, observer: Observer) -> None:
+        """Tell `observer` nothing more; does nothing if it was not added."""
+        with self._mailbox:
+            self._observers = tuple(other for other in self._observers if other is not observer)
+        self.remove_sink(observer)
+
     # -- running ------------------------------------------------------------------------------------------------
 
     def run(self, duration: float | None = None) -> Frame:
@@ -335,7 +358,10 @@ class Simulation:
             command = received.get((name, "script" if vehicle.is_autonomous else "person"))
             if command is not None:
                 commands[name] = command
-        self._publish(self.world.step({**commands, **step_commands}))
+        given = {**commands, **step_commands}
+        for observer in self._observers:
+            observer.given(given)
+        self._publish(self.world.step(given))
         if self._pace.count(self._clock.now()):
             log.warning("cannot keep up with speed %g: simulated time slows down", self.speed)
 
@@ -412,6 +438,8 @@ class Simulation:
                 self.world.set_time_of_day(time_of_day, scale)
             case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
                 self.world.set_driving_mode(vehicle, is_autonomous)
+        for observer in self._observers:
+            observer.executed(request)
         if self.world.frame is not self._frame:
             self._publish(self.world.frame)
 

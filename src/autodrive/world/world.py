@@ -204,6 +204,11 @@ class World(OneThread):
         numerator, denominator = self._tick_ratio
         return self._tick * numerator / denominator
 
+    @property
+    def seed(self) -> int:
+        """Seed of all noise since the last reset."""
+        return self._seed
+
     # -- changes between ticks -----------------------------------------------------------------------------------
 
     @by_one_thread

@@ -1,0 +1,537 @@
+"""Reads and writes files in the format MCAP (https://mcap.dev/spec): messages with a time, in compressed chunks.
+
+We have our own reader and writer, and not those of the package `mcap`, for two reasons: a chunk is written after a
+given time and not only at a given size, so that a killed process loses little; and a truncated or damaged file is
+read as far as it is whole, with a text that says what is missing.
+"""
+
+from __future__ import annotations
+
+import bisect
+import contextlib
+import mmap
+import struct
+import zlib
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+from autodrive.installation import pip
+from autodrive.recording.errors import RecordingError
+
+MAGIC = b"\x89MCAP0\r\n"
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
+ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
+"""Kinds of records."""
+
+MAX_CHUNK = 2**28
+"""Largest size of a chunk that is read [bytes]."""
+CACHED_CHUNKS = 8
+"""Chunks that a reader keeps in memory."""
+LEVEL = 3
+"""Of the compression."""
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+_CHUNK_HEAD = struct.Struct("<QQQI")
+
+
+class Message(NamedTuple):
+    """A message of a chunk; times in nanoseconds."""
+
+    channel: int
+    sequence: int
+    log_time: int
+    publish_time: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Schema:
+    """The schema of messages."""
+
+    id: int
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Messages of one kind."""
+
+    id: int
+    schema: int
+    topic: str
+    encoding: str
+    metadata: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class ChunkIndex:
+    """Where a chunk is in a file, and the time of its first and last message [ns]."""
+
+    start: int
+    end: int
+    offset: int
+    channels: Mapping[int, int]
+    """Channels that have messages in it, and the place of their index."""
+
+
+@dataclass(frozen=True)
+class AttachmentIndex:
+    """Where an attachment is in a file."""
+
+    name: str
+    media_type: str
+    offset: int
+
+
+# -- writing -------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Chunk:
+    """Messages that are compressed together."""
+
+    start: int = 0
+    end: int = 0
+    data: bytearray = field(default_factory=bytearray)
+    index: dict[int, bytearray] = field(default_factory=dict)
+    """Times and offsets of the messages of each channel."""
+    counts: dict[int, int] = field(default_factory=dict)
+    """Messages of each channel."""
+
+    def add(self, message: Message) -> None:
+        """Add a message."""
+        if not self.data:
+            self.start = self.end = message.log_time
+        self.start, self.end = min(self.start, message.log_time), max(self.end, message.log_time)
+        self.index.setdefault(message.channel, bytearray()).extend(struct.pack("<QQ", message.log_time, len(self.data)))
+        self.counts[message.channel] = self.counts.get(message.channel, 0) + 1
+        channel, sequence, log_time, publish_time, data = message
+        self.data += _MESSAGE.pack(MESSAGE, 22 + len(data), channel, sequence, log_time, publish_time) + data
+
+
+class Writer:
+    """Writes an MCAP file. A method that fails with `OSError` leaves all earlier records readable."""
+
+    def __init__(self, file: BinaryIO, library: str) -> None:
+        self._file = file
+        self._compress = _zstandard().ZstdCompressor(level=LEVEL).compress
+        self._offset = 0
+        self._schemas: list[bytes] = []
+        self._channels: list[bytes] = []
+        self._chunks: list[tuple[ChunkIndex, int, int, int, int]] = []
+        self._attachments: list[bytes] = []
+        self._metadata: list[bytes] = []
+        self._counts: dict[int, int] = {}
+        self._write(MAGIC + _record(HEADER, _text("") + _text(library)))
+
+    def schema(self, schema: Schema) -> None:
+        """Add a schema, before the channels that use it."""
+        self._schemas.append(
+            _record(
+                SCHEMA,
+                struct.pack("<H", schema.id) + _text(schema.name) + _text(schema.encoding) + _block(schema.data),
+            )
+        )
+        self._write(self._schemas[-1])
+
+    def channel(self, channel: Channel) -> None:
+        """Add a channel, before its messages."""
+        self._channels.append(
+            _record(
+                CHANNEL,
+                struct.pack("<HH", channel.id, channel.schema)
+                + _text(channel.topic)
+                + _text(channel.encoding)
+                + _texts(channel.metadata),
+            )
+        )
+        self._write(self._channels[-1])
+
+    def chunk(self, chunk: Chunk) -> None:
+        """Write a chunk with its indexes, and pass all to the operating system."""
+        if not chunk.data:
+            return
+        data = self._compress(bytes(chunk.data))
+        head = _CHUNK_HEAD.pack(chunk.start, chunk.end, len(chunk.data), zlib.crc32(chunk.data))
+        record = _record(CHUNK, head + _text("zstd") + struct.pack("<Q", len(data)) + data)
+        offsets: dict[int, int] = {}
+        indexes = b""
+        for channel, entries in chunk.index.items():
+            offsets[channel] = self._offset + len(record) + len(indexes)
+            indexes += _record(MESSAGE_INDEX, struct.pack("<H", channel) + _block(bytes(entries)))
+        index = ChunkIndex(chunk.start, chunk.end, self._offset, offsets)
+        self._write(record + indexes)
+        self._chunks.append((index, len(record), len(indexes), len(data), len(chunk.data)))
+        for channel, count in chunk.counts.items():
+            self._counts[channel] = self._counts.get(channel, 0) + count
+
+    def attachment(self, name: str, media_type: str, data: bytes) -> None:
+        """Add a file."""
+        content = struct.pack("<QQ", 0, 0) + _text(name) + _text(media_type) + struct.pack("<Q", len(data)) + data
+        record = _record(ATTACHMENT, content + struct.pack("<I", zlib.crc32(content)))
+        index = struct.pack("<QQQQQ", self._offset, len(record), 0, 0, len(data)) + _text(name) + _text(media_type)
+        self._write(record)
+        self._attachments.append(_record(ATTACHMENT_INDEX, index))
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add named texts."""
+        record = _record(METADATA, _text(name) + _texts(values))
+        index = struct.pack("<QQ", self._offset, len(record)) + _text(name)
+        self._write(record)
+        self._metadata.append(_record(METADATA_INDEX, index))
+
+    def finish(self) -> None:
+        """Write the summary, from which readers find everything at once."""
+        self._write(_record(DATA_END, struct.pack("<I", 0)))
+        start = self._offset
+        groups = [
+            (SCHEMA, self._schemas),
+            (CHANNEL, self._channels),
+            (STATISTICS, [self._statistics()]),
+            (CHUNK_INDEX, [_chunk_index(*one) for one in self._chunks]),
+            (ATTACHMENT_INDEX, self._attachments),
+            (METADATA_INDEX, self._metadata),
+        ]
+        summary = offsets = b""
+        for kind, records in groups:
+            part = b"".join(records)
+            if part:
+                offsets += _record(SUMMARY_OFFSET, struct.pack("<BQQ", kind, start + len(summary), len(part)))
+                summary += part
+        head = struct.pack("<BQQQ", FOOTER, 20, start, start + len(summary))
+        checksum = zlib.crc32(head, zlib.crc32(summary + offsets))
+        self._write(summary + offsets + head + struct.pack("<I", checksum) + MAGIC)
+
+    def _statistics(self) -> bytes:
+        counts = b"".join(struct.pack("<HQ", channel, count) for channel, count in sorted(self._counts.items()))
+        content = struct.pack(
+            "<QHIIIIQQ",
+            sum(self._counts.values()),
+            len(self._schemas),
+            len(self._channels),
+            len(self._attachments),
+            len(self._metadata),
+            len(self._chunks),
+            min((one[0].start for one in self._chunks), default=0),
+            max((one[0].end for one in self._chunks), default=0),
+        )
+        return _record(STATISTICS, content + _block(counts))
+
+    def _write(self, data: bytes) -> None:
+        self._file.write(data)
+        self._file.flush()
+        self._offset += len(data)
+
+    @property
+    def size(self) -> int:
+        """Bytes that were written whole."""
+        return self._offset
+
+
+def _chunk_index(index: ChunkIndex, length: int, indexes: int, compressed: int, size: int) -> bytes:
+    offsets = b"".join(struct.pack("<HQ", channel, offset) for channel, offset in index.channels.items())
+    return _record(
+        CHUNK_INDEX,
+        struct.pack("<QQQQ", index.start, index.end, index.offset, length)
+        + _block(offsets)
+        + struct.pack("<Q", indexes)
+        + _text("zstd")
+        + struct.pack("<QQ", compressed, size),
+    )
+
+
+def _record(kind: int, content: bytes) -> bytes:
+    return struct.pack("<BQ", kind, len(content)) + content
+
+
+def _text(text: str) -> bytes:
+    return _block(text.encode())
+
+
+def _block(data: bytes) -> bytes:
+    return struct.pack("<I", len(data)) + data
+
+
+def _texts(values: Mapping[str, str]) -> bytes:
+    return _block(b"".join(_text(key) + _text(value) for key, value in values.items()))
+
+
+# -- reading -------------------------------------------------------------------------------------------------------
+
+
+class Reader:
+    """Reads an MCAP file by its summary; a file without a whole summary is read record by record as far as it goes.
+
+    `problems` are texts that say what is missing or damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Raises `RecordingError` if it cannot be read or is not an MCAP file."""
+        self.path = path
+        self.problems: list[str] = []
+        self.library = ""
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.chunks: list[ChunkIndex] = []
+        self.attachments: list[AttachmentIndex] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self._cache: OrderedDict[int, list[Message]] = OrderedDict()
+        try:
+            with path.open("rb") as file:
+                self._data: Any = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except ValueError:
+            raise RecordingError(f"the file is empty  ({path})") from None
+        except OSError as error:
+            raise RecordingError(f"cannot read: {error.strerror or error}  ({path})") from None
+        if self._data[: len(MAGIC)] != MAGIC:
+            self.close()
+            raise RecordingError(f"this is not an MCAP file  ({path})")
+        self._read()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._data.close()
+
+    @property
+    def size(self) -> int:
+        """[bytes]."""
+        return len(self._data)
+
+    def _read(self) -> None:
+        if not self._read_summary():
+            self._forget()
+            self._read_records(len(MAGIC), len(self._data), is_summary=False)
+        self.chunks.sort(key=lambda one: one.offset)
+
+    def _forget(self) -> None:
+        self.schemas, self.channels, self.chunks, self.attachments, self.metadata = {}, {}, [], [], {}
+
+    def _read_summary(self) -> bool:
+        """Whether the file has a whole summary."""
+        data, end = self._data, len(self._data)
+        footer = end - len(MAGIC) - 29
+        if footer < len(MAGIC) or data[-len(MAGIC) :] != MAGIC or data[footer] != FOOTER:
+            self.problems.append("the file has no summary: the recording did not end properly, or its end is missing")
+            return False
+        start, _, checksum = struct.unpack_from("<QQI", data, footer + 9)
+        if not len(MAGIC) <= start <= footer or (checksum and zlib.crc32(data[start : footer + 25]) != checksum):
+            self.problems.append("the summary at the end of the file is damaged")
+            return False
+        header = _Cursor(data, len(MAGIC), end)
+        with contextlib.suppress(_CutOffError):
+            if header.number("<B") == HEADER:
+                header.number("<Q")
+                header.text()
+                self.library = header.text()
+        return self._read_records(start, footer, is_summary=True)
+
+    def _read_records(self, at: int, end: int, *, is_summary: bool) -> bool:
+        """Read the index of records, and of attachments and chunks that are in the data section."""
+        data = self._data
+        while at < end:
+            if at + 9 > end:
+                break
+            kind, length = struct.unpack_from("<BQ", data, at)
+            start, at_next = at + 9, at + 9 + length
+            if at_next > end or kind == 0:
+                break
+            try:
+                self._read_record(kind, _Cursor(data, start, at_next), at)
+            except (_CutOffError, UnicodeDecodeError):
+                self.problems.append(f"the record at byte {at} is damaged")
+                if is_summary:
+                    return False
+            at = at_next
+            if kind in {DATA_END, FOOTER} and not is_summary:
+                return True
+        if at < end and not is_summary:
+            self.problems.append(f"the file is cut off or damaged at byte {at} of {end}")
+        return at >= end
+
+    def _read_record(self, kind: int, cursor: _Cursor, offset: int) -> None:
+        if kind == HEADER:
+            cursor.text()
+            self.library = cursor.text()
+        elif kind == SCHEMA:
+            id_ = cursor.number("<H")
+            self.schemas.setdefault(id_, Schema(id_, cursor.text(), cursor.text(), cursor.block()))
+        elif kind == CHANNEL:
+            id_, schema = cursor.number("<H"), cursor.number("<H")
+            channel = Channel(id_, schema, cursor.text(), cursor.text(), cursor.texts())
+            self.channels.setdefault(id_, channel)
+        elif kind == CHUNK:
+            start, end = cursor.number("<Q"), cursor.number("<Q")
+            self.chunks.append(ChunkIndex(start, end, offset, {}))
+        elif kind == MESSAGE_INDEX and self.chunks:
+            self.chunks[-1].channels[cursor.number("<H")] = offset  # type: ignore[index]  the dictionary made above
+        elif kind == CHUNK_INDEX:
+            start, end, place, _ = (cursor.number("<Q") for _ in range(4))
+            offsets = cursor.block()
+            if place >= len(self._data) or len(offsets) % 10:
+                raise _CutOffError
+            self.chunks.append(ChunkIndex(start, end, place, dict(struct.iter_unpack("<HQ", offsets))))
+        elif kind == ATTACHMENT:
+            cursor.take(16)
+            self.attachments.append(AttachmentIndex(cursor.text(), cursor.text(), offset))
+        elif kind == ATTACHMENT_INDEX:
+            place = cursor.number("<Q")
+            for _ in range(4):
+                cursor.number("<Q")
+            self.attachments.append(AttachmentIndex(cursor.text(), cursor.text(), place))
+        elif kind == METADATA:
+            name = cursor.text()
+            self.metadata[name] = cursor.texts()
+        elif kind == METADATA_INDEX:
+            place = cursor.number("<Q")
+            inner = _Cursor(self._data, place, len(self._data))
+            if inner.number("<B") != METADATA:
+                raise _CutOffError
+            inner = _Cursor(self._data, place + 9, place + 9 + inner.number("<Q"))
+            name = inner.text()
+            self.metadata[name] = inner.texts()
+
+    # -- contents --------------------------------------------------------------------------------------------------
+
+    def attachment(self, name: str) -> bytes:
+        """The content of an attachment. Raises `RecordingError`."""
+        found = [one for one in self.attachments if one.name == name]
+        if not found:
+            raise RecordingError(f"the file has no attachment '{name}'  ({self.path})")
+        try:
+            length = _Cursor(self._data, found[0].offset + 1, len(self._data)).number("<Q")
+            start = found[0].offset + 9
+            cursor = _Cursor(self._data, start, start + length)
+            cursor.take(16)
+            cursor.text()
+            cursor.text()
+            data = cursor.take(cursor.number("<Q"))
+            content = self._data[start : cursor.at]
+            if (checksum := cursor.number("<I")) and zlib.crc32(content) != checksum:
+                raise _CutOffError
+        except (_CutOffError, UnicodeDecodeError):
+            raise RecordingError(f"the attachment '{name}' is damaged  ({self.path})") from None
+        return data
+
+    def messages(self, chunk: int) -> list[Message]:
+        """The messages of a chunk, in order. Raises `RecordingError` if it is damaged."""
+        if chunk in self._cache:
+            self._cache.move_to_end(chunk)
+            return self._cache[chunk]
+        try:
+            found = list(_messages(self._content(self.chunks[chunk].offset)))
+        except (_CutOffError, UnicodeDecodeError) as error:
+            raise RecordingError(f"the chunk at byte {self.chunks[chunk].offset} is damaged{error}") from None
+        self._cache[chunk] = found
+        if len(self._cache) > CACHED_CHUNKS:
+            self._cache.popitem(last=False)
+        return found
+
+    def chunk_at(self, time: int) -> int:
+        """Number of the last chunk that starts at that time [ns] or before; -1 if there is none."""
+        return bisect.bisect_right(self.chunks, time, key=lambda one: one.start) - 1
+
+    def _content(self, offset: int) -> bytes:
+        cursor = _Cursor(self._data, offset, len(self._data))
+        if cursor.number("<B") != CHUNK:
+            raise _CutOffError(": there is no chunk")
+        cursor = _Cursor(self._data, offset + 9, offset + 9 + cursor.number("<Q"))
+        cursor.take(16)
+        size, checksum = cursor.number("<Q"), cursor.number("<I")
+        compression, length = cursor.text(), cursor.number("<Q")
+        data = cursor.take(length)
+        if size > MAX_CHUNK:
+            raise _CutOffError(f": it has {size} bytes; at most {MAX_CHUNK} are read")
+        content = _decompressed(compression, data, size)
+        if len(content) != size or (checksum and zlib.crc32(content) != checksum):
+            raise _CutOffError(": its checksum is wrong")
+        return content
+
+
+def _decompressed(compression: str, data: bytes, size: int) -> bytes:
+    if compression == "zstd":
+        zstandard = _zstandard()
+        try:
+            return zstandard.ZstdDecompressor().decompressobj().decompress(data)[: size + 1] if size else b""
+        except (zstandard.ZstdError, MemoryError) as error:
+            raise _CutOffError(f": {error}") from None
+    if compression:
+        raise RecordingError(f"the compression '{compression}' of a chunk is not known; known: zstd")
+    return data
+
+
+def _messages(content: bytes) -> Iterator[Message]:
+    at, size = 0, len(content)
+    while at < size:
+        if at + 9 > size:
+            raise _CutOffError(": a record is cut off")
+        kind, length = struct.unpack_from("<BQ", content, at)
+        end = at + 9 + length
+        if end > size or (kind == MESSAGE and length < 22):
+            raise _CutOffError(": a record is cut off")
+        if kind == MESSAGE:
+            channel, sequence, log_time, publish_time = struct.unpack_from("<HIQQ", content, at + 9)
+            yield Message(channel, sequence, log_time, publish_time, content[at + 31 : end])
+        at = end
+
+
+class _CutOffError(Exception):
+    """A record is shorter than its content."""
+
+
+class _Cursor:
+    """Reads values one after the other between two places."""
+
+    def __init__(self, data: Any, at: int, end: int) -> None:
+        self._data = data
+        self.at = at
+        self._end = min(end, len(data))
+
+    def take(self, size: int) -> bytes:
+        if self.at + size > self._end:
+            raise _CutOffError
+        self.at += size
+        return self._data[self.at - size : self.at]
+
+    def number(self, form: str) -> int:
+        return struct.unpack(form, self.take(struct.calcsize(form)))[0]
+
+    def block(self) -> bytes:
+        return self.take(self.number("<I"))
+
+    def text(self) -> str:
+        return self.block().decode()
+
+    def texts(self) -> dict[str, str]:
+        block = self.block()
+        inner = _Cursor(block, 0, len(block))
+        found: dict[str, str] = {}
+        while inner.at < len(block):
+            key = inner.text()
+            found[key] = inner.text()
+        return found
+
+
+def _zstandard() -> Any:
+    """The package. Raises `RecordingError` if it is not installed."""
+    try:
+        import zstandard  # noqa: PLC0415  an optional package
+    except ImportError:
+        raise RecordingError(
+            f"recordings need the package zstandard. Install it:  {pip('install')} 'autodrive-simulator[recording]'"
+        ) from None
+    return zstandard
+
+
+def check_installed() -> None:
+    """Raises `RecordingError` if a package that recordings need is not installed; the message says how."""
+    _zstandard()
+
+
+def topics(channels: Iterable[Channel]) -> dict[str, Channel]:
+    """The channels by topic."""
+    return {channel.topic: channel for channel in channels}

@@ -1,0 +1,473 @@
+"""Reads a recording: Frames by time, events, commands, pictures, signals."""
+
+from __future__ import annotations
+
+import bisect
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+import simplejpeg
+
+from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, VehicleFrame
+from autodrive.protocol.native import Picture
+from autodrive.recording import mcap, records
+from autodrive.recording.errors import RecordingError
+from autodrive.recording.foxglove import NANOSECONDS, CompressedImage, LaserScan, lidar_scan
+from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, States, StatusRecord
+from autodrive.recording.scenario_files import scenario_from
+from autodrive.recording.signals import Signals
+from autodrive.recording.wire import Message, Numbers, numbers_of
+from autodrive.scenario import ScenarioSpec
+
+
+class Moment(NamedTuple):
+    """A Frame, and its time in the recording [s], which a reset does not set back."""
+
+    time: float
+    frame: Frame
+
+
+class TimedEvent(NamedTuple):
+    """An event, its tick, and its time in the recording [s]."""
+
+    time: float
+    tick: int
+    event: Event
+
+
+class Recording:
+    """A recording; `autodrive.recording.open` makes it.
+
+    All times are seconds since the start of the recording, counted in simulated time; a reset does not set them back.
+    A damaged or truncated file gives what is whole; `problems` says what is not.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Raises `RecordingError`."""
+        self.path = path
+        self._file = mcap.Reader(path)
+        try:
+            self._check()
+        except BaseException:
+            self._file.close()
+            raise
+        self._ids = {channel.topic: channel.id for channel in self._file.channels.values()}
+        self._topics = {channel.id: channel.topic for channel in self._file.channels.values()}
+        numbers = self._numbers()
+        self._states = States(numbers)
+        self.scan_message = Message(LaserScan, numbers=numbers)
+        self._image = Message(CompressedImage, numbers=numbers)
+        self._frame_channel = self._ids.get(records.FRAME, -1)
+        self._reported: set[str] = set()
+
+    def _check(self) -> None:
+        problems = f": {self._file.problems[0]}" if self._file.problems else ""
+        about = self._file.metadata.get(records.PROFILE)
+        if about is None:
+            if not self._file.library.startswith("autodrive"):
+                of = f" (written by '{self._file.library}')" if self._file.library else ""
+                raise RecordingError(f"this MCAP file is not a recording of AutoDRIVE{of}{problems}  ({self.path})")
+            raise RecordingError(f"the recording has no content{problems}  ({self.path})")
+        self.about: Mapping[str, str] = about
+        """Versions, platform, tick and settings of the recording, by name."""
+        if not about.get("format", "").isdecimal() or int(about["format"]) > records.FORMAT:
+            raise RecordingError(
+                f"the recording is of AutoDRIVE {about.get('version', '?')} in format {about.get('format', '?')}; "
+                f"this version reads formats up to {records.FORMAT}: install a newer version  ({self.path})"
+            )
+
+    def _numbers(self) -> Numbers:
+        found: dict[str, Mapping[str, int]] = {}
+        for schema in self._file.schemas.values():
+            if schema.encoding == "protobuf":
+                found |= numbers_of(schema.data)
+        return found
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<Recording '{self.path}': {self.duration:g} s, vehicles {', '.join(self.vehicles)}>"
+
+    # -- about -----------------------------------------------------------------------------------------------------
+
+    @property
+    def problems(self) -> list[str]:
+        """What is missing or damaged; empty for a whole file. Grows while damaged parts are found."""
+        return self._file.problems
+
+    @property
+    def version(self) -> str:
+        """Version of AutoDRIVE that made it."""
+        return self.about.get("version", "")
+
+    @cached_property
+    def start(self) -> float:
+        """Time of the first Frame [s]: 0, but for the recording of the last seconds before an event."""
+        return self._edge(range(len(self._file.chunks)), 0)[0] / NANOSECONDS
+
+    @cached_property
+    def end(self) -> float:
+        """Time of the last Frame [s]."""
+        return self._edge(range(len(self._file.chunks) - 1, -1, -1), -1)[0] / NANOSECONDS
+
+    @property
+    def duration(self) -> float:
+        """Simulated time from the first Frame to the last one [s]."""
+        return self.end - self.start
+
+    @cached_property
+    def start_tick(self) -> int:
+        """Tick of the first Frame; 0 if the recording began with the run."""
+        return self._edge(range(len(self._file.chunks)), 0)[1]
+
+    @cached_property
+    def end_tick(self) -> int:
+        """Tick of the last Frame; a reset sets ticks back."""
+        return self._edge(range(len(self._file.chunks) - 1, -1, -1), -1)[1]
+
+    def _edge(self, chunks: range, which: int) -> tuple[int, int]:
+        """Time [ns] and tick of the first or last Frame."""
+        for chunk in chunks:
+            found = [one for one in self._messages(chunk) if one.channel == self._frame_channel]
+            if found:
+                return found[which].log_time, self._states.decode_frame(found[which].data)["tick"]
+        self._no_frames()
+
+    def _no_frames(self) -> NoReturn:
+        problems = f": {'; '.join(self.problems)}" if self.problems else ""
+        raise RecordingError(f"the recording has no Frames{problems}  ({self.path})")
+
+    @cached_property
+    def scenarios(self) -> list[tuple[float, ScenarioRecord]]:
+        """Time and scenario of each World: of the start, of other scenarios, and of edits that make a new World."""
+        return [(time, one) for time, one in self._records(records.SCENARIO)]
+
+    def scenario_at(self, time: float) -> ScenarioRecord:
+        """The scenario at that time [s]. Raises `RecordingError` if the file has none."""
+        before = [one for start, one in self.scenarios if start <= time] or [one for _, one in self.scenarios[:1]]
+        if not before:
+            raise RecordingError(f"the recording has no scenario  ({self.path})")
+        return before[-1]
+
+    @property
+    def scenario(self) -> ScenarioRecord:
+        """The first scenario."""
+        return self.scenario_at(-1.0)
+
+    @contextmanager
+    def scenario_spec(self, record: ScenarioRecord | None = None) -> Iterator[ScenarioSpec]:
+        """A scenario that can be run: its files are those of the recording, in a folder that exists in the block."""
+        with tempfile.TemporaryDirectory(prefix="autodrive-") as folder:
+            yield scenario_from(record or self.scenario, Path(folder))
+
+    @property
+    def vehicles(self) -> tuple[str, ...]:
+        """Names of the vehicles of the first Frame."""
+        return self._vehicles
+
+    @cached_property
+    def _vehicles(self) -> tuple[str, ...]:
+        return tuple(self.frame_at(self.start).vehicles)
+
+    def cameras(self, vehicle: str) -> tuple[str, ...]:
+        """Names of the cameras of a vehicle that have pictures."""
+        start = records.image_topic(vehicle, "")
+        names = (topic.removeprefix(start) for topic in self._ids if topic.startswith(start))
+        return tuple(sorted(name for name in names if "/" not in name))
+
+    @property
+    def attachments(self) -> tuple[str, ...]:
+        """Names of the files in the recording, such as meshes."""
+        return tuple(one.name for one in self._file.attachments)
+
+    def attachment(self, name: str) -> bytes:
+        """Content of a file in the recording. Raises `RecordingError`."""
+        return self._file.attachment(name)
+
+    # -- Frames ----------------------------------------------------------------------------------------------------
+
+    def frame_at(self, time: float) -> Frame:
+        """The last Frame at that time [s] or before; the first one before the start. Raises `RecordingError`."""
+        return self.moment_at(time).frame
+
+    def moment_at(self, time: float) -> Moment:
+        """As `frame_at`, with the time of the Frame."""
+        limit = _nanoseconds(time)
+        for chunk in range(self._file.chunk_at(limit), -1, -1):
+            messages = self._messages(chunk)
+            for i in range(len(messages) - 1, -1, -1):
+                if messages[i].channel == self._frame_channel and messages[i].log_time <= limit:
+                    return self._moment(chunk, i)
+        return next(self.moments(), None) or self._no_frames()
+
+    def frames(self, start: float | None = None, end: float | None = None) -> Iterator[Frame]:
+        """The Frames from a time to another [s], both included."""
+        return (frame for _, frame in self.moments(start, end))
+
+    def moments(self, start: float | None = None, end: float | None = None) -> Iterator[Moment]:
+        """As `frames`, with the time of each."""
+        first = -1 if start is None else _nanoseconds(start)
+        last = None if end is None else _nanoseconds(end)
+        for chunk, index in enumerate(self._file.chunks):
+            if index.end < first:
+                continue
+            if last is not None and index.start > last:
+                break
+            for i, message in enumerate(self._messages(chunk)):
+                if message.channel == self._frame_channel and message.log_time >= first:
+                    if last is not None and message.log_time > last:
+                        break
+                    try:
+                        yield self._moment(chunk, i)
+                    except RecordingError as error:
+                        self._report(str(error))
+
+    @cached_property
+    def times(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Times of all Frames [s], shape (n,)."""
+        found = [
+            message.log_time
+            for chunk in range(len(self._file.chunks))
+            for message in self._messages(chunk)
+            if message.channel == self._frame_channel
+        ]
+        return np.array(found, np.float64) / NANOSECONDS
+
+    def _moment(self, chunk: int, i: int) -> Moment:
+        messages = self._messages(chunk)
+        message = messages[i]
+        values = self._states.decode_frame(message.data)
+        wanted = {self._ids.get(records.state_topic(name), -1): name for name in values["vehicles"]}
+        states: dict[str, bytes] = {}
+        events: list[Event] = []
+        event_channel = self._ids.get(records.EVENTS, -1)
+        is_own = True
+        for one in reversed(messages[:i]):
+            is_own = is_own and one.channel != self._frame_channel
+            if is_own and one.channel == event_channel:
+                events.insert(0, records.decode_json(records.EVENTS, one.data).event)
+            if (name := wanted.get(one.channel)) is not None:
+                states.setdefault(name, one.data)
+            if not is_own and len(states) == len(wanted):
+                break
+        missing = [name for name in values["vehicles"] if name not in states]
+        if missing:
+            raise RecordingError(
+                f"the state of {', '.join(missing)} at {message.log_time / NANOSECONDS:g} s is missing"
+            )
+        values["vehicles"] = {name: self._vehicle(name, states[name], chunk, i) for name in values["vehicles"]}
+        values["events"] = tuple(events)
+        return Moment(message.log_time / NANOSECONDS, Frame(**values))
+
+    def _vehicle(self, name: str, data: bytes, chunk: int, i: int) -> VehicleFrame:
+        values = self._states.decode_vehicle(data)
+        values["lidar"] = self._lidar(name, values["lidar"], chunk, i)
+        times: Mapping[str, float] = values["cameras"]
+        values["cameras"] = LazyImages(times, lambda camera: self._picture(name, camera, chunk, i))
+        return VehicleFrame(**values)
+
+    def _lidar(self, vehicle: str, time: float | None, chunk: int, i: int) -> LidarScan | None:
+        if time is None:
+            return None
+        found = self._last(records.scan_topic(vehicle), chunk, i)
+        scan = None if found is None else lidar_scan(self.scan_message.struct(found.data))
+        return scan if scan is not None and scan.time == time else None
+
+    def _last(self, topic: str, chunk: int, i: int) -> mcap.Message | None:
+        """The last message of a topic before message i of a chunk."""
+        channel = self._ids.get(topic, -1)
+        for one in reversed(self._messages(chunk)[:i]):
+            if one.channel == channel:
+                return one
+        for earlier in range(chunk - 1, -1, -1):
+            if channel in self._file.chunks[earlier].channels:
+                for one in reversed(self._messages(earlier)):
+                    if one.channel == channel:
+                        return one
+        return None
+
+    # -- pictures --------------------------------------------------------------------------------------------------
+
+    def picture_at(self, vehicle: str, camera: str, time: float) -> Picture | None:
+        """The last picture of a camera at that time [s] or before, as JPEG; None if there is none."""
+        channel, limit = self._ids.get(records.image_topic(vehicle, camera), -1), _nanoseconds(time)
+        for chunk in range(self._file.chunk_at(limit), -1, -1):
+            if channel in self._file.chunks[chunk].channels:
+                for message in reversed(self._messages(chunk)):
+                    if message.channel == channel and message.log_time <= limit:
+                        return self._decoded_picture(vehicle, camera, message.data)
+        return None
+
+    def pictures(
+        self, vehicle: str, camera: str, start: float | None = None, end: float | None = None
+    ) -> Iterator[tuple[float, Picture]]:
+        """Time [s] and picture, as JPEG, of each image of a camera from a time to another, both included."""
+        topic = records.image_topic(vehicle, camera)
+        if topic not in self._ids:
+            known = ", ".join(self.cameras(vehicle)) or "none"
+            raise RecordingError(f"the recording has no pictures of camera '{camera}' of '{vehicle}'. Known: {known}")
+        for time, message in self._of_topic(topic):
+            if (start is None or time >= start) and (end is None or time <= end):
+                yield time, self._decoded_picture(vehicle, camera, message.data)
+
+    def _picture(self, vehicle: str, camera: str, chunk: int, i: int) -> Picture | None:
+        found = self._last(records.image_topic(vehicle, camera), chunk, i)
+        return None if found is None else self._decoded_picture(vehicle, camera, found.data)
+
+    def _decoded_picture(self, vehicle: str, camera: str, data: bytes) -> Picture:
+        image: CompressedImage = self._image.struct(data)
+        return Picture(vehicle, camera, image.time, image.pose, image.intrinsics, image.data)
+
+    # -- events, commands, requests, status ------------------------------------------------------------------------
+
+    @cached_property
+    def events(self) -> list[TimedEvent]:
+        """All events, in order."""
+        return [TimedEvent(time, one.tick, one.event) for time, one in self._records(records.EVENTS)]
+
+    @property
+    def commands(self) -> Iterator[tuple[float, CommandsRecord]]:
+        """Time [s] and commands of each tick in which the World was given any."""
+        return self._records(records.COMMANDS)
+
+    @property
+    def requests(self) -> Iterator[tuple[float, RequestRecord]]:
+        """Time [s] and each request that was executed."""
+        return self._records(records.REQUESTS)
+
+    @property
+    def statuses(self) -> Iterator[tuple[float, StatusRecord]]:
+        """Time [s] and status of the run, about once a second."""
+        return self._records(records.STATUS)
+
+    def next_event(self, time: float) -> TimedEvent | None:
+        """The first event after that time [s]; None if there is none."""
+        i = bisect.bisect_right([one.time for one in self.events], time)
+        return self.events[i] if i < len(self.events) else None
+
+    def sequence(self) -> Iterator[tuple[float, object]]:
+        """Everything that a simulation needs to run again, in order: scenarios, requests, commands and Frames."""
+        json = {
+            self._ids[topic]: topic
+            for topic in (records.SCENARIO, records.REQUESTS, records.COMMANDS)
+            if topic in self._ids
+        }
+        for chunk in range(len(self._file.chunks)):
+            for i, message in enumerate(self._messages(chunk)):
+                if message.channel == self._frame_channel:
+                    yield message.log_time / NANOSECONDS, self._moment(chunk, i).frame
+                elif message.channel in json:
+                    yield message.log_time / NANOSECONDS, records.decode_json(json[message.channel], message.data)
+
+    def _records(self, topic: str) -> Iterator[tuple[float, Any]]:
+        for time, message in self._of_topic(topic):
+            try:
+                yield time, records.decode_json(topic, message.data)
+            except RecordingError as error:
+                self._report(str(error))
+
+    def _of_topic(self, topic: str) -> Iterator[tuple[float, mcap.Message]]:
+        channel = self._ids.get(topic)
+        if channel is None:
+            return
+        for chunk, index in enumerate(self._file.chunks):
+            if channel in index.channels:
+                for message in self._messages(chunk):
+                    if message.channel == channel:
+                        yield message.log_time / NANOSECONDS, message
+
+    # -- signals ---------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def signals(self) -> Signals:
+        """Signals of the vehicles by name, such as 'V1/ips/position'."""
+        return Signals(self, self._states)
+
+    def __getitem__(self, name: str) -> Any:
+        """A signal as an array, its first axis along `times`: `recording["V1/ips/position"]`."""
+        return self.signals[name]
+
+    def messages_of(self, topic: str) -> list[bytes]:
+        """The data of all messages of a topic, in order."""
+        return [message.data for _, message in self._of_topic(topic)]
+
+    def log_times(self, topic: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """The times of all messages of a topic [s], in order."""
+        return np.array([time for time, _ in self._of_topic(topic)], np.float64)
+
+    # -- damaged parts ---------------------------------------------------------------------------------------------
+
+    def _messages(self, chunk: int) -> list[mcap.Message]:
+        """The messages of a chunk; none, and a problem, if it is damaged."""
+        try:
+            return self._file.messages(chunk)
+        except RecordingError as error:
+            self._report(str(error))
+            return []
+
+    def _report(self, problem: str) -> None:
+        if problem not in self._reported:
+            self._reported.add(problem)
+            self.problems.append(problem)
+
+
+class LazyImages(Images):
+    """The images of a Frame; each is decoded when it is read. `times` are the times of the images by camera [s]."""
+
+    def __init__(self, times: Mapping[str, float], picture: Callable[[str], Picture | None]) -> None:
+        super().__init__(dict.fromkeys(times))  # type: ignore[arg-type]
+        self.times = dict(times)
+        self._picture = picture
+
+    def picture(self, camera: str) -> Picture | None:
+        """The picture as it is in the recording; None if it is not there."""
+        found = self._picture(camera)
+        return found if found is not None and found.time == self.times[camera] else None
+
+    def __getitem__(self, camera: str) -> CameraImage:
+        image: CameraImage | None = super().__getitem__(camera)
+        if image is None:
+            found = self.picture(camera)
+            if found is None:
+                return self.__missing__(camera)
+            image = decoded(found)
+            super().__setitem__(camera, image)
+        return image
+
+    def get(self, camera: str, default: Any = None) -> Any:  # type: ignore[override]
+        """The image; `default` if there is none."""
+        return self[camera] if camera in self and self.picture(camera) is not None else default
+
+    def values(self) -> list[CameraImage]:  # type: ignore[override]
+        """The images."""
+        return [self[camera] for camera in self]
+
+    def items(self) -> list[tuple[str, CameraImage]]:  # type: ignore[override]
+        """Names and images."""
+        return [(camera, self[camera]) for camera in self]
+
+
+def decoded(picture: Picture) -> CameraImage:
+    """The image of a picture. Raises `RecordingError`."""
+    try:
+        rgba = simplejpeg.decode_jpeg(picture.jpeg, colorspace="RGBA")
+    except ValueError as error:
+        raise RecordingError(f"a picture of camera '{picture.camera}' is damaged: {error}") from None
+    return CameraImage(picture.time, picture.pose, picture.intrinsics, rgba)
+
+
+def _nanoseconds(time: float) -> int:
+    return round(min(max(time, -1.0), 9e9) * NANOSECONDS)

@@ -1,0 +1,214 @@
+"""What a recording holds: its topics, its messages, and how a Frame is taken apart and put together again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeAlias
+
+import msgspec
+import numpy as np
+
+from autodrive.protocol.messages import Command, Event, Frame, Operation, VehicleFrame
+from autodrive.recording.errors import RecordingError
+from autodrive.recording.layout import FastMessage
+from autodrive.recording.wire import Message, Numbers
+
+FORMAT = 1
+"""Version of the format. A reader refuses files of a newer version. New topics and new fields do not change it."""
+
+PROFILE = "autodrive"
+"""Name of the metadata record by which a reader recognises a recording."""
+
+SCENARIO = "/autodrive/scenario"
+COMMANDS = "/autodrive/commands"
+REQUESTS = "/autodrive/requests"
+EVENTS = "/autodrive/events"
+STATUS = "/autodrive/status"
+FRAME = "/autodrive/frame"
+TRANSFORMS = "/tf"
+
+
+def state_topic(vehicle: str) -> str:
+    """Topic of the readings of a vehicle, without scans and images."""
+    return f"/{vehicle}/state"
+
+
+def scan_topic(vehicle: str) -> str:
+    """Topic of the LIDAR scans of a vehicle."""
+    return f"/{vehicle}/lidar"
+
+
+def image_topic(vehicle: str, camera: str) -> str:
+    """Topic of the images of a camera."""
+    return f"/{vehicle}/cameras/{camera}"
+
+
+def calibration_topic(vehicle: str, camera: str) -> str:
+    """Topic of the pinhole model of a camera."""
+    return f"{image_topic(vehicle, camera)}/calibration"
+
+
+# -- messages in JSON ----------------------------------------------------------------------------------------------
+
+
+class ScenarioRecord(msgspec.Struct, frozen=True):
+    """A World begins: that of the start, of another scenario, or of an edit that makes a new World."""
+
+    tick: int
+    name: str
+    """Name or file of the scenario."""
+    spec: dict[str, Any]
+    """The `ScenarioSpec`."""
+    files: dict[str, str]
+    """Texts of all files that it names, by kind and name, such as 'map/mini_map'."""
+    is_start: bool
+    """Whether the World is in its initial state, so that it can be simulated again from here."""
+    attachments: dict[str, str] = {}
+    """Names of the attachments with the meshes: 'map', 'vehicle/V1', 'object/box_1'."""
+
+
+class CommandsRecord(msgspec.Struct, frozen=True):
+    """The commands that were given to the World in the tick after `tick`, by vehicle."""
+
+    tick: int
+    commands: dict[str, Command]
+
+
+class Poses(msgspec.Struct, frozen=True, tag=True):
+    """`World.set_poses`: position [m] and quaternion (wxyz) of each name."""
+
+    poses: dict[str, tuple[float, ...]]
+
+
+class ResetTo(msgspec.Struct, frozen=True, tag=True):
+    """`World.reset` with poses: x, y [m] and yaw [rad] of each name."""
+
+    seed: int | None
+    poses: dict[str, tuple[float, ...]]
+
+
+class Restored(msgspec.Struct, frozen=True, tag=True):
+    """`World.restore`: the World was set to a state that is not in the recording."""
+
+
+Request: TypeAlias = Operation | Poses | ResetTo | Restored
+
+
+class RequestRecord(msgspec.Struct, frozen=True):
+    """A request that was executed after `tick`, before the next one."""
+
+    tick: int
+    request: Request
+
+
+class EventRecord(msgspec.Struct, frozen=True):
+    """An event of the tick `tick`."""
+
+    tick: int
+    event: Event
+
+
+class StatusRecord(msgspec.Struct, frozen=True):
+    """State of the run, about once a second."""
+
+    tick: int
+    real_time_factor: float
+    late_ticks: int
+    dropped_frames: int
+    """Frames that the recorder has left out since the start, because the disk or the processor was too slow."""
+    dropped_images: int
+    bridge: str = "closed"
+    """State of the connection to a devkit script."""
+
+
+RECORDS: dict[str, type[msgspec.Struct]] = {
+    SCENARIO: ScenarioRecord,
+    COMMANDS: CommandsRecord,
+    REQUESTS: RequestRecord,
+    EVENTS: EventRecord,
+    STATUS: StatusRecord,
+}
+"""Messages in JSON, by topic."""
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise NotImplementedError(f"{type(value).__name__} cannot be recorded")
+
+
+def _typed(kind: type, value: Any) -> Any:
+    """An array from a list."""
+    return np.array(value, np.float64)
+
+
+encode_json = msgspec.json.Encoder(enc_hook=_plain).encode
+_DECODERS = {topic: msgspec.json.Decoder(kind, dec_hook=_typed).decode for topic, kind in RECORDS.items()}
+
+
+def decode_json(topic: str, data: bytes) -> Any:
+    """The record of a message. Raises `RecordingError`."""
+    try:
+        return _DECODERS[topic](data)
+    except (msgspec.DecodeError, ValueError) as error:
+        raise RecordingError(f"a message of the topic '{topic}' is damaged: {error}") from None
+
+
+def json_schema(topic: str) -> bytes:
+    """JSON Schema of the messages of a topic."""
+    array = {"type": "array", "items": {"type": "number"}}
+    _, parts = msgspec.json.schema_components(
+        [RECORDS[topic]], schema_hook=lambda _: array, ref_template="#/$defs/{name}"
+    )
+    name = RECORDS[topic].__name__
+    return msgspec.json.encode(parts.pop(name) | {"$defs": parts})
+
+
+# -- Frames --------------------------------------------------------------------------------------------------------
+
+
+class States:
+    """The messages of a Frame: one of the Frame itself and one for each vehicle; see `autodrive.recording`.
+
+    Both follow from the structs: a new field of `Frame` or `VehicleFrame` is recorded without a change here. `numbers`:
+    field numbers of the file that is read.
+    """
+
+    def __init__(self, numbers: Numbers | None = None) -> None:
+        self.frame = FastMessage(
+            Message(Frame, replaced={"vehicles": tuple[str, ...], "events": tuple[str, ...]}, numbers=numbers)
+        )
+        self.vehicle = FastMessage(
+            Message(VehicleFrame, replaced={"lidar": float | None, "cameras": dict[str, float]}, numbers=numbers)
+        )
+
+    def encode_frame(self, frame: Frame) -> bytes:
+        """The Frame without its events, and with the names of its vehicles."""
+        return self.frame.encode(frame, {"vehicles": tuple(frame.vehicles), "events": ()})
+
+    def encode_vehicle(self, vehicle: VehicleFrame, scan_time: float | None, image_times: Mapping[str, float]) -> bytes:
+        """The vehicle; scan and images are replaced by their times [s]."""
+        return self.vehicle.encode(vehicle, {"lidar": scan_time, "cameras": image_times})
+
+    def decode_frame(self, data: bytes) -> dict[str, Any]:
+        """Fields of the Frame. Raises `RecordingError`."""
+        return _required(self.frame.message, self.frame.decode(data))
+
+    def decode_vehicle(self, data: bytes) -> dict[str, Any]:
+        """Fields of the vehicle. Raises `RecordingError`."""
+        return _required(self.vehicle.message, self.vehicle.decode(data))
+
+
+def _required(message: Message, values: dict[str, Any]) -> dict[str, Any]:
+    if any(value is msgspec.NODEFAULT for value in values.values()):
+        missing = [name for name, value in values.items() if value is msgspec.NODEFAULT]
+        raise RecordingError(f"a message '{message.name}' has no {', '.join(missing)}")
+    return values
+
+
+def schema_name(topic: str) -> str:
+    """Name of the schema of the messages of a topic in JSON."""
+    return f"autodrive.{RECORDS[topic].__name__.removesuffix('Record')}"
+
+
+Texts: TypeAlias = Mapping[str, str]

@@ -1,0 +1,83 @@
+"""The files that a scenario names: collected into a recording, and written to a folder to run the scenario again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from autodrive import specs
+from autodrive.errors import SpecError
+from autodrive.recording.errors import RecordingError
+from autodrive.recording.records import ScenarioRecord
+from autodrive.scenario import ScenarioSpec
+
+
+def files_of(spec: ScenarioSpec) -> dict[str, str]:
+    """Texts of the map, its modules and the vehicles, by kind and name as the scenario and the map name them.
+
+    Raises `SpecError` if a file cannot be read.
+    """
+    map_path = specs.find("map", spec.map)
+    found = {f"map/{spec.map}": _text(map_path)}
+    for vehicle in spec.vehicles.values():
+        found[f"vehicle/{vehicle.type}"] = _text(specs.find("vehicle", vehicle.type))
+    for module in _modules(yaml.safe_load(found[f"map/{spec.map}"])):
+        is_file = Path(module).suffix in {".yaml", ".yml"}
+        found[f"module/{module}"] = _text(map_path.parent / module if is_file else specs.find("module", module))
+    return found
+
+
+def scenario_from(record: ScenarioRecord, folder: Path) -> ScenarioSpec:
+    """The scenario of a recording, with its files written to a folder. Raises `RecordingError`."""
+    try:
+        spec = specs.checked(dict(record.spec), ScenarioSpec)
+        paths = {name: _written(name, text, folder, record.files) for name, text in record.files.items()}
+        vehicles = {
+            name: one.model_copy(update={"type": paths[f"vehicle/{one.type}"]}) for name, one in spec.vehicles.items()
+        }
+        return spec.model_copy(update={"map": paths[f"map/{spec.map}"], "vehicles": vehicles})
+    except KeyError as error:
+        raise RecordingError(f"the recording does not contain the file {error} of its scenario") from None
+    except SpecError as error:
+        raise RecordingError(f"the scenario of the recording is not valid here: {error}") from None
+    except (OSError, yaml.YAMLError, AttributeError, TypeError) as error:
+        raise RecordingError(f"the files of the recording's scenario cannot be written: {error}") from None
+
+
+def _written(name: str, text: str, folder: Path, files: dict[str, str]) -> str:
+    """Write a file; its path. A map names the modules in the same folder."""
+    kind, _, key = name.partition("/")
+    if kind not in {"map", "module", "vehicle"}:
+        raise RecordingError(f"the recording contains a file '{name}' of an unknown kind")
+    path = folder / kind / f"{_number(name, files)}" / f"{Path(key).stem}.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if kind == "map":
+        tree = yaml.safe_load(text)
+        for placement in tree.get("placements") or ():
+            module = placement["module"]
+            own = f"module/{module}"
+            placement["module"] = str(folder / "module" / f"{_number(own, files)}" / f"{Path(str(module)).stem}.yaml")
+        text = yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def _number(name: str, files: dict[str, str]) -> int:
+    """Files of one name, in different folders, need folders of their own here, too."""
+    if name not in files:
+        raise KeyError(name)
+    return sorted(files).index(name)
+
+
+def _modules(tree: Any) -> list[str]:
+    placements = tree.get("placements") if isinstance(tree, dict) else None
+    return sorted({str(one["module"]) for one in placements or () if isinstance(one, dict) and "module" in one})
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SpecError([f"cannot be read: {error}"], str(path)) from None

@@ -1,0 +1,100 @@
+"""Signals of a recording as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.protocol.channels import CHANNELS, Signal
+from autodrive.recording import records, wire
+from autodrive.recording.errors import RecordingError
+from autodrive.specs import suggest
+
+
+class Messages(Protocol):
+    """The part of a Recording that is used here."""
+
+    @property
+    def vehicles(self) -> tuple[str, ...]:
+        """Names of the vehicles."""
+        ...
+
+    @property
+    def scan_message(self) -> wire.Message:
+        """The message of a scan."""
+        ...
+
+    def messages_of(self, topic: str) -> list[bytes]:
+        """The data of all messages of a topic."""
+        ...
+
+    def log_times(self, topic: str) -> NDArray[np.float64]:
+        """Their times [s]."""
+        ...
+
+
+class Signals(Mapping[str, NDArray[Any]]):
+    """The signals by name: vehicle and signal of `protocol.channels`, such as 'V1/ips/position'.
+
+    The first axis of an array belongs to `times(name)`: the Frames, or for a LIDAR its scans. A missing reading is NaN.
+    """
+
+    def __init__(self, recording: Messages, states: records.States) -> None:
+        self._recording = recording
+        self._states = states
+        self._cache: dict[str, NDArray[Any]] = {}
+        self._data: dict[str, list[bytes]] = {}
+        self.described = {
+            f"{vehicle}/{signal.name.replace('.', '/')}": signal
+            for vehicle in recording.vehicles
+            for channel in CHANNELS
+            for signal in channel.signals
+        }
+        """The signal of each name, with its unit and the names of its elements."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.described)
+
+    def __len__(self) -> int:
+        return len(self.described)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Raises `RecordingError` for a name that is not known."""
+        if name not in self._cache:
+            self._cache[name] = self._read(name)
+        return self._cache[name]
+
+    def times(self, name: str) -> NDArray[np.float64]:
+        """The time of each value of a signal [s]."""
+        return self._recording.log_times(self._topic(name))
+
+    def _topic(self, name: str) -> str:
+        vehicle, signal = self._found(name)
+        is_scan = signal.name.startswith("lidar.")
+        return records.scan_topic(vehicle) if is_scan else records.state_topic(vehicle)
+
+    def _found(self, name: str) -> tuple[str, Signal]:
+        if name not in self.described:
+            raise RecordingError(f"signal '{name}' is not known. {suggest(name, list(self.described))}")
+        return name.partition("/")[0], self.described[name]
+
+    def _read(self, name: str) -> NDArray[Any]:
+        _, signal = self._found(name)
+        topic = self._topic(name)
+        if topic not in self._data:
+            self._data[topic] = self._recording.messages_of(topic)
+        path = signal.name.split(".")
+        message = self._recording.scan_message if path[0] == "lidar" else self._states.vehicle.message
+        found = wire.columns(message, path[1:] if path[0] == "lidar" else path, self._data[topic])
+        if isinstance(found, np.ndarray):
+            return found.astype(signal.dtype) if found.dtype == np.uint8 else found
+        if signal.dtype.kind == "f" or any(one is None for one in found):
+            shape: tuple[int, ...] = next((np.shape(one) for one in found if one is not None), ())
+            filled = [np.full(shape, np.nan) if one is None else one for one in found]
+            if len({np.shape(one) for one in filled}) > 1:
+                raise RecordingError(f"signal '{name}' changes its size in the recording; read it from the Frames")
+            return np.array(filled, np.float64)
+        return np.array(found, signal.dtype)
