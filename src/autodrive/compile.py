@@ -20,12 +20,14 @@ from autodrive.model import Model, Shapes
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
 from autodrive.physics.grid import fixed_grid
-from autodrive.scenario import MAX_BOXES, ScenarioSpec, VehiclePlacement
+from autodrive.racing import Race, load_rules
+from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.catalog import ALWAYS_READ, SensorSuite, SensorSuiteSpec
 from autodrive.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.specs import Source, suggest
 from autodrive.state import State, empty_state
+from autodrive.tracks import Track
 from autodrive.transforms import rotation_from_quaternion
 from autodrive.vehicles.mjcf import vehicle_mjcf
 from autodrive.vehicles.parameters import vehicle_table, wheel_table
@@ -56,6 +58,8 @@ class Compiled:
     """Movable objects: name -> index of the pose in `State.qpos`."""
     boxes: list[BoxPlacement]
     """The same objects in the same order, as they were placed."""
+    race: Race | None
+    """None if the scenario has none."""
     owners: list[str]
     """Name of the vehicle, box or fixed object of each of the engine's geoms."""
 
@@ -72,8 +76,9 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
     spec = on_grid(spec, map_)
     configured, wrong_sensors = _configured(spec, vehicles)
     boxes, unknown_boxes = _boxes(spec, map_, source)
+    race, wrong_race = _race(spec, map_, source)
     twice = _names_used_twice(spec, map_, boxes, source)
-    errors += [*wrong_sensors, *unknown_boxes, *twice]
+    errors += [*wrong_sensors, *unknown_boxes, *wrong_race, *twice]
     if len(boxes) > MAX_BOXES:
         errors.append(
             f"{source.at('boxes')}: {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
@@ -122,8 +127,24 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
         scratch=scratch(model, engine.body_count),
         objects={box.name: engine.body(box.name)[1] for box in boxes},
         boxes=boxes,
+        race=race,
         owners=_owners(engine),
     )
+
+
+def _race(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[Race | None, list[str]]:
+    """The race of a scenario, and errors. On a race track laps are always timed."""
+    race = spec.race or RaceSpec()
+    try:
+        track = Track.load(race.track) if race.track else map_.track
+        if track is None:
+            return None, [f"{source.at('race')}: map '{spec.map}' is no track; set 'track'"] if spec.race else []
+        rules = load_rules(race.rules)
+        if race.laps is not None:
+            rules = rules.model_copy(update={"race_laps": race.laps})
+        return Race([*spec.vehicles], track, rules, spec.tick), []
+    except SpecError as error:
+        return None, [f"{source.at('race')}: {text}" for text in error.errors]
 
 
 def _shapes(geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:

@@ -10,7 +10,7 @@ from autodrive.actuators.lights import lit_lamps
 from autodrive.arrays import Floats, Integers, read_only_copy
 from autodrive.compile import Compiled
 from autodrive.controls import VehicleControls
-from autodrive.protocol.messages import Event, Frame, Lights, ObjectFrame, Pose, VehicleFrame, WheelsReading
+from autodrive.protocol.messages import Event, Frame, Lights, ObjectFrame, Pose, RaceState, VehicleFrame, WheelsReading
 from autodrive.state import State, numbers, places
 from autodrive.units import RPM
 
@@ -41,14 +41,21 @@ class FrameBuilder:
         events: tuple[Event, ...],
         scene_light: bool,
         time_of_day: float | None = None,
+        *,
+        races: Sequence[RaceState] | None = None,
     ) -> Frame:
-        """The Frame of the State at `time` [s]; `controls` and `collision_counts` are by number of the vehicle."""
+        """The Frame of the State at `time` [s]; what is given of the vehicles is by their number."""
         return Frame(
             time=time,
             tick=tick,
             vehicles={
                 name: self._vehicle_frame(
-                    i, name, controls[i], (tick - controls[i].indicators_since) * duration / period, collision_counts[i]
+                    i,
+                    name,
+                    controls[i],
+                    (tick - controls[i].indicators_since) * duration / period,
+                    collision_counts[i],
+                    races and races[i],
                 )
                 for i, (name, period, duration) in enumerate(self._blink_ticks)
             },
@@ -59,7 +66,13 @@ class FrameBuilder:
         )
 
     def _vehicle_frame(
-        self, i: int, name: str, controls: VehicleControls, blinks: float, collision_count: int
+        self,
+        i: int,
+        name: str,
+        controls: VehicleControls,
+        blinks: float,
+        collision_count: int,
+        race: RaceState | None,
     ) -> VehicleFrame:
         """`blinks`: periods of the indicators since they were switched on."""
         values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
@@ -76,6 +89,7 @@ class FrameBuilder:
             wheels=wheels,
             is_autonomous=controls.is_autonomous,
             collision_count=collision_count,
+            race=race,
             **self._sensors[name].readings(),
         )
 

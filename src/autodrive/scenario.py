@@ -74,6 +74,17 @@ class BoxSpec(Spec):
         return self
 
 
+class RaceSpec(Spec):
+    """A race of all vehicles of a scenario."""
+
+    track: str = ""
+    """Name or file of the track; left out: the map is the track."""
+    rules: str = "practice"
+    """Name or file of the rules."""
+    laps: int | None = Field(default=None, ge=1, le=1000)
+    """Laps that count, instead of those of the rules."""
+
+
 class ScenarioSpec(Spec):
     """The start of a run; `autodrive.Scenario` is the same class.
 
@@ -104,6 +115,8 @@ class ScenarioSpec(Spec):
     """Time-out of a command [s of simulated time]; then the vehicle brakes and steers straight."""
     seed: int = Field(default=0, ge=0, lt=2**63)
     """Seed of all noise."""
+    race: RaceSpec | None = None
+    """The race whose laps are timed; left out: practice if the map is a race track, else none."""
 
     @model_validator(mode="after")
     def _whole_substeps(self) -> ScenarioSpec:

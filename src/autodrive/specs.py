@@ -17,7 +17,7 @@ from yaml.constructor import ConstructorError
 
 from autodrive.errors import SpecError
 
-Kind = Literal["vehicle", "module", "map", "track", "scenario"]
+Kind = Literal["vehicle", "module", "map", "track", "ruleset", "scenario"]
 
 MAX_BYTES = 2**20
 """Largest size of a file."""

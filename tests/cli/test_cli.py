@@ -77,7 +77,7 @@ def test_help_imports_neither_physics_nor_compiler() -> None:
         (("run", "--seed", "1.5"), "Invalid value for '--seed': must be a whole number"),
         (("run", "--devkit-profile", "1999"), "'2020', '2022', '2023', '2025'"),
         (("run", "--summary", "no/such/folder/s.json"), "cannot write: No such file or directory"),
-        (("list", "cars"), "'scenarios', 'maps', 'vehicles', 'modules'"),
+        (("list", "cars"), "'scenarios', 'maps', 'vehicles', 'modules', 'rulesets'"),
         (("show", "mini_mapp"), "Did you mean 'mini_map'?"),
         (("show", "mini_map", "-o", "map.gif"), "--output must end in .png or .svg, not '.gif'"),
         (("show", "mini_map", "-o", "no/such/folder/map.png"), "cannot write: No such file or directory"),
@@ -96,7 +96,7 @@ def test_an_error_prints_one_line_and_exits_with_2(arguments: tuple[str, ...], t
 # -- list, show, check, doctor ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("collection", ["scenarios", "maps", "vehicles", "modules"])
+@pytest.mark.parametrize("collection", ["scenarios", "maps", "vehicles", "modules", "rulesets"])
 def test_list_prints_every_file_of_a_collection_with_its_title(collection: str) -> None:
     done = call("list", collection)
     assert done.returncode == 0

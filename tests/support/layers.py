@@ -40,9 +40,9 @@ LAYERS: list[tuple[str, set[str]]] = [
     ("renderer", {"render"}),
     ("descriptions", {"vehicles", "tracks", "maps", "scenario"}),
     ("appearance", {"meshes"}),
-    ("the tick", {"cameras", "compile", "controls", "referee", "frames", "world", "factory", "editing"}),
+    ("the tick", {"cameras", "compile", "controls", "referee", "racing", "frames", "world", "factory", "editing"}),
     ("time", {"simulation", "batch"}),
-    ("edges", {"server", "bridge", "recording", "racing", "campaigns"}),
+    ("edges", {"server", "bridge", "recording", "campaigns"}),
     ("a run", {"run", "testing", "envs"}),
     ("command line", {"cli"}),
 ]

@@ -125,6 +125,16 @@ export interface SetDrivingMode {
 }
 
 /**
+ * End the race of a vehicle, which retires or is disqualified; the reason is in its `RaceStatusChanged`.
+ */
+export interface Retire {
+  type: 'Retire'
+  vehicle: string
+  reason?: string
+  is_disqualified?: boolean
+}
+
+/**
  * Load the scenario of that name; clients stay connected.
  */
 export interface LoadScenario {
@@ -406,7 +416,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
+  operation: Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
 }
 
 /**
@@ -798,7 +808,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
 
 export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

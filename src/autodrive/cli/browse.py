@@ -19,6 +19,7 @@ class Collection(StrEnum):
     maps = "maps"
     vehicles = "vehicles"
     modules = "modules"
+    rulesets = "rulesets"
 
 
 class KindName(StrEnum):
@@ -28,10 +29,11 @@ class KindName(StrEnum):
     map = "map"
     vehicle = "vehicle"
     module = "module"
+    ruleset = "ruleset"
 
 
 def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")]) -> None:
-    """List the scenarios, maps, vehicles or modules of the package."""
+    """List the scenarios, maps, vehicles, modules or rules of races of the package."""
     from autodrive.cli.spec_files import SPECS
     from autodrive.specs import titles
 
@@ -59,7 +61,7 @@ def show(
         Path | None, typer.Option(metavar="FILE.png", help="Write a top-down semantic label image as PNG.")
     ] = None,
 ) -> None:
-    """Draw a map or module; print a vehicle or scenario as a table."""
+    """Draw a map or module; print a vehicle, a scenario or the rules of a race as a table."""
     from autodrive.cli import spec_files
 
     found = cast("Kind", kind.value) if kind else spec_files.kind_of_name(name)
@@ -101,7 +103,7 @@ def check(
 def _write_rasters(kind: Kind, name: str, folder: Path | None, labels: Path | None) -> None:
     from autodrive.cli import spec_files
 
-    if kind == "vehicle":
+    if kind in {"vehicle", "ruleset"}:
         raise typer.BadParameter(f"--occupancy and --labels are for maps, modules and scenarios; '{name}' is a {kind}")
     if labels is not None and labels.suffix.lower() != ".png":
         raise typer.BadParameter(f"--labels must end in .png, not '{labels.suffix}'")
@@ -116,6 +118,8 @@ def _write_rasters(kind: Kind, name: str, folder: Path | None, labels: Path | No
 def _show_3d(kind: Kind, name: str, path: Path, *, is_day: bool) -> None:
     from autodrive.cli.preview import render_preview
 
+    if kind == "ruleset":
+        raise typer.BadParameter(f"--3d is not for rules; '{name}' is a {kind}")
     if path.suffix.lower() != ".png":
         raise typer.BadParameter(f"--3d must end in .png, not '{path.suffix}'")
     render_preview(kind, name, path, is_day=is_day)

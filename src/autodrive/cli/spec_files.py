@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from autodrive import specs
 from autodrive.cache import make_folder, write_file
 from autodrive.errors import SpecError
 from autodrive.maps.map import Map, MapSpec, load_map
 from autodrive.maps.module import ModuleSpec, load_module
+from autodrive.racing import RaceRules
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.specs import Kind, Spec, find, names, read, suggest
 from autodrive.vehicles.spec import VehicleSpec
 
-KINDS: tuple[Kind, ...] = ("map", "module", "vehicle", "scenario")
+KINDS: tuple[Kind, ...] = ("map", "module", "vehicle", "scenario", "ruleset")
 """Search order for a name that is drawn."""
-CHECKED: tuple[Kind, ...] = ("scenario", "map", "vehicle", "module")
+CHECKED: tuple[Kind, ...] = ("scenario", "map", "vehicle", "module", "ruleset")
 """Search order for a name that is checked: first what `autodrive run` runs."""
 
 SPECS: dict[Kind, type[Spec]] = {
@@ -26,6 +27,7 @@ SPECS: dict[Kind, type[Spec]] = {
     "module": ModuleSpec,
     "vehicle": VehicleSpec,
     "scenario": ScenarioSpec,
+    "ruleset": RaceRules,
 }
 
 
@@ -47,7 +49,7 @@ def kind_of_file(path: Path) -> Kind:
     scores: dict[Kind, int] = {kind: len(keys & set(spec.model_fields)) for kind, spec in SPECS.items()}
     best: list[Kind] = [kind for kind, score in scores.items() if score == max(scores.values()) > 0]
     if len(best) != 1:
-        kinds = ", ".join(get_args(Kind))
+        kinds = ", ".join(SPECS)
         raise SpecError([f"the content does not show what the file describes. Name it with --kind: {kinds}"], str(path))
     return best[0]
 

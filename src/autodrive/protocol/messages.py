@@ -155,6 +155,14 @@ class SetDrivingMode(msgspec.Struct, frozen=True, tag=True):
     is_autonomous: bool
 
 
+class Retire(msgspec.Struct, frozen=True, tag=True):
+    """End the race of a vehicle, which retires or is disqualified; the reason is in its `RaceStatusChanged`."""
+
+    vehicle: Name
+    reason: Annotated[str, msgspec.Meta(max_length=200)] = ""
+    is_disqualified: bool = False
+
+
 class LoadScenario(msgspec.Struct, frozen=True, tag=True):
     """Load the scenario of that name; clients stay connected."""
 
@@ -233,6 +241,7 @@ Operation: TypeAlias = (
     | SetSceneLight
     | SetTimeOfDay
     | SetDrivingMode
+    | Retire
     | LoadScenario
     | Edit
     | Undo

@@ -11,6 +11,7 @@ from autodrive.protocol.messages import (
     Operation,
     Reset,
     Resume,
+    Retire,
     SetDrivingMode,
     SetSpeed,
     Step,
@@ -41,7 +42,7 @@ def check_request(request: Operation, frame: Frame, *, error: str, can_load: boo
                 check_command(vehicle, command)
         case LoadScenario() if not can_load:
             raise CommandError("this Simulation was made for one World and loads no other scenario")
-        case SetDrivingMode(vehicle=vehicle):
+        case SetDrivingMode(vehicle=vehicle) | Retire(vehicle=vehicle):
             check_vehicle(vehicle, frame)
         case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
             if vehicle not in frame.objects:

@@ -29,6 +29,7 @@ from autodrive.protocol.messages import (
     RemoveBox,
     Reset,
     Resume,
+    Retire,
     SaveScenario,
     SetDrivingMode,
     SetSceneLight,
@@ -438,6 +439,8 @@ class Simulation:
                 self.world.set_time_of_day(time_of_day, scale)
             case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
                 self.world.set_driving_mode(vehicle, is_autonomous)
+            case Retire(vehicle=vehicle, reason=reason, is_disqualified=is_disqualified):
+                self.world.retire(vehicle, reason, is_disqualified=is_disqualified)
         for observer in self._observers:
             observer.executed(request)
         if self.world.frame is not self._frame:

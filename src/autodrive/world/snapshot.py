@@ -29,6 +29,7 @@ class Snapshot(NamedTuple):
     seed: int
     state: State
     referee: Any
+    race: Any
     sensors: dict[str, Any]
     cameras: Any
     controls: Sequence[VehicleControls]
@@ -49,7 +50,8 @@ def identity(c: Compiled) -> str:
     """Hash of everything that a snapshot must have in common with a world."""
     tables = c.model.vehicles.tolist(), c.model.wheels.tolist()
     parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables
-    return hashlib.sha256(repr(parts).encode() + c.map.drivable_edges.tobytes()).hexdigest()
+    race = c.race.identity if c.race else ""
+    return hashlib.sha256(repr(parts).encode() + race.encode() + c.map.drivable_edges.tobytes()).hexdigest()
 
 
 def check_snapshot(saved: object, world: str, map_: str, state: State, *, needs_cameras: bool) -> None:

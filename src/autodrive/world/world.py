@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import reprlib
@@ -22,10 +23,11 @@ from autodrive.physics.one_thread import OneThread, by_one_thread
 from autodrive.physics.tick import advance, place
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
 from autodrive.protocol.display import yaw
-from autodrive.protocol.messages import Command, Event, Frame
+from autodrive.protocol.messages import Command, Event, Frame, RaceStatus
+from autodrive.racing import Move
 from autodrive.referee import Referee
 from autodrive.state import BODY_COLUMNS, State, VehicleView, copied, numbers
-from autodrive.transforms import Quaternion, Vector, quaternion_from_yaw
+from autodrive.transforms import Quaternion, Vector, euler_from_quaternion, quaternion_from_yaw
 from autodrive.world.light import SceneLight
 from autodrive.world.poses import Poses
 from autodrive.world.snapshot import Snapshot, check_snapshot, identity
@@ -79,6 +81,8 @@ class World(OneThread):
             {name: placement.is_autonomous for name, placement in compiled.spec.vehicles.items()},
             timeout=math.floor(Fraction(str(compiled.spec.command_timeout)) / tick),
         )
+        self.race = compiled.race
+        """The race of the scenario; None if it has none."""
         self._referee = Referee(
             self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
         )
@@ -139,6 +143,8 @@ class World(OneThread):
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
+        if self.race is not None:
+            self.race.restrain(self.time, controls.throttle)
         is_sound = self._advance(
             c.model,
             c.state,
@@ -160,8 +166,13 @@ class World(OneThread):
                 "a vehicle with softer springs"
             )
         events = self._referee.judge(self._tick, self.time, c.model, c.state, c.contacts)
+        is_moved = False
+        if self.race is not None:
+            news, moves = self.race.judge(self.time, c.state.vehicle_position, events)
+            events += tuple(news)
+            is_moved = self._move(moves)
         self._sample()
-        return self._show(events)
+        return self._show(events, is_moved=is_moved)
 
     @by_one_thread
     def reset(self, seed: int | None = None, *, poses: Mapping[str, tuple[float, float, float]] | None = None) -> Frame:
@@ -191,6 +202,8 @@ class World(OneThread):
         self._poses.held = {}
         self._referee.reset()
         place(c.model, c.state, c.views)
+        if self.race is not None:
+            self.race.reset(self._ground_poses(), c.state.vehicle_position)
         for sensors in c.sensors.values():
             sensors.reset(self._seed)
         if self._cameras is not None:
@@ -254,6 +267,10 @@ class World(OneThread):
         nothing has moved.
         """
         self._poses.place(poses)
+        if self.race is not None:
+            for name in poses:
+                if name in self.vehicle_names:
+                    self.race.moved(self._controls.index(name), self._compiled.state.vehicle_position)
         self._show(is_moved=True)
 
     @by_one_thread
@@ -284,6 +301,8 @@ class World(OneThread):
         self._light, self._poses.held = before._light, dict(before._poses.held)
         self._controls.restore(before._controls.save())
         self._referee.restore(before._referee.save())
+        if self.race is not None and before.race is not None and self.race.identity == before.race.identity:
+            self.race.restore(before.race.save())
         place(c.model, c.state, c.views)
         for name, sensors in c.sensors.items():
             sensors.continue_from(b.sensors[name], self._seed, c.model.shapes, c.state, self._tick * self._substeps)
@@ -305,6 +324,17 @@ class World(OneThread):
         None ends the hold. Raises `CommandError` for values that are not a pose.
         """
         self._poses.hold(vehicle, position, orientation)
+
+    @by_one_thread
+    def retire(self, vehicle: str, reason: str = "", *, is_disqualified: bool = False) -> None:
+        """End the race of a vehicle. Raises `CommandError` without a race; does nothing if its race has ended."""
+        i = self._controls.index(vehicle)
+        if self.race is None:
+            raise CommandError(f"vehicle '{vehicle}' cannot retire: the scenario has no race")
+        if self.race.status(i) in (RaceStatus.WAITING, RaceStatus.RACING):
+            status = RaceStatus.DISQUALIFIED if is_disqualified else RaceStatus.RETIRED
+            event, moves = self.race.end(i, status, reason, self.time, self._compiled.state.vehicle_position)
+            self._show((event,), is_moved=self._move(moves))
 
     @property
     def scene_light(self) -> bool:
@@ -346,6 +376,7 @@ class World(OneThread):
             seed=self._seed,
             state=copied(c.state),
             referee=self._referee.save(),
+            race=self.race and self.race.save(),
             sensors={name: sensors.save() for name, sensors in c.sensors.items()},
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
@@ -376,6 +407,8 @@ class World(OneThread):
         for column, kept in zip(c.state, saved.state, strict=True):
             column[:] = kept
         self._referee.restore(saved.referee)
+        if self.race is not None:
+            self.race.restore(saved.race)
         for name, sensors in c.sensors.items():
             sensors.restore(saved.sensors[name])
         if self._cameras is not None:
@@ -416,6 +449,30 @@ class World(OneThread):
 
     # -- parts of a tick -----------------------------------------------------------------------------------------
 
+    def _move(self, moves: Sequence[Move]) -> bool:
+        """Place vehicles where the rules of the race want them; whether one was placed."""
+        is_moved = False
+        for i, poses in moves:
+            name = self.vehicle_names[i]
+            for pose in poses:
+                with contextlib.suppress(CommandError):  # the place is taken
+                    self._poses.place({name: self._on_ground(name, *pose)})
+                    assert self.race is not None
+                    self.race.moved(i, self._compiled.state.vehicle_position)
+                    is_moved = True
+                    break
+        return is_moved
+
+    def _ground_poses(self) -> list[tuple[float, float, float]]:
+        """x, y [m] and heading [rad] of the vehicles."""
+        state = self._compiled.state
+        return [
+            (*position[:2], euler_from_quaternion(orientation)[2])
+            for position, orientation in zip(
+                state.vehicle_position.tolist(), state.vehicle_orientation.tolist(), strict=True
+            )
+        ]
+
     def _sample(self) -> None:
         c = self._compiled
         for sensors in c.sensors.values():
@@ -425,7 +482,13 @@ class World(OneThread):
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""
         time = self.time
         frame = self._frames.build(
-            self._tick, time, self._controls.vehicles, self._referee.collision_counts, events, *self._light.at(time)
+            self._tick,
+            time,
+            self._controls.vehicles,
+            self._referee.collision_counts,
+            events,
+            *self._light.at(time),
+            races=self.race and self.race.states(time),
         )
         self.frame = frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved)
         return self.frame
