@@ -18,7 +18,7 @@ from tests.support.frames import bytes_of, digest, digests
 
 ROOT = Path(__file__).parent.parent
 TICKS = 150
-CASES = ("one car", "eight cars", "pushed boxes", "realistic noise", "tiny town")
+CASES = ("one car", "eight cars", "roboracers", "pushed boxes", "realistic noise", "tiny town")
 
 
 def scenario(case: str, folder: Path) -> ScenarioSpec:
@@ -29,6 +29,13 @@ def scenario(case: str, folder: Path) -> ScenarioSpec:
         return ScenarioSpec(
             vehicles={
                 f"V{i}": VehiclePlacement(x=0.45 * (i % 4), y=0.45 * (i // 4), yaw_deg=20 * i) for i in range(1, 9)
+            }
+        )
+    if case == "roboracers":  # one with each law of the tyres
+        return ScenarioSpec(
+            vehicles={
+                "V1": VehiclePlacement(type="roboracer_f1tenth"),
+                "V2": VehiclePlacement(type="roboracer", y=0.6),
             }
         )
     if case == "pushed boxes":

@@ -247,6 +247,14 @@ def worlds() -> dict[str, World]:
     worlds = {
         "plane": autodrive.make("plane"),
         "tiny_town": autodrive.make(ScenarioSpec(map="tiny_town", vehicles=two)),
+        "roboracers": autodrive.make(
+            ScenarioSpec(
+                vehicles={
+                    "V1": VehiclePlacement(type="roboracer_f1tenth"),
+                    "V2": VehiclePlacement(type="roboracer", y=1.0),
+                }
+            )
+        ),
         "boxes": autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement()}, boxes=around)),
         "plates": autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(y=3.0)}, boxes=BOXES)),
     }
@@ -290,7 +298,7 @@ def random_state(c: Compiled, rng: np.random.Generator) -> State:
     state.qvel[dof : dof + 6] = rng.normal(0.0, 1.0, 6)
     state.throttle[0] = rng.choice([0.0, rng.uniform(-1.0, 1.0)])
     state.drive_level[0], state.steering_angle[0] = rng.uniform(-1.0, 1.0), rng.uniform(-0.5, 0.5)
-    for column in (state.wheel_angular_velocity, state.wheel_force, state.wheel_hold):
+    for column in (state.wheel_angular_velocity, state.wheel_force, state.wheel_lagged_slip, state.wheel_hold):
         column[:4] = rng.choice([0.0, 0.001, 1.0, 10.0]) * rng.normal(0.0, 1.0, column[:4].shape)
     return state
 
@@ -327,7 +335,7 @@ def test_a_step_of_a_free_body_has_the_same_bits(entries: dict[str, Entry], worl
         assert not np.array_equal(one.qpos, before)
 
 
-@pytest.mark.parametrize("name", ["plane", "tiny_town", "boxes"])
+@pytest.mark.parametrize("name", ["plane", "roboracers", "tiny_town", "boxes"])
 def test_substeps_have_the_same_bits(entries: dict[str, Entry], worlds: dict[str, World], name: str) -> None:
     """The whole tick function: one substep, then ticks of 1 to 100 substeps; the engine rests in all of them."""
     c = worlds[name]._compiled

@@ -17,6 +17,9 @@ from autodrive.arrays import Floats, Integers
 SPHERE, CYLINDER, BOX = 2, 5, 6
 """Kinds of shapes, numbered as in MuJoCo (mjtGeom)."""
 
+CURVE_POINTS = 8
+"""Most points of a torque curve."""
+
 Table = NDArray[Any]
 
 
@@ -34,6 +37,7 @@ VEHICLE = columns(
     center_of_mass=(np.float64, 3),  # in the vehicle frame [m]
     drag=np.float64,  # [1/s]
     angular_drag=np.float64,  # [1/s]
+    air_drag=np.float64,  # force per square of the speed [N s^2/m^2]
     angular_velocity_max=np.float64,  # [rad/s]
     sphere_centre=(np.float64, 3),  # of a sphere around all colliders, in the vehicle frame [m]
     sphere_radius=np.float64,  # [m]
@@ -48,6 +52,13 @@ VEHICLE = columns(
     drive_is_speed_controlled=np.bool_,
     drive_speed_limit=np.float64,  # [rad/s]
     drive_torque_limit=np.float64,  # of each driven wheel [N m]
+    torque_curve_points=np.int64,  # 0: the torque limit holds at any speed
+    torque_curve_speed=(np.float64, CURVE_POINTS),  # of the wheels [rad/s]
+    torque_curve_share=(np.float64, CURVE_POINTS),  # of the torque limit
+    has_differentials=np.bool_,  # any that is not open
+    front_differential=(np.float64, 2),  # largest torque between its outputs: constant [N m], per drive torque
+    centre_differential=(np.float64, 2),  # likewise, between the axles
+    rear_differential=(np.float64, 2),  # likewise
     drive_servo_gain=np.float64,  # [N m s/rad]
     drive_response=np.float64,  # 1 - exp(-dt / time constant)
     drive_delay=np.int64,  # [substeps]
@@ -73,6 +84,14 @@ WHEEL = columns(
     look_ahead=np.float64,  # of the suspension [s]
     forward=(np.float64, 5),  # friction curve: extremum slip and value, asymptote slip and value, initial slope
     sideways=(np.float64, 5),  # likewise
+    is_magic=np.bool_,  # the tyre force follows the magic formula; of the friction curves only the peak value is used
+    magic_forward=(np.float64, 5),  # peak friction, stiffness per load, shape C, curvature E, load sensitivity
+    magic_sideways=(np.float64, 5),  # likewise
+    nominal_load=np.float64,  # [N]
+    stiffness_degression=np.float64,  # of the cornering stiffness, see `wheel.cornering_stiffness`
+    peak_slip=(np.float64, 2),  # forward, sideways: where the force has its peak
+    relaxation_length=(np.float64, 2),  # forward, sideways [m]
+    slip_damping=(np.float64, 2),  # forward, sideways, at rest: slip per slip velocity [s/m]
     active_slip_offset=np.float64,  # [m/s]
     passive_slip_minimum=np.float64,  # [m/s]
     slip_angle_offset=np.float64,  # [m/s]

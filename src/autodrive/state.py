@@ -73,6 +73,9 @@ class State(NamedTuple):
     """[rad], shape (n_wheel,)."""
     wheel_force: Floats
     """Longitudinal and lateral force of the ground on the chassis [N], shape (n_wheel, 2)."""
+    wheel_lagged_slip: Floats
+    """Slip ratio and tangent of the slip angle that the magic formula gets, behind by the relaxation length; 0 without
+    it, shape (n_wheel, 2)."""
     wheel_hold: Floats
     """Longitudinal and lateral deflection of a braked wheel at rest [m], shape (n_wheel, 2)."""
     # collision shapes, which a LIDAR ray, a wheel or another body can hit
@@ -102,6 +105,7 @@ def empty_state(model: Model, n_body: int) -> State:
         "throttle_queue": (n, queue),
         "steering_queue": (n, queue),
         "wheel_force": (4 * n, 2),
+        "wheel_lagged_slip": (4 * n, 2),
         "wheel_hold": (4 * n, 2),
         "shape_position": (n_shape, 3),
         "shape_rotation": (n_shape, 9),

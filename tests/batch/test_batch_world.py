@@ -94,6 +94,18 @@ def copies(readings: Readings) -> list[Any]:
     return [column.copy() for column in readings]
 
 
+def test_cars_with_other_tyres_and_differentials_have_the_bits_of_single_worlds() -> None:
+    """Between two resets, so that what their tyres remember is cleared."""
+    cars: Any = {"V1": {"type": "roboracer_f1tenth"}, "V2": {"type": "roboracer", "y": 1.0}}
+    spec = ScenarioSpec(vehicles=cars)
+    batch, world = BatchWorld(spec, 2), make(spec)
+    for t, commands in enumerate(random_commands(2, 2, 90)):
+        if t == 60:
+            batch.reset()
+            world.reset()
+        assert_same(batch.step(commands), 1, world.step(as_commands(batch.vehicle_names, commands[1])))
+
+
 def test_each_world_has_the_bits_of_a_single_world() -> None:
     """With contacts, noise, two cars, and resets of single worlds with other seeds."""
     steps, n = 200, 3

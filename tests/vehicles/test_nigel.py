@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from autodrive.errors import SpecError
 from autodrive.specs import parse
 from autodrive.vehicles.parameters import effective_masses, sprung_masses
-from autodrive.vehicles.spec import VehicleSpec, load_vehicle
+from autodrive.vehicles.spec import FrictionCurve, VehicleSpec, load_vehicle
 
 NIGEL = load_vehicle("nigel")
 
@@ -59,6 +59,8 @@ def test_table_9_system_parameters() -> None:
     assert (suspension.distance, suspension.stiffness, suspension.damping) == (0.01, 5040.0, 20.0)
     assert suspension.target_position == 0.5
     assert wheels.collider_center == suspension.droop_max == 0.005
+    assert wheels.forward_friction is not None
+    assert wheels.sideways_friction is not None
     assert wheels.forward_friction.numbers[:4] == (0.4, 1.0, 0.8, 0.5)
     assert wheels.sideways_friction.numbers[:4] == (0.2, 1.0, 0.5, 0.75)
     assert car.steering.limit_deg == 30.0
@@ -127,5 +129,5 @@ def test_asymptote_before_the_extremum_is_refused() -> None:
         parse(
             "{extremum_slip: 0.4, extremum_value: 1, asymptote_slip: 0.2, asymptote_value: 1, stiffness: 1, "
             "initial_slope: 1}",
-            type(NIGEL.wheels.forward_friction),
+            FrictionCurve,
         )

@@ -1,13 +1,52 @@
-"""The drivetrain: one motor for each driven wheel, and brakes that apply automatically at zero throttle."""
+"""The drivetrain: motor, differentials, and brakes that apply automatically at zero throttle."""
 
 from __future__ import annotations
 
-from typing import Literal
+import math
+from itertools import pairwise
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from autodrive.specs import Spec
 from autodrive.units import RPM
+
+Speed: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
+Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class DifferentialSpec(Spec):
+    """A differential between two wheels, or between the axles.
+
+    An open one gives both outputs the same torque. A locked one keeps their speeds equal. A limited-slip one keeps them
+    equal as long as that takes less than the torque `preload` + `bias` x drive torque.
+    """
+
+    kind: Literal["open", "locked", "limited_slip"] = "open"
+    preload: float = Field(default=0.0, ge=0, le=1e6)
+    """Torque that a limited-slip differential transfers without drive torque [N m]."""
+    bias: float = Field(default=0.0, ge=0, le=1e3)
+    """Torque that a limited-slip differential transfers in addition, per drive torque of an output."""
+
+    @model_validator(mode="after")
+    def _slips(self) -> DifferentialSpec:
+        if (self.kind == "limited_slip") != (self.preload + self.bias > 0.0):
+            raise ValueError("preload and bias belong to kind: limited_slip, which needs one of them above 0")
+        return self
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Largest torque between the outputs: constant part [N m], and part per drive torque."""
+        return (math.inf, 0.0) if self.kind == "locked" else (self.preload, self.bias)
+
+
+class DifferentialsSpec(Spec):
+    """The differentials; that of an axle without drive has no effect, nor that between the axles if one has none."""
+
+    front: DifferentialSpec = DifferentialSpec()
+    centre: DifferentialSpec = DifferentialSpec()
+    """Between the axles; locked: a rigid shaft."""
+    rear: DifferentialSpec = DifferentialSpec()
 
 
 class DrivetrainSpec(Spec):
@@ -20,6 +59,9 @@ class DrivetrainSpec(Spec):
     """Wheel speed at full throttle [rpm] (report: 130); in torque control, the highest speed that a motor drives."""
     torque_limit: float = Field(ge=1e-6, le=1e6)
     """Largest torque of each motor at its wheel [N m]."""
+    torque_curve: Annotated[tuple[tuple[Speed, Share], ...], Field(max_length=8)] = ()
+    """Torque over speed of the motor: pairs of wheel speed [rpm] and share of torque_limit, linear between them;
+    omitted: the same torque at any speed. A motor that brakes has the whole torque."""
     servo_gain: float = Field(ge=1e-6, le=1e6)
     """Torque per difference of the mean wheel speed from its target [N m s/rad]."""
     brake_torque: float = Field(ge=0, le=1e6)
@@ -28,6 +70,15 @@ class DrivetrainSpec(Spec):
     """Delay from a command to the first response of motors or brakes [s]."""
     time_constant: float = Field(ge=0, le=1)
     """Time constant of the first-order lag of the drive [s]; 0: none."""
+    differentials: DifferentialsSpec = DifferentialsSpec()
+    """Default: all are open, as with a motor of its own at each driven wheel."""
+
+    @model_validator(mode="after")
+    def _rises(self) -> DrivetrainSpec:
+        speeds = [speed for speed, _ in self.torque_curve]
+        if len(speeds) == 1 or any(b <= a for a, b in pairwise(speeds)):
+            raise ValueError("torque_curve needs two points or more, with rising speeds")
+        return self
 
     @property
     def speed_limit(self) -> float:

@@ -234,6 +234,7 @@ def state_of(k: int, worlds: Worlds, thread: Thread) -> State:
         wheel_slip_ratio=s.wheel_slip_ratio[k],
         wheel_slip_angle=s.wheel_slip_angle[k],
         wheel_force=s.wheel_force[k],
+        wheel_lagged_slip=s.wheel_lagged_slip[k],
         wheel_hold=s.wheel_hold[k],
         shape_position=thread.shape_position,
         shape_rotation=thread.shape_rotation,

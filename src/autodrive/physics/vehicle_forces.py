@@ -6,26 +6,38 @@ from math import sqrt
 from typing import Any
 
 from autodrive.arrays import Floats
+from autodrive.elementary import atan
 from autodrive.jit import inlined
 from autodrive.model import Model
 from autodrive.physics.buffers import Scratch
 from autodrive.physics.formulas import (
     ackermann_angle,
+    bounded_slip,
     braked_spin,
     coasting_spin,
+    cornering_stiffness,
     drive_target,
     drive_torque_limit,
+    lagged_slip,
+    magic_stiffness,
     motor_torque,
     not_zero,
+    peak_friction,
     relaxed,
+    secant_stiffness,
+    shaft_spin,
     slip_angle,
     slip_ratio_denominator,
+    transferred_torque,
     tyre_force,
 )
 from autodrive.physics.free_body import angular_velocity, apply_force, rotated, rotation_at
 from autodrive.physics.wheel_contact import find_contact
 from autodrive.state import State
 from autodrive.transforms import Rotation, Vector
+
+AT_REST = 1.0
+"""Transport speed [m/s] below which a tyre of the magic formula is damped: its relaxation alone is not, at rest."""
 
 
 @inlined
@@ -53,9 +65,14 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
         ratio, slip_speed = _slip(wheel, spin, v_long, (is_braking and wheel["is_braked"]) or wheel["is_driven"])
         contact["lateral_velocity"] = not_zero(contact["lateral_velocity"])
         angle_of_slip = slip_angle(contact["lateral_velocity"], v_long, wheel["slip_angle_offset"])
-        fx, _ = _tyre_force(wheel, ratio, angle_of_slip, contact["load"])
+        if wheel["is_magic"]:
+            tread, v_lat = wheel["radius"] * spin, contact["lateral_velocity"]
+            fx, _, stiffness, _, _ = _magic_force(row, wheel, state, tread, v_long, v_lat, contact["load"], dt)
+        else:
+            fx, _ = _tyre_force(wheel, ratio, angle_of_slip, contact["load"])
+            stiffness = secant_stiffness(fx, slip_speed)
         coasting, gain = coasting_spin(
-            spin, fx, slip_speed, wheel["radius"], wheel["inertia"], wheel["damping_rate"], dt
+            spin, fx, stiffness, wheel["radius"], wheel["inertia"], wheel["damping_rate"], dt
         )
         contact["slip_angle"], contact["coasting_spin"], contact["spin_gain"] = angle_of_slip, coasting, gain
         if wheel["is_driven"]:
@@ -63,15 +80,10 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
             sum_coasting += coasting
             sum_gain += gain
     torque = 0.0
-    if not is_braking:
-        level = state.drive_level[i]
-        torque = motor_torque(
-            sum_coasting / driven,
-            sum_gain / driven,
-            drive_target(level, v["drive_is_speed_controlled"], v["drive_speed_limit"]),
-            v["drive_servo_gain"],
-            drive_torque_limit(level, v["drive_is_speed_controlled"], v["drive_torque_limit"]),
-        )
+    if v["has_differentials"]:
+        _turn_shafts(i, is_braking, model, state, scratch)
+    elif not is_braking:
+        torque = _motor_torque(v, state.drive_level[i], sum_coasting / driven, sum_gain / driven)
     _apply_drag(v, rotation, turn, state, scratch.applied)
     for w in range(4):
         wheel = model.wheels[4 * i + w]
@@ -85,6 +97,87 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
         state.wheel_angular_velocity[row] = spin
         state.wheel_rotation[row] += spin * dt
         _apply_wheel_force(i, w, is_braking and wheel["is_braked"], rotation, model, state, scratch)
+
+
+@inlined
+def _motor_torque(v: Any, level: float, coasting: float, gain: float) -> float:
+    """Torque at each driven wheel [N m] at that drive level; `coasting` and `gain`: means of the driven wheels."""
+    limit = drive_torque_limit(level, v["drive_is_speed_controlled"], v["drive_torque_limit"])
+    if v["torque_curve_points"] > 0 and coasting * level > 0.0:
+        limit *= _torque_share(v, abs(coasting))
+    return motor_torque(
+        coasting,
+        gain,
+        drive_target(level, v["drive_is_speed_controlled"], v["drive_speed_limit"]),
+        v["drive_servo_gain"],
+        limit,
+    )
+
+
+@inlined
+def _torque_share(v: Any, speed: float) -> float:
+    """Share of the torque limit that the motor has at a speed of the wheels [rad/s]: linear between the points."""
+    speeds, shares = v["torque_curve_speed"], v["torque_curve_share"]
+    share = shares[0]
+    for k in range(v["torque_curve_points"] - 1):
+        if speed > speeds[k]:
+            t = min(1.0, (speed - speeds[k]) / (speeds[k + 1] - speeds[k]))
+            share = shares[k] + t * (shares[k + 1] - shares[k])
+    return share
+
+
+@inlined
+def _turn_shafts(i: int, is_braking: bool, model: Model, state: State, scratch: Scratch) -> None:
+    """Adds what motor and differentials do to the coasting spins of vehicle i."""
+    v = model.vehicles[i]
+    wheels = scratch.wheel_contacts
+    front_lock, centre_lock, rear_lock = v["front_differential"], v["centre_differential"], v["rear_differential"]
+    front, front_gain = shaft_spin(
+        wheels[0]["coasting_spin"],
+        wheels[0]["spin_gain"],
+        wheels[1]["coasting_spin"],
+        wheels[1]["spin_gain"],
+        front_lock[0] + front_lock[1] > 0.0,
+    )
+    rear, rear_gain = shaft_spin(
+        wheels[2]["coasting_spin"],
+        wheels[2]["spin_gain"],
+        wheels[3]["coasting_spin"],
+        wheels[3]["spin_gain"],
+        rear_lock[0] + rear_lock[1] > 0.0,
+    )
+    has_front, has_rear = model.wheels[4 * i]["is_driven"], model.wheels[4 * i + 2]["is_driven"]
+    both, both_gain = front, front_gain
+    if has_front and has_rear:
+        both, both_gain = shaft_spin(front, front_gain, rear, rear_gain, centre_lock[0] + centre_lock[1] > 0.0)
+    elif has_rear:
+        both, both_gain = rear, rear_gain
+    torque, between = 0.0, 0.0
+    if not is_braking:
+        torque = _motor_torque(v, state.drive_level[i], both, both_gain)
+    if has_front and has_rear:
+        limit = centre_lock[0] + centre_lock[1] * abs(torque)
+        between = transferred_torque(front, front_gain, rear, rear_gain, torque, limit)
+    if has_front:
+        _turn_axle(scratch, 0, torque - between, front_lock[0], front_lock[1])
+    if has_rear:
+        _turn_axle(scratch, 2, torque + between, rear_lock[0], rear_lock[1])
+
+
+@inlined
+def _turn_axle(scratch: Scratch, first: int, torque: float, constant: float, bias: float) -> None:
+    """Adds the torque of a driven axle [N m per wheel] to the spins of its wheels `first` and `first` + 1."""
+    one, other = scratch.wheel_contacts[first], scratch.wheel_contacts[first + 1]
+    between = transferred_torque(
+        one["coasting_spin"],
+        one["spin_gain"],
+        other["coasting_spin"],
+        other["spin_gain"],
+        torque,
+        constant + bias * abs(torque),
+    )
+    one["coasting_spin"] += one["spin_gain"] * (torque - between)
+    other["coasting_spin"] += other["spin_gain"] * (torque + between)
 
 
 @inlined
@@ -105,6 +198,48 @@ def _tyre_force(wheel: Any, ratio: float, angle: float, load: float) -> tuple[fl
 
 
 @inlined
+def _magic_force(
+    row: int, wheel: Any, state: State, tread: float, v_long: float, v_lat: float, load: float, dt: float
+) -> tuple[float, float, float, float, float]:
+    """Force by the magic formula [N], its longitudinal stiffness [N s/m], and the lagged slips after `dt`.
+
+    Longitudinal, then lateral; `tread` is the speed of the tread [m/s]. Does not write to the state.
+    """
+    lags, lengths, peaks, damping = (
+        state.wheel_lagged_slip[row],
+        wheel["relaxation_length"],
+        wheel["peak_slip"],
+        wheel["slip_damping"],
+    )
+    forward, sideways, nominal = wheel["magic_forward"], wheel["magic_sideways"], wheel["nominal_load"]
+    slip_speed = tread - v_long
+    transport = max(abs(v_long), abs(tread))
+    offset = wheel["active_slip_offset"]
+    ratio = lagged_slip(lags[0], slip_speed, transport, lengths[0], dt)
+    ratio = bounded_slip(ratio, slip_speed, transport, offset, peaks[0])
+    aside = lagged_slip(lags[1], v_lat, transport, lengths[1], dt)
+    aside = bounded_slip(aside, v_lat, transport, offset, peaks[1])
+    fade = max(0.0, 1.0 - transport / AT_REST)
+    damped_ratio = ratio + damping[0] * fade * slip_speed
+    damped_aside = aside + damping[1] * fade * v_lat
+    kx, ky = magic_stiffness(
+        damped_ratio,
+        damped_aside,
+        load,
+        peak_friction(forward[0], load, nominal, forward[4]),
+        forward[1],
+        forward[2],
+        forward[3],
+        peak_friction(sideways[0], load, nominal, sideways[4]),
+        cornering_stiffness(sideways[1], load, nominal, wheel["stiffness_degression"]),
+        sideways[2],
+        sideways[3],
+    )
+    stiffness = kx * (dt / (lengths[0] + dt * transport) + damping[0] * fade)
+    return kx * damped_ratio, -ky * damped_aside, stiffness, ratio, aside
+
+
+@inlined
 def _apply_wheel_force(
     i: int, w: int, is_braking: bool, rotation: Rotation, model: Model, state: State, scratch: Scratch
 ) -> None:
@@ -119,11 +254,19 @@ def _apply_wheel_force(
     state.wheel_slip_ratio[row], state.wheel_slip_angle[row] = ratio, contact["slip_angle"]
     if contact["is_airborne"]:
         state.wheel_force[row, 0] = state.wheel_force[row, 1] = 0.0
+        state.wheel_lagged_slip[row, 0] = state.wheel_lagged_slip[row, 1] = 0.0
         state.wheel_hold[row, 0] = state.wheel_hold[row, 1] = 0.0
         return
     slow = wheel["hold_speed"]
     if is_braking and spin == 0.0 and v_long * v_long + v_lat * v_lat < slow * slow:
         fx, fy = _holding_force(row, wheel, state, v_long, v_lat, load, model.dt)
+        state.wheel_lagged_slip[row, 0] = state.wheel_lagged_slip[row, 1] = 0.0
+    elif wheel["is_magic"]:
+        tread = wheel["radius"] * spin
+        fx, fy, _, lagged_ratio, lagged_aside = _magic_force(row, wheel, state, tread, v_long, v_lat, load, model.dt)
+        state.wheel_hold[row, 0] = state.wheel_hold[row, 1] = 0.0
+        state.wheel_lagged_slip[row, 0], state.wheel_lagged_slip[row, 1] = lagged_ratio, lagged_aside
+        state.wheel_slip_ratio[row], state.wheel_slip_angle[row] = lagged_ratio, atan(lagged_aside)
     else:
         state.wheel_hold[row, 0] = state.wheel_hold[row, 1] = 0.0
         fx, fy = _tyre_force(wheel, ratio, contact["slip_angle"], load)
@@ -175,7 +318,10 @@ def _holding_force(
 
 @inlined
 def _apply_drag(v: Any, rotation: Rotation, turn: Vector, state: State, applied: Floats) -> None:
-    """Drag as in Unity: the body loses a share of its velocity and of its angular velocity in each second."""
+    """Drag as in Unity: the body loses a share of its velocity and of its angular velocity in each second.
+
+    And the resistance of the air, with the square of the speed.
+    """
     dof = v["dof"]
     c = v["center_of_mass"]
     x, y, z = rotated(rotation, c[0], c[1], c[2])
@@ -184,6 +330,8 @@ def _apply_drag(v: Any, rotation: Rotation, turn: Vector, state: State, applied:
     vy = state.qvel[dof + 1] + wz * x - wx * z
     vz = state.qvel[dof + 2] + wx * y - wy * x
     drag = -v["drag"] * v["mass"]
+    if v["air_drag"] > 0.0:
+        drag -= v["air_drag"] * sqrt(vx * vx + vy * vy + vz * vz)
     apply_force(applied, rotation, dof, x, y, z, drag * vx, drag * vy, drag * vz)
     for axis in range(3):
         applied[dof + 3 + axis] -= v["angular_drag"] * v["inertia"][axis] * state.qvel[dof + 3 + axis]

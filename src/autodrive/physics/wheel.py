@@ -1,4 +1,4 @@
-"""Formulas of the wheel, after Unity's WheelCollider: slip, friction curve, tyre force, suspension, spin.
+"""Formulas of the wheel, after Unity's WheelCollider, and the magic formula as a second law of the tyre force.
 
 Plain Python functions of scalars, so that Numba (and later Warp, on a GPU) can compile the same source.
 Unity's WheelCollider is NVIDIA's PhysX 4.1 `PxVehicleNoDrive`; "PhysX" below means its published source,
@@ -7,7 +7,7 @@ Unity's WheelCollider is NVIDIA's PhysX 4.1 `PxVehicleNoDrive`; "PhysX" below me
 
 from math import sqrt
 
-from autodrive.elementary import atan, tan
+from autodrive.elementary import atan, sin, tan
 
 Real = float
 """The number type; a compiler for the GPU replaces it with its own."""
@@ -128,10 +128,83 @@ def tyre_force(
     return load * fx * nx / length, -load * fy * ny / length
 
 
+def magic_shape(slip: Real, shape: Real, curvature: Real) -> Real:
+    """Force as a share of its peak at a normalised slip, which is slip times stiffness divided by peak force.
+
+    The magic formula (Pacejka, Tyre and Vehicle Dynamics (4.6)) with B = stiffness / (shape * peak), without shifts.
+    """
+    x = slip / shape
+    return sin(shape * atan(x - curvature * (x - atan(x))))
+
+
+def peak_friction(friction: Real, load: Real, nominal_load: Real, load_sensitivity: Real) -> Real:
+    """Peak force divided by load; it falls linearly with the load (Pacejka (4.E23)), to a tenth at least."""
+    return friction * max(Real(0.1), Real(1.0) - load_sensitivity * (load / nominal_load - Real(1.0)))
+
+
+def cornering_stiffness(stiffness: Real, load: Real, nominal_load: Real, degression: Real) -> Real:
+    """Lateral force per slip and load [1/rad]; `stiffness` at the nominal load, `degression` 1 / p_Ky2^2.
+
+    Pacejka (4.E25), K = p_Ky1 F_z0 sin(2 atan(F_z / (p_Ky2 F_z0))), where sin(2 atan x) = 2 x / (1 + x^2).
+    """
+    share = load / nominal_load
+    return stiffness * (Real(1.0) + degression) / (Real(1.0) + degression * share * share)
+
+
+def magic_stiffness(
+    ratio: Real,
+    lateral_slip: Real,
+    load: Real,
+    forward_friction: Real,
+    forward_stiffness: Real,
+    forward_shape: Real,
+    forward_curvature: Real,
+    sideways_friction: Real,
+    sideways_stiffness: Real,
+    sideways_shape: Real,
+    sideways_curvature: Real,
+) -> tuple[Real, Real]:
+    """Longitudinal and lateral force per slip [N] at that slip; peaks and stiffnesses are per load.
+
+    Combined slip by the similarity method (Pacejka, section 4.3.1): each curve is evaluated at the length of the
+    normalised slip vector. `lateral_slip` is the tangent of the slip angle.
+    """
+    nx = ratio * forward_stiffness / forward_friction
+    ny = lateral_slip * sideways_stiffness / sideways_friction
+    length = sqrt(nx * nx + ny * ny + Real(1.0e-18))
+    along = magic_shape(length, forward_shape, forward_curvature) / length
+    aside = magic_shape(length, sideways_shape, sideways_curvature) / length
+    return load * forward_stiffness * along, load * sideways_stiffness * aside
+
+
+def lagged_slip(slip: Real, slip_velocity: Real, transport: Real, relaxation_length: Real, dt: Real) -> Real:
+    """Slip after `dt` of a tyre that follows a change of slip over its relaxation length [m], implicit Euler.
+
+    sigma ds/dt + |V| s = V_s with the transport speed |V| of the tread through the contact and the slip velocity V_s
+    (Pacejka (7.9), (7.10)). At |V| = 0 the tyre is a spring, so that there is no division by zero.
+    """
+    return (relaxation_length * slip + dt * slip_velocity) / (relaxation_length + dt * transport)
+
+
+def bounded_slip(slip: Real, slip_velocity: Real, transport: Real, offset: Real, peak: Real) -> Real:
+    """A lagged slip of at most `peak`, where the tyre slides, or its steady value if that is greater.
+
+    Otherwise a wheel that slides sideways would deform its tyre without limit. `offset` [m/s] as in `slip_angle`.
+    """
+    most = max(peak, abs(slip_velocity) / (transport + offset))
+    return max(-most, min(most, slip))
+
+
+def secant_stiffness(force: Real, slip_speed: Real) -> Real:
+    """Force per slip speed [N s/m], 0 at rest and never negative."""
+    stiffness = force / slip_speed if slip_speed != Real(0.0) else Real(0.0)
+    return max(Real(0.0), stiffness)
+
+
 def coasting_spin(
     angular_velocity: Real,
     longitudinal_force: Real,
-    slip_speed: Real,
+    stiffness: Real,
     radius: Real,
     inertia: Real,
     damping_rate: Real,
@@ -139,11 +212,10 @@ def coasting_spin(
 ) -> tuple[Real, Real]:
     """Spin after `dt` without drive and brake [rad/s], and its change per torque [rad/s per N m].
 
-    Linearly implicit in damping and tyre, with the secant stiffness of the tyre (force / slip speed). An explicit step
+    Linearly implicit in damping and tyre, with the `stiffness` of the tyre (force / slip speed). An explicit step
     (PhysX) needs far shorter steps: a torque of 2.352 N m changes the spin of 1.8e-5 kg m^2 by 131 rad/s in 1 ms.
     """
-    stiffness = longitudinal_force / slip_speed if slip_speed != Real(0.0) else Real(0.0)
-    gain = dt / (inertia + dt * (damping_rate + max(Real(0.0), stiffness) * radius * radius))
+    gain = dt / (inertia + dt * (damping_rate + stiffness * radius * radius))
     return angular_velocity - gain * (damping_rate * angular_velocity + radius * longitudinal_force), gain
 
 
@@ -162,6 +234,30 @@ def motor_torque(
     """
     torque = servo_gain * (target - mean_coasting) / (Real(1.0) + servo_gain * mean_gain)
     return max(-torque_max, min(torque_max, torque))
+
+
+def shaft_spin(
+    coasting: Real, gain: Real, other_coasting: Real, other_gain: Real, is_coupled: bool
+) -> tuple[Real, Real]:
+    """`coasting_spin` of the input shaft of a differential, for a torque that is the mean of those of its two outputs.
+
+    An open differential averages the spins; a coupled one (locked or limited slip) keeps both equal.
+    """
+    if is_coupled:
+        total = gain + other_gain
+        return (coasting * other_gain + other_coasting * gain) / total, Real(2.0) * gain * other_gain / total
+    return Real(0.5) * (coasting + other_coasting), Real(0.5) * (gain + other_gain)
+
+
+def transferred_torque(
+    coasting: Real, gain: Real, other_coasting: Real, other_gain: Real, torque: Real, limit: Real
+) -> Real:
+    """Torque [N m] that a differential takes from one output and gives to the other, at most `limit`.
+
+    Without the limit both have the same spin at the end of the step. `torque` is what each gets from an open one.
+    """
+    needed = (coasting - other_coasting + (gain - other_gain) * torque) / (gain + other_gain)
+    return max(-limit, min(limit, needed))
 
 
 def braked_spin(angular_velocity: Real, brake_torque: Real, gain: Real) -> Real:

@@ -7,13 +7,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from autodrive.actuators.drivetrain import DrivetrainSpec
 from autodrive.arrays import Floats
 from autodrive.elementary import exp
-from autodrive.model import BOX, VEHICLE, WHEEL, Table
+from autodrive.model import BOX, CURVE_POINTS, VEHICLE, WHEEL, Table
 from autodrive.physics.engine import Engine, Geom
 from autodrive.transforms import rotation_from_quaternion
-from autodrive.vehicles.spec import VehicleSpec
+from autodrive.units import RPM
+from autodrive.vehicles.spec import MagicFormulaSpec, VehicleSpec
 
+AIR_DENSITY = 1.2
+"""At 20 degrees Celsius and sea level [kg/m^3]."""
 HOLD_DAMPING_RATIO = 0.7
 """Damping of a locked wheel's holding spring, relative to critical damping."""
 
@@ -26,6 +30,7 @@ def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, geoms: Se
         _set_outline(row, spec, [geom for geom in geoms if geom.body == row["body"]])
         for field in ("mass", "inertia", "center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
             row[field] = getattr(spec.body, field)
+        row["air_drag"] = 0.5 * AIR_DENSITY * spec.body.drag_area
         row["wheelbase"] = spec.wheelbase
         row["steering_limit"] = spec.steering.limit
         row["steering_rate_limit"] = math.inf if spec.steering.rate_limit is None else spec.steering.rate_limit
@@ -38,7 +43,19 @@ def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, geoms: Se
         row["drive_response"] = _response(spec.drivetrain.time_constant, dt)
         row["drive_delay"] = round(spec.drivetrain.dead_time / dt)
         row["brake_torque"] = spec.drivetrain.brake_torque
+        _set_motor(row, spec.drivetrain)
     return table
+
+
+def _set_motor(row: Table, drivetrain: DrivetrainSpec) -> None:
+    points = row["torque_curve_points"] = len(drivetrain.torque_curve)
+    for k, (speed_rpm, share) in enumerate(drivetrain.torque_curve):
+        row["torque_curve_speed"][k], row["torque_curve_share"][k] = speed_rpm * RPM, share
+    assert points <= CURVE_POINTS
+    differentials = drivetrain.differentials
+    for place in ("front", "centre", "rear"):
+        row[f"{place}_differential"] = getattr(differentials, place).limits
+    row["has_differentials"] = any(one.kind != "open" for _, one in differentials)
 
 
 def _set_outline(row: Table, spec: VehicleSpec, colliders: Sequence[Geom]) -> None:
@@ -100,15 +117,39 @@ def _set_suspension(rows: Table, spec: VehicleSpec, dt: float) -> None:
 
 def _set_tyres(rows: Table, spec: VehicleSpec, grip: float, dt: float) -> None:
     wheel, regular = spec.wheels, spec.wheels.regularisation
-    factor = (1.0, grip, 1.0, grip, 1.0)
-    rows["forward"] = np.multiply(wheel.forward_friction.numbers, factor)
-    rows["sideways"] = np.multiply(wheel.sideways_friction.numbers, factor)
+    magic = wheel.magic_formula
+    if magic is None:
+        factor = (1.0, grip, 1.0, grip, 1.0)
+        assert wheel.forward_friction is not None
+        assert wheel.sideways_friction is not None
+        rows["forward"] = np.multiply(wheel.forward_friction.numbers, factor)
+        rows["sideways"] = np.multiply(wheel.sideways_friction.numbers, factor)
+    else:
+        _set_magic_formula(rows, spec, magic, grip)
     for field in ("active_slip_offset", "passive_slip_minimum", "slip_angle_offset", "hold_speed"):
         rows[field] = getattr(regular, field)
     # a quarter of the mass on each spring; the frequency is limited to what the substep can follow
     frequency = 2.0 * math.pi * min(regular.hold_frequency, 0.04 / dt)
     rows["hold_stiffness"] = spec.body.mass / 4 * frequency * frequency
     rows["hold_damping"] = 2.0 * HOLD_DAMPING_RATIO * spec.body.mass / 4 * frequency
+
+
+def _set_magic_formula(rows: Table, spec: VehicleSpec, magic: MagicFormulaSpec, grip: float) -> None:
+    rows["is_magic"] = True
+    rows["nominal_load"] = magic.nominal_load
+    rows["stiffness_degression"] = 0.0 if magic.peak_stiffness_load is None else magic.peak_stiffness_load**-2
+    stiffness = np.repeat((magic.front_cornering_stiffness, magic.rear_cornering_stiffness), 2)
+    sides = (("forward", magic.forward, np.full(4, magic.slip_stiffness)), ("sideways", magic.sideways, stiffness))
+    for side, (name, curve, stiffnesses) in enumerate(sides):
+        peak = grip * curve.friction
+        rows[name][:, 1] = peak
+        for row, k in zip(rows, stiffnesses.tolist(), strict=True):
+            row[f"magic_{name}"] = peak, k, curve.shape, curve.curvature, curve.load_sensitivity
+            row["peak_slip"][side] = curve.normalised_peak_slip * peak / k
+            length = magic.relaxation_length[side]
+            row["relaxation_length"][side] = length
+            # a quarter of the mass on the spring k F_z / length, critically damped
+            row["slip_damping"][side] = 2.0 * math.sqrt(0.25 * spec.body.mass / (length * k * magic.nominal_load))
 
 
 def _response(time_constant: float, dt: float) -> float:

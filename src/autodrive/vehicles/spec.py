@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, TypeAlias
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from autodrive.actuators.drivetrain import DrivetrainSpec
 from autodrive.actuators.lights import LightsSpec
 from autodrive.actuators.steering import SteeringSpec
+from autodrive.physics.wheel import magic_shape
 from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.sensors.camera import CameraSpec
 from autodrive.sensors.catalog import SensorSuiteSpec
@@ -19,6 +21,7 @@ MAX_CAMERAS = 20
 """Of a vehicle."""
 
 Inertia: TypeAlias = Annotated[float, Field(ge=1e-9, le=1e6)]
+Relaxation: TypeAlias = Annotated[float, Field(ge=1e-4, le=10.0)]
 At: TypeAlias = tuple[Offset, Offset, Offset]
 Size: TypeAlias = tuple[Length, Length, Length]
 
@@ -34,6 +37,8 @@ class RigidBodySpec(Spec):
     """In the vehicle frame [m]."""
     drag: float = Field(ge=0, le=1e3)
     """Share of the velocity that is lost per second, as Unity's Rigidbody.drag [1/s]."""
+    drag_area: float = Field(default=0.0, ge=0, le=100)
+    """Drag coefficient times frontal area, for the resistance of the air with the square of the speed [m^2]."""
     angular_drag: float = Field(ge=0, le=1e3)
     """Share of the angular velocity that is lost per second [1/s]."""
     angular_velocity_max: float = Field(ge=0.01, le=1e4)
@@ -90,6 +95,46 @@ class FrictionCurve(Spec):
         )
 
 
+class MagicCurve(Spec):
+    """Peak and shape of the force over slip in one direction: D, C and E of the magic formula."""
+
+    friction: float = Field(ge=1e-4, le=100)
+    """Peak force divided by load, at the nominal load (Pacejka: p_D1)."""
+    shape: float = Field(ge=1, le=2)
+    """Shape factor C; 1: the force does not fall beyond its peak."""
+    curvature: float = Field(ge=-10, le=1)
+    """Curvature factor E; smaller: a sharper peak."""
+    load_sensitivity: float = Field(default=0.0, ge=0, le=1)
+    """Relative loss of peak friction at twice the nominal load (-p_D2 / p_D1)."""
+
+    @property
+    def normalised_peak_slip(self) -> float:
+        """Slip times stiffness divided by peak force where the force has its peak, at most 10."""
+        slips = np.linspace(0.0, 10.0, 1001)[1:]
+        forces = [magic_shape(slip, self.shape, self.curvature) for slip in slips.tolist()]
+        return float(slips[int(np.argmax(forces))])
+
+
+class MagicFormulaSpec(Spec):
+    """Tyre force by the magic formula, with the influence of the load and relaxation lengths (Pacejka 2012)."""
+
+    nominal_load: float = Field(ge=1e-3, le=1e6)
+    """Load at which the values below hold [N]."""
+    forward: MagicCurve
+    sideways: MagicCurve
+    slip_stiffness: float = Field(ge=1e-2, le=1e3)
+    """Longitudinal force per slip ratio and load (p_Kx1)."""
+    front_cornering_stiffness: float = Field(ge=1e-2, le=1e3)
+    """Lateral force per slip angle and load of a front wheel [1/rad]."""
+    rear_cornering_stiffness: float = Field(ge=1e-2, le=1e3)
+    """Likewise of a rear wheel."""
+    peak_stiffness_load: float | None = Field(default=None, ge=0.1, le=1e3)
+    """Load with the greatest cornering force per slip, divided by the nominal load (p_Ky2); omitted: the cornering
+    stiffness is proportional to the load."""
+    relaxation_length: tuple[Relaxation, Relaxation]
+    """Way that a wheel rolls until its force follows a change of slip, longitudinal and lateral [m]."""
+
+
 class SuspensionSpec(Spec):
     """Spring and damper of each wheel (report, table 9)."""
 
@@ -137,7 +182,7 @@ class RegularisationSpec(Spec):
 
 
 class WheelSpec(Spec):
-    """The four equal wheels (report, table 9)."""
+    """The four equal wheels (report, table 9); their tyres have two friction curves or the magic formula."""
 
     mass: float = Field(ge=1e-4, le=1e3)
     """[kg]. The moment of inertia is that of a solid disc, as in PhysX."""
@@ -152,8 +197,9 @@ class WheelSpec(Spec):
     collider_center: Offset
     """Height of the collider above the wheel at the target position [m]; equal to droop_max in Unity."""
     suspension: SuspensionSpec
-    forward_friction: FrictionCurve
-    sideways_friction: FrictionCurve
+    forward_friction: FrictionCurve | None = None
+    sideways_friction: FrictionCurve | None = None
+    magic_formula: MagicFormulaSpec | None = None
     regularisation: RegularisationSpec
 
     @model_validator(mode="after")
@@ -163,6 +209,9 @@ class WheelSpec(Spec):
                 f"the suspension can be compressed by {self.suspension.compression_max:g} m; it must be less than 0.99 "
                 f"times the radius of a wheel, {self.radius:g} m"
             )
+        curves = (self.forward_friction is not None) + (self.sideways_friction is not None)
+        if curves != (2 if self.magic_formula is None else 0):
+            raise ValueError("a wheel has both forward_friction and sideways_friction, or magic_formula alone")
         return self
 
 

@@ -85,8 +85,8 @@ class Poses:
             c.state.qvel[dof : dof + 6] = 0.0
             if name not in c.objects:
                 i = self._controls.index(name)
-                for column in (c.state.wheel_angular_velocity, c.state.wheel_force, c.state.wheel_hold):
-                    column[4 * i : 4 * i + 4] = 0.0
+                for column in ("angular_velocity", "force", "lagged_slip", "hold"):
+                    getattr(c.state, f"wheel_{column}")[4 * i : 4 * i + 4] = 0.0
         observe(c.model, c.state)
 
     def hold(self, vehicle: str, position: Vector | None, orientation: Quaternion) -> None:
