@@ -17,6 +17,7 @@ import typer
 from autodrive import __version__
 from autodrive.cli import browse
 from autodrive.cli.doctor import doctor
+from autodrive.cli.race import race
 from autodrive.cli.run import run, run_default
 from autodrive.cli.urdf import urdf
 from autodrive.errors import AutodriveError
@@ -71,6 +72,7 @@ def _root(
 
 
 app.command()(run)
+app.command()(race)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)
