@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -403,6 +403,21 @@ class Recording:
     def messages_of(self, topic: str) -> list[bytes]:
         """The data of all messages of a topic, in order."""
         return [message.data for _, message in self._of_topic(topic)]
+
+    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.Message]]]:
+        """Messages by topic, for each chunk of the file that has any from a time to another [s]."""
+        first, last = _nanoseconds(start), _nanoseconds(end)
+        names = {self._ids[topic]: topic for topic in topics if topic in self._ids}
+        for chunk, index in enumerate(self._file.chunks):
+            if index.end < first or not names.keys() & index.channels.keys():
+                continue
+            if index.start > last:
+                break
+            found: dict[str, list[mcap.Message]] = {}
+            for message in self._messages(chunk):
+                if message.channel in names:
+                    found.setdefault(names[message.channel], []).append(message)
+            yield found
 
     def log_times(self, topic: str) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The times of all messages of a topic [s], in order."""

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.protocol.channels import CHANNELS, Signal
-from autodrive.recording import records, wire
+from autodrive.recording import mcap, records, wire
 from autodrive.recording.errors import RecordingError
+from autodrive.recording.foxglove import NANOSECONDS
 from autodrive.specs import suggest
 
 
@@ -33,6 +34,10 @@ class Messages(Protocol):
 
     def log_times(self, topic: str) -> NDArray[np.float64]:
         """Their times [s]."""
+        ...
+
+    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.Message]]]:
+        """Messages by topic, for each part of the file from a time to another [s]."""
         ...
 
 
@@ -71,6 +76,22 @@ class Signals(Mapping[str, NDArray[Any]]):
         """The time of each value of a signal [s]."""
         return self._recording.log_times(self._topic(name))
 
+    def blocks(self, names: Sequence[str], start: float, end: float) -> Iterator[dict[str, tuple[Any, Any]]]:
+        """Times [s] and values of signals by name, for each part of the file from a time to another [s].
+
+        The first and the last part may also contain times outside. Nothing is kept in memory.
+        """
+        topics: dict[str, dict[str, list[str]]] = {}
+        for name in names:
+            topics.setdefault(self._topic(name), {})[name] = self._path(name)
+        for messages in self._recording.blocks(topics, start, end):
+            for topic, of in messages.items():
+                times = np.array([one.log_time for one in of]) / NANOSECONDS
+                message = self._message(next(iter(topics[topic])))
+                for places, values in wire.same_layout(message, topics[topic], [one.data for one in of]):
+                    own = times[places]
+                    yield {name: (own, array) for name, array in values.items()}
+
     def _topic(self, name: str) -> str:
         vehicle, signal = self._found(name)
         is_scan = signal.name.startswith("lidar.")
@@ -86,9 +107,7 @@ class Signals(Mapping[str, NDArray[Any]]):
         topic = self._topic(name)
         if topic not in self._data:
             self._data[topic] = self._recording.messages_of(topic)
-        path = signal.name.split(".")
-        message = self._recording.scan_message if path[0] == "lidar" else self._states.vehicle.message
-        found = wire.columns(message, path[1:] if path[0] == "lidar" else path, self._data[topic])
+        found = wire.columns(self._message(name), self._path(name), self._data[topic])
         if isinstance(found, np.ndarray):
             return found.astype(signal.dtype) if found.dtype == np.uint8 else found
         if signal.dtype.kind == "f" or any(one is None for one in found):
@@ -98,3 +117,12 @@ class Signals(Mapping[str, NDArray[Any]]):
                 raise RecordingError(f"signal '{name}' changes its size in the recording; read it from the Frames")
             return np.array(filled, np.float64)
         return np.array(found, signal.dtype)
+
+    def _message(self, name: str) -> wire.Message:
+        """The message that contains a signal."""
+        is_scan = self._found(name)[1].name.startswith("lidar.")
+        return self._recording.scan_message if is_scan else self._states.vehicle.message
+
+    def _path(self, name: str) -> list[str]:
+        """Fields of the message, down to a signal."""
+        return self._found(name)[1].name.removeprefix("lidar.").split(".")

@@ -197,17 +197,41 @@ def columns(message: Message, path: Sequence[str], messages: Sequence[bytes]) ->
     """
     if messages and len({len(one) for one in messages}) == 1:
         place = _place(message, path, messages[0])
-        if place is not None and (found := _sliced(messages, *place)) is not None:
+        if place is not None and (found := _sliced(_table(messages), *place)) is not None:
             return found
     return [_value(message, path, one) for one in messages]
 
 
-def _sliced(messages: Sequence[bytes], start: int, dtype: np.dtype[Any], shape: tuple[int, ...]) -> Any:
-    table = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), -1)
+def same_layout(
+    message: Message, paths: Mapping[str, Sequence[str]], messages: Sequence[bytes]
+) -> Iterator[tuple[list[int], dict[str, Any]]]:
+    """The values at many paths, for each group of messages of one length: places in the sequence, values by name.
+
+    Values that a group does not have are left out.
+    """
+    groups: dict[int, list[int]] = {}
+    for i, one in enumerate(messages):
+        groups.setdefault(len(one), []).append(i)
+    for places in groups.values():
+        table = _table([messages[i] for i in places])
+        found: dict[str, Any] = {}
+        for name, path in paths.items():
+            place = _place(message, path, messages[places[0]])
+            if place is not None and (values := _sliced(table, *place)) is not None:
+                found[name] = values
+        yield places, found
+
+
+def _table(messages: Sequence[bytes]) -> Any:
+    """Messages of one length, as rows of bytes."""
+    return np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), -1)
+
+
+def _sliced(table: Any, start: int, dtype: np.dtype[Any], shape: tuple[int, ...]) -> Any:
     size = dtype.itemsize * int(np.prod(shape, dtype=int))
     if np.any(table[:, start - 1] != table[0, start - 1]):  # the byte before it is its tag or its length
         return None
-    return np.ascontiguousarray(table[:, start : start + size]).view(dtype).reshape(len(messages), *shape)
+    return np.ascontiguousarray(table[:, start : start + size]).view(dtype).reshape(len(table), *shape)
 
 
 def _place(message: Message, path: Sequence[str], data: bytes) -> tuple[int, np.dtype[Any], tuple[int, ...]] | None:
