@@ -34,6 +34,7 @@ EXTRAS = {
     "cloudpickle": ("envs", "BSD-3-Clause"),
     "farama-notifications": ("envs", "MIT"),
     "pettingzoo": ("envs", "MIT"),
+    "av": ("film", "BSD-3-Clause"),
     "zstandard": ("recording", "BSD-3-Clause"),
     "warp-lang": ("gpu", "Apache-2.0"),
 }
@@ -52,7 +53,8 @@ versions.
 EXTRAS_HEAD = """## Extras
 
 `pip install "autodrive-simulator[EXTRA]"` adds these packages. The wheels of warp-lang for Linux and Windows also
-contain parts of NVIDIA's CUDA toolkit under NVIDIA's own licence, which is in the wheel.
+contain parts of NVIDIA's CUDA toolkit under NVIDIA's own licence, which is in the wheel. The wheels of av also contain
+FFmpeg under the LGPL, and x264 and x265 under the GPL; the simulator uses only the encoders SVT-AV1 and libvpx.
 
 """
 

@@ -108,7 +108,9 @@ export class Connection {
         this.onLost(message.reason)
         break
       case 'Blocked':
-        store.notice.value = `${message.vehicle} is in Autonomous mode. Press Driving Mode in the menu to drive.`
+        store.notice.value = store.scene.value?.timeline
+          ? 'This is a replay. The recorded commands drive.'
+          : `${message.vehicle} is in Autonomous mode. Press Driving Mode in the menu to drive.`
         break
       case 'End':
         this.post({ type: 'Taken' })

@@ -28,6 +28,8 @@ import { toolbar } from './panels/toolbar'
 import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
 import { requestRemoteView } from './remote_view'
+import { recorder } from './replay/recorder'
+import { timeline } from './replay/timeline'
 import type { SceneView } from './scene/view'
 import { Store } from './store'
 import { Trails } from './trails'
@@ -78,14 +80,19 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   reset: () => void actions.reset(),
 }
 
-document.body.prepend(toolbar(store, actions, keys.toggle), menu(store, connection, actions, programs.open))
+const bar = toolbar(store, actions, keys.toggle)
+const mainMenu = menu(store, connection, actions, programs.open)
+document.body.prepend(bar, mainMenu)
+const recording = recorder(store, actions)
+mainMenu.append(recording.section)
+bar.querySelector('.run')?.after(recording.button)
 showOnePanelOnSmallScreens(store)
 const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
 const hints = [modeHint(store, actions), streamNote(store), firstSteps(programs.open, keys.toggle)]
 document.body.append(h('div', { class: 'hints' }, ...hints), programs.element)
-document.body.append(dock, touch(driver, store), notices(store), keys.element)
+document.body.append(dock, touch(driver, store), notices(store), keys.element, timeline(store, connection, actions))
 canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))

@@ -55,7 +55,7 @@ export interface Command {
 /**
  * Run `ticks` ticks while paused, the first of them with these commands, by vehicle.
  *
- * The commands of a Step apply in every driving mode.
+ * The commands of a Step apply in every driving mode. In a replay: show a Frame `ticks` later, or earlier if negative.
  */
 export interface Step {
   type: 'Step'
@@ -69,6 +69,14 @@ export interface Step {
 export interface SetSpeed {
   type: 'SetSpeed'
   factor?: number | null
+}
+
+/**
+ * Show that time of the recording [s]; a simulation refuses it.
+ */
+export interface Seek {
+  type: 'Seek'
+  time: number
 }
 
 /**
@@ -250,6 +258,46 @@ export interface SetCamera {
 }
 
 /**
+ * Record the simulation into a file of the simulator.
+ *
+ * `keep` None: everything from now on, until a `StopRecording`. A number: only the last `keep` seconds are kept, until
+ * a `SaveRecording` writes them.
+ */
+export interface StartRecording {
+  type: 'StartRecording'
+  keep?: number | null
+}
+
+/**
+ * End the recording. What was kept with `keep` and not saved is dropped.
+ */
+export interface StopRecording {
+  type: 'StopRecording'
+}
+
+/**
+ * Write the last seconds that a `StartRecording` with `keep` has kept; the recording continues.
+ */
+export interface SaveRecording {
+  type: 'SaveRecording'
+}
+
+/**
+ * Request curves of the recording that is shown; they are in the `curves` of the Response.
+ *
+ * `plots`: ids of `PLOTS` in channels.ts. `start`, `end`: times of the recording [s]; `end` None: its end. `columns`:
+ * the time is divided into this many equal parts, with the least and the greatest value of each.
+ */
+export interface PlotRecording {
+  type: 'PlotRecording'
+  vehicle: string
+  plots: (string)[]
+  start?: number
+  end?: number | null
+  columns?: number
+}
+
+/**
  * First contact of a vehicle with another object.
  *
  * `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
@@ -416,7 +464,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 }
 
 /**
@@ -488,6 +536,23 @@ export interface Plan {
 }
 
 /**
+ * An event at a time of the recording [s]; the time of the event itself starts again at a Reset.
+ */
+export interface Mark {
+  time: number
+  event: Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
+}
+
+/**
+ * The recording that is shown: name of its file, duration [s], and its events in order.
+ */
+export interface Timeline {
+  name: string
+  duration: number
+  marks: (Mark)[]
+}
+
+/**
  * What a client needs to draw the world; sent after the Welcome, and before the Frames of another World.
  *
  * Another scenario has another World, and so has an edit that does not only move things.
@@ -505,6 +570,7 @@ export interface Scene {
   scene_cameras: Record<string, Record<string, any>>
   object_sizes: Record<string, [number, number, number]>
   plan: Plan | null
+  timeline: Timeline | null
 }
 
 /**
@@ -519,6 +585,18 @@ export interface BridgeStatus {
   round_trip: number | null
   devkit: string
   note: string
+}
+
+/**
+ * State of the recording that this simulator makes.
+ */
+export interface RecordingStatus {
+  state: 'off' | 'recording' | 'keeping'
+  file: string
+  duration: number
+  size: number
+  dropped: number
+  error: string
 }
 
 /**
@@ -538,6 +616,8 @@ export interface Status {
   undo: string
   redo: string
   error: string
+  recording: RecordingStatus
+  position: number | null
 }
 
 /**
@@ -784,15 +864,25 @@ export interface Frame {
 }
 
 /**
+ * Least and greatest value of a plot in each column; NaN where there is no value.
+ */
+export interface Curve {
+  low: Float64Array
+  high: Float64Array
+}
+
+/**
  * A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
  *
- * `text`: the scenario as YAML, for a `SaveScenario`.
+ * `text`: the scenario as YAML, for a `SaveScenario`; the path of the file, for a `StopRecording` or `SaveRecording`.
+ * `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
  */
 export interface Response {
   type: 'Response'
   id: number
   frame: Frame
   text: string
+  curves: Record<string, Curve>
 }
 
 /**
@@ -808,7 +898,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 
 export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

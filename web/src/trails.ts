@@ -5,6 +5,8 @@ import type { Frame } from './messages'
 const SPACING = 0.02
 /** A movement between two Frames that is longer than this [m], and not explained by the speed, is a jump. */
 const JUMP = 0.25
+/** After a longer simulated time without a Frame [s] each movement is a jump. */
+const GAP = 2
 /** Number of points of a trail; when it is full, the older half is dropped. */
 export const TRAIL_POINTS = 4096
 
@@ -29,7 +31,7 @@ export class Trails {
       const trail = this.all.get(name) ?? { points: new Float32Array(3 * TRAIL_POINTS), length: 0, version: 0 }
       this.all.set(name, trail)
       const [x, y, z] = pose.position
-      const reach = Math.max(JUMP, 3 * elapsed * (1 + Math.hypot(...velocity)))
+      const reach = elapsed > GAP ? JUMP : Math.max(JUMP, 3 * elapsed * (1 + Math.hypot(...velocity)))
       extend(trail, [x, y, z - radius(name)], reach)
     }
   }

@@ -83,7 +83,7 @@ describe('requests', () => {
     const second = connection.request({ type: 'Resume' })
     socket.respond('not now')
     await expect(second).rejects.toThrow('not now')
-    socket.receive({ type: 'Response', id: socket.of('Request')[0].id, frame: frameOf(), text: '' })
+    socket.receive({ type: 'Response', id: socket.of('Request')[0].id, frame: frameOf(), text: '', curves: {} })
     await expect(first).resolves.toBeTruthy()
   })
 

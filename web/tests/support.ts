@@ -85,7 +85,7 @@ export class FakeSocket {
   respond(frame: Frame | string, text = ''): void {
     const id = this.of('Request').at(-1)?.id ?? 0
     if (typeof frame === 'string') this.receive({ type: 'Error', code: 'request', text: frame, id })
-    else this.receive({ type: 'Response', id, frame, text })
+    else this.receive({ type: 'Response', id, frame, text, curves: {} })
   }
 }
 
@@ -146,7 +146,7 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
     ...{ type: 'Scene', scenario, title: scenario, map: 'plane', tick: 0.016, model: 'scene/map.glb', objects: {} },
     plan: { image: 'scene/plan.svg', bounds: [-2, -1, 2, 1] },
     vehicles: Object.fromEntries(vehicles.map((name) => [name, vehicle])),
-    ...{ light_table: {}, object_sizes: {} },
+    ...{ light_table: {}, object_sizes: {}, timeline: null },
     scene_cameras: { "Bird's Eye": { height: 3, lowest: 1, highest: 10, step: 0.1 } },
   }
 }
@@ -156,7 +156,8 @@ export function statusOf(values: Partial<Status> = {}): Status {
   return {
     ...{ type: 'Status', is_paused: false, speed: 1, real_time_factor: 1, late_ticks: 0, clients: 1, drivers: {} },
     bridge: { address: '127.0.0.1:4567', state: 'closed', error: '', ...rates },
-    ...{ cameras_error: '', note: '', undo: '', redo: '', error: '', ...values },
+    recording: { state: 'off', file: '', duration: 0, size: 0, dropped: 0, error: '' },
+    ...{ cameras_error: '', note: '', undo: '', redo: '', error: '', position: null, ...values },
   }
 }
 

@@ -54,8 +54,8 @@ test('a busy page gets every response and error, and no Frame after a later Scen
   const { receive, taken } = workerOfBusyPage()
   taken()
   receive(frameOf(['V1'], { tick: 1, events: [offRoad(1)] }))
-  const text = ''
-  receive({ type: 'Response', id: 1, frame: frameOf(), text }, { type: 'Response', id: 2, frame: frameOf(), text })
+  const answer = { frame: frameOf(), text: '', curves: {} }
+  receive({ type: 'Response', id: 1, ...answer }, { type: 'Response', id: 2, ...answer })
   receive({ type: 'Error', code: 'request', text: 'no', id: 3 }, sceneOf(['V1']), frameOf(['V1'], { tick: 2 }))
   const messages = taken()
   expect(messages.map(({ type }) => type)).toEqual(['Frame', 'Response', 'Response', 'Error', 'Scene', 'Frame'])

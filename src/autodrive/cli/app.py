@@ -17,7 +17,8 @@ import typer
 from autodrive import __version__
 from autodrive.cli import browse
 from autodrive.cli.doctor import doctor
-from autodrive.cli.race import race
+from autodrive.cli.film import film
+from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
 from autodrive.cli.urdf import urdf
 from autodrive.errors import AutodriveError
@@ -72,12 +73,13 @@ def _root(
 
 
 app.command()(run)
-app.command()(race)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)
 app.command()(urdf)
 app.command()(doctor)
+app.command()(replay)
+app.command()(film)
 
 
 def _usage(error: Any) -> str:

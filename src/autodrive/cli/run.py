@@ -107,6 +107,9 @@ def run(
     summary: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Write the summary of the run to that file.")
     ] = None,
+    recordings: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Folder for recordings that are started in the page.")
+    ] = Path("recordings"),
     cameras: Annotated[
         bool | None,
         typer.Option(
@@ -141,7 +144,7 @@ def run(
         "duration": duration,
         "speed": _speed(speed),
         "seed": seed,
-        "devkit": address(devkit) if devkit else None,
+        "devkit": _address(devkit) if devkit else None,
         "devkit_profile": devkit_profile and devkit_profile.value,
         "devkit_steering": devkit_steering,
         "devkit_feedback": devkit_feedback,
@@ -149,10 +152,11 @@ def run(
         "devkit_keys": devkit_keys,
         "devkit_handshake": devkit_handshake,
         "summary": summary,
+        "recordings": recordings,
         "cameras": cameras,
         "is_lockstep": lockstep,
         "camera_quality": camera_quality,
-        "image_size": _size(image_size) if image_size else None,
+        "image_size": size_of(image_size) if image_size else None,
         "image_quality": image_quality,
         "has_page": not headless,
         "host": host,
@@ -189,13 +193,7 @@ def _run(options: RunOptions, *, opens_browser: bool) -> None:
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
     stop = StopRequest()
     with console.status("loading the world") as line, _Signals(stop, options.summary) as signals:
-        display = StatusDisplay(
-            console,
-            line,
-            f"running '{options.scenario}', {options.driving_mode}",
-            opens_browser=opens_browser,
-            on_start=signals.catch,
-        )
+        display = StatusDisplay(console, line, options, opens_browser=opens_browser, on_start=signals.catch)
         summary = simulate(dataclasses.replace(options, summary=None), stop=stop, observer=display)
     _report(summary, options.summary)
 
@@ -268,15 +266,15 @@ def _speed(text: str) -> float | None:
     return speed
 
 
-def _size(text: str) -> tuple[int, int]:
+def size_of(text: str, option: str = "--image-size") -> tuple[int, int]:
     """Width and height of 'WxH'."""
     width, _, height = text.lower().partition("x")
     if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= 8192 and 0 < int(height) <= 8192):
-        raise typer.BadParameter(f"--image-size must be WxH in pixels, for example 640x480, not '{text}'")
+        raise typer.BadParameter(f"{option} must be WxH in pixels, for example 640x480, not '{text}'")
     return int(width), int(height)
 
 
-def address(text: str) -> tuple[str, int]:
+def _address(text: str) -> tuple[str, int]:
     """Host and port of 'HOST:PORT', ':PORT' or '[IPV6]:PORT'."""
     host, _, port = text.rpartition(":")
     if not (port.isdecimal() and 0 < int(port) < 65536):

@@ -96,7 +96,7 @@ class Resume(msgspec.Struct, frozen=True, tag=True):
 class Step(msgspec.Struct, frozen=True, tag=True):
     """Run `ticks` ticks while paused, the first of them with these commands, by vehicle.
 
-    The commands of a Step apply in every driving mode.
+    The commands of a Step apply in every driving mode. In a replay: show a Frame `ticks` later, or earlier if negative.
     """
 
     ticks: int = 1
@@ -107,6 +107,12 @@ class SetSpeed(msgspec.Struct, frozen=True, tag=True):
     """Simulated seconds per wall second; None: as fast as possible."""
 
     factor: float | None = 1.0
+
+
+class Seek(msgspec.Struct, frozen=True, tag=True):
+    """Show that time of the recording [s]; a simulation refuses it."""
+
+    time: Annotated[float, msgspec.Meta(ge=0.0)]
 
 
 class Teleport(msgspec.Struct, frozen=True, tag=True):
@@ -236,6 +242,7 @@ Operation: TypeAlias = (
     | Resume
     | Step
     | SetSpeed
+    | Seek
     | Teleport
     | Hold
     | SetSceneLight

@@ -12,6 +12,7 @@ import msgspec
 
 from autodrive.protocol.messages import CameraIntrinsics, Command, Frame, LidarScan, Name, Operation, Pose
 from autodrive.protocol.ports import DEVKIT_PORT
+from autodrive.protocol.replay import Curve, RecordingOperation, RecordingStatus, Timeline
 
 PROTOCOL = 2
 """Version of the protocol. Additions keep it; a change that breaks clients increases it."""
@@ -101,7 +102,7 @@ class SetCamera(msgspec.Struct, frozen=True, tag=True):
     rate: float = 30.0
 
 
-ServerOperation: TypeAlias = Operation | ConnectBridge | DisconnectBridge | SetCamera
+ServerOperation: TypeAlias = Operation | ConnectBridge | DisconnectBridge | SetCamera | RecordingOperation
 """All operations that a client can request."""
 
 
@@ -211,6 +212,8 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """Length, width and height [m] of each movable object."""
     plan: Plan | None = None
     """Drawing of the map."""
+    timeline: Timeline | None = None
+    """The recording that is shown; None: this is a simulation."""
 
 
 class BridgeStatus(msgspec.Struct, frozen=True):
@@ -253,6 +256,10 @@ class Status(msgspec.Struct, frozen=True, tag=True):
     """The edit that a `Redo` makes again; empty: none."""
     error: str = ""
     """Why the physics cannot continue and the simulation is paused; empty if it can. A Reset clears it."""
+    recording: RecordingStatus = RecordingStatus()
+    """The recording that this simulator makes."""
+    position: float | None = None
+    """Time of the recording that is shown [s]; None: this is a simulation."""
 
 
 class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):
@@ -285,12 +292,14 @@ class Rendered(msgspec.Struct, frozen=True, tag=True, gc=False):
 class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
 
-    `text`: the scenario as YAML, for a `SaveScenario`.
+    `text`: the scenario as YAML, for a `SaveScenario`; the path of the file, for a `StopRecording` or `SaveRecording`.
+    `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
     """
 
     id: int
     frame: Frame
     text: str = ""
+    curves: dict[str, Curve] = {}
 
 
 class Error(msgspec.Struct, frozen=True, tag=True, gc=False):

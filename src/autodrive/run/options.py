@@ -53,6 +53,8 @@ class RunOptions:
     """Width and height of the images that a devkit script receives [pixels]; None: those of the camera."""
     image_quality: int = 75
     """JPEG quality of the images that a devkit script receives, 1 to 100."""
+    recordings: Path = Path("recordings")
+    """Folder of the recordings that clients start."""
     has_page: bool = True
     """Whether the page and the native protocol are served."""
     host: str = "127.0.0.1"

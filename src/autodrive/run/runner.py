@@ -14,6 +14,7 @@ from autodrive.cache import check_writable, write_file
 from autodrive.jit import compiling
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.run.options import RunOptions
+from autodrive.run.recordings import Recordings
 from autodrive.run.summary import Odometer, Summary, run_summary
 from autodrive.run.world_loader import WorldLoader
 from autodrive.simulation import Simulation
@@ -85,8 +86,6 @@ class Run:
         for name, vehicle in self.simulation.frame.vehicles.items():
             x, y, _ = vehicle.pose.position
             parts.append(f"{name} {vehicle.speed:+.2f} m/s at ({x:+.2f}, {y:+.2f})")
-            if vehicle.race is not None and vehicle.race.lap_total:
-                parts.append(f"lap {vehicle.race.lap_count}/{vehicle.race.lap_total}")
         if self.loader.cameras is not None:
             parts.append(self.loader.cameras.status())
         if (status := self.bridge.status) != "closed":
@@ -133,11 +132,19 @@ def simulate(
         stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
         if loader.cameras is not None and options.pictures == "always":
             loader.cameras.wait()
-        encoder = image_encoder(options)
+        encoder = _encoder(options)
         bridge = _bridge(simulation, options, encoder)
         stack.callback(bridge.close)
         loader.render_while_connected(bridge)
-        server = page_server(simulation, loader, options, bridge, encoder) if options.has_page else None
+        recordings = Recordings(
+            simulation,
+            options.recordings,
+            scenario=lambda: loader.scenario,
+            encoder=encoder,
+            bridge=lambda: bridge.status,
+        )
+        stack.callback(recordings.stop_now)
+        server = _server(simulation, loader, options, bridge, encoder, recordings) if options.has_page else None
         stack.callback(simulation.stop)
         if server is not None:
             stack.enter_context(server)
@@ -155,8 +162,7 @@ def simulate(
     return summary
 
 
-def image_encoder(options: RunOptions) -> JpegEncoder | None:
-    """The encoder of the images for scripts and clients; None if there are none."""
+def _encoder(options: RunOptions) -> JpegEncoder | None:
     if options.pictures == "never":
         return None
     from autodrive.cameras.jpeg import JpegEncoder
@@ -198,14 +204,14 @@ def _vehicle_profile(simulation: Simulation) -> str | None:
     return next((spec.devkit_profile for spec in specs if spec.devkit_profile), None)
 
 
-def page_server(
+def _server(
     simulation: Simulation,
     loader: WorldLoader,
     options: RunOptions,
     bridge: DevkitBridge,
     encoder: JpegEncoder | None,
+    recordings: Recordings,
 ) -> Server:
-    """The server of the page and of the native protocol, which is not started yet."""
     from autodrive.server.server import Server, scene_renderer_factory
 
     return Server(
@@ -219,6 +225,7 @@ def page_server(
         token=options.token,
         allowed_origins=options.allowed_origins,
         jpeg_encoder=encoder,
+        recording=recordings,
         cameras_error=lambda: loader.cameras_error,
         want_pictures=loader.set_viewed,
         renderer_factory=scene_renderer_factory(options.camera_quality),

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from autodrive.cameras.jpeg import JpegEncoder
     from autodrive.cameras.scene_process import SceneProcess
     from autodrive.server.connected_client import ConnectedClient
+    from autodrive.server.frame_source import FrameSource
     from autodrive.server.scene_files import SceneFiles
-    from autodrive.simulation import Simulation
     from autodrive.world import World
 
 log = logging.getLogger(__name__)
@@ -34,7 +34,7 @@ class Broadcast:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: FrameSource,
         clients: set[ConnectedClient],
         *,
         scene_files: Callable[[World], SceneFiles],

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Event, Frame
 from autodrive.protocol.native import Error, Response, Scan, Scene, Subscribe
+from autodrive.protocol.replay import Curve
 
 if TYPE_CHECKING:
     from autodrive.server.encoded_frames import EncodedFrames
@@ -19,6 +20,8 @@ MAX_EVENTS = 1000
 """Events kept for a client that reads no Frames; the oldest are dropped."""
 MAX_REPLIES, MAX_UNSENT = 200, 2**24
 """Responses and Errors that wait for a client, and their size [bytes]; a client that lets more wait is disconnected."""
+
+NO_CURVES: dict[str, Curve] = {}
 
 Send = Callable[[bytes], Awaitable[None]]
 
@@ -64,9 +67,9 @@ class ConnectedClient:
         """Queue an Error."""
         self._add_reply(encode(error), None)
 
-    def respond(self, id: int, frame: Frame, text: str = "") -> None:
+    def respond(self, id: int, frame: Frame, text: str = "", curves: dict[str, Curve] = NO_CURVES) -> None:
         """Queue the Response to a request; its Frame holds all events since the last Frame sent."""
-        response = Response(id, self._encoded.streamed(frame, self._take_events()), text)
+        response = Response(id, self._encoded.streamed(frame, self._take_events()), text, curves)
         self._sent_frame = frame
         self._is_frame_due = False
         self._add_reply(encode(response), frame)

@@ -13,7 +13,7 @@ from autodrive.specs import suggest
 if TYPE_CHECKING:
     from autodrive.server.connected_client import ConnectedClient
     from autodrive.server.driver_lease import DriverLeases
-    from autodrive.simulation import Simulation
+    from autodrive.server.frame_source import FrameSource
 
 ERROR_INTERVAL = 1.0
 """A client gets Errors of the same code at most once in this time [s], because commands come often."""
@@ -24,11 +24,15 @@ class Driving:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: FrameSource,
         leases: DriverLeases,
         on_change: Callable[[], None],
         clock: Callable[[], float],
+        *,
+        refusal: str = "",
     ) -> None:
+        """`refusal`: why nobody can drive; empty if clients can."""
+        self._refusal = refusal
         self._simulation = simulation
         self._leases = leases
         self._on_change = on_change
@@ -37,6 +41,9 @@ class Driving:
 
     def drive(self, client: ConnectedClient, drive: Drive) -> None:
         """Submit a command if this client may drive that vehicle; otherwise send an Error."""
+        if self._refusal:
+            self._refuse(client, Error("request", self._refusal))
+            return
         vehicle = self._simulation.frame.vehicles.get(drive.vehicle)
         if vehicle is None:
             known = suggest(drive.vehicle, list(self._simulation.frame.vehicles))

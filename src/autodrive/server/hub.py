@@ -32,6 +32,7 @@ from autodrive.server.connections import ABORT, IS_CLIENT
 from autodrive.server.driver_lease import DriverLeases
 from autodrive.server.driving import Driving
 from autodrive.server.files import File
+from autodrive.server.frame_source import FrameSource, NoRecording, RecordingControl, Replayed
 from autodrive.server.handshake import RefusedError, decoded, id_of, next_message, receive_hello
 from autodrive.server.rate_limit import BYTES, RATE, RateLimit
 from autodrive.server.requests import Requests
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
     from autodrive.cameras.jpeg import JpegEncoder
     from autodrive.cameras.scene_process import SceneProcess
     from autodrive.server.scene_files import SceneFiles
-    from autodrive.simulation import Simulation
     from autodrive.world import World
 
 MAX_CLIENTS = 100
@@ -59,7 +59,7 @@ class Hub:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: FrameSource,
         *,
         scene_files: Callable[[World], SceneFiles],
         bridge: DevkitBridge | None,
@@ -68,9 +68,13 @@ class Hub:
         cameras_error: Callable[[], str],
         want_pictures: Callable[[bool], None],
         renderer_factory: Callable[[World], SceneProcess],
+        recording: RecordingControl | None = None,
+        replay: Replayed | None = None,
     ) -> None:
         self._simulation = simulation
         self._scenarios = scenarios
+        self._recording = recording or NoRecording()
+        self._replay = replay
         self._cameras_error = cameras_error
         self._want_pictures = want_pictures
         self._clients: set[ConnectedClient] = set()
@@ -84,7 +88,9 @@ class Hub:
         )
         self._leases = DriverLeases()
         self._bridge = BridgeControl(bridge)
-        self._driving = Driving(simulation, self._leases, self._send_status_soon, self._now)
+        self._driving = Driving(
+            simulation, self._leases, self._send_status_soon, self._now, refusal=replay.refusal if replay else ""
+        )
         self._requests = Requests(
             simulation,
             self._broadcast.queue,
@@ -92,6 +98,8 @@ class Hub:
             self._bridge,
             self._broadcast.remote_views,
             scenarios=scenarios,
+            recording=self._recording,
+            replay=replay,
             on_change=self._send_status_soon,
             clock=self._now,
         )
@@ -269,6 +277,8 @@ class Hub:
                 undo=simulation.undo_name,
                 redo=simulation.redo_name,
                 error=simulation.error,
+                recording=self._recording.status,
+                position=self._replay.position if self._replay else None,
             )
         )
         for client in self._clients:

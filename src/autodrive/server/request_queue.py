@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
-from autodrive.protocol.messages import LoadScenario, Reset, SetSceneLight, SetSpeed, SetTimeOfDay
+from autodrive.protocol.messages import LoadScenario, Reset, Seek, SetSceneLight, SetSpeed, SetTimeOfDay
 from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera
 
 MAX_PENDING = 64
@@ -14,7 +14,7 @@ MAX_PENDING = 64
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
 
-REPLACED = (Reset, LoadScenario, SetSpeed, SetSceneLight, SetTimeOfDay, SetCamera, ConnectBridge)
+REPLACED = (Reset, LoadScenario, Seek, SetSpeed, SetSceneLight, SetTimeOfDay, SetCamera, ConnectBridge)
 """Of several such requests in a row only the last one is executed; it answers all of them."""
 
 

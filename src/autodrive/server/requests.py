@@ -8,11 +8,12 @@ import math
 import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import CancelledError, Future
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from autodrive.errors import AutodriveError
 from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
+from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.scenario import scenario_text
 from autodrive.server.driving import taken
 from autodrive.server.request_queue import MAX_PENDING, SHARE, Entry, RequestQueue, TimeLimit
@@ -23,18 +24,36 @@ if TYPE_CHECKING:
     from autodrive.server.connected_client import ConnectedClient
     from autodrive.server.driver_lease import DriverLeases
     from autodrive.server.frame_queue import FrameQueue
+    from autodrive.server.frame_source import FrameSource, RecordingControl, Replayed
     from autodrive.server.remote_view import RemoteViews
-    from autodrive.simulation import Simulation
 
 log = logging.getLogger(__name__)
 
 MAX_TICKS = 10_000
 """Longest Step."""
-OF_SERVER = (ConnectBridge, DisconnectBridge, SetCamera)
+OF_SERVER = (
+    ConnectBridge,
+    DisconnectBridge,
+    SetCamera,
+    StartRecording,
+    StopRecording,
+    SaveRecording,
+    PlotRecording,
+)
 """Operations of the server; all others are operations of the simulation, which executes one at a time."""
-LEAST_WORK = {ConnectBridge: 0.05, SetCamera: 0.004}
+LEAST_WORK = {ConnectBridge: 0.05, SetCamera: 0.004, StartRecording: 0.05}
 """Operations that cause work elsewhere count as if they took this time [s]."""
 NOT_PAUSED = "a Step needs a paused simulation; request Pause first"
+
+
+class Answer(NamedTuple):
+    """What a Response has besides its Frame."""
+
+    text: str = ""
+    curves: dict[str, Curve] = {}  # noqa: RUF012  nobody changes it
+
+
+NO_ANSWER = Answer()
 
 
 class Requests:
@@ -46,13 +65,15 @@ class Requests:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: FrameSource,
         frame_queue: FrameQueue,
         leases: DriverLeases,
         bridge: BridgeControl,
         remote_views: RemoteViews,
         *,
         scenarios: dict[str, str],
+        recording: RecordingControl,
+        replay: Replayed | None,
         on_change: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
@@ -64,6 +85,9 @@ class Requests:
         self._bridge = bridge
         self._remote_views = remote_views
         self._scenarios = scenarios
+        self._recording = recording
+        self._replay = replay
+        self._recording_lock = asyncio.Lock()
         self._on_change = on_change
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
@@ -131,9 +155,13 @@ class Requests:
         try:
             match entry.operation:
                 case ConnectBridge(host=host, port=port):
-                    self._start(client, queue, entry, lambda: self._bridge.connect(host, port))
+                    self._start(client, queue, entry, lambda: _no_answer(self._bridge.connect(host, port)))
                 case DisconnectBridge():
-                    self._start(client, queue, entry, self._bridge.disconnect)
+                    self._start(client, queue, entry, lambda: _no_answer(self._bridge.disconnect()))
+                case StartRecording() | StopRecording() | SaveRecording() as operation:
+                    self._start(client, queue, entry, lambda: self._record(operation))
+                case PlotRecording() as plot:
+                    self._start(client, queue, entry, lambda: self._plot(plot))
                 case SetCamera() as view:
                     self._remote_views.set_view(client, view, self._clock())
                     self._respond(client, queue, entry, self._simulation.frame)
@@ -144,10 +172,10 @@ class Requests:
             self._refuse(client, queue, entry, error)
 
     def _respond(
-        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, frame: Frame, text: str = ""
+        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, frame: Frame, answer: Answer = NO_ANSWER
     ) -> None:
         for id in entry.ids:
-            client.respond(id, frame, text)
+            client.respond(id, frame, answer.text, answer.curves)
         self._end(queue, entry)
 
     def _refuse(self, client: ConnectedClient, queue: RequestQueue, entry: Entry, error: BaseException) -> None:
@@ -196,7 +224,7 @@ class Requests:
             except Exception as error:
                 self._refuse(client, queue, entry, error)
             else:
-                self._respond(client, queue, entry, frame, text)
+                self._respond(client, queue, entry, frame, Answer(text))
 
         future.add_done_callback(note_end)
         self._frame_queue.call_when_done(future, reply)
@@ -249,24 +277,46 @@ class Requests:
         self._on_change()
 
     def _start(
-        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, work: Callable[[], Awaitable[None]]
+        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, work: Callable[[], Awaitable[Answer]]
     ) -> None:
         """Let the server work on a request, and respond after that."""
         if len(self._tasks) >= MAX_PENDING:
-            raise AutodriveError("too many clients connect and disconnect the bridge")
+            raise AutodriveError("too many clients connect the bridge, record or plot at the same time")
 
         async def execute() -> None:
             try:
-                await work()
+                answer = await work()
             except Exception as error:
                 self._refuse(client, queue, entry, error)
             else:
-                self._respond(client, queue, entry, self._simulation.frame)
+                self._respond(client, queue, entry, self._simulation.frame, answer)
             self._on_change()
 
         task = asyncio.create_task(execute())
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+    async def _record(self, operation: StartRecording | StopRecording | SaveRecording) -> Answer:
+        async with self._recording_lock:
+            match operation:
+                case StartRecording(keep=keep):
+                    await asyncio.to_thread(self._recording.start, keep)
+                    return NO_ANSWER
+                case StopRecording():
+                    return Answer(await asyncio.to_thread(self._recording.stop))
+                case SaveRecording():
+                    return Answer(await asyncio.to_thread(self._recording.save))
+
+    async def _plot(self, request: PlotRecording) -> Answer:
+        if self._replay is None:
+            raise AutodriveError("a simulation has no recording to plot: use 'autodrive replay FILE'")
+        curves, missing = await asyncio.to_thread(self._replay.curves, request)
+        return Answer(missing, curves)
+
+
+async def _no_answer(work: Awaitable[None]) -> Answer:
+    await work
+    return NO_ANSWER
 
 
 class _TakenError(Exception):

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
     from autodrive.cameras.jpeg import JpegEncoder
     from autodrive.cameras.scene_process import SceneProcess
+    from autodrive.server.frame_source import FrameSource, RecordingControl, Replayed
     from autodrive.server.scene_files import SceneFiles
-    from autodrive.simulation import Simulation
     from autodrive.world import World
 
 log = logging.getLogger(__name__)
@@ -58,12 +58,14 @@ class Server:
     - `cameras_error()`: why there are no pictures; empty if there are.
     - `want_pictures(wanted)`: called in the server's thread with True when the first client wants pictures, and with
       False when no client does.
+    - `recording`: makes recordings on request; None: such requests are refused.
+    - `replay`: the recording that `simulation`, a Player, shows; None: it is a Simulation.
     - `renderer_factory(world)`: starts the process that renders scene cameras; None: `scene_renderer_factory()`.
     """
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: FrameSource,
         *,
         scene_files: Callable[[World], SceneFiles],
         page: Path | None = None,
@@ -77,6 +79,8 @@ class Server:
         cameras_error: Callable[[], str] = lambda: "",
         want_pictures: Callable[[bool], None] = lambda wanted: None,
         renderer_factory: Callable[[World], SceneProcess] | None = None,
+        recording: RecordingControl | None = None,
+        replay: Replayed | None = None,
     ) -> None:
         self.host = host
         if token is not None:
@@ -95,6 +99,8 @@ class Server:
             cameras_error=cameras_error,
             want_pictures=want_pictures,
             renderer_factory=renderer_factory or scene_renderer_factory(),
+            recording=recording,
+            replay=replay,
         )
         self._thread: threading.Thread | None = None
         self._server: uvicorn.Server | None = None

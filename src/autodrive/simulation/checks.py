@@ -12,6 +12,7 @@ from autodrive.protocol.messages import (
     Reset,
     Resume,
     Retire,
+    Seek,
     SetDrivingMode,
     SetSpeed,
     Step,
@@ -34,6 +35,10 @@ def check_request(request: Operation, frame: Frame, *, error: str, can_load: boo
             check_seed(seed)
         case SetSpeed(factor=factor):
             check_speed(factor)
+        case Seek():
+            raise CommandError(
+                "a simulation has no other times to show: a Seek needs a replay, 'autodrive replay FILE'"
+            )
         case Step(ticks=ticks, commands=commands):
             if ticks < 1:
                 raise CommandError(f"a Step runs 1 tick or more, not {ticks}")

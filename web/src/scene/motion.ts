@@ -11,6 +11,8 @@ const HISTORY = 0.8
 const MAX_MOVE = 0.25
 /** Time constant of the correction of the clock [s]. */
 const CLOCK_CORRECTION = 0.3
+/** A longer simulated time between two Frames [s] is a jump in a recording. */
+const JUMP = 2
 /** A longer gap between two Frames [s] is a pause of the simulation. */
 const PAUSE = 0.3
 const TURN = 2 * Math.PI
@@ -65,7 +67,7 @@ export class MotionInterpolator {
   /** Adds a Frame that arrived at the wall time `now` [s]. */
   add(frame: Frame, now: number): void {
     const latest = this.arrivals.at(-1)
-    if (latest && frame.time < latest.frame.time) this.arrivals = []
+    if (latest && (frame.time < latest.frame.time || frame.time > latest.frame.time + JUMP)) this.arrivals = []
     else if (latest && frame.time === latest.frame.time) this.arrivals.pop()
     if (this.arrivals.length === 0) this.shown = frame.time
     this.arrivals.push({ frame, at: now })

@@ -1,0 +1,61 @@
+"""The command `replay`: shows a recording in the page."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from autodrive.protocol.ports import PORT
+
+if TYPE_CHECKING:
+    from autodrive.replay import Replay
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")],
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page; 0.0.0.0: all interfaces.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help=f"Port of the page.  [default: {PORT}, or the next free port]"),
+    ] = None,
+    token: Annotated[
+        str | None,
+        typer.Option(help="Access token.  [default: generated if --host lets other machines connect]"),
+    ] = None,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser if there is a display.")
+    ] = True,
+    speed: Annotated[float, typer.Option(metavar="N", help="Recorded seconds per second.")] = 1.0,
+    paused: Annotated[bool, typer.Option("--paused", help="Wait until somebody presses Play.")] = False,
+    camera_quality: Annotated[
+        str, typer.Option(metavar="NAME", help="Of camera images that were not recorded; see: autodrive run --help.")
+    ] = "auto",
+) -> None:
+    """Show a recording in the page, until Ctrl-C."""
+    from autodrive.replay import ReplayOptions
+    from autodrive.replay import replay as show
+    from autodrive.run.browser import has_screen, open_page, tunnel
+
+    stop = threading.Event()
+
+    def started(replay: Replay) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: stop.set())
+        for problem in replay.tape.problems:
+            typer.echo(f"autodrive: {problem}", err=True)
+        url = replay.server.url
+        typer.echo(f"replaying '{replay.tape.name}', {replay.tape.duration:.1f} s; press Ctrl-C to stop", err=True)
+        typer.echo(f"page: {url}", err=True)
+        if command := tunnel(url):
+            typer.echo(f"from another machine: {command}", err=True)
+        if browser and has_screen():
+            open_page(url)
+
+    options = ReplayOptions(speed, paused, camera_quality, host, port, token)
+    show(file, options, stop=stop, on_start=started)

@@ -1,0 +1,98 @@
+"""Writes images into a video file with a codec that needs no licence: AV1 or VP9."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.errors import AutodriveError
+from autodrive.installation import pip
+from autodrive.specs import suggest
+
+
+@dataclass(frozen=True)
+class Codec:
+    """An encoder and its options, for a speed near real time on a laptop."""
+
+    encoder: str
+    options: dict[str, str]
+
+
+CODECS = {
+    "av1": Codec("libsvtav1", {"preset": "10", "crf": "32"}),
+    "vp9": Codec("libvpx-vp9", {"deadline": "realtime", "cpu-used": "7", "crf": "32", "b": "0", "row-mt": "1"}),
+}
+FORMATS = {".mp4": "av1", ".webm": "vp9", ".mkv": "av1"}
+"""Ends of file names, and the codec of each unless another is chosen."""
+
+PART = ".part"
+"""End of the name of a file that is being written; it is renamed when it is complete."""
+
+
+class Video:
+    """A video file that appears when it is complete; `write` adds images, shape (height, width, 3), uint8, sRGB."""
+
+    def __init__(self, path: Path, size: tuple[int, int], rate: float, codec: str | None = None) -> None:
+        """`size`: width and height [pixels], both even. `rate`: images per second. Raises `AutodriveError`."""
+        if path.suffix.lower() not in FORMATS:
+            known = ", ".join(FORMATS)
+            raise AutodriveError(f"the name of a film must end with one of {known}, not '{path.suffix}'  ({path})")
+        chosen = codec or FORMATS[path.suffix.lower()]
+        if chosen not in CODECS:
+            raise AutodriveError(f"codec '{chosen}' is not known. {suggest(chosen, [*CODECS])}")
+        if any(length % 2 or not 16 <= length <= 8192 for length in size):
+            raise AutodriveError(f"width and height of a film must be even numbers from 16 to 8192, not {size}")
+        os.environ.setdefault("SVT_LOG", "1")  # only errors: the encoder prints its settings otherwise
+        av = _av()
+        self._av: Any = av
+        self._path = path
+        self._part = path.with_name(f".{path.stem}{PART}{path.suffix}")
+        try:
+            self._container = av.open(str(self._part), "w")
+        except OSError as error:
+            raise AutodriveError(f"the film cannot be written: {error.strerror}  ({path})") from None
+        encoder = CODECS[chosen]
+        self._stream = self._container.add_stream(encoder.encoder, rate=Fraction(rate).limit_denominator(1001))
+        self._stream.width, self._stream.height = size
+        self._stream.pix_fmt = "yuv420p"
+        self._stream.options = dict(encoder.options)
+        self.images = 0
+        """Number of images written."""
+
+    def write(self, image: NDArray[np.uint8]) -> None:
+        """Add an image."""
+        frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
+        self._container.mux(self._stream.encode(frame))
+        self.images += 1
+
+    def __enter__(self) -> Video:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Complete the file; after an error it is removed."""
+        try:
+            if kind is None:
+                self._container.mux(self._stream.encode(None))
+            self._container.close()
+            if kind is None:
+                self._part.replace(self._path)
+        finally:
+            self._part.unlink(missing_ok=True)
+
+
+def _av() -> Any:
+    try:
+        import av  # noqa: PLC0415  an extra
+    except ImportError:
+        text = "a film needs the package 'av', which is not installed. Install it"
+        raise AutodriveError(f'{text}: {pip("install")} "autodrive-simulator[film]"') from None
+    return av

@@ -1,0 +1,134 @@
+"""Recordings of a run that clients start and stop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from autodrive.errors import AutodriveError
+from autodrive.protocol.replay import RecordingStatus
+
+if TYPE_CHECKING:
+    from autodrive.cameras.jpeg import JpegEncoder
+    from autodrive.recording import Recorder
+    from autodrive.simulation import Simulation
+
+SAVE_TIMEOUT = 10.0
+"""Wall time to wait for the file of the last seconds, which contains a second after the request [s]."""
+
+
+class Recordings:
+    """Writes recordings of a Simulation to files in `folder`, named after the scenario and the time of day.
+
+    `scenario()`: name of the current scenario. `bridge()`: state of the connection to a devkit script.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        folder: Path,
+        *,
+        scenario: Callable[[], str],
+        encoder: JpegEncoder | None = None,
+        bridge: Callable[[], str] = lambda: "closed",
+    ) -> None:
+        self._simulation = simulation
+        self._folder = folder
+        self._scenario = scenario
+        self._encoder = encoder
+        self._bridge = bridge
+        self._recorder: Recorder | None = None
+        self._keep: float | None = None
+        self._began = 0.0
+        self._file = self._error = ""
+
+    @property
+    def status(self) -> RecordingStatus:
+        """The state now."""
+        recorder = self._recorder
+        if recorder is None:
+            return RecordingStatus(file=self._file, error=self._error)
+        if recorder.error:
+            return RecordingStatus(file=str(recorder.path), error=recorder.error)
+        duration = self._simulation.simulated_time - self._began
+        path = recorder.files[-1] if recorder.files else None
+        return RecordingStatus(
+            state="recording" if self._keep is None else "keeping",
+            file=str(path or ""),
+            duration=duration if self._keep is None else min(duration, self._keep),
+            size=_size(path) if path is not None and self._keep is None else 0,
+            dropped=recorder.dropped_images + recorder.dropped_frames,
+        )
+
+    def start(self, keep: float | None) -> None:
+        """Record from now on; `keep`: only the last seconds [s]. Raises `AutodriveError`."""
+        if self._recorder is not None and not self._recorder.error:
+            raise AutodriveError("a recording is in progress already")
+        self.stop_now()
+        from autodrive.recording import Recorder
+
+        scenario = self._scenario()
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            text = f"the folder of the recordings cannot be made: {error.strerror}"
+            raise AutodriveError(f"{text}  ({self._folder})") from None
+        self._recorder = Recorder(
+            _free_path(self._folder / f"{Path(scenario).stem}-{time.strftime('%Y%m%d-%H%M%S')}.mcap"),
+            self._simulation,
+            name=scenario,
+            last=keep,
+            encoder=self._encoder,
+            status=self._bridge,
+        )
+        self._keep, self._began, self._error = keep, self._simulation.simulated_time, ""
+
+    def stop(self) -> str:
+        """End the recording; the path of its last file, empty if nothing was saved. Raises `AutodriveError`."""
+        if self._recorder is None:
+            raise AutodriveError("nothing is recorded")
+        self.stop_now()
+        return self._file
+
+    def save(self) -> str:
+        """Write the last seconds that were kept; the path of the file. Raises `AutodriveError`."""
+        recorder = self._recorder
+        if recorder is None or self._keep is None:
+            raise AutodriveError("no last seconds are kept: start a recording that keeps them")
+        before = len(recorder.files)
+        recorder.save()
+        deadline = time.monotonic() + SAVE_TIMEOUT
+        while len(recorder.files) == before and not recorder.error and time.monotonic() < deadline:
+            time.sleep(0.05)
+        if recorder.error:
+            raise AutodriveError(recorder.error)
+        if len(recorder.files) == before:
+            raise AutodriveError("the last seconds are written when a second of simulated time has passed")
+        self._file = str(recorder.files[-1])
+        return self._file
+
+    def stop_now(self) -> None:
+        """End the recording if there is one."""
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            recorder.close()
+            self._error = recorder.error
+            self._file = str(recorder.files[-1]) if recorder.files else ""
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _free_path(path: Path) -> Path:
+    """The path, with a number if that file exists."""
+    found, number = path, 1
+    while found.exists():
+        number += 1
+        found = path.with_stem(f"{path.stem}-{number}")
+    return found
