@@ -110,6 +110,19 @@ def run(
     recordings: Annotated[
         Path, typer.Option(metavar="FOLDER", help="Folder for recordings that are started in the page.")
     ] = Path("recordings"),
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mcap", help="Record the run in that file; see: autodrive replay --help."),
+    ] = None,
+    record_last: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            min=0.1,
+            max=86400,
+            help="With --record: keep only the last S seconds, and write them to a numbered file at each collision.",
+        ),
+    ] = None,
     cameras: Annotated[
         bool | None,
         typer.Option(
@@ -153,6 +166,8 @@ def run(
         "devkit_handshake": devkit_handshake,
         "summary": summary,
         "recordings": recordings,
+        "record": record,
+        "record_last": record_last,
         "cameras": cameras,
         "is_lockstep": lockstep,
         "camera_quality": camera_quality,
@@ -164,6 +179,8 @@ def run(
         "token": token,
         "allowed_origins": tuple(allow_origin or ()),
     }
+    if record_last is not None and record is None:
+        raise typer.BadParameter("--record-last needs --record FILE.mcap")
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter(f"--duration must be a number of seconds, not {duration}")
     from autodrive.run.options import RunOptions

@@ -88,6 +88,12 @@ def print_summary(summary: Summary) -> None:
         )
     if summary.cameras:
         typer.echo(_cameras_line(summary.cameras))
+    if recording := summary.recording:
+        dropped = recording.dropped_frames, recording.dropped_images
+        lost = f"; {dropped[0]} Frames and {dropped[1]} images were left out" if any(dropped) else ""
+        typer.echo(
+            f"recorded in {', '.join(recording.files) or 'no file'}{lost}" if not recording.error else recording.error
+        )
     if bridge := summary.bridge:
         typer.echo(
             f"devkit at {bridge.address}: {bridge.telemetry_sent} telemetry messages, "

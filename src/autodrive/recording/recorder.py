@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import importlib.metadata
 import logging
-import platform
-import sys
 import threading
 import time
 from collections import deque
@@ -32,6 +29,7 @@ from autodrive.protocol.messages import (
     Step,
 )
 from autodrive.recording import foxglove, mcap, records
+from autodrive.recording.about import about_here
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
 from autodrive.recording.mcap import Channel, Chunk, Message, Schema
@@ -87,7 +85,8 @@ class Recorder:
 
     `frame_rate` of Frames in simulated time [Hz]; None: each tick. `image_rate` of images of each camera; None: each
     image. `last`: keep only that many seconds in memory, and write them to a new file at each collision and `save`.
-    `has_meshes`: whether the file contains the .glb files of the scene. `name`: name or file of the scenario.
+    `has_meshes`: whether the file contains the .glb files of the scene. `name`: name or file of the scenario, or a
+    function that returns it.
 
     Steps of a World, and of a Simulation that runs as fast as it can, wait for the recorder. A Simulation in real time
     never does: if disk or processor are too slow, images and then Frames are left out and counted. An error of the disk
@@ -99,7 +98,7 @@ class Recorder:
         path: str | Path,
         source: World | Simulation,
         *,
-        name: str = "",
+        name: str | Callable[[], str] = "",
         frame_rate: float | None = None,
         image_rate: float | None = None,
         image_quality: int = 75,
@@ -176,6 +175,13 @@ class Recorder:
             self._empty_queue()
         with self._errors():
             self._output.close()
+
+    def status(self) -> str:
+        """In a few words, for a status line."""
+        if self.error:
+            return "not recording"
+        lost = self.dropped_frames + self.dropped_images
+        return f"recording {self._clock.now / NANOSECONDS:.1f} s" + (f", {lost} left out" if lost else "")
 
     def save(self) -> None:
         """With `last`: write the last seconds to a file; their events do that, too."""
@@ -256,7 +262,7 @@ class Recorder:
             log.warning("the recording does not contain the files of the scenario: %s", error)
         return ScenarioRecord(
             tick=frame.tick,
-            name=self._name,
+            name=self._name if isinstance(self._name, str) else self._name(),
             spec=world.spec.model_dump(mode="json") | {"seed": world.seed},
             files=files,
             is_start=frame.tick == 0,
@@ -375,12 +381,7 @@ class _Encoding:
         """Write the scenario of a World and its meshes."""
         self.about = {
             "format": str(records.FORMAT),
-            "version": __version__,
-            "engine": f"mujoco {_version_of('mujoco-core')}",
-            "numpy": _version_of("numpy"),
-            "python": platform.python_version(),
-            "platform": f"{sys.platform} {platform.machine()}",
-            "processor": platform.processor(),
+            **about_here(),
             "scenario": record.name,
             "seed": str(record.spec.get("seed", 0)),
             "tick": str(world.tick_duration),
@@ -504,13 +505,6 @@ class _WrittenImage:
         self.image, self.time, self.due = image, time, due
 
 
-def _version_of(distribution: str) -> str:
-    try:
-        return importlib.metadata.version(distribution)
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
-
-
 def _meshes(world: World) -> list[tuple[str, str, bytes]]:
     """Part of the scene, name and content of its .glb file."""
     from autodrive.meshes import store  # noqa: PLC0415  what builds meshes waits until one is needed
@@ -608,13 +602,13 @@ class _FileOutput(_Output):
         super().__init__(encoding)
         try:
             self._file = path.open("wb")
+            self._writer = mcap.Writer(self._file, f"autodrive {__version__}")
         except OSError as error:
             raise RecordingError(f"cannot write: {error.strerror or error}  ({path})") from None
         self._path = path
         self._attached: set[str] = set()
         self._is_begun = False
         self._is_open = True
-        self._writer = mcap.Writer(self._file, f"autodrive {__version__}")
 
     def begin(self, about: Mapping[str, str]) -> None:
         if not self._is_begun:

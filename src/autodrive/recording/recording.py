@@ -360,14 +360,15 @@ class Recording:
 
     def sequence(self) -> Iterator[tuple[float, object]]:
         """Everything that a simulation needs to run again, in order: scenarios, requests, commands and Frames."""
-        json = {
-            self._ids[topic]: topic
-            for topic in (records.SCENARIO, records.REQUESTS, records.COMMANDS)
-            if topic in self._ids
-        }
+        return self.records_of(records.SCENARIO, records.REQUESTS, records.COMMANDS, records.FRAME)
+
+    def records_of(self, *topics: str) -> Iterator[tuple[float, object]]:
+        """Time and record of all messages of these topics, in order; of `records.FRAME`, the Frames."""
+        json = {self._ids[topic]: topic for topic in topics if topic in self._ids}
+        has_frames = json.pop(self._frame_channel, "")
         for chunk in range(len(self._file.chunks)):
             for i, message in enumerate(self._messages(chunk)):
-                if message.channel == self._frame_channel:
+                if has_frames and message.channel == self._frame_channel:
                     yield message.log_time / NANOSECONDS, self._moment(chunk, i).frame
                 elif message.channel in json:
                     yield message.log_time / NANOSECONDS, records.decode_json(json[message.channel], message.data)

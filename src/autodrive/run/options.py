@@ -42,6 +42,10 @@ class RunOptions:
     """Handshake of the script's server; None: detected."""
     summary: Path | None = None
     """File for the summary, as JSON."""
+    record: Path | None = None
+    """File in which the run is recorded (MCAP)."""
+    record_last: float | None = None
+    """Keep only that many seconds in memory, and write them to a numbered file at each collision; None: record all."""
     cameras: bool | None = None
     """Whether camera images are rendered; None: always with `devkit`, otherwise while a client shows them."""
     is_lockstep: bool | None = None

@@ -22,6 +22,7 @@ from autodrive.simulation import Simulation
 if TYPE_CHECKING:
     from autodrive.cameras.jpeg import JpegEncoder
     from autodrive.protocol.devkit import ImageSizes
+    from autodrive.recording import Recorder
     from autodrive.server.server import Server
 
 REFRESH_INTERVAL = 0.2
@@ -62,6 +63,7 @@ class Run:
     bridge: DevkitBridge
     server: Server | None
     odometer: Odometer
+    recorder: Recorder | None = None
 
     @property
     def link(self) -> str:
@@ -78,6 +80,7 @@ class Run:
             cameras=self.loader.cameras_summary(),
             bridge=self.bridge,
             page_link=self.link,
+            recorder=self.recorder,
         )
 
     def status(self) -> str:
@@ -90,6 +93,8 @@ class Run:
             parts.append(self.loader.cameras.status())
         if (status := self.bridge.status) != "closed":
             parts.append(f"devkit {status}, {self.bridge.counters.commands_received} commands")
+        if self.recorder is not None:
+            parts.append(self.recorder.status())
         if self.server is not None:
             clients = self.server.clients
             parts.append(f"{self.link} {clients} client{'' if clients == 1 else 's'}")
@@ -121,6 +126,10 @@ def simulate(
     options, stop, observer = options or RunOptions(), stop or StopRequest(), observer or RunObserver()
     if options.summary is not None:
         check_writable(options.summary)  # before a long run, not after it
+    if options.record is not None:
+        from autodrive.recording.mcap import check_installed
+
+        check_installed()
     loader = WorldLoader(options)
     with compiling(observer.compiled):
         world = loader.load(options.scenario)
@@ -145,10 +154,13 @@ def simulate(
         )
         stack.callback(recordings.stop_now)
         server = _server(simulation, loader, options, bridge, encoder, recordings) if options.has_page else None
+        recorder = _recorder(simulation, loader, options, bridge, encoder)
+        if recorder is not None:
+            stack.enter_context(recorder)
         stack.callback(simulation.stop)
         if server is not None:
             stack.enter_context(server)
-        run = Run(simulation, loader, bridge, server, odometer)
+        run = Run(simulation, loader, bridge, server, odometer, recorder)
         observer.started(run)
         if options.devkit is not None:
             bridge.start()
@@ -156,6 +168,8 @@ def simulate(
         while not stop.is_set() and not simulation.wait(REFRESH_INTERVAL):
             observer.running(run)
         simulation.stop()
+        if recorder is not None:
+            recorder.close()
         summary = run.summary(stop.reason or "duration")
         if options.summary is not None:
             write_file(options.summary, summary.to_json())
@@ -186,6 +200,28 @@ def _bridge(simulation: Simulation, options: RunOptions, encoder: JpegEncoder | 
         images=images,
         image_sizes=partial(_image_sizes, simulation, options),
         vehicle_profile=partial(_vehicle_profile, simulation),
+    )
+
+
+def _recorder(
+    simulation: Simulation,
+    loader: WorldLoader,
+    options: RunOptions,
+    bridge: DevkitBridge,
+    encoder: JpegEncoder | None,
+) -> Recorder | None:
+    if options.record is None:
+        return None
+    from autodrive.recording import Recorder
+
+    return Recorder(
+        options.record,
+        simulation,
+        name=lambda: loader.scenario,
+        last=options.record_last,
+        encoder=encoder,
+        image_quality=options.image_quality,
+        status=lambda: bridge.status,
     )
 
 

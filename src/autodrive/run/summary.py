@@ -13,6 +13,7 @@ from autodrive.transforms import euler_from_quaternion
 
 if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
+    from autodrive.recording import Recorder
     from autodrive.simulation import Simulation
 
 
@@ -81,6 +82,19 @@ class BridgeSummary:
 
 
 @dataclass(frozen=True)
+class RecordingSummary:
+    """The recording of the run."""
+
+    files: list[str]
+    """Files that were written."""
+    dropped_frames: int
+    """Frames that were left out, because the disk or the processor was too slow."""
+    dropped_images: int
+    error: str
+    """Why the recording ended before the run; empty if it did not."""
+
+
+@dataclass(frozen=True)
 class PageSummary:
     """The page server of the run."""
 
@@ -114,6 +128,8 @@ class Summary:
     """None if the devkit bridge was never used."""
     page: PageSummary | None
     """None if no page was served."""
+    recording: RecordingSummary | None = None
+    """None if the run was not recorded."""
 
     def to_json(self) -> str:
         """The text of the summary file."""
@@ -156,6 +172,7 @@ def run_summary(
     cameras: CamerasSummary | None,
     bridge: DevkitBridge,
     page_link: str,
+    recorder: Recorder | None = None,
 ) -> Summary:
     """Summary of a run that has ended; `page_link` is empty if no page was served."""
     wall_time = simulation.running_time
@@ -184,7 +201,13 @@ def run_summary(
         cameras=cameras,
         bridge=_bridge_summary(bridge),
         page=PageSummary(page_link) if page_link else None,
+        recording=recorder and _recording_summary(recorder),
     )
+
+
+def _recording_summary(recorder: Recorder) -> RecordingSummary:
+    files = [str(path) for path in recorder.files]
+    return RecordingSummary(files, recorder.dropped_frames, recorder.dropped_images, recorder.error)
 
 
 def _bridge_summary(bridge: DevkitBridge) -> BridgeSummary | None:

@@ -1,0 +1,212 @@
+"""Simulates a recording again and compares every Frame, bit by bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from autodrive.factory import make
+from autodrive.protocol.messages import Command, Event, Frame, LoadScenario, Pause, Resume, SetSpeed
+from autodrive.recording import records
+from autodrive.recording.about import about_here
+from autodrive.recording.errors import RecordingError
+from autodrive.recording.recording import Recording
+from autodrive.recording.records import CommandsRecord, Poses, Request, RequestRecord, ResetTo, Restored, ScenarioRecord
+from autodrive.scenario import ScenarioSpec
+from autodrive.simulation import Simulation
+from autodrive.world import World
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first difference between a recording and the simulation of it."""
+
+    time: float
+    """In the recording [s]."""
+    tick: int
+    signal: str
+    """Path in the Frame, such as 'vehicles.V1.imu.euler[2]'."""
+    recorded: Any
+    simulated: Any
+
+    def __str__(self) -> str:
+        return (
+            f"different at tick {self.tick} ({self.time:g} s): {self.signal} was {self.recorded} in the recording and "
+            f"is {self.simulated} now"
+        )
+
+
+@dataclass(frozen=True)
+class Result:
+    """Result of `resimulate`."""
+
+    frames: int
+    """Frames that were compared."""
+    difference: Difference | None
+    """None: identical."""
+    made_by: str
+    """Versions that made the recording, if they are not those of this installation; empty if they are."""
+
+    def __str__(self) -> str:
+        """'identical' or the difference."""
+        return "identical" if self.difference is None else str(self.difference)
+
+
+def resimulate(recording: Recording) -> Result:
+    """Run the scenario again with the recorded commands and requests, and compare every Frame.
+
+    Raises `RecordingError` if the recording does not begin at the start of a World, or if it is not whole. Images are
+    not compared: JPEG is not the same on every machine.
+    """
+    if not recording.scenario.is_start or recording.start_tick:
+        raise RecordingError(
+            f"the recording begins at tick {recording.start_tick}, not at the start of a run, so it cannot be "
+            "simulated again: record from the start, without --record-last"
+        )
+    count, now, difference = 0, 0.0, None
+    with ExitStack() as stack:
+        again = _Again(recording, stack)
+        for now, item in recording.sequence():
+            if not isinstance(item, Frame):
+                again.take(item)
+                continue
+            count += 1
+            difference = first_difference(item, again.frame(item.tick), now)
+            if difference is not None:
+                break
+    problems = recording.problems
+    if difference is None and problems:
+        raise RecordingError(
+            f"identical up to {now:g} s ({count} Frames), but the recording is not whole: {problems[0]}"
+        )
+    return Result(count, difference, _other_versions(recording))
+
+
+class _Again:
+    """The simulation that repeats a recording."""
+
+    def __init__(self, recording: Recording, stack: ExitStack) -> None:
+        self._recording = recording
+        self._stack = stack
+        self._scenario = recording.scenario
+        self._simulation = Simulation(self._load(""), is_paused=True, load=self._load)
+        stack.callback(lambda: self._simulation.world.close())  # noqa: PLW0108  another one by then
+        stack.enter_context(self._simulation)
+        self._commands: dict[str, Command] = {}
+        self._events: tuple[Event, ...] = ()
+
+    def _load(self, scenario: str | ScenarioSpec) -> World:
+        """The World of the latest scenario of the recording, or of an edited one."""
+        if isinstance(scenario, str):
+            scenario = self._stack.enter_context(self._recording.scenario_spec(self._scenario))
+        return make(scenario)
+
+    def take(self, item: object) -> None:
+        """A scenario, commands or a request."""
+        match item:
+            case CommandsRecord(tick=tick, commands=commands):
+                self._run_to(tick)
+                self._commands = commands
+            case RequestRecord(tick=tick, request=request):
+                self._run_to(tick)
+                self._execute(request)
+            case ScenarioRecord():
+                pass  # those of edits follow from the edits; `_execute` reads those of loaded scenarios
+
+    def frame(self, tick: int) -> Frame:
+        """The Frame of that tick, with all events since the one before."""
+        self._run_to(tick)
+        events, self._events = self._events, ()
+        return replace(self._simulation.world.frame, events=events)
+
+    def _run_to(self, tick: int) -> None:
+        """A recording at a lower rate does not have each tick."""
+        world = self._simulation.world
+        while world.frame.tick < tick:
+            commands, self._commands = self._commands, {}
+            self._events += world.step(commands).events
+
+    def _execute(self, request: Request) -> None:
+        world = self._simulation.world
+        match request:
+            case Pause() | Resume() | SetSpeed():
+                pass  # they change when a tick runs, not what it does
+            case Poses(poses=poses):
+                world.set_poses({name: np.array(pose) for name, pose in poses.items()})
+            case ResetTo(seed=seed, poses=poses):
+                world.reset(seed, poses={name: (x, y, yaw) for name, (x, y, yaw) in poses.items()})
+            case Restored():
+                raise RecordingError(
+                    f"after tick {world.frame.tick} the World was restored from a snapshot, which is not in the "
+                    "recording: it cannot be simulated again"
+                )
+            case _:
+                if isinstance(request, LoadScenario):
+                    self._scenario = next(self._loaded)
+                self._simulation.request(request).result()
+
+    @cached_property
+    def _loaded(self) -> Iterator[ScenarioRecord]:
+        """The scenarios that were loaded, in order: each follows its request."""
+        is_next = False
+        for _, item in self._recording.records_of(records.REQUESTS, records.SCENARIO):
+            if isinstance(item, RequestRecord):
+                is_next = isinstance(item.request, LoadScenario)
+            elif is_next and isinstance(item, ScenarioRecord):
+                yield item
+
+
+def first_difference(recorded: Frame, simulated: Frame, time: float) -> Difference | None:
+    """The first signal of two Frames that differs; images are not compared."""
+    for path, one, other in _differences(recorded, simulated, ""):
+        return Difference(time, recorded.tick, path, one, other)
+    return None
+
+
+def _differences(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
+    if type(a) is not type(b):
+        yield path, a, b
+    elif isinstance(a, np.ndarray):
+        if a.tobytes() != b.tobytes():
+            yield from _in_arrays(a, b, path)
+    elif hasattr(a, "__struct_fields__"):
+        for field in a.__struct_fields__:
+            if field != "cameras":
+                yield from _differences(getattr(a, field), getattr(b, field), f"{path}.{field}" if path else field)
+    elif isinstance(a, dict | tuple):
+        keys = [*a] if isinstance(a, dict) else range(len(a))
+        others = [*b] if isinstance(b, dict) else range(len(b))
+        if [*keys] != [*others]:
+            yield path, _short(a), _short(b)
+            return
+        for key in keys:
+            yield from _differences(a[key], b[key], f"{path}.{key}")
+    elif a != b and repr(a) != repr(b):  # NaN is NaN
+        yield path, a, b
+
+
+def _in_arrays(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
+    if a.shape != b.shape:
+        yield path, f"of shape {a.shape}", f"of shape {b.shape}"
+        return
+    for i in range(len(a)):
+        if a[i].tobytes() != b[i].tobytes():
+            yield f"{path}[{i}]", a[i].item(), b[i].item()
+
+
+def _short(value: Any) -> Any:
+    return [*value] if isinstance(value, dict) else value
+
+
+def _other_versions(recording: Recording) -> str:
+    """Versions in which the recording and this installation differ."""
+    here = about_here()
+    of = recording.about
+    names = ("version", "engine", "numpy", "python", "platform")
+    return ", ".join(f"{name} {of[name]} (here {here[name]})" for name in names if of.get(name, "") != here[name])

@@ -1,0 +1,169 @@
+"""A recorder does not disturb the simulation, and leaves readable files behind."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import autodrive
+from autodrive import Command, Simulation
+from autodrive.protocol.messages import Collision
+from autodrive.recording import Recorder, RecordingError, mcap
+from autodrive.recording import open as open_recording
+from autodrive.recording.resimulation import resimulate
+from autodrive.run import RunOptions, simulate
+from tests.recording.compare import assert_same
+
+
+def test_a_run_is_recorded_and_simulated_again(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    summary = simulate(RunOptions(duration=1.0, speed=None, seed=3, has_page=False, record=path))
+    assert summary.recording is not None
+    assert summary.recording.files == [str(path)]
+    assert summary.recording.error == ""
+    with open_recording(path) as recording:
+        assert recording.duration == pytest.approx(1.0)
+        assert recording.scenario.name == "mini_map"
+        assert recording.scenario.spec["seed"] == 3
+        assert len(list(recording.statuses)) >= 1
+        assert str(resimulate(recording)) == "identical"
+
+
+def test_the_world_has_its_own_methods_again(tmp_path: Path) -> None:
+    world = autodrive.make("plane")
+    recorder = Recorder(tmp_path / "a.mcap", world, has_meshes=False)
+    world.step()
+    recorder.close()
+    recorder.close()
+    size = (tmp_path / "a.mcap").stat().st_size
+    world.step()
+    assert (tmp_path / "a.mcap").stat().st_size == size
+    assert "step" not in vars(world)
+
+
+def test_the_last_seconds_are_written_at_a_collision(tmp_path: Path) -> None:
+    path = tmp_path / "crash.mcap"
+    world = autodrive.make("mini_map")
+    with Recorder(path, world, last=2.0, has_meshes=False) as recorder:
+        world.teleport("V1", 1.0, 0.75 - 0.4, 0.7)  # towards the box 'corner_2'
+        while not any(isinstance(event, Collision) for event in world.step({"V1": Command(1.0)}).events):
+            assert world.time < 20.0
+        hit = world.time
+        for _ in range(150):
+            world.step()
+        assert recorder.files == [tmp_path / "crash-001.mcap"]
+        recorder.save()
+    assert not path.exists()
+    assert recorder.files[1:] == [tmp_path / "crash-002.mcap"]
+    with open_recording(recorder.files[0]) as recording:
+        assert recording.end == pytest.approx(hit + 1.0, abs=0.011)
+        assert recording.duration >= min(2.0, hit)
+        assert any(isinstance(event.event, Collision) for event in recording.events)
+        assert list(recording.frames())[-1].tick == recording.end_tick
+        assert recording.scenario.spec["map"] == "mini_map"
+
+
+def test_a_file_that_cannot_be_written_is_an_error_at_once(tmp_path: Path) -> None:
+    world = autodrive.make("plane")
+    for path in (tmp_path / "no" / "folder.mcap", tmp_path):
+        with pytest.raises(RecordingError, match="cannot write"):
+            Recorder(path, world)
+    world.step()
+
+
+def test_a_full_disk_ends_the_recording_but_not_the_simulation(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path, world = tmp_path / "full.mcap", autodrive.make("plane")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with Recorder(path, world, has_meshes=False) as recorder:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, limits[1]))  # a file system with little space
+        try:
+            for _ in range(2000):
+                world.step()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert world.frame.tick == 2000
+    assert "File too large" in recorder.error
+    assert len([one for one in caplog.records if one.levelname == "ERROR"]) == 1
+    with open_recording(path) as recording:
+        frames = list(recording.frames())
+        assert [frame.tick for frame in frames] == list(range(len(frames)))
+        assert len(frames) > 100
+
+
+class SlowDisk:
+    """A file whose writes wait until they are let through."""
+
+    def __init__(self) -> None:
+        self.is_blocked = True
+
+
+def test_a_slow_disk_drops_images_and_frames_but_no_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk, write = SlowDisk(), mcap.Writer.chunk
+
+    def slow(self: mcap.Writer, chunk: mcap.Chunk) -> None:
+        while disk.is_blocked:
+            time.sleep(0.01)
+        write(self, chunk)
+
+    monkeypatch.setattr(mcap.Writer, "chunk", slow)
+    monkeypatch.setattr("autodrive.recording.recorder.MAX_QUEUE", 20)
+    monkeypatch.setattr("autodrive.recording.recorder.CHUNK_SIZE", 1)
+    simulation = Simulation(autodrive.make("plane"), speed=1e3)
+    with Recorder(tmp_path / "slow.mcap", simulation, has_meshes=False) as recorder:
+        for _ in range(300):
+            simulation.submit("V1", Command(0.5))
+            simulation.run(0.01)
+        disk.is_blocked = False
+    assert recorder.dropped_frames > 200
+    with open_recording(tmp_path / "slow.mcap") as recording:
+        assert len(list(recording.commands)) == 300
+        assert len(recording.times) == 301 - recorder.dropped_frames
+        assert str(resimulate(recording)) == "identical"
+
+
+@pytest.mark.process
+def test_a_killed_process_leaves_a_readable_file(tmp_path: Path) -> None:
+    path = tmp_path / "killed.mcap"
+    code = (
+        "import autodrive, sys\n"
+        "from autodrive import Command, Simulation\n"
+        "from autodrive.recording import Recorder\n"
+        "simulation = Simulation(autodrive.make('plane'), speed=1.0)\n"
+        "Recorder(sys.argv[1], simulation, has_meshes=False)\n"
+        "simulation.start()\n"
+        "while True:\n"
+        "    simulation.wait(0.5)\n"
+        "    print(simulation.frame.tick, flush=True)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        last = 0
+        while last < 250:
+            last = int(process.stdout.readline())
+        process.send_signal(signal.SIGKILL)
+    with open_recording(path) as recording:
+        assert "the file has no summary" in recording.problems[0]
+        frames = list(recording.frames())
+        assert [frame.tick for frame in frames] == list(range(len(frames)))
+        assert len(frames) > last - 150  # at 1 s of wall time at most; half a second more for a busy machine
+
+
+def test_without_the_package_the_error_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "zstandard", None)
+    with pytest.raises(RecordingError, match=r"pip install .*'autodrive-simulator\[recording\]'"):
+        simulate(RunOptions(duration=0.1, speed=None, has_page=False, record=tmp_path / "a.mcap"))
+
+
+def test_a_recorded_world_gives_the_same_bits(tmp_path: Path) -> None:
+    plain, recorded = autodrive.make("mini_map"), autodrive.make("mini_map")
+    with Recorder(tmp_path / "a.mcap", recorded, has_meshes=False):
+        for _ in range(20):
+            assert_same(plain.step({"V1": Command(0.7)}), recorded.step({"V1": Command(0.7)}))

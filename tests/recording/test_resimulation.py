@@ -1,0 +1,85 @@
+"""A recording is simulated again with the same bits, and a difference is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+import autodrive
+from autodrive import Command, Simulation
+from autodrive.protocol.messages import AddBox, Hold, LoadScenario, Reset, SetDrivingMode, SetTimeOfDay, Teleport, Undo
+from autodrive.recording import Recorder, RecordingError
+from autodrive.recording import open as open_recording
+from autodrive.recording.resimulation import first_difference, resimulate
+from tests.recording.conftest import Drive
+
+
+def test_the_drive_is_identical(drive: Drive) -> None:
+    with open_recording(drive.path) as recording:
+        result = resimulate(recording)
+    assert str(result) == "identical"
+    assert result.frames == len(drive.frames)
+    assert result.made_by == ""
+
+
+def test_everything_that_a_simulation_does_is_repeated(tmp_path: Path) -> None:
+    """Requests between ticks, edits that make a new World, another scenario, and a rate below that of the ticks."""
+    path = tmp_path / "run.mcap"
+    simulation = Simulation(autodrive.make("plane"), speed=None, load=autodrive.make)
+    with Recorder(path, simulation, frame_rate=30.0, has_meshes=False) as recorder:
+        requests = [
+            Teleport("V1", 1.0, 2.0, 0.5),
+            SetTimeOfDay(3600.0 * 7, 60.0),
+            AddBox("crate", 2.0, 2.5),
+            Undo(),
+            SetDrivingMode("V1", is_autonomous=False),
+            Hold("V1", (0.0, 0.0, 0.5)),
+            Hold("V1", None),
+            Reset(5),
+            LoadScenario("mini_map"),
+        ]
+        for i, request in enumerate(requests):
+            simulation.submit("V1", Command(0.5, 0.1 * i), "person" if i in {5, 6, 7} else "script")
+            simulation.run(0.11)
+            done = simulation.request(request)
+            simulation.run(0.01)
+            done.result()
+        simulation.run(0.2)
+    assert recorder.error == ""
+    with open_recording(path) as recording:
+        assert len(recording.scenarios) == 4  # the first, with a box, without it, and the mini-map
+        result = resimulate(recording)
+    assert str(result) == "identical"
+    assert result.frames > 30
+
+
+def test_a_difference_is_named(drive: Drive) -> None:
+    frame = drive.frames[5]
+    vehicle = frame.vehicles["V2"]
+    euler = vehicle.imu.euler.copy()
+    euler[2] += 1e-12
+    other = replace(frame, vehicles={**frame.vehicles, "V2": replace(vehicle, imu=replace(vehicle.imu, euler=euler))})
+    difference = first_difference(frame, other, 0.05)
+    assert difference is not None
+    assert difference.signal == "vehicles.V2.imu.euler[2]"
+    assert (difference.tick, difference.recorded, difference.simulated) == (5, vehicle.imu.euler[2], euler[2])
+    assert "different at tick 5 (0.05 s): vehicles.V2.imu.euler[2] was" in str(difference)
+
+
+def test_what_cannot_be_simulated_again_says_why(tmp_path: Path) -> None:
+    world = autodrive.make("plane")
+    saved = world.save()
+    with Recorder(tmp_path / "restored.mcap", world, has_meshes=False):
+        world.step()
+        world.restore(saved)
+        world.step()
+    world.reset()
+    for _ in range(10):
+        world.step()
+    with Recorder(tmp_path / "later.mcap", world, has_meshes=False):
+        world.step()
+    for name, reason in (("restored", "from a snapshot"), ("later", "begins at tick 10")):
+        with open_recording(tmp_path / f"{name}.mcap") as recording, pytest.raises(RecordingError, match=reason):
+            resimulate(recording)
