@@ -55,6 +55,20 @@ def test_everything_that_a_simulation_does_is_repeated(tmp_path: Path) -> None:
     assert result.frames > 30
 
 
+def test_a_race_is_repeated(tmp_path: Path) -> None:
+    world = autodrive.make("practice", seed=2)
+    with Recorder(tmp_path / "race.mcap", world, has_meshes=False):
+        for tick in range(200):
+            world.step(dict.fromkeys(world.vehicle_names, Command(0.3)))
+            if tick == 150:
+                world.retire(world.vehicle_names[0], "out of battery")
+    with open_recording(tmp_path / "race.mcap") as recording:
+        assert {name.partition("/")[0] for name in recording.scenario.files} >= {"map", "vehicle", "ruleset"}
+        assert recording.frame_at(2.0).vehicles[world.vehicle_names[0]].race is not None
+        assert recording.events
+        assert str(resimulate(recording)) == "identical"
+
+
 def test_a_difference_is_named(drive: Drive) -> None:
     frame = drive.frames[5]
     vehicle = frame.vehicles["V2"]

@@ -134,6 +134,7 @@ class _Again:
 
     def _execute(self, request: Request) -> None:
         world = self._simulation.world
+        before = world.frame
         match request:
             case Pause() | Resume() | SetSpeed():
                 pass  # they change when a tick runs, not what it does
@@ -150,6 +151,8 @@ class _Again:
                 if isinstance(request, LoadScenario):
                     self._scenario = next(self._loaded)
                 self._simulation.request(request).result()
+        if (frame := self._simulation.world.frame) is not before:
+            self._events += frame.events
 
     @cached_property
     def _loaded(self) -> Iterator[ScenarioRecord]:
@@ -170,6 +173,7 @@ def first_difference(recorded: Frame, simulated: Frame, time: float) -> Differen
 
 
 def _differences(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
+    a, b = _plain(a), _plain(b)
     if type(a) is not type(b):
         yield path, a, b
     elif isinstance(a, np.ndarray):
@@ -189,6 +193,10 @@ def _differences(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
             yield from _differences(a[key], b[key], f"{path}.{key}")
     elif a != b and repr(a) != repr(b):  # NaN is NaN
         yield path, a, b
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _in_arrays(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:

@@ -9,21 +9,28 @@ import yaml
 
 from autodrive import specs
 from autodrive.errors import SpecError
+from autodrive.maps.map import find_map
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.records import ScenarioRecord
-from autodrive.scenario import ScenarioSpec
+from autodrive.scenario import RaceSpec, ScenarioSpec
 
 
 def files_of(spec: ScenarioSpec) -> dict[str, str]:
-    """Texts of the map, its modules and the vehicles, by kind and name as the scenario and the map name them.
+    """Texts of the map, its modules, the vehicles and the race, by kind and name as the scenario and the map name them.
 
     Raises `SpecError` if a file cannot be read.
     """
-    map_path = specs.find("map", spec.map)
+    map_path = find_map(spec.map)
     found = {f"map/{spec.map}": _text(map_path)}
     for vehicle in spec.vehicles.values():
         found[f"vehicle/{vehicle.type}"] = _text(specs.find("vehicle", vehicle.type))
-    for module in _modules(yaml.safe_load(found[f"map/{spec.map}"])):
+    tree = yaml.safe_load(found[f"map/{spec.map}"])
+    race = spec.race or (RaceSpec() if isinstance(tree, dict) and "centre_line" in tree else None)
+    if race is not None:
+        found[f"ruleset/{race.rules}"] = _text(specs.find("ruleset", race.rules))
+        if race.track:
+            found[f"track/{race.track}"] = _text(find_map(race.track))
+    for module in _modules(tree):
         is_file = Path(module).suffix in {".yaml", ".yml"}
         found[f"module/{module}"] = _text(map_path.parent / module if is_file else specs.find("module", module))
     return found
@@ -37,7 +44,11 @@ def scenario_from(record: ScenarioRecord, folder: Path) -> ScenarioSpec:
         vehicles = {
             name: one.model_copy(update={"type": paths[f"vehicle/{one.type}"]}) for name, one in spec.vehicles.items()
         }
-        return spec.model_copy(update={"map": paths[f"map/{spec.map}"], "vehicles": vehicles})
+        race = spec.race or (RaceSpec() if "ruleset/practice" in paths else None)
+        if race is not None:
+            files = {"rules": paths[f"ruleset/{race.rules}"], "track": race.track and paths[f"track/{race.track}"]}
+            race = race.model_copy(update=files)
+        return spec.model_copy(update={"map": paths[f"map/{spec.map}"], "vehicles": vehicles, "race": race})
     except KeyError as error:
         raise RecordingError(f"the recording does not contain the file {error} of its scenario") from None
     except SpecError as error:
@@ -49,13 +60,13 @@ def scenario_from(record: ScenarioRecord, folder: Path) -> ScenarioSpec:
 def _written(name: str, text: str, folder: Path, files: dict[str, str]) -> str:
     """Write a file; its path. A map names the modules in the same folder."""
     kind, _, key = name.partition("/")
-    if kind not in {"map", "module", "vehicle"}:
+    if kind not in {"map", "module", "vehicle", "track", "ruleset"}:
         raise RecordingError(f"the recording contains a file '{name}' of an unknown kind")
     path = folder / kind / f"{_number(name, files)}" / f"{Path(key).stem}.yaml"
     path.parent.mkdir(parents=True, exist_ok=True)
     if kind == "map":
         tree = yaml.safe_load(text)
-        for placement in tree.get("placements") or ():
+        for placement in (tree.get("placements") or ()) if isinstance(tree, dict) else ():
             module = placement["module"]
             own = f"module/{module}"
             placement["module"] = str(folder / "module" / f"{_number(own, files)}" / f"{Path(str(module)).stem}.yaml")
