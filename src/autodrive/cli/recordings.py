@@ -10,7 +10,7 @@ import typer
 FilePath = Annotated[Path, typer.Argument(metavar="FILE", help="A recording, as `autodrive run --record` writes it.")]
 
 
-def resimulate(path: Path) -> int:
+def simulate_again(path: Path) -> int:
     """Simulate a recording again; the exit code."""
     from autodrive.recording import open as open_recording
     from autodrive.recording.resimulation import resimulate

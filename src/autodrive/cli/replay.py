@@ -33,11 +33,23 @@ def replay(
     ] = True,
     speed: Annotated[float, typer.Option(metavar="N", help="Recorded seconds per second.")] = 1.0,
     paused: Annotated[bool, typer.Option("--paused", help="Wait until somebody presses Play.")] = False,
+    resimulate: Annotated[
+        bool,
+        typer.Option(
+            "--resimulate",
+            help="Simulate it again instead, and compare every Frame: the last line is 'identical' (exit code 0), or "
+            "the first difference (exit code 1).",
+        ),
+    ] = False,
     camera_quality: Annotated[
         str, typer.Option(metavar="NAME", help="Of camera images that were not recorded; see: autodrive run --help.")
     ] = "auto",
 ) -> None:
     """Show a recording in the page, until Ctrl-C."""
+    if resimulate:
+        from autodrive.cli.recordings import simulate_again
+
+        raise typer.Exit(simulate_again(file))
     from autodrive.replay import ReplayOptions
     from autodrive.replay import replay as show
     from autodrive.run.browser import has_screen, open_page, tunnel
