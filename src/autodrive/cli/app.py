@@ -18,6 +18,7 @@ from autodrive import __version__
 from autodrive.cli import browse
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
+from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
 from autodrive.cli.urdf import urdf
@@ -73,6 +74,7 @@ def _root(
 
 
 app.command()(run)
+app.command()(race)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)

@@ -157,7 +157,7 @@ def run(
         "duration": duration,
         "speed": _speed(speed),
         "seed": seed,
-        "devkit": _address(devkit) if devkit else None,
+        "devkit": address(devkit) if devkit else None,
         "devkit_profile": devkit_profile and devkit_profile.value,
         "devkit_steering": devkit_steering,
         "devkit_feedback": devkit_feedback,
@@ -210,7 +210,13 @@ def _run(options: RunOptions, *, opens_browser: bool) -> None:
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
     stop = StopRequest()
     with console.status("loading the world") as line, _Signals(stop, options.summary) as signals:
-        display = StatusDisplay(console, line, options, opens_browser=opens_browser, on_start=signals.catch)
+        display = StatusDisplay(
+            console,
+            line,
+            f"running '{options.scenario}', {options.driving_mode}",
+            opens_browser=opens_browser,
+            on_start=signals.catch,
+        )
         summary = simulate(dataclasses.replace(options, summary=None), stop=stop, observer=display)
     _report(summary, options.summary)
 
@@ -291,7 +297,7 @@ def size_of(text: str, option: str = "--image-size") -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _address(text: str) -> tuple[str, int]:
+def address(text: str) -> tuple[str, int]:
     """Host and port of 'HOST:PORT', ':PORT' or '[IPV6]:PORT'."""
     host, _, port = text.rpartition(":")
     if not (port.isdecimal() and 0 < int(port) < 65536):

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.status import Status
 
-    from autodrive.run.options import RunOptions
     from autodrive.run.summary import CamerasSummary, Summary
 
 CALLS_PER_LOG_LINE = 50
@@ -31,14 +30,14 @@ class StatusDisplay(RunObserver):
         self,
         console: Console,
         line: Status,
-        options: RunOptions,
+        title: str,
         *,
         opens_browser: bool,
         on_start: Callable[[Run], None],
     ) -> None:
         self._console = console
         self._line = line
-        self._title = f"running '{options.scenario}', {options.driving_mode}"
+        self._title = title
         self._opens_browser = opens_browser
         self._on_start = on_start
         self._compiled = 0

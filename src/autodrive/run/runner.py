@@ -89,6 +89,8 @@ class Run:
         for name, vehicle in self.simulation.frame.vehicles.items():
             x, y, _ = vehicle.pose.position
             parts.append(f"{name} {vehicle.speed:+.2f} m/s at ({x:+.2f}, {y:+.2f})")
+            if vehicle.race is not None and vehicle.race.lap_total:
+                parts.append(f"lap {vehicle.race.lap_count}/{vehicle.race.lap_total}")
         if self.loader.cameras is not None:
             parts.append(self.loader.cameras.status())
         if (status := self.bridge.status) != "closed":
@@ -141,7 +143,7 @@ def simulate(
         stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
         if loader.cameras is not None and options.pictures == "always":
             loader.cameras.wait()
-        encoder = _encoder(options)
+        encoder = image_encoder(options)
         bridge = _bridge(simulation, options, encoder)
         stack.callback(bridge.close)
         loader.render_while_connected(bridge)
@@ -153,7 +155,7 @@ def simulate(
             bridge=lambda: bridge.status,
         )
         stack.callback(recordings.stop_now)
-        server = _server(simulation, loader, options, bridge, encoder, recordings) if options.has_page else None
+        server = page_server(simulation, loader, options, bridge, encoder, recordings) if options.has_page else None
         recorder = _recorder(simulation, loader, options, bridge, encoder)
         if recorder is not None:
             stack.enter_context(recorder)
@@ -176,7 +178,8 @@ def simulate(
     return summary
 
 
-def _encoder(options: RunOptions) -> JpegEncoder | None:
+def image_encoder(options: RunOptions) -> JpegEncoder | None:
+    """The encoder of the images for scripts and clients; None if there are none."""
     if options.pictures == "never":
         return None
     from autodrive.cameras.jpeg import JpegEncoder
@@ -240,7 +243,7 @@ def _vehicle_profile(simulation: Simulation) -> str | None:
     return next((spec.devkit_profile for spec in specs if spec.devkit_profile), None)
 
 
-def _server(
+def page_server(
     simulation: Simulation,
     loader: WorldLoader,
     options: RunOptions,
@@ -248,6 +251,7 @@ def _server(
     encoder: JpegEncoder | None,
     recordings: Recordings,
 ) -> Server:
+    """The server of the page and of the native protocol, which is not started yet."""
     from autodrive.server.server import Server, scene_renderer_factory
 
     return Server(

@@ -1,0 +1,109 @@
+"""The command `race`: a race of devkit scripts, with its results."""
+
+from __future__ import annotations
+
+import logging
+import signal
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from autodrive.cli.run import address
+from autodrive.protocol.ports import PORT
+
+if TYPE_CHECKING:
+    from autodrive.run.race import RaceOptions
+
+
+def race(
+    track: Annotated[str, typer.Argument(help="Name of a track, or path of its file.")],
+    devkit: Annotated[
+        list[str],
+        typer.Option(metavar="HOST:PORT", help="Address of a devkit script; once for each vehicle, 1 to 8."),
+    ],
+    team: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Name of the team of each script, in the same order.")
+    ] = None,
+    rules: Annotated[
+        str, typer.Option(help="Name of rules (see: autodrive list rulesets), or path of their YAML file.")
+    ] = "league_2026",
+    laps: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="Laps that count.  [default: those of the rules]")
+    ] = None,
+    vehicle: Annotated[str, typer.Option(help="Name or file of the vehicles.")] = "roboracer",
+    lockstep: Annotated[
+        bool,
+        typer.Option(
+            "--lockstep/--real-time", help="Each tick waits for the command of each script, as fast as they are."
+        ),
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results.  [default: race_DATE_TIME]"),
+    ] = None,
+    cameras: Annotated[
+        bool, typer.Option("--cameras/--no-cameras", help="Render camera images; otherwise they are black.")
+    ] = False,
+    start_limit: Annotated[
+        float, typer.Option(metavar="S", min=0.1, help="Wall time in which each script must answer first.")
+    ] = 60.0,
+    headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page.")] = False,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page.")] = "127.0.0.1",
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help=f"Port of the page.  [default: {PORT}, or the next free port]"),
+    ] = None,
+) -> None:
+    """Run a race against one devkit script, or against several on one track.
+
+    Writes result.json, result.md, laps.csv and lines.png, and prints the standings.
+    """
+    from autodrive.run.race import RaceOptions
+
+    now = datetime.now()
+    options = RaceOptions(
+        track=track,
+        devkits=tuple(address(text) for text in devkit),
+        teams=tuple(team or ()),
+        rules=rules,
+        laps=laps,
+        vehicle=vehicle,
+        is_lockstep=lockstep,
+        seed=seed,
+        start_limit=start_limit,
+        output=output or Path(f"race_{now:%Y-%m-%d_%H-%M-%S}"),
+        cameras=cameras,
+        has_page=not headless,
+        host=host,
+        port=port,
+    )
+    _race(options)
+
+
+def _race(options: RaceOptions) -> None:
+    from rich.console import Console
+
+    from autodrive.cli.status import StatusDisplay
+    from autodrive.run.race import race as run_race
+    from autodrive.run.runner import StopRequest
+
+    console = Console(stderr=True, highlight=False)
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[logging.StreamHandler()])
+    stop = StopRequest()
+
+    def end(number: int, _: Any) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set(signal.Signals(number).name)
+
+    with console.status("loading the track") as line:
+        title = f"race on '{options.track}' by the rules '{options.rules}'"
+        display = StatusDisplay(console, line, title, opens_browser=True, on_start=lambda _: None)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, end)
+        result = run_race(options, stop=stop, observer=display)
+    typer.echo(result.to_markdown().rstrip())
+    typer.echo(f"\nresults: {options.output}")

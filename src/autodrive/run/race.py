@@ -1,0 +1,289 @@
+"""Runs a race of one or several devkit scripts, in real time or in lock-step, and writes its results."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import autodrive
+from autodrive.bridge.devkit import DevkitBridge
+from autodrive.cache import check_writable, make_folder
+from autodrive.compile import on_grid
+from autodrive.errors import AutodriveError
+from autodrive.jit import compiling
+from autodrive.maps.map import load_map
+from autodrive.protocol.messages import Pause, RaceStatus, Resume, Retire, Step
+from autodrive.racing.results import RaceRecorder, RaceResult, write_results
+from autodrive.racing.rules import RaceRules, load_rules
+from autodrive.run.options import RunOptions
+from autodrive.run.race_seat import OWN, Seat
+from autodrive.run.recordings import Recordings
+from autodrive.run.runner import Run, RunObserver, StopRequest, image_encoder, page_server
+from autodrive.run.summary import Odometer
+from autodrive.run.world_loader import WorldLoader
+from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement, scenario_text
+from autodrive.simulation import Simulation
+
+if TYPE_CHECKING:
+    from autodrive.cameras.jpeg import JpegEncoder
+    from autodrive.protocol.messages import Frame
+
+MAX_VEHICLES = 8
+TICK = 0.025
+"""Time between Frames [s]: the period of a LIDAR of 40 Hz."""
+CHECK_INTERVAL = 0.2
+"""Wall time between two looks at the scripts [s]."""
+
+
+@dataclass(frozen=True)
+class RaceOptions:
+    """Options of `autodrive.run.race` and of the command `autodrive race`."""
+
+    track: str
+    """Name or file of a track."""
+    devkits: tuple[tuple[str, int], ...]
+    """Host and port of each script; the first one drives V1."""
+    teams: tuple[str, ...] = ()
+    """Name of each team in the results; left out: the addresses of the scripts."""
+    rules: str = "league_2026"
+    """Name or file of the rules."""
+    laps: int | None = None
+    """Laps that count, instead of those of the rules."""
+    vehicle: str = "roboracer"
+    """Name or file of the vehicles."""
+    is_lockstep: bool = False
+    """Whether each tick waits for the command of each script; otherwise in real time."""
+    seed: int = 0
+    """Seed of all noise."""
+    start_limit: float = 60.0
+    """Wall time in which each script must send its first command [s]."""
+    output: Path | None = None
+    """Folder of the results; None: they are not written."""
+    cameras: bool = False
+    """Whether camera images are rendered; otherwise scripts receive black images."""
+    has_page: bool = True
+    """Whether the page is served."""
+    host: str = "127.0.0.1"
+    """Address on which the page is served."""
+    port: int | None = None
+    """Port of the page; None: the default port, or the next free one; 0: any free port."""
+    token: str | None = None
+    """Access token; None: generated if other machines can connect."""
+
+    @property
+    def names(self) -> list[str]:
+        """The vehicles: V1, V2 ..."""
+        return [f"V{i}" for i in range(1, len(self.devkits) + 1)]
+
+    @property
+    def team_names(self) -> list[str]:
+        """One for each vehicle."""
+        own = [f"{host}:{port}" for host, port in self.devkits]
+        return [*self.teams, *own[len(self.teams) :]]
+
+    def scenario(self) -> ScenarioSpec:
+        """The scenario of the race; vehicles start on the grid of the track. Raises `SpecError`."""
+        spec = ScenarioSpec(
+            title=f"Race on {self.track}",
+            map=self.track,
+            vehicles={name: VehiclePlacement(type=self.vehicle) for name in self.names},
+            race=RaceSpec(rules=self.rules, laps=self.laps),
+            tick=TICK,
+            seed=self.seed,
+        )
+        return on_grid(spec, load_map(self.track))
+
+
+@dataclass
+class Grid:
+    """The scripts of a race in progress."""
+
+    simulation: Simulation
+    rules: RaceRules
+    seats: list[Seat]
+    bridges: list[DevkitBridge] = field(default_factory=list)
+
+    def is_racing(self, seat: Seat) -> bool:
+        """Whether the vehicle of the seat waits or races."""
+        state = self.simulation.frame.vehicles[seat.vehicle].race
+        return state is not None and state.status in (RaceStatus.WAITING, RaceStatus.RACING)
+
+    def retire(self, seat: Seat, reason: str) -> None:
+        """Take a vehicle out of the race."""
+        self.simulation.request(Retire(seat.vehicle, reason)).result()
+
+    def wait_for_scripts(self, limit: float, stop: StopRequest) -> None:
+        """Wait for the first command of each script; a script that sends none within `limit` [s] retires."""
+        for seat in self.seats:
+            seat.publish(self.simulation.frame)
+        deadline = time.monotonic() + limit
+        for seat in self.seats:
+            while not seat.answers and not stop.is_set() and time.monotonic() < deadline:
+                with seat.news:
+                    seat.news.wait_for(lambda seat=seat: seat.answers > 0, CHECK_INTERVAL)
+        for seat, bridge in zip(self.seats, self.bridges, strict=True):
+            if not seat.answers and not stop.is_set():
+                self.retire(seat, bridge.error or f"no command within {limit:g} s")
+
+    def step(self, stop: StopRequest) -> Frame:
+        """Run one tick, and wait for the answer of each script to its Frame; one that does not answer retires."""
+        asked = [(seat, seat.answers) for seat in self.seats if self.is_racing(seat)]
+        frame = self.simulation.request(Step(), here=True).result()
+        start = time.monotonic()
+        for seat in self.seats:
+            seat.publish(frame)
+        for seat, before in asked:
+            while seat.answers == before and self.is_racing(seat) and not stop.is_set():
+                with seat.news:
+                    if seat.news.wait_for(lambda seat=seat, before=before: seat.answers > before, CHECK_INTERVAL):
+                        break
+                if time.monotonic() - start > self.rules.silence_limit:
+                    self.retire(seat, f"no command for {self.rules.silence_limit:g} s")
+        return frame
+
+    def retire_the_silent(self) -> None:
+        """In real time: take the scripts out that have sent no command for too long."""
+        for seat in self.seats:
+            if self.is_racing(seat) and time.monotonic() - seat.answered_at > self.rules.silence_limit:
+                self.retire(seat, f"no command for {self.rules.silence_limit:g} s")
+
+
+def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: RunObserver | None = None) -> RaceResult:
+    """Run a race until every vehicle has finished, retired or is disqualified, or `stop` is set.
+
+    Raises `AutodriveError`, for example for an unknown track.
+    """
+    stop, observer = stop or StopRequest(), observer or RunObserver()
+    _check(options)
+    if options.output is not None:
+        make_folder(options.output)
+        check_writable(options.output / "result.json")
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        scenario = folder / f"race_{Path(options.track).stem}.yaml"
+        scenario.write_text(scenario_text(options.scenario()), encoding="utf-8")
+        run_options = _run_options(options, scenario)
+        loader = WorldLoader(run_options)
+        with compiling(observer.compiled):
+            world = loader.load(str(scenario))
+        simulation = Simulation(world, is_paused=True, load=loader.load)
+        stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
+        assert world.race is not None
+        rules, track = world.race.rules, world.race.track
+        recorder, odometer = RaceRecorder(), Odometer(simulation)
+        for sink in (recorder, odometer, loader):
+            simulation.add_sink(sink)
+        grid = Grid(simulation, rules, [Seat(simulation, name, rules) for name in options.names])
+        encoder = image_encoder(run_options)
+        for seat, address in zip(grid.seats, options.devkits, strict=True):
+            grid.bridges.append(_bridge(seat, address, encoder, simulation))
+        first = grid.bridges[0]
+        recordings = Recordings(
+            simulation,
+            run_options.recordings,
+            scenario=lambda: loader.scenario,
+            encoder=encoder,
+            bridge=lambda: first.status,
+        )
+        stack.callback(recordings.stop_now)
+        server = page_server(simulation, loader, run_options, first, encoder, recordings) if options.has_page else None
+        simulation.start()
+        stack.callback(simulation.stop)
+        if server is not None:
+            stack.enter_context(server)
+        run = Run(simulation, loader, grid.bridges[0], server, odometer)
+        observer.started(run)
+        for bridge in grid.bridges:
+            stack.enter_context(bridge)
+        started = time.monotonic()
+        recorder.publish(simulation.frame)
+        grid.wait_for_scripts(options.start_limit, stop)
+        _drive(grid, recorder, options, stop, observer, run)
+        result = RaceResult(
+            version=autodrive.__version__,
+            track=track.name,
+            length=track.length,
+            rules=options.rules,
+            title=rules.title or options.rules,
+            is_lockstep=options.is_lockstep,
+            seed=options.seed,
+            simulated_time=simulation.simulated_time,
+            wall_time=time.monotonic() - started,
+            ended_by=stop.reason or "all vehicles",
+            standings=recorder.standings(options.team_names),
+        )
+    if options.output is not None:
+        write_results(options.output, result, recorder, track)
+    return result
+
+
+def _drive(
+    grid: Grid,
+    recorder: RaceRecorder,
+    options: RaceOptions,
+    stop: StopRequest,
+    observer: RunObserver,
+    run: Run,
+) -> None:
+    """Run until the race is over or stopped."""
+    simulation = grid.simulation
+    seen = time.monotonic()
+    if not options.is_lockstep:
+        for seat in grid.seats:
+            seat.answered_at = seen
+            simulation.add_sink(seat)
+        simulation.request(Resume()).result()
+    while not recorder.is_over and not stop.is_set():
+        if options.is_lockstep:
+            grid.step(stop)
+        elif not simulation.wait(CHECK_INTERVAL):
+            grid.retire_the_silent()
+        if time.monotonic() - seen > CHECK_INTERVAL:
+            seen = time.monotonic()
+            observer.running(run)
+    simulation.request(Pause()).result()
+
+
+def _check(options: RaceOptions) -> None:
+    """Raises `AutodriveError` for options that are no race."""
+    count = len(options.devkits)
+    if not 1 <= count <= MAX_VEHICLES:
+        raise AutodriveError(f"a race has 1 to {MAX_VEHICLES} scripts (--devkit HOST:PORT for each), not {count}")
+    if len(set(options.devkits)) < count:
+        raise AutodriveError("each script of a race needs its own address (--devkit HOST:PORT)")
+    if len(options.teams) > count:
+        raise AutodriveError(f"there are {len(options.teams)} names of teams, but {count} scripts")
+    rules = load_rules(options.rules)
+    if not rules.race_laps and options.laps is None and rules.time_limit is None:
+        raise AutodriveError(f"the rules '{options.rules}' have no number of laps: give --laps N")
+
+
+def _run_options(options: RaceOptions, scenario: Path) -> RunOptions:
+    return RunOptions(
+        scenario=str(scenario),
+        mode="autonomous",
+        cameras=options.cameras,
+        is_lockstep=options.is_lockstep,
+        has_page=options.has_page,
+        host=options.host,
+        port=options.port,
+        token=options.token,
+    )
+
+
+def _bridge(seat: Seat, address: tuple[str, int], encoder: JpegEncoder | None, simulation: Simulation) -> DevkitBridge:
+    spec = simulation.world.vehicle_specs[seat.vehicle]
+    images = None
+    if encoder is not None:
+        from autodrive.cameras.jpeg import images_of
+
+        images = partial(images_of, encoder=encoder)
+    sizes = {(OWN, name): (camera.width, camera.height) for name, camera in spec.cameras.items()}
+    return DevkitBridge(
+        seat, *address, images=images, image_sizes=lambda: sizes, vehicle_profile=lambda: spec.devkit_profile
+    )
