@@ -1,4 +1,4 @@
-"""The example drivers: ten laps on each shipped track without a collision, and a start side by side as devkit scripts."""
+"""The example drivers: ten laps on each shipped track without a collision, and a start of both as devkit scripts."""
 
 from __future__ import annotations
 
@@ -23,12 +23,6 @@ from autodrive.specs import names
 from tests.support.waiting import free_port, is_listening, wait_until
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "racing"
-BEST = {
-    ("follow_the_gap", "practice"): 20.4,
-    ("race_line", "practice"): 16.4,
-}
-"""Lap times in docs/racing.md [s]."""
-
 Driver = Callable[[VehicleFrame], tuple[float, float]]
 
 
@@ -64,8 +58,6 @@ def test_ten_laps_without_a_collision(track: str, make_driver: Callable[[Race], 
     (result,) = recorder.standings()
     assert (result.status, result.collisions, world.frame.vehicles["V1"].collision_count) == ("finished", 0, 0)
     assert len(result.laps) == 10
-    if best := BEST.get((make_driver.__name__, track)):
-        assert result.best_lap == pytest.approx(best, abs=0.05)  # the documentation has one decimal
 
 
 @pytest.mark.process

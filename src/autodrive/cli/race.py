@@ -33,6 +33,9 @@ def race(
         int | None, typer.Option(min=1, max=1000, help="Laps that count.  [default: those of the rules]")
     ] = None,
     vehicle: Annotated[str, typer.Option(help="Name or file of the vehicles.")] = "roboracer",
+    noise: Annotated[
+        bool, typer.Option("--noise/--no-noise", help="LIDAR and IMU have the noise of their data sheets.")
+    ] = False,
     lockstep: Annotated[
         bool,
         typer.Option(
@@ -71,6 +74,7 @@ def race(
         rules=rules,
         laps=laps,
         vehicle=vehicle,
+        has_realistic_sensors=noise,
         is_lockstep=lockstep,
         seed=seed,
         start_limit=start_limit,

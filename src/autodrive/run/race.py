@@ -27,6 +27,7 @@ from autodrive.run.runner import Run, RunObserver, StopRequest, image_encoder, p
 from autodrive.run.summary import Odometer
 from autodrive.run.world_loader import WorldLoader
 from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement, scenario_text
+from autodrive.sensors.settings import SensorSettings
 from autodrive.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ class RaceOptions:
     """Laps that count, instead of those of the rules."""
     vehicle: str = "roboracer"
     """Name or file of the vehicles."""
+    has_realistic_sensors: bool = False
+    """Whether LIDAR and IMU have the noise of their data sheets; otherwise that of the vehicle's file."""
     is_lockstep: bool = False
     """Whether each tick waits for the command of each script; otherwise in real time."""
     seed: int = 0
@@ -88,10 +91,12 @@ class RaceOptions:
 
     def scenario(self) -> ScenarioSpec:
         """The scenario of the race; vehicles start on the grid of the track. Raises `SpecError`."""
+        realistic = SensorSettings(noise="realistic")
+        noise = {"lidar": realistic, "imu": realistic} if self.has_realistic_sensors else {}
         spec = ScenarioSpec(
             title=f"Race on {self.track}",
             map=self.track,
-            vehicles={name: VehiclePlacement(type=self.vehicle) for name in self.names},
+            vehicles={name: VehiclePlacement(type=self.vehicle, sensors=noise) for name in self.names},
             race=RaceSpec(rules=self.rules, laps=self.laps),
             tick=TICK,
             seed=self.seed,
