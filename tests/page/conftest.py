@@ -15,6 +15,7 @@ from playwright.sync_api import Browser, sync_playwright
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.cameras.jpeg import JpegEncoder, images_of
 from autodrive.run.options import RunOptions
+from autodrive.run.recordings import Recordings
 from autodrive.run.runner import PAGE
 from autodrive.run.world_loader import WorldLoader
 from autodrive.server.server import Server
@@ -48,7 +49,7 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="package")
-def running(built: Path) -> Iterator[PageServer]:
+def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageServer]:
     """A simulator with all parts of `autodrive run`."""
     loader = WorldLoader(RunOptions(scenario="plane"))
     simulation = Simulation(loader.load("plane"), load=loader.load)
@@ -58,6 +59,9 @@ def running(built: Path) -> Iterator[PageServer]:
         stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the world at the end, not the present one
         bridge = DevkitBridge(simulation, images=partial(images_of, encoder=encoder))
         stack.callback(bridge.close)
+        folder = tmp_path_factory.mktemp("recordings")
+        recordings = Recordings(simulation, folder, scenario=lambda: loader.scenario, encoder=encoder)
+        stack.callback(recordings.stop_now)
         serve = partial(
             Server,
             simulation,
@@ -69,6 +73,7 @@ def running(built: Path) -> Iterator[PageServer]:
             jpeg_encoder=encoder,
             cameras_error=lambda: loader.cameras_error,
             want_pictures=loader.set_viewed,
+            recording=recordings,
         )
         server = serve()
         stack.enter_context(simulation)

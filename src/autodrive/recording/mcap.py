@@ -15,6 +15,7 @@ import zlib
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -431,6 +432,23 @@ class Reader:
             self._cache.popitem(last=False)
         return found
 
+    def messages_on(self, chunk: int, channel: int) -> list[Message]:
+        """The messages of a chunk on one channel, in order; only these are taken apart. Raises as `messages`."""
+        index = self.chunks[chunk]
+        if chunk in self._cache or channel not in index.channels:
+            return [message for message in self.messages(chunk) if message.channel == channel]
+        try:
+            cursor = _Cursor(self._data, index.channels[channel], len(self._data))
+            if cursor.number("<B") != MESSAGE_INDEX:
+                raise _CutOffError(": the index of its messages is damaged")
+            cursor.take(10)
+            places = [place for _, place in struct.iter_unpack("<QQ", cursor.block())]
+            content = self._content(index.offset)
+            found = [message for place in places for message in islice(_messages(content, place), 1)]
+        except (_CutOffError, UnicodeDecodeError, struct.error) as error:
+            raise RecordingError(f"the chunk at byte {index.offset} is damaged{error}") from None
+        return found
+
     def chunk_at(self, time: int) -> int:
         """Number of the last chunk that starts at that time [ns] or before; -1 if there is none."""
         return bisect.bisect_right(self.chunks, time, key=lambda one: one.start) - 1
@@ -464,8 +482,9 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
     return data
 
 
-def _messages(content: bytes) -> Iterator[Message]:
-    at, size = 0, len(content)
+def _messages(content: bytes, at: int = 0) -> Iterator[Message]:
+    """The messages from a place in a chunk on."""
+    size = len(content)
     while at < size:
         if at + 9 > size:
             raise _CutOffError(": a record is cut off")

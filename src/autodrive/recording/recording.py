@@ -386,9 +386,8 @@ class Recording:
             return
         for chunk, index in enumerate(self._file.chunks):
             if channel in index.channels:
-                for message in self._messages(chunk):
-                    if message.channel == channel:
-                        yield message.log_time / NANOSECONDS, message
+                for message in self._messages(chunk, channel):
+                    yield message.log_time / NANOSECONDS, message
 
     # -- signals ---------------------------------------------------------------------------------------------------
 
@@ -426,10 +425,10 @@ class Recording:
 
     # -- damaged parts ---------------------------------------------------------------------------------------------
 
-    def _messages(self, chunk: int) -> list[mcap.Message]:
-        """The messages of a chunk; none, and a problem, if it is damaged."""
+    def _messages(self, chunk: int, channel: int | None = None) -> list[mcap.Message]:
+        """The messages of a chunk, all or those on a channel; none, and a problem, if it is damaged."""
         try:
-            return self._file.messages(chunk)
+            return self._file.messages(chunk) if channel is None else self._file.messages_on(chunk, channel)
         except RecordingError as error:
             self._report(str(error))
             return []

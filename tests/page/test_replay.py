@@ -1,0 +1,121 @@
+"""Recording and replay in the page. Rules of the timeline: web/tests/replay.test.ts; of the Player: tests/replay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from autodrive import recording
+from autodrive.protocol.messages import Teleport
+from autodrive.replay import Replay, ReplayOptions
+from tests.page.test_view import COLOURS
+from tests.recording.conftest import Drive, drive
+from tests.support.page import NewTab, PageServer, Tab
+
+__all__ = ["drive"]
+
+
+@pytest.fixture
+def replay(built: Path, drive: Drive) -> Iterator[Replay]:
+    with Replay(drive.path, ReplayOptions(is_paused=True, port=0)) as running:
+        yield running
+
+
+def position(tab: Tab) -> float:
+    return tab.value("store.status.value.position")
+
+
+def test_the_timeline_shows_any_time_and_all_viewers_see_it(replay: Replay, drive: Drive, new_tab: NewTab) -> None:
+    duration = replay.tape.duration
+    tab, other = (new_tab(size=(1024, 700)).open(replay.server.url) for _ in range(2))
+    assert tab.text("timeline-file") == "drive.mcap"
+    assert tab.text("timeline-time").startswith("00:00:00.00 / 00:00:0")
+
+    # a click on the track: its ends have a margin of 48 px
+    box = tab.get("timeline").bounding_box()
+    assert box is not None
+    tab.page.mouse.click(box["x"] + 48 + 0.25 * (box["width"] - 96), box["y"] + box["height"] - 10)
+    for each in (tab, other):
+        each.wait_until(lambda each=each: position(each) == pytest.approx(0.25 * duration, abs=0.01))
+        each.wait_until(lambda each=each: each.value("store.frame.value.tick") == int(100 * position(each) + 1e-6))
+    tick = tab.value("store.frame.value.tick")
+    assert tab.value("store.frame.value.vehicles.V1.pose.position[0]") == pytest.approx(
+        drive.frames[tick].vehicles["V1"].pose.position[0]
+    )
+
+    # steps with keys, one in each direction
+    tab.page.keyboard.press(".")
+    tab.wait_until(lambda: tab.value("store.frame.value.tick") == tick + 1)
+    tab.page.keyboard.press(",")
+    tab.wait_until(lambda: tab.value("store.frame.value.tick") == tick)
+
+    # jumps through all events
+    marks = replay.tape.marks
+    first = next(mark for mark in marks if mark.time > position(tab))
+    other.click("next-event")
+    tab.wait_until(lambda: position(tab) == pytest.approx(first.time))
+    other.wait_for_notice("V1")
+
+    # the arrows move the slider when it has the focus, and do not drive
+    tab.get("timeline").focus()
+    tab.page.keyboard.press("Home")
+    tab.wait_until(lambda: position(tab) == 0)
+    tab.page.keyboard.press("ArrowRight")
+    tab.wait_until(lambda: position(tab) == pytest.approx(1.0))
+    tab.page.evaluate("() => document.activeElement.blur()")
+
+    tab.get("timeline-speed").select_option("16")
+    tab.click("play")
+    other.wait_until(lambda: position(other) == pytest.approx(duration) and other.value("store.status.value.is_paused"))
+
+
+def test_commands_are_refused_with_a_sentence_and_the_plot_has_the_whole_run(replay: Replay, new_tab: NewTab) -> None:
+    tab = new_tab(size=(1280, 720)).open(replay.server.url)
+    tab.page.keyboard.press("w")
+    tab.page.keyboard.press("g")
+    tab.wait_for_notice("This is a replay")
+    tab.show("menu")
+    tab.click("reset")
+    tab.wait_for_notice("nothing can be changed")
+    assert tab.get("edit-button").is_hidden()
+    assert tab.get("record-button").is_hidden()
+    tab.click("timeline-plot")
+    tab.get("run-signal-1").select_option("yaw")
+    canvas = tab.get("run-plot").locator("canvas")
+    tab.wait_until(lambda: canvas.count() == 1 and canvas.evaluate(COLOURS) > 20)
+    # nothing covers the timeline, and the panels end above it
+    top = tab.get("timeline-bar").bounding_box()
+    menu = tab.get("menu").bounding_box()
+    assert top is not None
+    assert menu is not None
+    assert menu["y"] + menu["height"] <= top["y"]
+
+
+def test_the_page_records_the_simulation_and_keeps_its_last_seconds(two_cars: PageServer, tab: Tab) -> None:
+    tab.show("menu")
+    tab.click("record-button")
+    tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "recording")
+    two_cars.request(Teleport("V1", 0.5, 0.25))
+    tick = two_cars.frame.tick
+    tab.wait_until(lambda: two_cars.frame.tick > tick + 20)
+    tab.click("record-button")
+    tab.wait_for_notice("Recorded ")
+    path = Path(tab.value("store.status.value.recording.file"))
+    with recording.open(path) as opened:
+        assert opened.duration > 0.2
+        assert opened.frame_at(opened.end).vehicles["V1"].pose.position[0] == pytest.approx(0.5, abs=0.05)
+        assert [type(one.request).__name__ for _, one in opened.requests] == ["Teleport"]
+    tab.get("recording-keep").select_option("30")
+    tab.click("record")
+    tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "keeping")
+    tab.click("save-recording")
+    tab.wait_for_notice("Saved ")
+    kept = Path(tab.value("store.status.value.recording.file"))
+    assert kept != path
+    with recording.open(kept) as opened:
+        assert opened.duration > 1.0  # it contains a second after the request
+    tab.click("record")
+    tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "off")
+    tab.get("recording-keep").select_option("all")
