@@ -16,6 +16,7 @@ from autodrive.meshes.solids import box, cylinder, lathe, surface
 from autodrive.meshes.vehicle_boards import add_camera, add_computer, add_lidar, add_lidar_head, add_wires
 from autodrive.meshes.vehicle_chassis import add_battery, add_drive, add_platforms, add_servo, add_standoffs
 from autodrive.meshes.vehicle_materials import ACRYLIC, BLACK, RUBBER
+from autodrive.meshes.vehicle_racer import add_racer, add_racer_lidar_window, racer_wheel
 from autodrive.meshes.vehicle_steering import add_knuckle, linkage
 from autodrive.meshes.vehicle_wheel import wheel
 from autodrive.protocol.messages import WHEEL_NAMES
@@ -42,11 +43,12 @@ def _nodes(spec: VehicleSpec) -> Iterator[AssetNode]:
     )
     if spec.sensors.lidar is not None:
         place = spec.sensors.lidar.mount.position
+        head = add_racer_lidar_window if spec.look == "racer" else add_lidar_head
         yield AssetNode(
             "lidar_head",
             "body",
             place,
-            surfaces=surfaces_by_detail(lambda builder, resolution: add_lidar_head(builder, spec, resolution)),
+            surfaces=surfaces_by_detail(lambda builder, resolution: head(builder, spec, resolution)),
         )
     wheels = {outside: _wheel(spec, outside) for outside in (1.0, -1.0)}
     for name, hub in zip(WHEEL_NAMES, spec.hubs, strict=True):
@@ -68,6 +70,9 @@ def _nodes(spec: VehicleSpec) -> Iterator[AssetNode]:
 
 
 def _add_body(builder: MeshBuilder, spec: VehicleSpec, resolution: Resolution) -> None:
+    if spec.look == "racer":
+        add_racer(builder, spec, resolution)
+        return
     add_platforms(builder, spec, resolution)
     add_standoffs(builder, spec, resolution)
     if len(spec.platforms) >= 4:
@@ -96,9 +101,10 @@ def _shadow(spec: VehicleSpec) -> tuple[MeshSurface, ...]:
 
 def _wheel(spec: VehicleSpec, outside: float) -> dict[Detail, tuple[MeshSurface, ...]]:
     radius, width = spec.wheels.radius, spec.wheels.width
+    build = racer_wheel if spec.look == "racer" else wheel
 
     def add(builder: MeshBuilder, resolution: Resolution) -> None:
-        parts = wheel(radius, width, outside, resolution.around(0.9), has_small_parts=resolution.has_small_parts)
+        parts = build(radius, width, outside, resolution.around(0.9), has_small_parts=resolution.has_small_parts)
         for material, meshes in parts.items():
             builder.add(material, *meshes)
 

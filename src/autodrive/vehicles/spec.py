@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -286,6 +286,9 @@ class VehicleSpec(Spec):
     """Title for menus and lists."""
     summary: dict[str, str] = Field(default_factory=dict)
     """Components of the car, as text (report, table 1)."""
+    look: Literal["platforms", "racer"] = "platforms"
+    """Its mesh. platforms: a stack of acrylic platforms with boards. racer: a 1:10 race car, whose chassis and deck are
+    the two `platforms`."""
     size: Size
     """Overall length, width, height [m]."""
     wheelbase: Length
@@ -315,6 +318,8 @@ class VehicleSpec(Spec):
             for place, box in boxes.items()
             if box.position[2] - box.size[2] / 2 < -self.ride_height - 1e-6
         ]
+        if self.look == "racer" and len(self.platforms) != 2:
+            errors.append((("platforms",), "must be two, chassis and deck, for look: racer"))
         x, y, _ = self.body.center_of_mass
         if not (0.0 <= x <= self.wheelbase and abs(y) <= self.track / 2):
             errors.append((("body", "center_of_mass"), "must be between the wheels; otherwise the car falls over"))
