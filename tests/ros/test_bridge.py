@@ -19,7 +19,9 @@ from autodrive import AutodriveError, Command, Simulation
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings
 from autodrive.protocol.messages import Frame, LoadScenario, Pause, Reset, Resume, SetDrivingMode, Step, VehicleFrame
-from autodrive.ros import Bridge, Config, Message, nigel
+from autodrive.ros import Bridge, Config, Message
+from autodrive.ros.cars import NIGEL as NIGEL_FIGURES
+from autodrive.ros.cars import ROBORACER, Car
 from autodrive.ros.devkit_source import DevkitSource
 from autodrive.ros.source import Update, VehicleInfo
 from autodrive.server.scene_files import SceneFiles
@@ -281,7 +283,7 @@ def test_images_without_subscribers_are_not_requested(simulation: Simulation, se
 # -- devkit mode ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("profile", [*PROFILES])
+@pytest.mark.parametrize("profile", ["2020", "2022", "2023", "2025"])
 def test_devkit_messages_are_published_with_the_values_of_the_frame(simulation: Simulation, profile: str) -> None:
     node, port = Recorder(), free_port()
     root = f"autodrive/{Config(profile=profile).vehicle_name(1)}"
@@ -403,24 +405,26 @@ def test_malformed_messages_are_answered_and_the_next_one_is_published(malformed
     assert vehicle.throttle == 0.5
 
 
-def test_figures_of_nigel_are_those_of_its_file() -> None:
-    """`autodrive.ros.nigel` repeats them for installations without the simulator."""
-    spec = NIGEL
+@pytest.mark.parametrize("car", [NIGEL_FIGURES, ROBORACER], ids=lambda car: car.name)
+def test_figures_of_the_cars_are_those_of_their_files(car: Car) -> None:
+    """`autodrive.ros.cars` repeats them for installations without the simulator."""
+    spec = load_vehicle(car.name)
     lidar = spec.sensors.lidar
     assert lidar is not None
-    assert spec.wheelbase == nigel.WHEELBASE
-    assert spec.wheels.radius == nigel.WHEEL_RADIUS
-    assert spec.drivetrain.speed_limit * spec.wheels.radius == pytest.approx(nigel.SPEED_LIMIT, abs=1e-5)
-    assert spec.steering.limit == pytest.approx(nigel.STEERING_LIMIT, abs=1e-5)
-    assert tuple(spec.cameras) == nigel.CAMERAS
+    assert spec.wheelbase == car.wheelbase
+    assert spec.wheels.radius == car.wheel_radius
+    assert spec.drivetrain.speed_limit * spec.wheels.radius == pytest.approx(car.speed_limit, abs=1e-3)
+    assert spec.steering.limit == pytest.approx(car.steering_limit, abs=1e-5)
+    assert tuple(spec.cameras) == car.cameras
     assert (lidar.range_min, lidar.range_max, lidar.rate) == (
-        nigel.LIDAR_RANGE_MIN,
-        nigel.LIDAR_RANGE_MAX,
-        nigel.LIDAR_RATE,
+        car.lidar_range_min,
+        car.lidar_range_max,
+        car.lidar_rate,
     )
+    assert math.degrees(lidar.rays * lidar.angle_increment) == pytest.approx(car.lidar_field_of_view)
     for camera in spec.cameras.values():
         angle = 2.0 * math.atan(0.5 * camera.intrinsics.height / camera.intrinsics.fy)
-        assert math.degrees(angle) == pytest.approx(nigel.VERTICAL_FIELD_OF_VIEW, abs=1e-2)
+        assert math.degrees(angle) == pytest.approx(car.vertical_field_of_view, abs=1e-2)
 
 
 def test_in_devkit_mode_requests_raise() -> None:
@@ -437,6 +441,7 @@ def test_in_devkit_mode_requests_raise() -> None:
     [
         ({"mode": "magic"}, "mode must be"),
         ({"profile": "1999"}, "profile must be"),
+        ({"race": True}, "race needs the profile 'roboracer', not '2025'"),
         ({"port": 70000}, "port must be"),
         ({"rate": 0.0}, "rate must be"),
         ({"command_timeout": math.nan}, "command_timeout must be"),

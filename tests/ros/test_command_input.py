@@ -12,7 +12,7 @@ from autodrive.ros import Config
 from autodrive.ros.command_input import CommandInput
 from autodrive.ros.source import VehicleInfo
 
-CAR = VehicleInfo(1, "nigel", (), wheelbase=0.14, speed_limit=0.5, steering_limit=0.5)
+CAR = VehicleInfo(1, "nigel", (), wheelbase=0.14, wheel_radius=0.03, speed_limit=0.5, steering_limit=0.5)
 
 
 def number(value: float) -> SimpleNamespace:
@@ -31,7 +31,7 @@ def test_there_is_no_command_before_the_first_message() -> None:
     assert command_input().command(1.0) is None
 
 
-@pytest.mark.parametrize(("profile", "sign"), [("2020", -1), ("2022", -1), ("2023", 1), ("2025", 1)])
+@pytest.mark.parametrize(("profile", "sign"), [("2020", -1), ("2022", -1), ("2023", 1), ("2025", 1), ("roboracer", 1)])
 def test_the_sign_of_steering_is_that_of_the_profile(profile: str, sign: int) -> None:
     one = command_input(profile)
     one.on_throttle(number(0.25))

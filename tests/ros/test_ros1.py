@@ -32,8 +32,9 @@ from tests.support.waiting import free_port, wait_until
 VEHICLE = "/autodrive/nigel_1"
 TOPICS = VehicleTopics(Config(), is_direct=True)
 TYPES = {f"/{topic.name}".replace("//", "/"): topic.type for topic in [*TOPICS.all, *WORLD_TOPICS]}
-RARE = {f"{VEHICLE}/collision", f"{VEHICLE}/range"}
-"""Not published here: there is no contact, and Nigel has no range sensor."""
+RARE = {f"{VEHICLE}/{name}" for name in ("collision", "range", "lap_count")}
+RARE |= {f"{VEHICLE}/{name}lap_time" for name in ("", "last_", "best_")}
+"""Not published here: there is neither contact nor race, and Nigel has no range sensor."""
 STATES = {name: kind for name, kind in TYPES.items() if "camera" not in name and name not in RARE}
 
 

@@ -37,8 +37,8 @@ TYPES = {f"/{topic.name}": topic.type for topic in VehicleTopics(Config(), is_di
 STATES = {
     name: kind
     for name, kind in TYPES.items()
-    # no contact, no range sensor on Nigel; the description is latched
-    if "camera" not in name and not name.endswith(("/collision", "/range", "/robot_description"))
+    # no contact, no race, no range sensor on Nigel; the description is latched
+    if "camera" not in name and not name.endswith(("/collision", "/range", "/robot_description", "/lap_count", "_time"))
 }
 
 CYCLONE = """<CycloneDDS><Domain>
@@ -472,7 +472,7 @@ def test_an_invalid_parameter_is_reported_in_one_line(ros2_environment: dict[str
     with bridge(ros2_environment, tmp_path, profile="2019") as node:
         wait_until(lambda: node.process.poll() is not None)
         assert node.process.returncode == 1
-        assert node.output == "autodrive_bridge: profile must be one of 2020, 2022, 2023, 2025, not '2019'\n"
+        assert node.output == "autodrive_bridge: profile must be one of 2020, 2022, 2023, 2025, roboracer, not '2019'\n"
 
 
 def test_the_node_waits_for_a_restarted_simulator_and_ends_at_ctrl_c(ros: Ros2) -> None:

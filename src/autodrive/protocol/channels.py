@@ -30,9 +30,12 @@ Reduction: TypeAlias = Literal["element", "nearest", "beam"]
 """How a plot makes one number of a signal: by taking an element, the least range, or the range at the bearing that the
 user sets."""
 
-RosQos: TypeAlias = Literal["sensor", "state", "latched", "clock", "tf"]
+RosQos: TypeAlias = Literal["sensor", "state", "latched", "clock", "tf", "command", "league"]
 """QoS class of a ROS topic: 'sensor' and 'clock' may lose messages, 'latched' keeps the last one for late
-subscribers."""
+subscribers, 'command' is that of subscriptions, 'league' that of all topics in the profile of the RoboRacer league."""
+
+League: TypeAlias = Literal["", "allowed", "restricted"]
+"""Whether a topic is part of the interface of the RoboRacer league: no; yes; yes, but switched off at race time."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,9 @@ class RosTopic:
     type: str
     text: str
     qos: RosQos = "state"
+    league: League = ""
+    signal: str = ""
+    """Name of the signal that a message contains as a number; none for other messages."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +228,7 @@ CHANNELS: tuple[Channel, ...] = (
                 plots=(Plot("throttle", "Vehicle", "Throttle", 20.0, unit="%", scale=100.0),),
             ),
         ),
-        topics=(RosTopic("throttle", "std_msgs/Float32", "throttle feedback, -1 to 1"),),
+        topics=(RosTopic("throttle", "std_msgs/Float32", "throttle feedback, -1 to 1", league="allowed"),),
     ),
     Channel(
         "steering",
@@ -243,7 +249,7 @@ CHANNELS: tuple[Channel, ...] = (
             ),
         ),
         # sign: 'left' or 'right'; it depends on the devkit profile, and so does the name of the topic
-        topics=(RosTopic("steering", "std_msgs/Float32", "steering angle [rad], positive {sign}"),),
+        topics=(RosTopic("steering", "std_msgs/Float32", "steering angle [rad], positive {sign}", league="allowed"),),
     ),
     Channel(
         "encoders",
@@ -263,7 +269,9 @@ CHANNELS: tuple[Channel, ...] = (
         ),
         rate="sensors.encoders.rate",
         topics=tuple(
-            RosTopic(f"{side}_encoder", "sensor_msgs/JointState", f"angle of the rear {side} wheel [rad]")
+            RosTopic(
+                f"{side}_encoder", "sensor_msgs/JointState", f"angle of the rear {side} wheel [rad]", league="allowed"
+            )
             for side in ("left", "right")
         ),
     ),
@@ -282,7 +290,7 @@ CHANNELS: tuple[Channel, ...] = (
             ),
         ),
         rate="sensors.ips.rate",
-        topics=(RosTopic("ips", "geometry_msgs/Point", "position in map [m]"),),
+        topics=(RosTopic("ips", "geometry_msgs/Point", "position in map [m]", league="restricted"),),
     ),
     Channel(
         "imu",
@@ -346,7 +354,9 @@ CHANNELS: tuple[Channel, ...] = (
         ),
         rate="sensors.imu.rate",
         topics=(
-            RosTopic("imu", "sensor_msgs/Imu", "orientation, angular velocity, linear acceleration", "sensor"),
+            RosTopic(
+                "imu", "sensor_msgs/Imu", "orientation, angular velocity, linear acceleration", "sensor", "allowed"
+            ),
             RosTopic("imu/data", "sensor_msgs/Imu", "same as imu, name of REP 145", "sensor"),
             RosTopic("imu/data_raw", "sensor_msgs/Imu", "same as imu without the orientation", "sensor"),
         ),
@@ -378,7 +388,9 @@ CHANNELS: tuple[Channel, ...] = (
         ),
         rate="sensors.lidar.rate",
         topics=(
-            RosTopic("lidar", "sensor_msgs/LaserScan", "scan, first ray straight ahead", "sensor"),
+            RosTopic(
+                "lidar", "sensor_msgs/LaserScan", "scan; of 360 degrees: first ray straight ahead", "sensor", "allowed"
+            ),
             RosTopic("scan", "sensor_msgs/LaserScan", "same as lidar, name of REP 138", "sensor"),
         ),
     ),
@@ -474,6 +486,15 @@ CHANNELS: tuple[Channel, ...] = (
                 plots=(Plot("collisions", "Vehicle", "Collisions", 1.0),),
             ),
         ),
+        topics=(
+            RosTopic(
+                "collision_count",
+                "std_msgs/Int32",
+                "collisions; in a race, those that the rules count",
+                league="restricted",
+                signal="collision_count",
+            ),
+        ),
     ),
     Channel(
         "race",
@@ -522,12 +543,22 @@ CHANNELS: tuple[Channel, ...] = (
             Signal("race.gap", "time behind the first vehicle", "s"),
             Signal("race.is_wrong_way", "whether it drives against the direction of the track"),
         ),
+        topics=tuple(
+            RosTopic(name, f"std_msgs/{kind}", f"{text} of a race", league="restricted", signal=f"race.{name}")
+            for name, kind, text in (
+                ("lap_count", "Int32", "completed laps"),
+                ("lap_time", "Float32", "time in the present lap [s]"),
+                ("last_lap_time", "Float32", "time of the last lap [s]"),
+                ("best_lap_time", "Float32", "best time of a lap [s]"),
+            )
+        ),
     ),
 )
 """All channels of a vehicle but its cameras, whose images are messages of their own."""
 
 BY_NAME = {channel.name: channel for channel in CHANNELS}
 SIGNALS: tuple[Signal, ...] = tuple(signal for channel in CHANNELS for signal in channel.signals)
+SIGNAL_BY_NAME = {signal.name: signal for signal in SIGNALS}
 ROS_TOPICS = {topic.name: topic for channel in CHANNELS for topic in channel.topics}
 
 

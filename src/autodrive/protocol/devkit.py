@@ -156,7 +156,7 @@ def _vehicle_telemetry(
 
 def _race_telemetry(vehicle: VehicleFrame, text: Callable[[float], str]) -> Iterable[tuple[str, str]]:
     """Laps, 0 without a race, and collisions."""
-    race = getattr(vehicle, "race", None)
+    race = vehicle.race
     yield "Lap Count", str(race.lap_count) if race else "0"
     for name in ("lap_time", "last_lap_time", "best_lap_time"):
         yield name.replace("_", " ").title(), text(getattr(race, name) if race else 0.0)

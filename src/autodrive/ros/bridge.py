@@ -8,6 +8,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -22,7 +23,7 @@ from autodrive.ros.direct_source import DirectSource
 from autodrive.ros.message import Message, Node, Subscription, Time, Topic
 from autodrive.ros.robot import Robot, Transform
 from autodrive.ros.source import Update, VehicleInfo
-from autodrive.ros.topics import CLOCK, TF, TF_STATIC, WORLD_TOPICS, light_topic
+from autodrive.ros.topics import CLOCK, TF, TF_STATIC, WORLD_TOPICS, light_topic, published
 from autodrive.ros.vehicle_publisher import VehiclePublisher
 
 log = logging.getLogger(__name__)
@@ -57,6 +58,7 @@ class Bridge:
         self._due = 0.0
         self._sent: dict[str, float] = {}
         self._tick = -1
+        self._is_reset_held = False
         self._throttle = LogThrottle(WARNING_INTERVAL, clock)
         self._last_warning = ""
         self._time = 0.0
@@ -64,8 +66,9 @@ class Bridge:
         self._source: DirectSource | DevkitSource = (
             DirectSource(config) if self._is_direct else DevkitSource(config, node.now, self._commands)
         )
-        node.add_topics([*WORLD_TOPICS, *self._light_topics], [*self._light_subscriptions()])
-        self.on_vehicles({"V1": VehicleInfo(1, config.vehicle_type)})
+        world = published(config, WORLD_TOPICS)
+        node.add_topics([*world, *self._light_topics], [*self._light_subscriptions(), *self._league_subscriptions()])
+        self.on_vehicles({"V1": VehicleInfo.of(config.car, 1, config.vehicle_type)})
 
     def start(self) -> None:
         """Connect to a simulator in a thread."""
@@ -144,7 +147,7 @@ class Bridge:
                 self._node.add_topics(vehicle.topics.all, [*self._subscriptions(name, root)])
             vehicle.publish_description()
         self._pending, self._tick = None, -1
-        if self.config.publish_tf:
+        if self.config.publish_tf and not self.config.is_league:
             static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
             self._publish_transforms([Transform("world", "map", (0.0, 0.0, 0.0)), *static], 0.0, TF_STATIC)
 
@@ -226,9 +229,14 @@ class Bridge:
         def command(name: str, type_: str, text: str, callback: Callable[[Any], None]) -> Subscription:
             return Subscription(f"{root}/{name}", type_, text, partial(self._on_command, vehicle, callback))
 
-        return [
+        common = [
             command("throttle_command", "std_msgs/Float32", "-1 to 1", target.on_throttle),
             command("steering_command", "std_msgs/Float32", f"-1 to 1, positive {side}", target.on_steering),
+        ]
+        if self.config.is_league:
+            return [replace(one, qos="league") for one in common]
+        return [
+            *common,
             command("headlights_command", "std_msgs/Int32", "0 off, 1 low, 2 high beam", target.on_headlights),
             command("indicators_command", "std_msgs/Int32", "0 off, 1 left, 2 right, 3 hazard", target.on_indicators),
             command("drive", "ackermann_msgs/AckermannDriveStamped", "speed, steering angle", target.on_ackermann),
@@ -287,11 +295,26 @@ class Bridge:
         yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
         self._try(Teleport(vehicle, pose.position.x, pose.position.y, yaw))
 
+    def _league_subscriptions(self) -> list[Subscription]:
+        """The reset of the league: a level, so that one message with true is one reset."""
+        if not self.config.is_league or self.config.race:
+            return []
+        text = "resets the world when it becomes true"
+        return [Subscription("autodrive/reset_command", "std_msgs/Bool", text, self._on_reset_level, "league")]
+
+    def _on_reset_level(self, message: Any) -> None:
+        is_rising, self._is_reset_held = message.data and not self._is_reset_held, bool(message.data)
+        if isinstance(self._source, DevkitSource):
+            self._source.resets = {*self._vehicles} if message.data else set()
+        elif is_rising:
+            self._try(Reset())
+
     # -- traffic lights -------------------------------------------------------------------------------------------
 
     @property
     def _light_topics(self) -> list[Topic]:
-        has_lights = self.config.mode == "devkit" and self.config.devkit_profile.is_prefixed
+        config = self.config
+        has_lights = config.mode == "devkit" and config.devkit_profile.is_prefixed and not config.is_league
         return [light_topic(self.config, number) for number in range(1, 5)] if has_lights else []
 
     def _light_subscriptions(self) -> list[Subscription]:

@@ -9,6 +9,7 @@ from typing import Literal
 from autodrive.errors import AutodriveError
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, Side
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
+from autodrive.ros.cars import NIGEL, ROBORACER, Car
 
 Mode = Literal["direct", "devkit"]
 
@@ -27,13 +28,17 @@ class Config:
     token: str = ""
     """Access token that the simulator prints in its link, if it needs one; direct mode."""
     profile: str = "2025"
-    """Devkit profile, which sets names and signs: '2020', '2022', '2023', '2025'."""
+    """Devkit profile, which sets names and signs: '2020', '2022', '2023', '2025'; 'roboracer' for the topics, frames
+    and QoS of the RoboRacer league."""
+    race: bool = False
+    """Whether the topics are left out that the league allows in training only; profile 'roboracer'."""
     steering: Side | Literal[""] = ""
     """Direction of a positive steering command, 'left' or 'right'; '': that of the profile."""
     feedback: Side | Literal[""] = ""
     """Direction of a positive steering feedback, 'left' or 'right'; '': that of the profile."""
-    vehicle_type: str = "nigel"
-    """First part of the vehicle names since 2023, until a simulator is connected."""
+    vehicle_type: str = ""
+    """First part of the vehicle names since 2023, until a simulator is connected; '': 'nigel'. In the profile
+    'roboracer' it is always the first part; '': 'roboracer'."""
     rate: float = 30.0
     """Maximum rate of states in wall time [Hz]. Scans and images are published when they are new. In devkit mode, all
     messages have this rate, and commands are sent with the answers."""
@@ -61,6 +66,8 @@ class Config:
         if self.profile not in PROFILES:
             raise AutodriveError(f"profile must be one of {', '.join(PROFILES)}, not '{self.profile}'")
         _ = self.devkit_profile  # checks the signs
+        if self.race and not self.is_league:
+            raise AutodriveError(f"race needs the profile 'roboracer', not '{self.profile}'")
         if not 0 <= self.port < 65536:
             raise AutodriveError(f"port must be 0 to 65535, not {self.port}")
         for name, least in (("rate", 1e-3), ("clock_rate", 1e-3), ("picture_rate", 1e-3), ("command_timeout", 0.0)):
@@ -81,9 +88,21 @@ class Config:
         settings = DevkitSettings(steering=self.steering or None, feedback=self.feedback or None)
         return settings.applied_to(PROFILES[self.profile])
 
+    @property
+    def is_league(self) -> bool:
+        """Whether topics, frames and QoS are those of the RoboRacer league."""
+        return self.profile == "roboracer"
+
+    @property
+    def car(self) -> Car:
+        """Figures of the vehicles where the simulator does not send them."""
+        return ROBORACER if self.is_league else NIGEL
+
     def vehicle_name(self, number: int, type_: str = "") -> str:
         """Name of a vehicle in topics and frames, from its number (from 1) and type."""
-        kind = (type_ or self.vehicle_type).split("_")[0]
+        if self.is_league:
+            return f"{self.vehicle_type or self.car.name}_{number}"
+        kind = (type_ or self.vehicle_type or self.car.name).split("_")[0]
         return {"2020": "ego_vehicle" if number == 1 else f"ego_vehicle_{number}", "2022": f"v{number}"}.get(
             self.profile, f"{kind}_{number}"
         )

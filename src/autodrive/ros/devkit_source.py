@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import simplejpeg
 
-from autodrive.devkit import Server, Vehicle
+from autodrive.devkit import F1TENTH, Server
 from autodrive.protocol.devkit import TRAFFIC_LIGHTS
 from autodrive.protocol.messages import (
     CameraIntrinsics,
@@ -28,12 +28,14 @@ from autodrive.protocol.messages import (
     LidarScan,
     Lights,
     Pose,
+    RaceState,
+    RaceStatus,
     TailLights,
     VehicleFrame,
     WheelsReading,
 )
 from autodrive.protocol.native import Picture
-from autodrive.ros import nigel
+from autodrive.ros.cars import Car
 from autodrive.ros.config import Config
 from autodrive.ros.direct_source import POLL_INTERVAL
 from autodrive.ros.source import Listener, Update, VehicleInfo
@@ -101,7 +103,7 @@ class DevkitSource:
     def _publish(self, data: Mapping[str, Any], listener: Listener) -> None:
         prefixes = self._prefixes(data)
         if prefixes and prefixes.keys() != self._vehicles.keys():
-            infos = {name: VehicleInfo(number, "") for number, name in enumerate(prefixes, start=1)}
+            infos = {name: VehicleInfo.of(self._config.car, number) for number, name in enumerate(prefixes, start=1)}
             self._vehicles = {name: _Vehicle(prefix, self._config, infos[name]) for name, prefix in prefixes.items()}
             listener.on_vehicles(infos)
         now = self._now()
@@ -133,13 +135,14 @@ class DevkitSource:
                 continue
             steering = devkit.command_sign * command.steering
             values = {"Throttle": f"{command.throttle:.3f}", "Steering": f"{steering:.3f}"}
-            values["Headlights"] = str(int(command.headlights or 0))
-            values["Indicators"] = str(int(command.indicators or 0))
-            if devkit.name == "2025":
+            if not self._config.is_league:
+                values["Headlights"] = str(int(command.headlights or 0))
+                values["Indicators"] = str(int(command.indicators or 0))
+            if devkit.name in ("2025", "roboracer"):
                 values["Reset"] = str(name in self.resets)
             answer |= {f"{vehicle.prefix} {key}".lstrip(): text for key, text in values.items()}
             vehicle.command = command
-        if devkit.is_prefixed:
+        if devkit.is_prefixed and not self._config.is_league:
             answer |= {f"TL{n} State": str(self.traffic_lights.get(n, 0)) for n in range(1, TRAFFIC_LIGHTS + 1)}
         return answer
 
@@ -156,7 +159,7 @@ class _Vehicle:
         self.new_scan: LidarScan | None = None
         self._config = config
         self._info = info
-        self._state = Vehicle(prefix)
+        self._state = F1TENTH(prefix)
         self._texts: dict[str, tuple[str, float]] = {}
         """Last text of the scan and of each image, and its time [s]."""
         self._angle: float | None = None
@@ -184,7 +187,7 @@ class _Vehicle:
         euler = np.array(euler_from_quaternion(orientation))
         return VehicleFrame(
             pose=Pose(position, orientation),
-            velocity=np.array([self._speed, 0.0, 0.0]),
+            velocity=_vector(state.linear_velocity, (self._speed, 0.0, 0.0)),
             angular_velocity=angular_velocity,
             throttle=state.throttle or 0.0,
             steering=steering,
@@ -195,18 +198,20 @@ class _Vehicle:
             lights=self._lights(),
             wheels=self._wheels(steering, angles),
             is_autonomous=True,
-            collision_count=0,
+            collision_count=state.collision_count or 0,
+            race=self._race(),
         )
 
     def new_pictures(self, data: Mapping[str, Any], now: float) -> dict[str, Picture]:
         """New images by camera; their pose is unknown."""
         news = {}
-        for camera in nigel.CAMERAS:
+        for camera in self._info.cameras:
             text = str(data.get(self._key(f"{camera.capitalize()} Camera Image"), ""))
             if self._is_new(camera, text, now):
                 with contextlib.suppress(ValueError):  # damaged images are ignored
                     jpeg = base64.b64decode(text)
-                    news[camera] = Picture(self.prefix, camera, now, Pose(UNKNOWN[:3], UNKNOWN), _pinhole(jpeg), jpeg)
+                    lens = _pinhole(jpeg, self._config.car)
+                    news[camera] = Picture(self.prefix, camera, now, Pose(UNKNOWN[:3], UNKNOWN), lens, jpeg)
         return news
 
     def _is_new(self, item: str, text: str, now: float) -> bool:
@@ -231,13 +236,26 @@ class _Vehicle:
         ranges = self._state.lidar_range_array
         if ranges is None or not len(ranges):
             return None
-        intensities, count = self._state.lidar_intensity_array, len(ranges)
-        rate = self._state.lidar_scan_rate or nigel.LIDAR_RATE
+        intensities, count, car = self._state.lidar_intensity_array, len(ranges), self._config.car
+        rate = self._state.lidar_scan_rate or car.lidar_rate
         if intensities is None or len(intensities) != count:
             intensities = np.zeros(count)
-        step = 2.0 * math.pi / count
-        limits = nigel.LIDAR_RANGE_MIN, nigel.LIDAR_RANGE_MAX
-        return LidarScan(now, ranges, intensities, 0.0, step, *limits, rate, 1.0 / rate, 0.0)
+        begin, whole = math.radians(car.lidar_angle_min), math.radians(car.lidar_field_of_view)
+        # an odd number of rays has both ends of the field of view
+        step = whole / (count - 1 if count % 2 and begin else count)
+        limits = car.lidar_range_min, car.lidar_range_max
+        return LidarScan(now, ranges, intensities, begin, step, *limits, rate, 1.0 / rate, 0.0)
+
+    def _race(self) -> RaceState | None:
+        """Laps and collisions, if the simulator sends them; nothing else of a race is known."""
+        state = self._state
+        if state.lap_count is None:
+            return None
+        times = state.lap_time or 0.0, state.last_lap_time or 0.0, state.best_lap_time or 0.0
+        count, unknown = state.collision_count or 0, math.nan
+        return RaceState(
+            RaceStatus.RACING, state.lap_count, 0, *times, unknown, unknown, count, 0, unknown, 0, unknown, False
+        )
 
     def _lights(self) -> Lights:
         """As commanded."""
@@ -256,7 +274,7 @@ def _vector(values: np.ndarray | None, default: tuple[float, ...]) -> np.ndarray
     return np.array(default) if values is None or len(values) != len(default) else np.asarray(values, float)
 
 
-def _pinhole(jpeg: bytes) -> CameraIntrinsics:
+def _pinhole(jpeg: bytes, car: Car) -> CameraIntrinsics:
     height, width = map(int, simplejpeg.decode_jpeg_header(jpeg)[:2])
-    focal = 0.5 * height / math.tan(math.radians(0.5 * nigel.VERTICAL_FIELD_OF_VIEW))
+    focal = 0.5 * height / math.tan(math.radians(0.5 * car.vertical_field_of_view))
     return CameraIntrinsics(width, height, focal, focal, 0.5 * width, 0.5 * height)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
-from autodrive.protocol.channels import RosTopic
+from autodrive.protocol.channels import RosQos, RosTopic
 
 Topic: TypeAlias = RosTopic
 
@@ -43,6 +43,7 @@ class Subscription:
     type: str
     text: str
     callback: Callable[[Any], None]
+    qos: RosQos = "command"
 
 
 class Node(Protocol):

@@ -7,27 +7,34 @@ from typing import Protocol
 
 from autodrive.protocol.messages import Frame, LidarScan
 from autodrive.protocol.native import Picture
-from autodrive.ros import nigel
+from autodrive.ros.cars import Car
 
 
 @dataclass(frozen=True)
 class VehicleInfo:
-    """Constant properties of a vehicle. The defaults are those of the car Nigel."""
+    """Constant properties of a vehicle."""
 
     number: int
     """From 1, in the simulator's order."""
     type: str
-    cameras: tuple[str, ...] = nigel.CAMERAS
-    wheelbase: float = nigel.WHEELBASE
+    cameras: tuple[str, ...]
+    wheelbase: float
     """[m]."""
-    wheel_radius: float = nigel.WHEEL_RADIUS
+    wheel_radius: float
     """[m]."""
-    speed_limit: float = nigel.SPEED_LIMIT
+    speed_limit: float
     """At full throttle [m/s]."""
-    steering_limit: float = nigel.STEERING_LIMIT
+    steering_limit: float
     """[rad]."""
     sensor_noise: dict[str, float] | None = None
     """See `VehicleScene.sensor_noise`; None if unknown."""
+
+    @staticmethod
+    def of(car: Car, number: int = 1, type_: str = "") -> VehicleInfo:
+        """With the figures of a car."""
+        return VehicleInfo(
+            number, type_, car.cameras, car.wheelbase, car.wheel_radius, car.speed_limit, car.steering_limit
+        )
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
-from autodrive.protocol.channels import CHANNELS, ROS_TOPICS, Channel, RosQos
-from autodrive.ros import nigel
+from autodrive.protocol.channels import CHANNELS, ROS_TOPICS, SIGNAL_BY_NAME, Channel, League, RosQos
+from autodrive.ros.cars import NIGEL
 from autodrive.ros.config import Config
 from autodrive.ros.message import Topic
 
@@ -18,7 +19,7 @@ class VehicleTopics:
         config: Config,
         number: int = 1,
         type_: str = "",
-        cameras: tuple[str, ...] = nigel.CAMERAS,
+        cameras: tuple[str, ...] = NIGEL.cameras,
         *,
         is_direct: bool,
     ) -> None:
@@ -41,9 +42,15 @@ class VehicleTopics:
         self.scan = self._registered("scan")
         self.lights = self._registered("lights")
         self.wheels = self._registered("wheels")
+        numbers = [topic for _, topic in self._unhandled() if topic.signal]
+        self.numbers = [(SIGNAL_BY_NAME[topic.signal], self._registered(topic.name)) for topic in numbers]
+        """Topics that carry a signal as a number: laps and collisions."""
         self.readings = [(channel, self._registered(topic.name)) for channel, topic in self._unhandled()]
         """Topics that carry the reading of a channel as it is, in direct mode."""
-        self.odom = self._topic("odom", "nav_msgs/Odometry", "dead reckoning with encoders and IMU, which drifts")
+        text = "dead reckoning with encoders and IMU, which drifts"
+        if config.is_league:
+            text = "position of the IPS and orientation of the IMU in world, true velocity"
+        self.odom = self._topic("odom", "nav_msgs/Odometry", text, league="restricted")
         self.truth = self._topic("ground_truth/odom", "nav_msgs/Odometry", "true pose in map, true twist")
         self.joints = self._topic("joint_states", "sensor_msgs/JointState", "steering and wheel angles [rad]")
         self.description = self._topic("robot_description", "std_msgs/String", "URDF of the vehicle", "latched")
@@ -53,29 +60,35 @@ class VehicleTopics:
 
     def frame(self, name: str) -> str:
         """Name of a TF frame of this vehicle."""
+        if self.config.is_league and name == "base_link":
+            return self.name
         return self._frame_prefix + name
 
     @cached_property
     def all(self) -> list[Topic]:
         """The topics that are published in this mode."""
         others = [topic for _, topic in self.readings] if self._is_direct else []
+        has_race = self._is_direct or self.config.devkit_profile.has_race
+        numbers = [topic for _, topic in self.numbers] if has_race else []
         direct = [self.lights, self.wheels, self.collision] if self._is_direct else []
         cameras = [topic for camera in self.cameras.values() for topic in camera.all]
         speed = [self.speed] if self._is_direct or self.config.devkit_profile.has_speed else []
         sensors = [self.throttle, self.steering, *speed, *self.encoders, self.ips, self.imu, self.imu_data]
         rest = [self.imu_raw, self.lidar, self.scan, *others, self.odom, self.truth, self.joints, self.description]
-        return [*sensors, *rest, *direct, *cameras]
+        return published(self.config, [*sensors, *rest, *direct, *numbers, *cameras])
 
     def _registered(self, name: str, own_name: str = "", **words: str) -> Topic:
         """The topic of that name in the registry of signals; `words` are set into its text."""
         topic = self._others.pop(name)
-        return self._topic(own_name or name, topic.type, topic.text.format(**words), topic.qos)
+        qos: RosQos = "league" if self.config.is_league else topic.qos
+        full_name = f"{self.root}/{own_name or name}"
+        return replace(topic, name=full_name, text=topic.text.format(**words), qos=qos)
 
     def _unhandled(self) -> list[tuple[Channel, Topic]]:
         return [(channel, topic) for channel in CHANNELS for topic in channel.topics if topic.name in self._others]
 
-    def _topic(self, name: str, type_: str, text: str, qos: RosQos = "state") -> Topic:
-        return Topic(f"{self.root}/{name}", type_, text, qos)
+    def _topic(self, name: str, type_: str, text: str, qos: RosQos = "state", league: League = "") -> Topic:
+        return Topic(f"{self.root}/{name}", type_, text, "league" if self.config.is_league else qos, league)
 
 
 class CameraTopics:
@@ -83,18 +96,26 @@ class CameraTopics:
 
     def __init__(self, vehicle: VehicleTopics, camera: str) -> None:
         name = f"{vehicle.root}/{camera}_camera"
-        self.frame = vehicle.frame(f"{camera}_camera_optical_frame")
-        self.legacy = Topic(name, "sensor_msgs/Image", f"{camera} image, rgb8", "sensor")
+        is_league = vehicle.config.is_league
+        self.frame = vehicle.frame(f"{camera}_camera" if is_league else f"{camera}_camera_optical_frame")
+        qos: RosQos = "league" if is_league else "sensor"
+        self.legacy = Topic(name, "sensor_msgs/Image", f"{camera} image, rgb8", qos, "allowed")
         self.raw = Topic(f"{name}/image_raw", "sensor_msgs/Image", f"same as {camera}_camera", "sensor")
         self.compressed = Topic(f"{name}/image_raw/compressed", "sensor_msgs/CompressedImage", "JPEG", "sensor")
         self.info = Topic(f"{name}/camera_info", "sensor_msgs/CameraInfo", "intrinsics and distortion", "sensor")
         self.all = [self.legacy, self.raw, self.compressed, self.info]
 
 
-TF = Topic("/tf", "tf2_msgs/TFMessage", "map to odom to base_link; steering and wheels", "tf")
+TF = Topic("/tf", "tf2_msgs/TFMessage", "map to odom to base_link; steering and wheels", "tf", "restricted")
 TF_STATIC = Topic("/tf_static", "tf2_msgs/TFMessage", "world to map; sensors on the vehicle", "latched")
-CLOCK = Topic("/clock", "rosgraph_msgs/Clock", "simulated time; in devkit mode the node's time", "clock")
+CLOCK = Topic("/clock", "rosgraph_msgs/Clock", "simulated time; in devkit mode the node's time", "clock", "allowed")
 WORLD_TOPICS = [TF, TF_STATIC, CLOCK]
+
+
+def published(config: Config, topics: list[Topic]) -> list[Topic]:
+    """The topics that the configuration has: all, or those of the league, at race time without the restricted ones."""
+    kept = ("allowed",) if config.race else ("allowed", "restricted")
+    return [one for one in topics if one.league in kept] if config.is_league else topics
 
 
 def light_topic(config: Config, number: int) -> Topic:

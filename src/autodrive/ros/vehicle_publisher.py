@@ -56,17 +56,27 @@ class VehiclePublisher:
         self._publish(topics.speed, lambda: readings.number(abs(vehicle.speed)))
         self._publish_encoders(vehicle)
         self._publish(topics.ips, lambda: Message("geometry_msgs/Point", xyz(self._reference_position(vehicle))))
-        noise, imu_frame = self.info.sensor_noise, frame("imu")
+        imu_frame = frame("imu")
+        noise = None if self._config.is_league else self.info.sensor_noise  # the league has fixed variances
         for topic in (topics.imu, topics.imu_data):
             self._publish(topic, lambda: readings.imu(vehicle.imu, imu_frame, noise))
         self._publish(topics.imu_raw, lambda: readings.imu(vehicle.imu, imu_frame, noise, is_raw=True))
         self._publish(topics.odom, lambda: self._odometry(stamp, vehicle))
+        for signal, topic in topics.numbers:
+            self._publish_number(topic, signal.read(vehicle), vehicle)
         self._publish(topics.truth, lambda: self._truth(stamp, vehicle))
         self._publish(topics.joints, lambda: self._joint_states(stamp, vehicle.wheels))
         self._publish(topics.lights, lambda: readings.lights(stamp, frame("base_link"), vehicle.lights))
         self._publish(topics.wheels, lambda: readings.wheel_states(stamp, frame("base_link"), vehicle.wheels))
 
         self._publish_readings(vehicle)
+
+    def _publish_number(self, topic: Topic, value: float | None, vehicle: VehicleFrame) -> None:
+        """Publish laps and collisions; without a race, laps are 0 in the league, and not published otherwise."""
+        if vehicle.race is not None and topic.signal == "collision_count":
+            value = vehicle.race.collision_count
+        if value is not None or self._config.is_league:
+            self._publish(topic, lambda: readings.number(value or 0, topic.type))
 
     def _publish_readings(self, vehicle: VehicleFrame) -> None:
         """Publish new readings of the channels whose messages carry the reading as it is."""
@@ -102,7 +112,7 @@ class VehiclePublisher:
 
     def publish_description(self) -> None:
         """Publish the URDF, if there is one."""
-        if urdf := self._config.robot_description:
+        if (urdf := self._config.robot_description) and self.topics.description in self.topics.all:
             self._node.publish(Message("std_msgs/String", {"data": urdf}), self.topics.description)
 
     def publish_collision(self, stamp: Time, other: str, impulse: float, position: np.ndarray) -> None:
@@ -121,22 +131,33 @@ class VehiclePublisher:
     def static_transforms(self) -> list[Transform]:
         """Fixed frames of the vehicle, including the vehicle frame of the AutoDRIVE packages."""
         frame = self.topics.frame
-        own = Transform("base_link", self.topics.name, self._config.devkit_profile.origin)
         placed = map(self._placed, self._robot.fixed)
         fixed = [one._replace(parent=frame(one.parent), child=frame(one.child)) for one in placed]
+        if self._config.is_league:  # its vehicle frame is base_link
+            return fixed
+        own = Transform("base_link", self.topics.name, self._config.devkit_profile.origin)
         return [own._replace(parent=frame("base_link")), *fixed]
 
     def transforms(self, vehicle: VehicleFrame) -> list[Transform]:
         """Pose of the vehicle, steering and wheels."""
         frame = self.topics.frame
+        if self._config.is_league:
+            return [self._league_pose(vehicle), *self.static_transforms(), *self._joints(vehicle)]
         odom = self._dead_reckoning.pose(frame("odom"), frame("base_link"))
-        moving = [
-            one._replace(parent=frame(one.parent), child=frame(one.child))
-            for one in self._robot.transforms(readings.joint_angles(vehicle.wheels))
-        ]
+        moving = self._joints(vehicle)
         if self._config.publish_map_to_odom:
             moving.append(self._map_to_odom(vehicle, odom))
         return [odom, *moving]
+
+    def _joints(self, vehicle: VehicleFrame) -> list[Transform]:
+        frame = self.topics.frame
+        moving = self._robot.transforms(readings.joint_angles(vehicle.wheels))
+        return [one._replace(parent=frame(one.parent), child=frame(one.child)) for one in moving]
+
+    def _league_pose(self, vehicle: VehicleFrame) -> Transform:
+        """Pose of the vehicle in the league: as measured, in world."""
+        position, orientation = (tuple(map(float, of)) for of in (vehicle.ips.position, vehicle.imu.orientation))
+        return Transform("world", self.topics.name, position, orientation)  # type: ignore[arg-type]
 
     def _map_to_odom(self, vehicle: VehicleFrame, odom: Transform) -> Transform:
         """The transform that makes map to base_link the ground truth."""
@@ -174,6 +195,10 @@ class VehiclePublisher:
         return readings.joint_states(stamp, "", readings.joint_angles(wheels), readings.joint_rates(wheels))
 
     def _odometry(self, stamp: Time, vehicle: VehicleFrame) -> Message:
+        if self._config.is_league:
+            variances = readings.DEVKIT_VARIANCE, readings.DEVKIT_VARIANCE
+            velocity, angular = tuple(vehicle.velocity), tuple(vehicle.imu.angular_velocity)
+            return readings.odometry(stamp, self._league_pose(vehicle), velocity, angular, variances)
         frame, reckoning = self.topics.frame, self._dead_reckoning
         pose = reckoning.pose(frame("odom"), frame("base_link"))
         noise = self.info.sensor_noise or {}

@@ -21,6 +21,8 @@ QOS = {
     "latched": "reliable, transient local, 1",
     "clock": "best effort, 1",
     "tf": "reliable, 100",
+    "command": "reliable, 10",
+    "league": "reliable, 1",
 }
 
 SCRIPT = """

@@ -22,7 +22,7 @@ from autodrive.errors import AutodriveError
 from autodrive.ros import Bridge, Message, Subscription, Topic
 from autodrive_ros2.messages import build, message_type
 from autodrive_ros2.parameters import declare
-from autodrive_ros2.qos import COMMAND, QOS
+from autodrive_ros2.qos import QOS
 from autodrive_ros2.services import create_services
 
 
@@ -40,7 +40,7 @@ class BridgeNode(Node):
         self._cmd_vel_is_stamped: bool = own["cmd_vel_is_stamped"]
         logging.getLogger("autodrive").addHandler(_LogHandler(self))
         self.bridge = Bridge(config, self)
-        if own["services"] and config.mode == "direct":
+        if own["services"] and config.mode == "direct" and not config.race:
             create_services(self, self.bridge, MutuallyExclusiveCallbackGroup())
         self.bridge.start()
 
@@ -57,7 +57,7 @@ class BridgeNode(Node):
         for one in map(self._renamed, subscriptions):
             if one and (kind := self._type(one.type, one.name)):
                 options = QoSOverridingOptions.with_default_policies()
-                self.create_subscription(kind, one.name, one.callback, COMMAND, qos_overriding_options=options)
+                self.create_subscription(kind, one.name, one.callback, QOS[one.qos], qos_overriding_options=options)
 
     def has_subscribers(self, topic: Topic) -> bool:
         """Whether the topic has subscribers now; latched topics are published for late subscribers too."""

@@ -17,7 +17,7 @@ from autodrive.ros import Config
 
 OWN = {
     "cmd_vel_is_stamped": (False, "Whether cmd_vel is a TwistStamped, as in Nav2 with enable_stamped_cmd_vel."),
-    "services": (True, "Whether the services of simulation_interfaces are offered; direct mode."),
+    "services": (True, "Whether the services of simulation_interfaces are offered; direct mode without `race`."),
 }
 """Parameters of the node that are not in Config: name -> default and description."""
 
@@ -36,7 +36,8 @@ def declare(node: Node) -> tuple[Config, dict[str, Any]]:
         descriptor = ParameterDescriptor(description=text, read_only=True, dynamic_typing=True)
         value = node.declare_parameter(name, default, descriptor).value
         values[name] = type(default)(value)
-    values["robot_description"] = _urdf(values["robot_description"], values["vehicle_type"], node)
+    type_ = "roboracer" if values["profile"] == "roboracer" else values["vehicle_type"] or "nigel"
+    values["robot_description"] = _urdf(values["robot_description"], type_, node)
     own = {name: values.pop(name) for name in OWN}
     return Config(**values), own
 

@@ -12,8 +12,8 @@ QOS = {
     "latched": QoSProfile(depth=1, reliability=RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL),
     "clock": QoSProfile(depth=1, reliability=BEST_EFFORT),
     "tf": QoSProfile(depth=100, reliability=RELIABLE),
+    "command": QoSProfile(depth=10, reliability=RELIABLE),
+    "league": QoSProfile(depth=1, reliability=RELIABLE),
 }
-"""`Topic.qos` -> profile: the usual ones of sensor data, tf2 and /clock."""
-
-COMMAND = QoSProfile(depth=10, reliability=RELIABLE)
-"""Of subscriptions."""
+"""`qos` of a topic or subscription -> profile: the usual ones of sensor data, tf2 and /clock, that of commands, and
+that of the RoboRacer league. History and durability are the defaults: keep last, volatile."""
