@@ -99,7 +99,8 @@ class CameraTopics:
         is_league = vehicle.config.is_league
         self.frame = vehicle.frame(f"{camera}_camera" if is_league else f"{camera}_camera_optical_frame")
         qos: RosQos = "league" if is_league else "sensor"
-        self.legacy = Topic(name, "sensor_msgs/Image", f"{camera} image, rgb8", qos, "allowed")
+        league: League = "allowed" if camera == "front" else ""
+        self.legacy = Topic(name, "sensor_msgs/Image", f"{camera} image, rgb8", qos, league)
         self.raw = Topic(f"{name}/image_raw", "sensor_msgs/Image", f"same as {camera}_camera", "sensor")
         self.compressed = Topic(f"{name}/image_raw/compressed", "sensor_msgs/CompressedImage", "JPEG", "sensor")
         self.info = Topic(f"{name}/camera_info", "sensor_msgs/CameraInfo", "intrinsics and distortion", "sensor")

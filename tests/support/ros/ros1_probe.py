@@ -86,6 +86,10 @@ class Probe:
         """Topic -> names of the nodes that publish it."""
         return dict(rosgraph.Master("/probe").getSystemState()[0])
 
+    def subscriptions(self):
+        """Topic -> names of the nodes that subscribe to it."""
+        return dict(rosgraph.Master("/probe").getSystemState()[1])
+
     def transform(self, target, source, limit=60.0):
         """Position and quaternion xyzw of `source` in `target`, and the time [s]."""
         found = self._buffer.lookup_transform(target, source, rospy.Time(0), timeout=rospy.Duration(limit))

@@ -1,0 +1,107 @@
+"""The ROS 2 node in the profile of the RoboRacer league under rclpy: topics with types and QoS, driving, race time."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.ros.test_league import ALLOWED, CAR, COMMANDS, RESET, RESTRICTED
+from tests.support.ros.processes import Probe, Program, client, simulator
+from tests.support.ros.ros2 import bridge, probe
+from tests.support.waiting import free_port, wait_until
+
+SCENARIO = "vehicles: {V1: {type: roboracer}, V2: {type: roboracer, y: 2.0}}\ntick: 0.025\n"
+QOS = """
+import json
+from autodrive_ros2.qos import QOS
+from rclpy.qos import QoSProfile
+one = QOS["league"]
+print(json.dumps([one.reliability.name, one.history.name, one.depth, one.durability.name]))
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("league")
+
+
+@pytest.fixture(scope="module")
+def port(folder: Path) -> Iterator[int]:
+    """Of a simulator with two cars."""
+    file, port = folder / "race.yaml", free_port()
+    file.write_text(SCENARIO)
+    one = simulator(folder, str(file), "--no-cameras", port=port)
+    try:
+        yield port
+    finally:
+        one.stop(signal.SIGTERM)
+
+
+@pytest.fixture(scope="module")
+def ros(ros2_environment: dict[str, str], folder: Path) -> Iterator[Probe]:
+    with probe(ros2_environment, folder) as one:
+        yield one
+
+
+def started(environment: dict[str, str], folder: Path, port: int, ros: Probe, **settings: object) -> Program:
+    """The node, once its topics are known."""
+    node = bridge(environment, folder, port=port, profile="roboracer", **settings)
+    wait_until(lambda: ros.publishers(f"/{CAR}/lidar"))
+    return node
+
+
+def test_the_node_has_the_interface_of_the_league(
+    ros2_environment: dict[str, str], folder: Path, port: int, ros: Probe
+) -> None:
+    command = ["python", "-c", QOS]
+    printed = subprocess.run(command, env=ros2_environment, capture_output=True, text=True, check=True).stdout
+    assert json.loads(printed) == ["RELIABLE", "KEEP_LAST", 1, "VOLATILE"]
+    with started(ros2_environment, folder, port, ros), client(port) as sim:
+        known = ros.topics()
+        for name, kind in (ALLOWED | RESTRICTED).items():
+            assert known[f"/{CAR}/{name}"] == [kind.replace("/", "/msg/")]
+            (one,) = ros.publishers(f"/{CAR}/{name}")
+            assert (one["node"], one["reliability"], one["durability"]) == ("autodrive_bridge", "RELIABLE", "VOLATILE")
+        for name, kind in (COMMANDS | {RESET: "std_msgs/Bool"}).items():
+            assert known[f"/{name}"] == [kind.replace("/", "/msg/")]
+            (one,) = ros.subscribers(f"/{name}")
+            assert (one["reliability"], one["durability"]) == ("RELIABLE", "VOLATILE")
+        for name in ("lidar", "odom", "lap_count"):
+            ros.subscribe(f"/{CAR}/{name}", (ALLOWED | RESTRICTED)[name], "RELIABLE")
+        ros.subscribe("/autodrive/roboracer_2/ips", "geometry_msgs/Point", "RELIABLE")
+        ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", {"data": 0.05})
+        wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.5)
+        wait_until(lambda: ros.latest(f"/{CAR}/odom")["message"]["twist"]["twist"]["linear"]["x"] > 0.5)
+        odom = ros.latest(f"/{CAR}/odom")["message"]
+        assert (odom["header"]["frame_id"], odom["child_frame_id"]) == ("world", "roboracer_1")
+        assert len(ros.latest(f"/{CAR}/lidar")["message"]["ranges"]) == 1080
+        assert ros.latest(f"/{CAR}/lap_count")["message"] == {"data": 0}
+        assert ros.latest("/autodrive/roboracer_2/ips")["message"]["y"] == pytest.approx(2.0, abs=1e-3)
+        ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", None)
+        wait_until(lambda: sim.wait().time > 1.0)
+        ros.publish(f"/{RESET}", "std_msgs/Bool", {"data": True})  # at 20 Hz
+        wait_until(lambda: sim.wait().time < 0.5)
+        wait_until(lambda: sim.wait().time > 1.0)  # it was reset once
+        ros.publish(f"/{RESET}", "std_msgs/Bool", None)
+
+
+def test_at_race_time_a_team_sees_what_it_may_use(
+    ros2_environment: dict[str, str], folder: Path, port: int, ros: Probe
+) -> None:
+    wait_until(lambda: not ros.publishers(f"/{CAR}/lidar"))  # the node of the other test has left
+    with started(ros2_environment, folder, port, ros, race=True), client(port) as sim:
+        ros.subscribe(f"/{CAR}/imu", "sensor_msgs/Imu", "RELIABLE")
+        ros.latest(f"/{CAR}/imu")
+        shown = {name for name in ros.topics() if name.startswith("/autodrive/") and ros.publishers(name)}
+        assert shown == {f"/autodrive/roboracer_{i}/{name}" for i in (1, 2) for name in ALLOWED}
+        assert not ros.publishers("/tf")
+        assert not ros.subscribers(f"/{RESET}")
+        assert not [name for name in ros.services() if "simulation" in name or "entit" in name]
+        ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", {"data": 0.05})
+        wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.5)
+        ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", None)
