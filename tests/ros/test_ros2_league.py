@@ -55,6 +55,11 @@ def started(environment: dict[str, str], folder: Path, port: int, ros: Probe, **
     return node
 
 
+def kinds(endpoints: list[dict[str, str]]) -> list[tuple[str, ...]]:
+    """Node, reliability and durability: the name of a node may be found after its topics."""
+    return [(one["node"], one["reliability"], one["durability"]) for one in endpoints]
+
+
 def test_the_node_has_the_interface_of_the_league(
     ros2_environment: dict[str, str], folder: Path, port: int, ros: Probe
 ) -> None:
@@ -62,15 +67,17 @@ def test_the_node_has_the_interface_of_the_league(
     printed = subprocess.run(command, env=ros2_environment, capture_output=True, text=True, check=True).stdout
     assert json.loads(printed) == ["RELIABLE", "KEEP_LAST", 1, "VOLATILE"]
     with started(ros2_environment, folder, port, ros), client(port) as sim:
+        commands = COMMANDS | {RESET: "std_msgs/Bool"}
+        expected = [("autodrive_bridge", "RELIABLE", "VOLATILE")]
+        names = {f"/{CAR}/{name}" for name in ALLOWED | RESTRICTED} | {f"/{name}" for name in commands}
+        wait_until(lambda: names <= {*ros.topics()})  # each is found on its own
         known = ros.topics()
         for name, kind in (ALLOWED | RESTRICTED).items():
             assert known[f"/{CAR}/{name}"] == [kind.replace("/", "/msg/")]
-            (one,) = ros.publishers(f"/{CAR}/{name}")
-            assert (one["node"], one["reliability"], one["durability"]) == ("autodrive_bridge", "RELIABLE", "VOLATILE")
-        for name, kind in (COMMANDS | {RESET: "std_msgs/Bool"}).items():
+            wait_until(lambda name=name: kinds(ros.publishers(f"/{CAR}/{name}")) == expected)
+        for name, kind in commands.items():
             assert known[f"/{name}"] == [kind.replace("/", "/msg/")]
-            (one,) = ros.subscribers(f"/{name}")
-            assert (one["reliability"], one["durability"]) == ("RELIABLE", "VOLATILE")
+            wait_until(lambda name=name: kinds(ros.subscribers(f"/{name}")) == expected)
         for name in ("lidar", "odom", "lap_count"):
             ros.subscribe(f"/{CAR}/{name}", (ALLOWED | RESTRICTED)[name], "RELIABLE")
         ros.subscribe("/autodrive/roboracer_2/ips", "geometry_msgs/Point", "RELIABLE")
@@ -97,8 +104,14 @@ def test_at_race_time_a_team_sees_what_it_may_use(
     with started(ros2_environment, folder, port, ros, race=True), client(port) as sim:
         ros.subscribe(f"/{CAR}/imu", "sensor_msgs/Imu", "RELIABLE")
         ros.latest(f"/{CAR}/imu")
-        shown = {name for name in ros.topics() if name.startswith("/autodrive/") and ros.publishers(name)}
-        assert shown == {f"/autodrive/roboracer_{i}/{name}" for i in (1, 2) for name in ALLOWED}
+        expected = {f"/autodrive/roboracer_{number}/{name}" for number in (1, 2) for name in ALLOWED}
+
+        def shown() -> set[str]:
+            names = (name for name in ros.topics() if name.startswith("/autodrive/"))
+            return {name for name in names if any(one[0] != "probe" for one in kinds(ros.publishers(name)))}
+
+        wait_until(lambda: expected <= shown())
+        assert shown() == expected
         assert not ros.publishers("/tf")
         assert not ros.subscribers(f"/{RESET}")
         assert not [name for name in ros.services() if "simulation" in name or "entit" in name]

@@ -10,7 +10,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import Joy
 
-from autodrive.ros import nigel
+from autodrive.ros.cars import NIGEL
 
 
 class TeleopJoy(Node):
@@ -24,7 +24,7 @@ class TeleopJoy(Node):
 
         self._axes = parameter("axis_speed", 1), parameter("axis_steering", 3)
         self._button = parameter("button_hold", 4)
-        self._limits = parameter("speed_limit", nigel.SPEED_LIMIT), parameter("steering_limit", nigel.STEERING_LIMIT)
+        self._limits = parameter("speed_limit", NIGEL.speed_limit), parameter("steering_limit", NIGEL.steering_limit)
         self._is_held = False
         self._out = self.create_publisher(
             AckermannDriveStamped, f"autodrive/{parameter('vehicle', 'nigel_1')}/drive", 10
