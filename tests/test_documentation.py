@@ -29,6 +29,7 @@ RUN_BY = {
     "README.md": {"python": "tests/test_readme.py", "yaml": "tests/test_readme.py"},
     "client.md": {"python": "tests/client/test_document.py"},
     "cpp.md": {"cpp": "tests/clients/test_cpp_docs.py", "cmake": "tests/clients/test_cpp_docs.py"},
+    "racing.md": {"python": "tests/racing/test_race_document.py", "yaml": "tests/racing/test_race_document.py"},
     "learning.md": {"python": "tests/envs/test_document.py"},
     "protocol.md": {"json": "tests/protocol/test_native.py"},
     "python.md": {"python": "tests/devkit/test_python_docs.py"},
