@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from autodrive import __version__
-from autodrive.cli import browse
+from autodrive.cli import browse, tracks
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.race import race
@@ -82,6 +82,9 @@ app.command()(urdf)
 app.command()(doctor)
 app.command()(replay)
 app.command()(film)
+app.add_typer(tracks.importing, name="import")
+app.add_typer(tracks.exporting, name="export")
+app.add_typer(tracks.generating, name="generate")
 
 
 def _usage(error: Any) -> str:

@@ -17,6 +17,7 @@ class Collection(StrEnum):
 
     scenarios = "scenarios"
     maps = "maps"
+    tracks = "tracks"
     vehicles = "vehicles"
     modules = "modules"
     rulesets = "rulesets"
@@ -27,13 +28,14 @@ class KindName(StrEnum):
 
     scenario = "scenario"
     map = "map"
+    track = "track"
     vehicle = "vehicle"
     module = "module"
     ruleset = "ruleset"
 
 
 def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")]) -> None:
-    """List the scenarios, maps, vehicles, modules or rules of races of the package."""
+    """List the scenarios, maps, tracks, vehicles, modules or rules of races of the package."""
     from autodrive.cli.spec_files import SPECS
     from autodrive.specs import titles
 
@@ -43,7 +45,7 @@ def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")
 
 
 def show(
-    name: Annotated[str, typer.Argument(help="Name of a map, module, vehicle or scenario, or path of its YAML file.")],
+    name: Annotated[str, typer.Argument(help="Name of a map, track, module, vehicle or scenario, or its file.")],
     kind: Annotated[KindName | None, typer.Option(help="What the name refers to, if several kinds use it.")] = None,
     output: Annotated[
         Path | None,
@@ -61,7 +63,7 @@ def show(
         Path | None, typer.Option(metavar="FILE.png", help="Write a top-down semantic label image as PNG.")
     ] = None,
 ) -> None:
-    """Draw a map or module; print a vehicle, a scenario or the rules of a race as a table."""
+    """Draw a map, track or module; print a vehicle, a scenario or the rules of a race as a table."""
     from autodrive.cli import spec_files
 
     found = cast("Kind", kind.value) if kind else spec_files.kind_of_name(name)
@@ -71,7 +73,7 @@ def show(
     if occupancy is not None or labels is not None:
         _write_rasters(found, name, occupancy, labels)
         return
-    if found in {"map", "module"} or (found == "scenario" and output):
+    if found in {"map", "track", "module"} or (found == "scenario" and output):
         path = output or Path(f"{Path(name).stem}.png")
         if path.suffix.lower() not in {".png", ".svg"}:
             raise typer.BadParameter(f"--output must end in .png or .svg, not '{path.suffix}'")
@@ -87,13 +89,13 @@ def show(
 
 
 def check(
-    name: Annotated[str, typer.Argument(help="Name of a scenario, map, vehicle or module, or path of its YAML file.")],
+    name: Annotated[str, typer.Argument(help="Name of a scenario, map, track, vehicle or module, or its file.")],
     kind: Annotated[
         KindName | None,
         typer.Option(help="What the name refers to.  [default: a scenario; of a file: detected from its keys]"),
     ] = None,
 ) -> None:
-    """Check a scenario, map, vehicle or module and all files that it refers to; report all errors."""
+    """Check a scenario, map, track, vehicle or module and all files that it refers to; report all errors."""
     from autodrive.cli import spec_files
 
     found, title = spec_files.check(name, cast("Kind | None", kind and kind.value))

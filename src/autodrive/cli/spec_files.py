@@ -15,15 +15,18 @@ from autodrive.maps.module import ModuleSpec, load_module
 from autodrive.racing import RaceRules
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.specs import Kind, Spec, find, names, read, suggest
+from autodrive.tracks.checks import track_errors
+from autodrive.tracks.track import Track, TrackSpec
 from autodrive.vehicles.spec import VehicleSpec
 
-KINDS: tuple[Kind, ...] = ("map", "module", "vehicle", "scenario", "ruleset")
+KINDS: tuple[Kind, ...] = ("map", "track", "module", "vehicle", "scenario", "ruleset")
 """Search order for a name that is drawn."""
-CHECKED: tuple[Kind, ...] = ("scenario", "map", "vehicle", "module", "ruleset")
+CHECKED: tuple[Kind, ...] = ("scenario", "map", "track", "vehicle", "module", "ruleset")
 """Search order for a name that is checked: first what `autodrive run` runs."""
 
 SPECS: dict[Kind, type[Spec]] = {
     "map": MapSpec,
+    "track": TrackSpec,
     "module": ModuleSpec,
     "vehicle": VehicleSpec,
     "scenario": ScenarioSpec,
@@ -67,6 +70,8 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
         if kind == "map":
             errors = []
             load_map(path)
+        elif kind == "track" and not errors:
+            errors += track_errors(Track.load(path))
         elif kind == "module" and not errors:
             load_module(path)
         elif kind == "vehicle" and not errors:
@@ -128,7 +133,7 @@ def _map(kind: Kind, name: str) -> Map:
 
     if kind == "scenario":
         return load_map(load_scenario(name).map)
-    return load_map(name) if kind == "map" else replace(module_alone(name), name=Path(name).stem)
+    return load_map(name) if kind in ("map", "track") else replace(module_alone(name), name=Path(name).stem)
 
 
 def fields(kind: Kind, name: str) -> Iterator[tuple[str, str]]:

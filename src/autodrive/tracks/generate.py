@@ -11,7 +11,7 @@ from autodrive.elementary import cos, sin
 from autodrive.errors import SpecError
 from autodrive.tracks.growth import grow
 from autodrive.tracks.line import closed_line
-from autodrive.tracks.shape import crossings, curvature, resampled, walls_along
+from autodrive.tracks.shape import crossings, curvature, resampled, straightest, walls_along
 from autodrive.tracks.track import BarrierSpec, Track
 
 MIN_WIDTH = 0.9
@@ -20,7 +20,9 @@ SPACING = 0.1
 """Distance of the points of the centre line, about [m]."""
 NODES_APART = 0.45
 """Distance of the points that grow, about [m]."""
-ATTEMPTS = 40
+ATTEMPTS = 12
+SLACK = 0.03
+"""Between the limits of the growing points and those of the track [m]."""
 LENGTH_TOLERANCE = 0.05
 """Of the length of a generated track."""
 
@@ -43,7 +45,7 @@ def generate_track(
     barrier = barrier or BarrierSpec()
     radius = max(width, 1.0) if min_radius is None else min_radius
     _check(length, width, area, radius, barrier)
-    margin = width / 2.0 + barrier.width
+    margin = width / 2.0 + barrier.width + SLACK
     room = (area[0] - 2.0 * margin, area[1] - 2.0 * margin)
     gap = width + barrier.width
     for attempt in range(ATTEMPTS):
@@ -101,25 +103,30 @@ def _loop(
     start = np.array([(cos(t), sin(t)) for t in angles])
     start /= np.sqrt(np.sqrt(start[:, :1] ** 4 + start[:, 1:] ** 4))
     points = (start * scale + 1.0) * np.array(room) / 2.0
-    kicks = _smooth(rng.random((n, 2)) - 0.5, 8)
-    kicks *= 0.3 / np.abs(kicks).max()
+    # kicks to the inside and the outside, without a mean: bulges of a few metres
+    noise = _smooth(rng.random((n, 1)) - 0.5, 8)
+    noise -= _smooth(noise, 200)
+    kicks = 0.3 / np.abs(noise).max() * noise * start
     clockwise = bool(rng.random() < 0.5)
     target, found, centre = length, 0.0, points
     for _ in range(3):
         grown = points.copy()
-        grow(grown, kicks, room[0], room[1], target / n, gap, 1.15 * radius, 1500)
+        grow(grown, kicks, room[0], room[1], target / n, gap, 1.25 * radius, 800)
         centre = resampled(_spline(grown), SPACING)
         found = float(closed_line(centre).along[-1])
         if abs(found - length) < 0.01 * length:
             break
         target *= length / found
+    overhang = np.maximum(-centre.min(axis=0), centre.max(axis=0) - room)
+    if overhang.max() > SLACK:
+        return None
     if abs(found - length) > LENGTH_TOLERANCE * length:
         return None
     if np.abs(curvature(centre)).max() > 1.0 / radius or _comes_near(centre, 0.97 * gap):
         return None
     if clockwise:
         centre = centre[::-1]
-    return np.roll(centre, -_straightest(centre), axis=0)
+    return np.roll(centre, -straightest(centre, SPACING), axis=0)
 
 
 def _ellipse(a: float, b: float) -> float:
@@ -134,11 +141,11 @@ def _smooth(rows: Floats, times: int) -> Floats:
 
 
 def _spline(nodes: Floats) -> Floats:
-    """Ten points for each node on the uniform cubic B-spline with these control points."""
+    """Forty points for each node on the uniform cubic B-spline with these control points."""
     before, after, second = np.roll(nodes, 1, axis=0), np.roll(nodes, -1, axis=0), np.roll(nodes, -2, axis=0)
     pieces = []
-    for i in range(10):
-        t = i / 10.0
+    for i in range(40):
+        t = i / 40.0
         weights = ((1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3)
         pieces.append((weights[0] * before + weights[1] * nodes + weights[2] * after + weights[3] * second) / 6.0)
     return np.stack(pieces, axis=1).reshape(-1, 2)
@@ -153,12 +160,3 @@ def _comes_near(points: Floats, gap: float) -> bool:
         if (d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1]).min() < gap * gap:
             return True
     return False
-
-
-def _straightest(points: Floats) -> int:
-    """The point from which the line bends least over 2 m before and 4 m after it."""
-    bend = np.abs(curvature(points))
-    total = np.zeros(len(points))
-    for shift in range(-round(2.0 / SPACING), round(4.0 / SPACING) + 1):
-        total += np.roll(bend, -shift)
-    return int(np.argmin(total))

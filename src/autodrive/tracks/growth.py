@@ -40,16 +40,29 @@ def grow(
                 points[i, 1] += 0.02 * kicks[i, 1]
         for stride in (3, 2, 1, 1):
             _straighten(points, before, stride, 0.02)
-        _bend(points, rest, radius)
-        _separate(points, rest, gap)
-        for _ in range(3):
+        for _ in range(2):
             for i in range(n):
                 _move_apart(points, i, (i + 1) % n, rest, 0.5)
             for i in range(n - 1, -1, -1):
                 _move_apart(points, i, (i + 1) % n, rest, 0.5)
+        _separate(points, rest, gap)
+        _bend(points, rest, radius)
         for i in range(n):
-            points[i, 0] = min(max(points[i, 0], 0.0), size_x)
-            points[i, 1] = min(max(points[i, 1], 0.0), size_y)
+            _keep_inside(points, i, size_x, size_y, radius)
+        for _ in range(1 if sweep < 0.9 * sweeps else 4):
+            _bend(points, rest, radius)
+
+
+@jit
+def _keep_inside(points: Floats, i: int, size_x: float, size_y: float, radius: float) -> None:
+    """Moves a point into the rectangle, whose corners are round."""
+    x, y = min(max(points[i, 0], 0.0), size_x), min(max(points[i, 1], 0.0), size_y)
+    cx, cy = min(max(x, radius), size_x - radius), min(max(y, radius), size_y - radius)
+    dx, dy = x - cx, y - cy
+    distance = sqrt(dx * dx + dy * dy)
+    if distance > radius:
+        x, y = cx + dx / distance * radius, cy + dy / distance * radius
+    points[i, 0], points[i, 1] = x, y
 
 
 @jit
@@ -77,7 +90,7 @@ def _bend(points: Floats, step: float, radius: float) -> None:
         a = k * step / radius
         chord = 2.0 * radius * a * (1.0 - a * a / 6.0 * (1.0 - a * a / 20.0 * (1.0 - a * a / 42.0)))
         for i in range(n):
-            _move_apart(points, (i - k) % n, (i + k) % n, chord, 0.3)
+            _move_apart(points, (i - k) % n, (i + k) % n, chord, 0.4)
         k += 1
 
 

@@ -47,6 +47,15 @@ def curvature(points: Floats) -> Floats:
     return 2.0 * cross / (lengths[0] * lengths[1] * lengths[2])
 
 
+def straightest(points: Floats, spacing: float) -> int:
+    """The point of a closed line from which it bends least over 2 m before and 4 m after it."""
+    bend = np.abs(curvature(points))
+    total = np.zeros(len(points))
+    for shift in range(-round(2.0 / spacing), round(4.0 / spacing) + 1):
+        total += np.roll(bend, -shift)
+    return int(np.argmin(total))
+
+
 def walls_along(centre_line: Floats, tolerance: float = WALL_TOLERANCE) -> tuple[Floats, Floats]:
     """The walls at the left and the right edge of a centre line, shape (n, 4); the track is on their left side."""
     points = centre_line[:, :2]

@@ -1,0 +1,144 @@
+"""The commands `import track`, `export track` and `generate track`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Literal, cast
+
+import typer
+
+from autodrive.tracks.track import DUCT, BarrierSpec
+
+importing = typer.Typer(help="Import a file of another program.", no_args_is_help=True, add_completion=False)
+exporting = typer.Typer(help="Write a file for another program.", no_args_is_help=True, add_completion=False)
+generating = typer.Typer(help="Generate a random map.", no_args_is_help=True, add_completion=False)
+
+Barrier = Annotated[str, typer.Option(metavar="wall|duct", help="What stands along the edges.")]
+DuctGap = Annotated[float, typer.Option(metavar="M", help="Gap between two air ducts of 0.33 m [m].", min=0, max=10)]
+DuctLength = Annotated[float, typer.Option(metavar="M", help="Length of an air duct [m].", min=0.1, max=100)]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="File of the track.  [default: NAME.yaml]")
+]
+RaceLine = Annotated[bool, typer.Option("--race-line", help="Compute a race line, if the files have none.")]
+
+
+@importing.command("track")
+def import_track(
+    path: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of f1tenth_racetracks, YAML file of the ROS map_server, or CSV file of a centre line."
+        ),
+    ],
+    output: Output = None,
+    name: Annotated[str, typer.Option(help="Name of the track.  [default: that of the folder or file]")] = "",
+    tolerance: Annotated[
+        float, typer.Option(metavar="M", help="Largest distance of a wall from the contour [m].", min=0.001, max=1)
+    ] = 0.02,
+    close: Annotated[
+        float, typer.Option(metavar="M", help="Close openings of the walls that are narrower [m].", min=0, max=2)
+    ] = 0.0,
+    width: Annotated[
+        float | None, typer.Option(metavar="M", help="Width, for a centre line without widths [m].", min=0.1, max=100)
+    ] = None,
+    start: Annotated[str | None, typer.Option(metavar="X,Y", help="A point near the start line [m].")] = None,
+    reverse: Annotated[bool, typer.Option("--reverse", help="Drive in the other direction.")] = False,
+    barrier: Barrier = "wall",
+    gap: DuctGap = 0.0,
+    duct_length: DuctLength = 3.0,
+    race_line: RaceLine = False,
+) -> None:
+    """Import a race track: walls, centre line and race line, with checks."""
+    from autodrive.tracks import importer
+
+    options = importer.ImportOptions(
+        name=name,
+        tolerance=tolerance,
+        gap=close,
+        width=width,
+        barrier=_barrier(barrier, gap, duct_length),
+        start=_pair(start, ",", "--start", "X,Y such as 1.5,-2") if start else None,
+        is_reversed=reverse,
+    )
+    track, warnings = importer.import_track(path, options)
+    for warning in warnings:
+        typer.echo(f"autodrive: warning: {warning}", err=True)
+    if race_line and track.race_line is None:
+        from autodrive.tracks.race_line import with_race_line
+
+        track = with_race_line(track)
+    file = output or Path(f"{track.name}.yaml")
+    track.save(file)
+    pieces = sum(map(len, track.walls))
+    typer.echo(f"wrote {file}: {track.length:.1f} m, {len(track.walls)} walls of {pieces} pieces. Next:")
+    typer.echo(f"  autodrive show {file}")
+
+
+@exporting.command("track")
+def export_track(
+    name: Annotated[str, typer.Argument(help="Name of a track, or path of its YAML file.")],
+    folder: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write.  [default: NAME]")
+    ] = None,
+    resolution: Annotated[float, typer.Option(metavar="M", help="Edge of a pixel [m].", min=0.001, max=1)] = 0.05,
+) -> None:
+    """Write a track as in f1tenth_racetracks: NAME_map.yaml, NAME_map.png, NAME_centerline.csv, NAME_raceline.csv."""
+    from autodrive.tracks import importer
+    from autodrive.tracks.track import Track
+
+    track = Track.load(name)
+    for path in importer.export_track(track, folder or Path(track.name), resolution=resolution):
+        typer.echo(f"wrote {path}")
+
+
+@generating.command("track")
+def generate_track(
+    seed: Annotated[int, typer.Option(help="The same seed gives the same track.", min=0, max=2**63 - 1)] = 0,
+    length: Annotated[float, typer.Option(metavar="M", help="Length of the centre line [m], within 5 %.")] = 60.0,
+    width: Annotated[float, typer.Option(metavar="M", help="Width between the barriers [m], at least 0.9.")] = 1.2,
+    area: Annotated[str, typer.Option(metavar="AxB", help="Extent along x and y, barriers included [m].")] = "30x10",
+    min_radius: Annotated[
+        float | None, typer.Option(metavar="M", help="Smallest radius of the centre line [m].  [default: the width]")
+    ] = None,
+    barrier: Barrier = "duct",
+    gap: DuctGap = 0.03,
+    duct_length: DuctLength = 3.0,
+    race_line: RaceLine = False,
+    output: Output = None,
+) -> None:
+    """Make a random closed track."""
+    from autodrive.tracks import generate
+
+    track = generate.generate_track(
+        seed,
+        length=length,
+        width=width,
+        area=_pair(area, "x", "--area", "AxB such as 30x10"),
+        min_radius=min_radius,
+        barrier=_barrier(barrier, gap, duct_length),
+        name=output.stem if output else "",
+    )
+    if race_line:
+        from autodrive.tracks.race_line import with_race_line
+
+        track = with_race_line(track)
+    file = output or Path(f"{track.name}.yaml")
+    track.save(file)
+    typer.echo(f"wrote {file}: {track.length:.1f} m. Next:  autodrive show {file}")
+
+
+def _barrier(kind: str, gap: float, length: float) -> BarrierSpec:
+    if kind not in ("wall", "duct"):
+        raise typer.BadParameter(f"--barrier must be wall or duct, not '{kind}'")
+    if kind == "wall":
+        return BarrierSpec(kind=cast("Literal['wall']", kind))
+    return DUCT.model_copy(update={"gap": gap, "length": length if gap else None})
+
+
+def _pair(text: str, separator: str, option: str, form: str) -> tuple[float, float]:
+    number = r"\s*([-+]?\d+(?:\.\d*)?)\s*"
+    found = re.fullmatch(f"{number}{separator}{number}", text)
+    if found is None:
+        raise typer.BadParameter(f"{option} must be {form}, not '{text}'")
+    return float(found[1]), float(found[2])
