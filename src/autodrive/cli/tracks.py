@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from autodrive.tracks.track import DUCT, BarrierSpec
+if TYPE_CHECKING:
+    from autodrive.tracks.track import BarrierSpec
 
 importing = typer.Typer(help="Import a file of another program.", no_args_is_help=True, add_completion=False)
 exporting = typer.Typer(help="Write a file for another program.", no_args_is_help=True, add_completion=False)
@@ -129,10 +130,12 @@ def generate_track(
 
 
 def _barrier(kind: str, gap: float, length: float) -> BarrierSpec:
-    if kind not in ("wall", "duct"):
-        raise typer.BadParameter(f"--barrier must be wall or duct, not '{kind}'")
+    from autodrive.tracks.track import DUCT, BarrierSpec
+
     if kind == "wall":
-        return BarrierSpec(kind=cast("Literal['wall']", kind))
+        return BarrierSpec()
+    if kind != "duct":
+        raise typer.BadParameter(f"--barrier must be wall or duct, not '{kind}'")
     return DUCT.model_copy(update={"gap": gap, "length": length if gap else None})
 
 
