@@ -77,7 +77,7 @@ def test_help_imports_neither_physics_nor_compiler() -> None:
         (("run", "--seed", "1.5"), "Invalid value for '--seed': must be a whole number"),
         (("run", "--devkit-profile", "1999"), "'2020', '2022', '2023', '2025'"),
         (("run", "--summary", "no/such/folder/s.json"), "cannot write: No such file or directory"),
-        (("list", "cars"), "'scenarios', 'maps', 'vehicles', 'modules', 'rulesets'"),
+        (("list", "cars"), "'scenarios', 'maps', 'tracks', 'vehicles', 'modules', 'rulesets'"),
         (("show", "mini_mapp"), "Did you mean 'mini_map'?"),
         (("show", "mini_map", "-o", "map.gif"), "--output must end in .png or .svg, not '.gif'"),
         (("show", "mini_map", "-o", "no/such/folder/map.png"), "cannot write: No such file or directory"),
