@@ -7,18 +7,23 @@ CPU time of one core, medians over interleaved rounds; the results of both are c
 
 from __future__ import annotations
 
+import itertools
 import statistics
 import sys
 import time
 from collections.abc import Callable
+from fractions import Fraction
 
 import mujoco
 import numpy as np
 
 import autodrive
 from autodrive.compile import Compiled
+from autodrive.protocol.messages import LidarScan
 from autodrive.scenario import load_scenario
-from autodrive.sensors.lidar import Lidar, LidarSpec, RollingLidar
+from autodrive.sensors.lidar import LidarSpec
+from autodrive.sensors.settings import ConfiguredSensor
+from autodrive.sensors.suite import SensorSuite
 from autodrive.transforms import compose, rotate, rotation_from_quaternion
 
 ROUNDS, CALLS = 21, 200
@@ -43,24 +48,30 @@ def candidates(c: Compiled, rays: int) -> list[Callable[[], object]]:
     mounted = next(iter(c.vehicles.values())).sensors.lidar
     assert mounted is not None, "the scenario's first vehicle has no LIDAR"
     spec = LidarSpec(rays=rays, mount=mounted.mount)
-    instant, rolling = Lidar(spec), RollingLidar(spec.model_copy(update={"is_rolling": True}))
-    period = [0]
-
-    def roll() -> object:
-        period[0] += 1
-        return rolling.sample(c.model.shapes, c.state, 0, period[0] / spec.rate)
-
-    for lidar in (instant, rolling):
-        lidar.reset(np.random.default_rng(0))
-    rolling.sample(c.model.shapes, c.state, 0, 0.0)
+    instant, rolling = lidar(c, spec), lidar(c, spec.model_copy(update={"is_rolling": True}))
     theirs = mujoco_scan(c, spec)
-    ours = instant.sample(c.model.shapes, c.state, 0, 0.0)
-    assert ours is not None
+    ours = instant()
+    rolling()
     distances = theirs().copy()
     distances[(distances < 0.0) | (distances > spec.range_max)] = np.inf
     distances[distances < spec.range_min] = -np.inf
     assert np.allclose(ours.ranges, distances, rtol=0.0, atol=1e-9), "the two scans differ"
-    return [lambda: instant.sample(c.model.shapes, c.state, 0, 0.0), roll, theirs]
+    return [instant, rolling, theirs]
+
+
+def lidar(c: Compiled, spec: LidarSpec) -> Callable[[], LidarScan]:
+    """A LIDAR of the first vehicle, as the World samples it, which makes one scan at each call."""
+    vehicles = {name: {"lidar": ConfiguredSensor(spec, is_on=True, noise="file")} for name in list(c.vehicles)[:1]}
+    period = 1 / Fraction(str(spec.rate))
+    suite = SensorSuite(vehicles, c.model.shapes, c.state, substep=period, substeps=1, gravity=c.spec.gravity)
+    suite.reset(0)
+    periods = itertools.count()
+
+    def scan() -> LidarScan:
+        suite.sample(next(periods))
+        return suite.readings(0)["lidar"]
+
+    return scan
 
 
 def mujoco_scan(c: Compiled, spec: LidarSpec) -> Callable[[], np.ndarray]:

@@ -8,10 +8,12 @@ the time should not grow. The LIDAR has 1080 rays up to 12 m.
 
 from __future__ import annotations
 
+import itertools
 import math
 import statistics
 import time
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,9 @@ from autodrive.model import BOX, Model, Shapes
 from autodrive.physics.buffers import scratch
 from autodrive.physics.grid import fixed_grid
 from autodrive.physics.tick import advance
-from autodrive.sensors.lidar import Lidar, LidarSpec
+from autodrive.sensors.lidar import LidarSpec
+from autodrive.sensors.settings import ConfiguredSensor
+from autodrive.sensors.suite import SensorSuite
 from autodrive.state import State, empty_state
 from autodrive.world import World
 
@@ -76,14 +80,18 @@ def measured(world: World, count: int) -> tuple[int, float, float]:
     """Number of fixed shapes, CPU time of a substep and of a scan [us]."""
     c = world._compiled
     model = with_posts(c.model, count)
-    state, lidar = state_of(world, model), Lidar(LidarSpec(rays=1080))
+    state = state_of(world, model)
+    lidars = {"V1": {"lidar": ConfiguredSensor(LidarSpec(rays=1080, rate=100.0), is_on=True, noise="file")}}
+    sensors = SensorSuite(lidars, model.shapes, state, substep=Fraction(1, 100), substeps=1, gravity=c.spec.gravity)
+    sensors.reset(0)
+    ticks = itertools.count()
     command = np.zeros(1)
     arguments = model, state, c.views, c.contacts, scratch(model, n_body=1), command, command, 0, 10, False
     tick = resolved(advance, *arguments)
     return (
         model.shapes.n_fixed,
         median_us(lambda: [tick(*arguments) for _ in range(SUBSTEPS // 10)], SUBSTEPS),
-        median_us(lambda: [lidar.sample(model.shapes, state, 0, 0.0) for _ in range(SCANS)], SCANS),
+        median_us(lambda: [sensors.sample(next(ticks)) for _ in range(SCANS)], SCANS),
     )
 
 

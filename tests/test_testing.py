@@ -1,4 +1,4 @@
-"""The conformance checks accept the sensors and the bridge of this package, and find each violation of their rules."""
+"""The conformance checks accept sensors and bridges that keep the rules, and find each violation of a rule."""
 
 from __future__ import annotations
 
@@ -12,28 +12,11 @@ import pytest
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.model import Shapes
 from autodrive.protocol.messages import Frame, IpsReading
-from autodrive.sensors.encoder import Encoders, EncoderSpec
-from autodrive.sensors.imu import Imu, ImuNoise, ImuSpec
-from autodrive.sensors.ips import Ips, IpsSpec
-from autodrive.sensors.lidar import Lidar, LidarSpec
-from autodrive.sensors.lidar_noise import LidarNoise
-from autodrive.sensors.noise import NoiseSpec
+from autodrive.sensors.noise import Noise, NoiseSpec
 from autodrive.sensors.sensor import Sensor
 from autodrive.simulation import Simulation
 from autodrive.state import State
 from autodrive.testing import ConformanceError, check_bridge, check_sensor
-
-SENSORS: dict[str, Callable[[], Sensor[Any]]] = {
-    "encoders": lambda: Encoders(EncoderSpec()),
-    "ips": lambda: Ips(IpsSpec(noise=NoiseSpec(sigma=0.01, walk=0.01))),
-    "imu": lambda: Imu(ImuSpec(noise=ImuNoise.realistic()), 9.81),
-    "lidar": lambda: Lidar(LidarSpec(rays=36, noise=LidarNoise.realistic())),
-}
-
-
-@pytest.mark.parametrize("name", SENSORS)
-def test_the_sensors_of_this_package_conform(name: str) -> None:
-    check_sensor(SENSORS[name], ticks=20)
 
 
 class Position(Sensor[IpsReading]):
@@ -120,8 +103,23 @@ class ReadsNoMessage(Position):
         return object()
 
 
-def test_a_custom_sensor_conforms() -> None:
-    check_sensor(Position, ticks=20)
+class Drifting(Sensor[IpsReading]):
+    """A sensor with the noise of this package."""
+
+    def __init__(self) -> None:
+        self._noise = Noise((NoiseSpec(sigma=0.01, walk=0.01), 3))
+        super().__init__(self._noise)
+
+    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> IpsReading | None:
+        position = state.vehicle_position[vehicle].copy()
+        self._noise.add(position, time)
+        position.setflags(write=False)
+        return IpsReading(time, position)
+
+
+@pytest.mark.parametrize("sensor", [Position, Drifting])
+def test_a_custom_sensor_conforms(sensor: Callable[[], Sensor[Any]]) -> None:
+    check_sensor(sensor, ticks=20)
 
 
 @pytest.mark.parametrize(

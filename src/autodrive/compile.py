@@ -23,8 +23,8 @@ from autodrive.physics.grid import fixed_grid
 from autodrive.racing import Race, load_rules
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.sensors.camera import CameraSpec
-from autodrive.sensors.catalog import ALWAYS_READ, SensorSuite, SensorSuiteSpec
 from autodrive.sensors.settings import ConfiguredSensor, configured_sensors
+from autodrive.sensors.suite import SensorSuite
 from autodrive.specs import Source, suggest
 from autodrive.state import State, empty_state
 from autodrive.tracks import Track
@@ -44,8 +44,7 @@ class Compiled:
     """By name, in the order of the rows of the Model."""
     configured: dict[str, dict[str, ConfiguredSensor]]
     """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
-    sensors: dict[str, SensorSuite]
-    """By vehicle name."""
+    sensors: SensorSuite
     cameras: dict[str, dict[str, CameraSpec]]
     """Cameras that are on, by vehicle name and camera name."""
     model: Model
@@ -111,16 +110,24 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
         ),
         shapes=shapes,
     )
+    state = empty_state(model, engine.body_count)
     geom_vehicle = np.array([body_vehicle.get(body, -1) for body in engine.geom_bodies], dtype=np.int64)
     return Compiled(
         spec=spec,
         map=map_,
         vehicles=vehicles,
         configured=configured,
-        sensors=_sensors(spec, configured),
+        sensors=SensorSuite(
+            configured,
+            shapes,
+            state,
+            substep=Fraction(str(spec.substep)),
+            substeps=spec.substeps,
+            gravity=spec.gravity,
+        ),
         cameras=_cameras(configured),
         model=model,
-        state=empty_state(model, engine.body_count),
+        state=state,
         engine=engine,
         views=engine.views(),
         contacts=vehicle_contacts(len(vehicles), geom_vehicle),
@@ -319,19 +326,6 @@ def _configured(
         except SpecError as error:
             errors += [f"vehicles.{name}.sensors.{one}" for one in error.errors]
     return configured, errors
-
-
-def _sensors(spec: ScenarioSpec, configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, SensorSuite]:
-    """The sensors that are on. Encoders, IPS and IMU have a reading in every Frame, so they are frozen instead."""
-    suites: dict[str, SensorSuite] = {}
-    for i, (name, sensors) in enumerate(configured.items()):
-        own = {sensor: its for sensor, its in sensors.items() if not isinstance(its.spec, CameraSpec)}
-        frozen = {sensor for sensor, its in own.items() if not its.is_on and sensor in ALWAYS_READ}
-        on = {sensor: its.spec for sensor, its in own.items() if its.is_on or sensor in frozen}
-        suite = SensorSuiteSpec().model_copy(update=on)
-        substep = Fraction(str(spec.substep))
-        suites[name] = SensorSuite(suite, vehicle=i, name=name, substep=substep, gravity=spec.gravity, frozen=frozen)
-    return suites
 
 
 def _cameras(configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, dict[str, CameraSpec]]:

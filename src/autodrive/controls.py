@@ -42,26 +42,28 @@ class Controls:
         self.steering = np.zeros(len(self._is_autonomous))
         """Likewise."""
         self.names = list(self._is_autonomous)
+        self._numbers = {name: i for i, name in enumerate(self.names)}
         self.reset()
 
     def reset(self) -> None:
         """Forget all commands; every vehicle is in the driving mode that it starts in."""
-        self.vehicles = [VehicleControls(is_autonomous) for is_autonomous in self._is_autonomous.values()]
+        self.restore([VehicleControls(is_autonomous) for is_autonomous in self._is_autonomous.values()])
 
     def index(self, vehicle: str) -> int:
         """Number of that vehicle. Raises `CommandError` if there is none."""
-        if not isinstance(vehicle, str) or vehicle not in self._is_autonomous:
+        number = self._numbers.get(vehicle) if isinstance(vehicle, str) else None
+        if number is None:
             raise CommandError(f"vehicle '{vehicle}' is not in this world. {suggest(str(vehicle), self.names)}")
-        return self.names.index(vehicle)
+        return number
 
     def accept(self, commands: Mapping[str, Command], tick: int) -> None:
         """Take commands at that tick. Raises `CommandError` if one of them is wrong, and takes none of them then."""
         check_commands(commands)
+        obeying: list[tuple[VehicleControls, Command]] = []
         for name, command in commands.items():
-            self.index(name)
+            obeying.append((self.vehicles[self.index(name)], command))
             check_command(name, command)
-        for name, command in commands.items():
-            controls = self.vehicles[self.index(name)]
+        for controls, command in obeying:
             controls.command, controls.since = command, tick
             if command.headlights is not None:
                 controls.headlights = Headlights(command.headlights)
@@ -74,8 +76,10 @@ class Controls:
         """Write what the vehicles obey at that tick into `throttle` and `steering`: clamped, 0 after the time-out."""
         for i, controls in enumerate(self.vehicles):
             command = controls.command if tick - controls.since <= self._timeout else NO_COMMAND
-            self.throttle[i] = min(1.0, max(-1.0, command.throttle))
-            self.steering[i] = min(1.0, max(-1.0, command.steering))
+            if command is not self._obeyed[i]:
+                self._obeyed[i] = command
+                self.throttle[i] = min(1.0, max(-1.0, command.throttle))
+                self.steering[i] = min(1.0, max(-1.0, command.steering))
 
     def save(self) -> Sequence[VehicleControls]:
         """Everything that the future depends on, for `restore`."""
@@ -84,3 +88,5 @@ class Controls:
     def restore(self, saved: Sequence[VehicleControls]) -> None:
         """Go back to the state of `save`."""
         self.vehicles = [replace(controls) for controls in saved]
+        self._obeyed: list[Command | None] = [None] * len(saved)
+        """The commands in `throttle` and `steering`."""

@@ -31,6 +31,8 @@ class FrameBuilder:
         self._blink_ticks = [
             (name, vehicle.lights.blink_period, compiled.spec.tick) for name, vehicle in compiled.vehicles.items()
         ]
+        self._lights: list[tuple[object, Lights | None]] = [(None, None) for _ in compiled.vehicles]
+        """The latest lights of each vehicle, and what they depend on: they seldom change."""
 
     def build(
         self,
@@ -51,11 +53,10 @@ class FrameBuilder:
             vehicles={
                 name: self._vehicle_frame(
                     i,
-                    name,
                     controls[i],
                     (tick - controls[i].indicators_since) * duration / period,
                     collision_counts[i],
-                    races and races[i],
+                    races[i] if races else None,
                 )
                 for i, (name, period, duration) in enumerate(self._blink_ticks)
             },
@@ -68,7 +69,6 @@ class FrameBuilder:
     def _vehicle_frame(
         self,
         i: int,
-        name: str,
         controls: VehicleControls,
         blinks: float,
         collision_count: int,
@@ -77,25 +77,37 @@ class FrameBuilder:
         """`blinks`: periods of the indicators since they were switched on."""
         values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
         values.setflags(write=False)
-        throttle, steering = values[:2].tolist()
-        wheels = WheelsReading(*values[WHEELS].reshape(-1, 4))
+        numbers = values.tolist()
+        throttle = numbers[0]
+        is_reversing = throttle < 0.0 or 0.5 * (numbers[REAR_LEFT_SPIN] + numbers[REAR_RIGHT_SPIN]) < REVERSE_SPEED
         return VehicleFrame(
             pose=Pose(values[POSITION], values[ORIENTATION]),
             velocity=values[VELOCITY],
             angular_velocity=values[ANGULAR_VELOCITY],
             throttle=throttle,
-            steering=steering,
-            lights=_lights(throttle, wheels, controls, blinks),
-            wheels=wheels,
+            steering=numbers[1],
+            lights=self._lit_lamps(i, controls, blinks % 1.0, throttle == 0.0, is_reversing),
+            wheels=WheelsReading(*[values[four] for four in WHEELS]),
             is_autonomous=controls.is_autonomous,
             collision_count=collision_count,
             race=race,
-            **self._sensors[name].readings(),
+            **self._sensors.readings(i),
         )
+
+    def _lit_lamps(
+        self, i: int, controls: VehicleControls, blink_phase: float, is_braking: bool, is_reversing: bool
+    ) -> Lights:
+        key = controls.headlights, controls.indicators, blink_phase >= 0.5, is_braking, is_reversing
+        before, lights = self._lights[i]
+        if lights is None or key != before:
+            lights = lit_lamps(controls.headlights, controls.indicators, blink_phase, is_braking, is_reversing)
+            self._lights[i] = key, lights
+        return lights
 
 
 POSITION, ORIENTATION, VELOCITY, ANGULAR_VELOCITY = slice(2, 5), slice(5, 9), slice(9, 12), slice(12, 15)
-WHEELS = slice(15, 43)
+WHEELS = tuple(slice(first, first + 4) for first in range(15, 43, 4))
+REAR_LEFT_SPIN, REAR_RIGHT_SPIN = 25, 26
 """Where the parts of a vehicle are in `_places_of`; throttle and steering come first."""
 
 
@@ -118,17 +130,6 @@ def _places_of(where: State, i: int) -> Integers:
         where.wheel_slip_angle[wheels],
     )
     return np.concatenate(parts).astype(np.int64)
-
-
-def _lights(throttle: float, wheels: WheelsReading, controls: VehicleControls, blinks: float) -> Lights:
-    rear_left, rear_right = wheels.angular_velocity[2:].tolist()
-    return lit_lamps(
-        controls.headlights,
-        controls.indicators,
-        blinks % 1.0,
-        is_braking=throttle == 0.0,
-        is_reversing=throttle < 0.0 or 0.5 * (rear_left + rear_right) < REVERSE_SPEED,
-    )
 
 
 def _pose(qpos: Floats, start: int) -> Pose:

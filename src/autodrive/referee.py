@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from autodrive.arrays import Floats
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.arrays import Floats, read_only_copy
 from autodrive.jit import jit_uncounted, resolved
 from autodrive.model import Model, Table
 from autodrive.physics.buffers import VehicleContacts
 from autodrive.protocol.messages import BackOnRoad, Collision, Event, OffRoad
 from autodrive.state import State
 from autodrive.transforms import rotate
+
+Flags = NDArray[np.bool_]
 
 SEPARATION = 0.2
 """A contact that is interrupted for less than this [s] is the same collision: a pushed box rattles."""
@@ -27,23 +32,25 @@ class Referee:
         self._owners = list(owners)
         self._edges = drivable_edges
         self._separation_ticks = SEPARATION * ticks_per_second
-        self._any_wheel_outside: Callable[..., bool] | None = None
+        self._is_off_road = np.zeros(len(names), np.bool_)
+        self._has_changed = np.zeros(len(names), np.bool_)
+        self._update_off_road: Callable[..., bool] | None = None
         self.reset()
 
     def reset(self) -> None:
         """Forget everything, as before the first tick."""
         self.collision_counts = [0] * len(self._names)
         self._last_contact: dict[tuple[int, str], int] = {}
-        self._is_off_road = [False] * len(self._names)
+        self._is_off_road[:] = False
 
     def save(self) -> Any:
         """Everything that the future depends on, for `restore`."""
-        return list(self.collision_counts), dict(self._last_contact), list(self._is_off_road)
+        return list(self.collision_counts), dict(self._last_contact), self._is_off_road.copy()
 
     def restore(self, saved: Any) -> None:
         """Go back to the state of `save`."""
-        counts, touches, off_road = saved
-        self.collision_counts, self._last_contact, self._is_off_road = list(counts), dict(touches), list(off_road)
+        counts, touches, self._is_off_road[:] = saved
+        self.collision_counts, self._last_contact = list(counts), dict(touches)
 
     def judge(self, tick: int, time: float, model: Model, state: State, contacts: VehicleContacts) -> tuple[Event, ...]:
         """What happened in the tick that ended at `time` [s]. Clears the contacts."""
@@ -61,7 +68,7 @@ class Referee:
         for vehicle, geom in pairs:
             key = (vehicle, self._owners[geom])
             impulses[key] = impulses.get(key, 0.0) + float(contacts.impulse[vehicle, geom])
-            places.setdefault(key, contacts.position[vehicle, geom].copy())
+            places.setdefault(key, read_only_copy(contacts.position[vehicle, geom]))
             contacts.impulse[vehicle, geom] = 0.0
         contacts.pair_count[0] = 0
         events: list[Event] = []
@@ -70,24 +77,35 @@ class Referee:
             self._last_contact[vehicle, other] = tick
             if last is None or tick - last > self._separation_ticks:
                 self.collision_counts[vehicle] += 1
-                place = places[vehicle, other]
-                place.flags.writeable = False
-                events.append(Collision(time, self._names[vehicle], other, impulse, place))
+                events.append(Collision(time, self._names[vehicle], other, impulse, places[vehicle, other]))
         return events
 
     def _road(self, time: float, model: Model, state: State) -> list[Event]:
-        events: list[Event] = []
-        for i, name in enumerate(self._names):
-            arguments = self._edges, model.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
-            if self._any_wheel_outside is None:
-                self._any_wheel_outside = resolved(any_wheel_outside, *arguments)
-            off = bool(self._any_wheel_outside(*arguments))
-            if off != self._is_off_road[i]:
-                self._is_off_road[i] = off
-                place = state.vehicle_position[i].copy()
-                place.flags.writeable = False
-                events.append((OffRoad if off else BackOnRoad)(time, name, place))
-        return events
+        arguments = self._edges, model.wheels, state.vehicle_position, state.vehicle_orientation, self._is_off_road
+        if self._update_off_road is None:
+            self._update_off_road = resolved(update_off_road, *arguments, self._has_changed)
+        if not self._update_off_road(*arguments, self._has_changed):
+            return []
+        return [
+            (OffRoad if self._is_off_road[i] else BackOnRoad)(
+                time, self._names[i], read_only_copy(state.vehicle_position[i])
+            )
+            for i in np.flatnonzero(self._has_changed).tolist()
+        ]
+
+
+@jit_uncounted
+def update_off_road(
+    edges: Floats, wheels: Table, position: Floats, orientation: Floats, is_off_road: Flags, has_changed: Flags
+) -> bool:
+    """Write whether a wheel of each vehicle is outside the edges, and whether this has changed; True if any has."""
+    any_changed = False
+    for i in range(is_off_road.shape[0]):
+        is_outside = any_wheel_outside(edges, wheels, i, position[i], orientation[i])
+        has_changed[i] = is_outside != is_off_road[i]
+        is_off_road[i] = is_outside
+        any_changed |= has_changed[i]
+    return any_changed
 
 
 @jit_uncounted

@@ -97,7 +97,7 @@ def tampered(saved: Snapshot) -> dict[str, Any]:
         "other positions of bodies": edited(saved, lambda its: its.state.qpos.fill(0.5)),
         "NaN as a velocity of bodies": edited(saved, lambda its: its.state.qvel.fill(np.nan)),
         "all bodies asleep": edited(saved, lambda its: its.state.asleep.fill(0.0)),
-        "another bias of a sensor": edited(saved, lambda its: its.sensors["V1"][1][2][1][0].fill(9.0)),
+        "another bias of a sensor": edited(saved, lambda its: its.sensors[0][1].fill(9.0)),
         "NaN with a new outline": outlined(edited(saved, lambda its: its.state.throttle_queue.fill(np.nan))),
         "infinity with a new outline": outlined(edited(saved, lambda its: its.state.wheel_slip_angle.fill(np.inf))),
         "other shapes with a new outline": outlined(

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from autodrive.model import BOX, CYLINDER, SPHERE, Shapes
 from autodrive.physics.grid import shapes_near
-from autodrive.sensors.lidar import Lidar, LidarSpec
-from autodrive.sensors.range import Range, RangeSpec
+from autodrive.sensors.lidar import LidarSpec
+from autodrive.sensors.range import RangeSpec
+from tests.support.one_sensor import OneSensor
 from tests.support.sensor_scenes import Solid, scene, shapes_of
 
 
@@ -85,9 +86,9 @@ def test_range_sensors_have_the_same_readings_with_and_without_the_grid(seed: in
     for is_rolling in (False, True):
         readings = []
         for n_fixed in (0, 80):
-            shapes, state = scene(several, n_fixed=n_fixed, vehicle_position=[(0.1, 0.2, 0.15)])
-            lidar = Lidar(LidarSpec(range_max=6.0, is_rolling=is_rolling)).sample(shapes, state, 0, 0.0)
-            distance = Range(RangeSpec()).sample(shapes, state, 0, 0.0)
+            where = scene(several, n_fixed=n_fixed, vehicle_position=[(0.1, 0.2, 0.15)])
+            lidar = OneSensor(LidarSpec(range_max=6.0, is_rolling=is_rolling), where).sample()
+            distance = OneSensor(RangeSpec(), where).sample()
             readings.append((lidar.ranges.tobytes(), distance.range))
         assert readings[0] == readings[1]
         assert np.isfinite(np.frombuffer(readings[0][0])).any()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import mujoco
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from autodrive.arrays import Floats
 from autodrive.errors import SpecError
 from autodrive.protocol.messages import LidarScan
-from autodrive.sensors.lidar import Lidar, LidarSpec, RollingLidar
+from autodrive.sensors.lidar import LidarSpec
 from autodrive.sensors.outline import approximate_bearing
 from autodrive.sensors.sensor import Mount
 from autodrive.specs import parse
@@ -32,6 +33,7 @@ from autodrive.transforms import (
     rotate,
     rotation_from_quaternion,
 )
+from tests.support.one_sensor import OneSensor
 from tests.support.sensor_scenes import BOX, CYLINDER, SPHERE, Solid, scene
 
 # tolerance of ranges [m]; double precision at 12 m is three digits better
@@ -50,10 +52,8 @@ def scan(
     orientation: Quaternion = (1.0, 0.0, 0.0, 0.0),
     vehicle: int = 0,
 ) -> LidarScan:
-    shapes, state = scene(solids, vehicle_position=[position] * 2, vehicle_orientation=[orientation] * 2)
-    result = Lidar(spec or LidarSpec()).sample(shapes, state, vehicle, 1.0)
-    assert result is not None
-    return result
+    where = scene(solids, vehicles=2, vehicle_position=[position] * 2, vehicle_orientation=[orientation] * 2)
+    return OneSensor(spec or LidarSpec(), where, vehicle=vehicle).sample()
 
 
 def ray_angles(result: LidarScan) -> NDArray[np.floating[Any]]:
@@ -321,25 +321,22 @@ def drive(
     solids: list[Solid],
     pose_at: Callable[[float], tuple[Vector, Quaternion]],
     ticks: int,
-    dt: float = 1.0 / 60.0,
+    tick: Fraction = Fraction(1, 60),
     move: Callable[[float], Vector] | None = None,
 ) -> list[LidarScan]:
     """All scans after that of the start of a rolling LIDAR on a vehicle with the pose `pose_at(time)`."""
-    lidar = RollingLidar(spec)
-    lidar.reset(np.random.default_rng(0))
+    where = scene(solids)
+    lidar = OneSensor(spec, where, tick=tick)
     scans: list[LidarScan] = []
     for k in range(ticks + 1):
-        time = k * dt
-        position, orientation = pose_at(time)
-        for thing in solids:
-            if move is not None:
-                thing.position = np.array(move(time))
-        shapes, state = scene(solids, vehicle_position=[position], vehicle_orientation=[orientation])
-        newest = lidar.sample(shapes, state, 0, time)
-        if lidar.latest is not None and newest is not lidar.latest:
+        time = float(k * tick)
+        where.state.vehicle_position[0], where.state.vehicle_orientation[0] = pose_at(time)
+        if move is not None:
+            where.state.shape_position[:] = move(time)
+        newest = lidar.sample()
+        if not scans or newest is not scans[-1]:
             scans.append(newest)
-        lidar.latest = newest
-    return scans
+    return scans[1:]
 
 
 def ray_times(result: LidarScan) -> NDArray[np.floating[Any]]:
@@ -402,18 +399,18 @@ def test_rolling_scan_at_rest_equals_the_instantaneous_scan(seed: int) -> None:
 
 def test_rolling_lidar_has_a_scan_at_the_start_and_after_a_reset() -> None:
     solids = [Solid(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))]
-    shapes, state = scene(solids, vehicle_position=[(0.0, 0.0, HEIGHT)], vehicle_orientation=[(1.0, 0.0, 0.0, 0.0)])
-    lidar = RollingLidar(LidarSpec(is_rolling=True))
+    where = scene(solids, vehicle_position=[(0.0, 0.0, HEIGHT)])
+    lidar = OneSensor(LidarSpec(is_rolling=True), where, tick=Fraction(1, 10))
     for _ in range(2):
-        lidar.reset(np.random.default_rng(0))
-        lidar.latest = lidar.sample(shapes, state, 0, 0.0)
-        assert lidar.latest.time == 0.0
-        np.testing.assert_array_equal(lidar.latest.ranges, scan(solids).ranges)  # it stood still before the start
-        assert lidar.sample(shapes, state, 0, 0.1) is lidar.latest
-        assert lidar.sample(shapes, state, 0, 0.15).time == pytest.approx(1.0 / 7.0)
+        lidar.reset()
+        first = lidar.sample()
+        assert first.time == 0.0
+        np.testing.assert_array_equal(first.ranges, scan(solids).ranges)  # it stood still before the start
+        assert lidar.sample() is first
+        assert lidar.sample().time == pytest.approx(1.0 / 7.0)
 
 
 def test_rolling_lidar_with_several_scans_per_tick_reports_the_newest() -> None:
     still: tuple[Vector, Quaternion] = ((0.0, 0.0, HEIGHT), (1.0, 0.0, 0.0, 0.0))
-    scans = drive(LidarSpec(is_rolling=True, rate=100.0), [], lambda t: still, 6, dt=0.05)
+    scans = drive(LidarSpec(is_rolling=True, rate=100.0), [], lambda t: still, 6, tick=Fraction(1, 20))
     assert [s.time for s in scans] == pytest.approx([0.05, 0.10, 0.15, 0.20, 0.25, 0.30])

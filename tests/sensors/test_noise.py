@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from autodrive.arrays import Floats
-from autodrive.sensors.encoder import Encoders, EncoderSpec
-from autodrive.sensors.imu import Imu, ImuNoise, ImuSpec
-from autodrive.sensors.ips import Ips, IpsSpec
-from autodrive.sensors.lidar import Lidar, LidarSpec
+from autodrive.protocol.codec import encode
+from autodrive.sensors.encoder import EncoderSpec
+from autodrive.sensors.imu import ImuNoise, ImuSpec
+from autodrive.sensors.ips import IpsSpec
+from autodrive.sensors.lidar import LidarSpec
 from autodrive.sensors.lidar_noise import LidarNoise
 from autodrive.sensors.noise import Noise, NoiseSpec
 from autodrive.specs import parse
 from autodrive.transforms import rotation_from_quaternion
 from autodrive.units import DEGREE, STANDARD_GRAVITY
-from tests.support.sensor_scenes import BOX, Solid, scene, state_of
-
-SHAPES, _ = scene([])
+from tests.support.one_sensor import OneSensor
+from tests.support.sensor_scenes import BOX, Solid, scene
 
 
 def series(spec: NoiseSpec, channels: int, samples: int, dt: float = 0.01, seed: int = 1) -> Floats:
@@ -70,32 +70,30 @@ def test_output_is_rounded_to_the_resolution() -> None:
 
 
 def test_sensors_are_exact_by_default() -> None:
-    state = state_of(vehicle_position=[[0.1, 0.2, 0.3]], wheel_rotation=[0.0, 0.0, 1.0, 1.0])
-    for sensor in (Encoders(EncoderSpec()), Ips(IpsSpec()), Imu(ImuSpec(), 9.81), Lidar(LidarSpec())):
-        sensor.reset(np.random.default_rng(0))
-        assert str(sensor.sample(SHAPES, state, 0, 0.0)) == str(sensor.sample(SHAPES, state, 0, 0.0))
+    where = scene([], vehicle_position=[[0.1, 0.2, 0.3]], wheel_rotation=[0.0, 0.0, 1.0, 1.0])
+    for spec in (EncoderSpec(), IpsSpec(), ImuSpec(), LidarSpec()):
+        readings = [OneSensor(spec, where), OneSensor(spec, where)]
+        readings[1].reset(1)
+        first, other = (encode(one.sample()) for one in readings)
+        assert first == other
 
 
 def test_encoders_and_ips_have_the_noise_of_their_specs() -> None:
-    state = state_of()
-    ips, encoders = Ips(IpsSpec(noise=NoiseSpec(sigma=0.1))), Encoders(EncoderSpec(noise=NoiseSpec(sigma=0.1)))
-    for sensor in (ips, encoders):
-        sensor.reset(np.random.default_rng(4))
+    ips, encoders = (OneSensor(spec(noise=NoiseSpec(sigma=0.1)), scene([])) for spec in (IpsSpec, EncoderSpec))
     n = 3000
-    positions = np.array([ips.sample(SHAPES, state, 0, 0.0).position for _ in range(n)])
-    angles = np.array([encoders.sample(SHAPES, state, 0, 0.0).angles for _ in range(n)])
+    positions = np.array([ips.sample().position for _ in range(n)])
+    angles = np.array([encoders.sample().angles for _ in range(n)])
     assert positions.std() == pytest.approx(0.1, rel=5 / math.sqrt(2 * 3 * n))
     assert angles.std() == pytest.approx(0.1, rel=5 / math.sqrt(2 * 2 * n) + 0.02)  # a tick is 3 % of sigma
 
 
 def test_quaternion_and_euler_angles_of_a_noisy_imu_agree() -> None:
     noise = ImuNoise(orientation=NoiseSpec(sigma=0.02))
-    imu = Imu(ImuSpec(noise=noise), 9.81)
-    imu.reset(np.random.default_rng(5))
+    imu = OneSensor(ImuSpec(noise=noise), scene([]))
     tilts = []
-    reading = imu.sample(SHAPES, state_of(), 0, 0.0)
+    reading = imu.sample()
     for _ in range(2000):
-        reading = imu.sample(SHAPES, state_of(), 0, 0.0)
+        reading = imu.sample()
         m = rotation_from_quaternion(reading.orientation)
         assert reading.euler[2] == pytest.approx(math.atan2(m[3], m[0]), abs=1e-12)
         assert np.linalg.norm(reading.orientation) == pytest.approx(1.0, abs=1e-12)
@@ -106,10 +104,9 @@ def test_quaternion_and_euler_angles_of_a_noisy_imu_agree() -> None:
 
 
 def test_realistic_imu_has_the_noise_of_the_data_sheet() -> None:
-    imu = Imu(parse("noise: realistic", ImuSpec), 9.81)
-    imu.reset(np.random.default_rng(6))
+    imu = OneSensor(parse("noise: realistic", ImuSpec), scene([]))
     n = 5000
-    readings = [imu.sample(SHAPES, state_of(), 0, 0.01 * k) for k in range(n)]
+    readings = [imu.sample(0.01 * k) for k in range(n)]
     gyro = np.std([r.angular_velocity for r in readings], axis=0)
     acceleration = np.std([r.linear_acceleration for r in readings], axis=0)
     # data sheet: total RMS noise of the gyroscope 0.1 deg/s; 0.01 deg/s/sqrt(Hz) at 92 Hz agrees within 5 %
@@ -125,11 +122,8 @@ def wall_ranges(noise: LidarNoise, scans: int = 20, distance: float = 4.0) -> Fl
         Solid(BOX, (5.0, 0.5, 5.0), (0.0, distance + 0.5, 0.0)),
         Solid(BOX, (5.0, 0.5, 5.0), (0.0, -distance - 0.5, 0.0)),
     ]
-    shapes, state = scene(solids, vehicle_position=[[0.0, 0.0, 0.2]])
-    lidar = Lidar(LidarSpec(rays=4, noise=noise))
-    lidar.reset(np.random.default_rng(7))
-    samples = [lidar.sample(shapes, state, 0, 0.0) for _ in range(scans)]
-    return np.array([scan.ranges for scan in samples if scan is not None])
+    lidar = OneSensor(LidarSpec(rays=4, rate=1000.0, noise=noise), scene(solids, vehicle_position=[[0.0, 0.0, 0.2]]))
+    return np.array([lidar.sample().ranges for _ in range(scans)])
 
 
 @pytest.mark.parametrize("distance", [0.5, 4.0])
@@ -166,9 +160,5 @@ def test_realistic_lidar_is_within_one_percent_in_99_percent_of_the_rays() -> No
 
 
 def test_noise_does_not_change_a_ray_without_return() -> None:
-    lidar = Lidar(LidarSpec(noise=LidarNoise.realistic()))
-    lidar.reset(np.random.default_rng(8))
-    shapes, state = scene([], vehicle_position=[[0.0, 0.0, 0.2]])
-    scan = lidar.sample(shapes, state, 0, 0.0)
-    assert scan is not None
-    assert np.isposinf(scan.ranges).all()
+    lidar = OneSensor(LidarSpec(noise=LidarNoise.realistic()), scene([], vehicle_position=[[0.0, 0.0, 0.2]]))
+    assert np.isposinf(lidar.sample().ranges).all()

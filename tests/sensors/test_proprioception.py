@@ -12,23 +12,21 @@ from hypothesis import strategies as st
 
 from autodrive.arrays import Floats
 from autodrive.protocol.messages import EncoderReading, ImuReading
-from autodrive.sensors.encoder import Encoders, EncoderSpec
-from autodrive.sensors.imu import Imu, ImuSpec
-from autodrive.sensors.ips import Ips, IpsSpec
+from autodrive.sensors.encoder import EncoderSpec
+from autodrive.sensors.imu import ImuSpec
+from autodrive.sensors.ips import IpsSpec
 from autodrive.sensors.sensor import Mount
 from autodrive.transforms import quaternion_from_euler, quaternion_from_yaw
-from tests.support.sensor_scenes import scene, state_of
+from tests.support.one_sensor import GRAVITY, OneSensor
+from tests.support.sensor_scenes import scene
 
-SHAPES, _ = scene([])
 TICK = 2.0 * math.pi / 1920.0
-GRAVITY = 9.81
 # rounding errors of some products of numbers up to ten
 CLOSE = 1e-12
 
 
 def count(left: float, right: float, spec: EncoderSpec | None = None) -> EncoderReading:
-    state = state_of(wheel_rotation=[math.nan, math.nan, left, right])
-    return Encoders(spec or EncoderSpec()).sample(SHAPES, state, 0, 0.5)
+    return OneSensor(spec or EncoderSpec(), scene([], wheel_rotation=[math.nan, math.nan, left, right])).sample(0.5)
 
 
 def test_one_revolution_is_1920_ticks() -> None:
@@ -56,28 +54,30 @@ def test_encoder_has_the_resolution_of_its_spec() -> None:
 
 
 def test_encoders_of_the_second_vehicle_measure_its_rear_wheels() -> None:
-    state = state_of(vehicles=2, wheel_rotation=[9.0] * 6 + [TICK * 5.5, -TICK * 2.5])
-    assert Encoders(EncoderSpec()).sample(SHAPES, state, 1, 0.0).ticks.tolist() == [5, -2]
+    where = scene([], vehicles=2, wheel_rotation=[9.0] * 6 + [TICK * 5.5, -TICK * 2.5])
+    assert OneSensor(EncoderSpec(), where, vehicle=1).sample().ticks.tolist() == [5, -2]
 
 
 def test_ips_measures_the_rear_axle_or_its_mount() -> None:
     yaw = math.radians(90.0)
-    state = state_of(vehicle_position=[[1.0, 2.0, 0.03]], vehicle_orientation=[quaternion_from_yaw(yaw)])
-    np.testing.assert_array_equal(Ips(IpsSpec()).sample(SHAPES, state, 0, 0.0).position, (1.0, 2.0, 0.03))
+    where = scene([], vehicle_position=[[1.0, 2.0, 0.03]], vehicle_orientation=[quaternion_from_yaw(yaw)])
+    np.testing.assert_array_equal(OneSensor(IpsSpec(), where).sample().position, (1.0, 2.0, 0.03))
     tag = IpsSpec(mount=Mount(position=(0.035, 0.01, 0.1295)))
     expected = (1.0 - 0.01, 2.0 + 0.035, 0.03 + 0.1295)
-    np.testing.assert_allclose(Ips(tag).sample(SHAPES, state, 0, 0.0).position, expected, atol=CLOSE)
+    np.testing.assert_allclose(OneSensor(tag, where).sample().position, expected, atol=CLOSE)
 
 
 def test_ips_reading_is_a_copy() -> None:
-    state = state_of()
-    reading = Ips(IpsSpec()).sample(SHAPES, state, 0, 0.0)
-    state.vehicle_position[:] = 7.0
+    where = scene([])
+    ips = OneSensor(IpsSpec(), where)
+    reading = ips.sample()
+    where.state.vehicle_position[:] = 7.0
+    assert ips.sample().position.all()
     assert not reading.position.any()
 
 
 def measure(spec: ImuSpec, **columns: Any) -> ImuReading:
-    return Imu(spec, GRAVITY).sample(SHAPES, state_of(**columns), 0, 0.0)
+    return OneSensor(spec, scene([], **columns)).sample()
 
 
 def test_imu_in_steady_circular_motion_measures_the_centripetal_acceleration_of_its_mount() -> None:

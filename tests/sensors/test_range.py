@@ -15,9 +15,10 @@ from autodrive.protocol.codec import decode_server, encode, streamed
 from autodrive.protocol.messages import Frame, RangeReading
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.sensors.noise import NoiseSpec
-from autodrive.sensors.range import Range, RangeSpec, directions
-from autodrive.sensors.sensor import Mount, random_generator
+from autodrive.sensors.range import RangeSpec, directions
+from autodrive.sensors.sensor import Mount
 from tests.support.cars import car_file
+from tests.support.one_sensor import OneSensor
 from tests.support.sensor_scenes import Solid, scene
 
 HEIGHT = 0.1
@@ -26,8 +27,7 @@ MOUNT = Mount(position=(0.0, 0.0, HEIGHT))
 
 def measured(solids: list[Solid], **spec: Any) -> float:
     fields: dict[str, Any] = {"mount": MOUNT} | spec
-    sensor = Range(RangeSpec(**fields))
-    return sensor.sample(*scene(solids), 0, 0.0).range
+    return OneSensor(RangeSpec(**fields), scene(solids)).sample().range
 
 
 def wall(distance: float, height: float = 10.0) -> Solid:
@@ -93,10 +93,8 @@ def test_out_of_range_is_infinite_as_in_rep_117() -> None:
 
 
 def test_noise_has_the_statistics_of_the_spec() -> None:
-    sensor = Range(RangeSpec(mount=MOUNT, rings=0, noise=NoiseSpec(sigma=0.01, step=0.001)))
-    sensor.reset(random_generator(3, "V1", "range"))
-    shapes, state = scene([wall(1.0)])
-    values = np.array([sensor.sample(shapes, state, 0, 0.01 * k).range for k in range(4000)])
+    sensor = OneSensor(RangeSpec(mount=MOUNT, rings=0, noise=NoiseSpec(sigma=0.01, step=0.001)), scene([wall(1.0)]))
+    values = np.array([sensor.sample().range for _ in range(4000)])
     # four standard errors: sigma / sqrt(n) and sigma / sqrt(2 n); the step adds step^2 / 12 to the variance
     assert values.mean() == pytest.approx(1.0, abs=4 * 0.01 / math.sqrt(4000))
     assert values.std() == pytest.approx(math.hypot(0.01, 0.001 / math.sqrt(12)), rel=4 / math.sqrt(8000))

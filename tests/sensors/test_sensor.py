@@ -14,14 +14,16 @@ from hypothesis import strategies as st
 
 from autodrive.arrays import Floats
 from autodrive.errors import SpecError
-from autodrive.sensors.catalog import SensorSuite, SensorSuiteSpec
+from autodrive.sensors.catalog import SensorSuiteSpec
 from autodrive.sensors.encoder import EncoderSpec
 from autodrive.sensors.imu import ImuNoise, ImuSpec
 from autodrive.sensors.lidar import LidarSpec
 from autodrive.sensors.lidar_noise import LidarNoise
 from autodrive.sensors.sensor import Mount, Schedule, random_generator
+from autodrive.sensors.settings import configured_sensors
+from autodrive.sensors.suite import SensorSuite
 from autodrive.transforms import rotate
-from tests.support.sensor_scenes import scene
+from tests.support.sensor_scenes import SensorScene, scene
 
 MILLISECOND = Fraction(1, 1000)
 
@@ -96,33 +98,34 @@ def test_streams_are_the_same_on_every_machine_and_in_every_run() -> None:
 NOISY = SensorSuiteSpec(
     imu=ImuSpec(noise=ImuNoise.realistic()), lidar=LidarSpec(rays=90, rate=40.0, noise=LidarNoise.realistic())
 )
-SHAPES, STATE = scene([], vehicles=2, vehicle_position=[[0.0, 0.0, 0.2]] * 2)
+TWO_CARS = scene([], vehicles=2, vehicle_position=[[0.0, 0.0, 0.2]] * 2)
+ALONE = scene([], vehicle_position=[[0.0, 0.0, 0.2]])
 
 
-def suite_of(spec: SensorSuiteSpec = NOISY, vehicle: int = 0, name: str = "V1", seed: int = 3) -> SensorSuite:
-    suite = SensorSuite(spec, vehicle=vehicle, name=name, substep=MILLISECOND, gravity=9.81)
+def suite_of(*specs: SensorSuiteSpec, where: SensorScene = ALONE, seed: int = 3) -> SensorSuite:
+    """The sensors of vehicles V1, V2 and so on."""
+    configured = {
+        f"V{i + 1}": configured_sensors(spec, {}, {}, is_realistic=False) for i, spec in enumerate(specs or [NOISY])
+    }
+    suite = SensorSuite(configured, *where, substep=MILLISECOND, substeps=10, gravity=9.81)
     suite.reset(seed)
     return suite
 
 
-def run(suite: SensorSuite, ticks: Iterable[int]) -> Floats:
+def run(suite: SensorSuite, ticks: Iterable[int], vehicle: int = 0) -> Floats:
     for now in ticks:
-        suite.sample(SHAPES, STATE, now)
-    return np.concatenate([suite.readings()["imu"].angular_velocity, suite.readings()["imu"].linear_acceleration])
+        suite.sample(now)
+    imu = suite.readings(vehicle)["imu"]
+    return np.concatenate([imu.angular_velocity, imu.linear_acceleration])
 
 
 def test_readings_do_not_depend_on_other_sensors_and_vehicles() -> None:
     ticks = range(0, 1000, 10)
     alone = run(suite_of(), ticks)
-    without_lidar = run(suite_of(NOISY.model_copy(update={"lidar": None})), ticks)
-    beside = suite_of()
-    other = suite_of(vehicle=1, name="V2")
-    last = np.empty(0)
-    for now in ticks:
-        run(other, [now])
-        last = run(beside, [now])
-    np.testing.assert_array_equal(alone, without_lidar)
-    np.testing.assert_array_equal(alone, last)
+    beside = suite_of(NOISY, SensorSuiteSpec(), where=TWO_CARS)
+    np.testing.assert_array_equal(alone, run(suite_of(NOISY.model_copy(update={"lidar": None})), ticks))
+    np.testing.assert_array_equal(alone, run(beside, ticks))
+    assert not run(beside, [1000], vehicle=1).any()  # a sensor without noise, at rest
 
 
 def test_readings_depend_on_the_seed_only() -> None:
@@ -137,10 +140,10 @@ def test_restored_suite_has_the_same_future(is_rolling: bool) -> None:
     suite = suite_of(NOISY.model_copy(update={"lidar": lidar}))
     run(suite, range(0, 330, 10))
     saved = suite.save()
-    first = run(suite, range(330, 700, 10)), suite.readings()["lidar"].ranges
+    first = run(suite, range(330, 700, 10)), suite.readings(0)["lidar"].ranges
     suite.reset(99)
     suite.restore(saved)
-    again = run(suite, range(330, 700, 10)), suite.readings()["lidar"].ranges
+    again = run(suite, range(330, 700, 10)), suite.readings(0)["lidar"].ranges
     for a, b in zip(first, again, strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -148,14 +151,18 @@ def test_restored_suite_has_the_same_future(is_rolling: bool) -> None:
 def test_sensor_with_a_low_rate_keeps_its_latest_reading() -> None:
     suite = suite_of(SensorSuiteSpec(encoders=EncoderSpec(rate=10.0)))
     run(suite, range(0, 160, 10))
-    assert suite.readings()["encoders"].time == 0.1
-    assert suite.readings()["imu"].time == 0.15
+    assert suite.readings(0)["encoders"].time == 0.1
+    assert suite.readings(0)["imu"].time == 0.15
 
 
 def test_readings_are_read_only() -> None:
     suite = suite_of()
     run(suite, range(0, 100, 10))
-    arrays = [suite.readings()["encoders"].ticks, suite.readings()["encoders"].angles, suite.readings()["ips"].position]
-    imu, scan = suite.readings()["imu"], suite.readings()["lidar"]
+    arrays = [
+        suite.readings(0)["encoders"].ticks,
+        suite.readings(0)["encoders"].angles,
+        suite.readings(0)["ips"].position,
+    ]
+    imu, scan = suite.readings(0)["imu"], suite.readings(0)["lidar"]
     arrays += [imu.orientation, imu.euler, imu.angular_velocity, imu.linear_acceleration, scan.ranges, scan.intensities]
     assert not any(array.flags.writeable for array in arrays)

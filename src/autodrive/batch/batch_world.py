@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from autodrive.arrays import Floats, Integers
 from autodrive.batch.columns import Thread, empty_worlds, new_thread
 from autodrive.batch.readings import Readings, readings_of
-from autodrive.batch.sensors import reset_noise, sensor_tables
 from autodrive.batch.tick import begin_worlds, step_worlds
 from autodrive.compile import compile_scenario
 from autodrive.errors import CommandError
@@ -27,6 +26,7 @@ from autodrive.physics.one_thread import OneThread, by_one_thread
 from autodrive.protocol.commands import MAX_DISTANCE, check_seed
 from autodrive.referee import SEPARATION
 from autodrive.scenario import DEFAULT, ScenarioSpec
+from autodrive.sensors.tables import most_rays, reset_noise, sensor_tables
 from autodrive.specs import suggest
 from autodrive.transforms import quaternion_from_yaw
 from autodrive.vehicles.parameters import wheel_table
@@ -78,9 +78,8 @@ class BatchWorld(OneThread):
         self.tick_duration = spec.tick
         self._tick = Fraction(str(spec.tick))
         self._substeps = spec.substeps
-        self._sensors = sensor_tables(c)
-        table = self._sensors.vehicles
-        rays, rolling_rays = (int(one.max(initial=0)) for one in (table["rays"], table["rays"] * table["is_rolling"]))
+        self._sensors = sensor_tables(list(c.configured.values()), Fraction(str(spec.substep)), spec.gravity)
+        rays, rolling_rays = most_rays(self._sensors)
         self._has_rolling_lidar = rolling_rays > 0
         self._worlds = empty_worlds(c, n, rays, rolling_rays)
         self._time = np.zeros(n)

@@ -13,55 +13,18 @@ from autodrive.jit import inlined
 from autodrive.model import Model, Table
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Views
+from autodrive.sensors.columns import (
+    NoiseColumns,
+    ReadingColumns,
+    Working,
+    noise_columns,
+    reading_columns,
+    working_memory,
+)
 from autodrive.state import State
-
-SENSORS = ("encoders", "ips", "imu", "lidar", "range")
-"""In the order of all arrays with an axis of sensors."""
-ENCODERS, IPS, IMU, LIDAR, RANGE = range(len(SENSORS))
-
-CHANNELS = {"encoders": slice(0, 2), "ips": slice(2, 5), "imu": slice(5, 14), "range": slice(14, 15)}
-"""Channels of the noise of each sensor but the LIDAR."""
 
 RECENT = 64
 """Contacts that are remembered for each world, to tell a new collision from an old one."""
-
-
-class NoiseColumns(NamedTuple):
-    """Noise of the sensors of n worlds with v vehicles."""
-
-    is_noisy: NDArray[np.bool_]
-    """Shape (n, v, 5)."""
-    stream: NDArray[np.uint64]
-    """`random_stream.Stream` of each sensor, shape (n, v, 5, 3)."""
-    channels: Floats
-    """sigma, offset, walk and step of each channel, shape (n, v, 15, 4)."""
-    bias: Floats
-    """Of each channel, shape (n, v, 15)."""
-    lidar: Floats
-    """sigma, relative_sigma, step, dropout, and the scale of all ranges, shape (n, v, 5)."""
-
-
-class ReadingColumns(NamedTuple):
-    """The latest readings of the sensors of n worlds with v vehicles."""
-
-    time: Floats
-    """Of each reading [s]; not a number without such a sensor, shape (n, v, 5)."""
-    encoder_ticks: Integers
-    """Shape (n, v, 2)."""
-    encoder_angles: Floats
-    """[rad], shape (n, v, 2)."""
-    ips_position: Floats
-    """[m], shape (n, v, 3)."""
-    imu: Floats
-    """Orientation (4), Euler angles (3), angular velocity (3) and linear acceleration (3), shape (n, v, 13)."""
-    lidar_ranges: Floats
-    """[m], shape (n, v, most rays of a LIDAR)."""
-    range_distance: Floats
-    """[m], shape (n, v, 1)."""
-    sweep: Integers
-    """Number of the scan in progress of a rolling LIDAR, and its next ray, shape (n, v, 2)."""
-    sweep_ranges: Floats
-    """Its inverse ranges [1/m], shape (n, v, most rays of a LIDAR); without a rolling LIDAR, shape (n, v, 0)."""
 
 
 class Worlds(NamedTuple):
@@ -96,32 +59,6 @@ class Worlds(NamedTuple):
     readings: ReadingColumns
 
 
-class Poses(NamedTuple):
-    """Poses of the vehicles and shapes of one world, as in its State."""
-
-    position: Floats
-    """Shape (v, 3)."""
-    orientation: Floats
-    """Shape (v, 4)."""
-    shape_position: Floats
-    """Shape (n_shape, 3)."""
-    shape_rotation: Floats
-    """Shape (n_shape, 9)."""
-
-
-class Working(NamedTuple):
-    """Working memory of the sensors."""
-
-    before: Poses
-    """At the start of the tick; only with a rolling LIDAR."""
-    near: Integers
-    """Shapes near a sensor, shape (n_shape,)."""
-    inverse_range: Floats
-    """[1/m], shape (most rays of a LIDAR,)."""
-    values: Floats
-    """Shape (9,)."""
-
-
 class Thread(NamedTuple):
     """Working memory of one thread. Nothing in it is read after a world."""
 
@@ -152,24 +89,8 @@ def empty_worlds(compiled: Compiled, n: int, rays: int, rolling_rays: int) -> Wo
         collision_count=np.zeros((n, v), np.int64),
         has_collided=np.zeros((n, v), np.bool_),
         is_off_road=np.zeros((n, v), np.bool_),
-        noise=NoiseColumns(
-            is_noisy=np.zeros((n, v, len(SENSORS)), np.bool_),
-            stream=np.zeros((n, v, len(SENSORS), 3), np.uint64),
-            channels=np.zeros((n, v, CHANNELS["range"].stop, 4)),
-            bias=np.zeros((n, v, CHANNELS["range"].stop)),
-            lidar=np.zeros((n, v, 5)),
-        ),
-        readings=ReadingColumns(
-            time=np.full((n, v, len(SENSORS)), np.nan),
-            encoder_ticks=np.zeros((n, v, 2), np.int64),
-            encoder_angles=np.zeros((n, v, 2)),
-            ips_position=np.zeros((n, v, 3)),
-            imu=np.zeros((n, v, 13)),
-            lidar_ranges=np.full((n, v, rays), np.nan),
-            range_distance=np.full((n, v, 1), np.nan),
-            sweep=np.zeros((n, v, 2), np.int64),
-            sweep_ranges=np.zeros((n, v, rolling_rays)),
-        ),
+        noise=noise_columns(n, v),
+        readings=reading_columns(n, v, rays, rolling_rays),
     )
 
 
@@ -185,17 +106,7 @@ def new_thread(compiled: Compiled, engine: Engine, rays: int) -> Thread:
         scratch=scratch(compiled.model, engine.body_count),
         shape_position=shapes.position.copy(),
         shape_rotation=shapes.rotation.copy(),
-        sensors=Working(
-            before=Poses(
-                position=np.zeros((len(compiled.vehicles), 3)),
-                orientation=np.zeros((len(compiled.vehicles), 4)),
-                shape_position=shapes.position.copy(),
-                shape_rotation=shapes.rotation.copy(),
-            ),
-            near=np.zeros(len(shapes.kind), np.int64),
-            inverse_range=np.zeros(rays),
-            values=np.zeros(9),
-        ),
+        sensors=working_memory(shapes, len(compiled.vehicles), rays),
     )
 
 

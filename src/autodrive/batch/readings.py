@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.arrays import Floats, Integers
-from autodrive.batch.columns import ENCODERS, IMU, IPS, LIDAR, RANGE, Worlds
+from autodrive.batch.columns import Worlds
+from autodrive.sensors.columns import ANGLES, DISTANCE, ENCODERS, IMU, IPS, LIDAR, MOTION, POSITION, RANGE
 
 
 class Readings(NamedTuple):
@@ -89,6 +90,7 @@ class Readings(NamedTuple):
 def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
     """Views of the arrays of `worlds`; `time` [s] is kept by the caller."""
     s, r = worlds.state, worlds.readings
+    motion = r.values[..., MOTION]
     n, v = worlds.throttle.shape
     wheels = {
         "wheel_steering_angle": s.wheel_steering_angle,
@@ -113,17 +115,17 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
         **{name: column.reshape(n, v, 4) for name, column in wheels.items()},
         encoder_time=r.time[..., ENCODERS],
         encoder_ticks=r.encoder_ticks,
-        encoder_angles=r.encoder_angles,
+        encoder_angles=r.values[..., ANGLES],
         ips_time=r.time[..., IPS],
-        ips_position=r.ips_position,
+        ips_position=r.values[..., POSITION],
         imu_time=r.time[..., IMU],
-        imu_orientation=r.imu[..., :4],
-        imu_euler=r.imu[..., 4:7],
-        imu_angular_velocity=r.imu[..., 7:10],
-        imu_linear_acceleration=r.imu[..., 10:],
+        imu_orientation=motion[..., :4],
+        imu_euler=motion[..., 4:7],
+        imu_angular_velocity=motion[..., 7:10],
+        imu_linear_acceleration=motion[..., 10:],
         lidar_ranges=r.lidar_ranges,
         lidar_time=r.time[..., LIDAR],
-        range_distance=r.range_distance[..., 0],
+        range_distance=r.values[..., DISTANCE],
         range_time=r.time[..., RANGE],
         collision_count=worlds.collision_count,
         has_collided=worlds.has_collided,

@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.arrays import Floats, Integers
-from autodrive.batch.columns import Poses, Thread, Worlds, model_of, state_of
-from autodrive.batch.sensors import SensorTables, sample
+from autodrive.batch.columns import Thread, Worlds, model_of, state_of
 from autodrive.jit import inlined, jit_uncounted
 from autodrive.model import Model
 from autodrive.physics.buffers import VehicleContacts
 from autodrive.physics.engine import AWAKE
 from autodrive.physics.tick import advance, move_shapes, observe
 from autodrive.referee import any_wheel_outside
+from autodrive.sensors.columns import Poses, motion_of
+from autodrive.sensors.sampling import sample
+from autodrive.sensors.tables import SensorTables
 from autodrive.state import State
 
 
@@ -83,7 +85,9 @@ def step_worlds(
                         edges, own.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
                     )
             now = int(worlds.tick[k]) * substeps
-            sample(k, now, substeps, state, own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
+            sample(
+                k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors
+            )
 
 
 @jit_uncounted
@@ -104,7 +108,7 @@ def begin_worlds(
             state.asleep[b] = AWAKE
         observe(own, state)
         now = int(worlds.tick[k]) * substeps
-        sample(k, now, substeps, state, own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
+        sample(k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
 
 
 @inlined

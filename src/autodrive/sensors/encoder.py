@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from pydantic import Field
 
 from autodrive.arrays import Floats, Integers
 from autodrive.jit import jit_uncounted
-from autodrive.model import Shapes
-from autodrive.protocol.messages import EncoderReading
-from autodrive.sensors.noise import Noise, NoiseSpec
-from autodrive.sensors.sensor import Sensor, SensorSpec
-from autodrive.state import State
+from autodrive.sensors.noise import NoiseSpec
+from autodrive.sensors.sensor import SensorSpec
 
 REAR_LEFT = 2
 """Index of the rear left wheel; the rear right wheel is next."""
@@ -35,29 +31,12 @@ class EncoderSpec(SensorSpec):
         return self.pulses_per_revolution * self.gear_ratio / (2.0 * math.pi)
 
 
-class Encoders(Sensor[EncoderReading]):
-    """Counts are rounded toward zero and never wrap; angles are computed from the counts."""
-
-    def __init__(self, spec: EncoderSpec) -> None:
-        self._noise = Noise.of((spec.noise, 2))
-        super().__init__(self._noise)
-        self._ticks_per_radian = spec.ticks_per_radian
-
-    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> EncoderReading:
-        """Counts and angles since reset."""
-        angles = state.wheel_rotation[4 * vehicle + REAR_LEFT : 4 * vehicle + REAR_LEFT + 2].copy()
-        if self._noise is not None:
-            self._noise.add(angles, time)
-        ticks = np.empty(2, np.int64)
-        count(angles, self._ticks_per_radian, ticks)
-        ticks.setflags(write=False)
-        angles.setflags(write=False)
-        return EncoderReading(time, ticks, angles)
-
-
 @jit_uncounted
 def count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
-    """Write the counts of the wheel angles, and replace each angle [rad] by that of its count."""
+    """Write the counts of the wheel angles, and replace each angle [rad] by that of its count.
+
+    Counts are rounded toward zero and never wrap.
+    """
     for side in range(2):
         ticks[side] = int(angles[side] * ticks_per_radian)  # rounds toward zero
         angles[side] = ticks[side] / ticks_per_radian

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from pydantic import model_validator
 
 from autodrive.arrays import Floats
-from autodrive.jit import jit_uncounted, resolved
-from autodrive.model import Shapes
-from autodrive.protocol.messages import ImuReading
-from autodrive.sensors.noise import Noise, NoiseSpec
-from autodrive.sensors.sensor import Mount, Sensor, SensorSpec
+from autodrive.jit import jit_uncounted
+from autodrive.sensors.noise import NoiseSpec
+from autodrive.sensors.sensor import Mount, SensorSpec
 from autodrive.specs import Spec
-from autodrive.state import State
 from autodrive.transforms import (
     Quaternion,
     Vector,
@@ -74,45 +69,6 @@ class ImuSpec(SensorSpec):
     measures_specific_force: bool = False
     """False: acceleration without gravity. True: specific force of an accelerometer, +g upward at rest (REP 145)."""
     noise: ImuNoise = ImuNoise()
-
-
-class Imu(Sensor[ImuReading]):
-    """Reports in its own axes; the acceleration is the mean over the last tick at the origin of its mount."""
-
-    def __init__(self, spec: ImuSpec, gravity: float) -> None:
-        """`gravity` [m/s^2], positive downward, is used only for specific force."""
-        noise = spec.noise
-        self._noise = Noise.of((noise.orientation, 3), (noise.angular_velocity, 3), (noise.linear_acceleration, 3))
-        super().__init__(self._noise)
-        self._compiled: Callable[..., None] | None = None
-        self._lever = spec.mount.position
-        self._vehicle_from_sensor = spec.mount.orientation
-        self._gravity = gravity if spec.measures_specific_force else 0.0
-
-    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> ImuReading:
-        """Orientation of the sensor in the map frame; angular velocity and acceleration in the axes of the sensor."""
-        out = np.empty(13)
-        arguments = (
-            state.vehicle_orientation[vehicle],
-            state.vehicle_angular_velocity[vehicle],
-            state.vehicle_acceleration[vehicle],
-            state.vehicle_angular_acceleration[vehicle],
-            self._lever,
-            self._vehicle_from_sensor,
-            self._gravity,
-            out,
-        )
-        if self._compiled is None:
-            self._compiled = resolved(measure_motion, *arguments)
-        self._compiled(*arguments)
-        if self._noise is not None:
-            errors = np.zeros(9)
-            errors[3:] = out[7:]
-            self._noise.add(errors, time)
-            out[7:] = errors[3:]
-            turn(out, errors)
-        out.flags.writeable = False
-        return ImuReading(time, out[:4], out[4:7], out[7:10], out[10:])
 
 
 @jit_uncounted

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from autodrive.arrays import Floats
 from autodrive.jit import jit_uncounted
-from autodrive.model import Shapes
-from autodrive.protocol.messages import IpsReading
-from autodrive.sensors.noise import Noise, NoiseSpec
-from autodrive.sensors.sensor import Mount, Sensor, SensorSpec
-from autodrive.state import State
+from autodrive.sensors.noise import NoiseSpec
+from autodrive.sensors.sensor import Mount, SensorSpec
 from autodrive.transforms import Vector, rotate
 
 
@@ -21,24 +16,6 @@ class IpsSpec(SensorSpec):
     """The measured point; the rotation is not used."""
     noise: NoiseSpec = NoiseSpec()
     """Noise of each coordinate [m]."""
-
-
-class Ips(Sensor[IpsReading]):
-    """Reports the position of the origin of its mount in the map frame."""
-
-    def __init__(self, spec: IpsSpec) -> None:
-        self._noise = Noise.of((spec.noise, 3))
-        super().__init__(self._noise)
-        self._offset = spec.mount.position
-
-    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> IpsReading:
-        """Position in the map frame."""
-        position = np.empty(3)
-        measure_position(state.vehicle_position[vehicle], state.vehicle_orientation[vehicle], self._offset, position)
-        if self._noise is not None:
-            self._noise.add(position, time)
-        position.setflags(write=False)
-        return IpsReading(time, position)
 
 
 @jit_uncounted

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from autodrive.arrays import Floats
 from autodrive.jit import jit_uncounted
 from autodrive.sensors.noise import Deviation
-from autodrive.sensors.random_stream import Stream, new_stream, normal, uniform
+from autodrive.sensors.random_stream import Stream, normal, uniform
 from autodrive.specs import Spec
 
 
@@ -42,33 +42,6 @@ class LidarNoise(Spec):
     @classmethod
     def _preset(cls, value: Any) -> Any:
         return cls.realistic().model_dump() if value == "realistic" else value
-
-
-class LidarErrors:
-    """Noise source of one LIDAR."""
-
-    def __init__(self, spec: LidarNoise) -> None:
-        self._figures = spec.sigma, spec.relative_sigma, spec.step, spec.dropout
-        self._scale_sigma = spec.scale
-        self._scale = 1.0
-        self._stream = new_stream(np.random.default_rng())
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Use a new random stream and draw the scale error."""
-        self._stream = new_stream(rng)
-        self._scale = 1.0 + self._scale_sigma * normal(self._stream)
-
-    def measure(self, inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
-        """Write the ranges [m] that the sensor reports, shape (n_ray,)."""
-        measure_with_noise(inverse_range, self._scale, self._stream, self._figures, range_min, range_max, ranges)
-
-    def save(self) -> Any:
-        """The scale error and the state of the random stream."""
-        return self._scale, self._stream.copy()
-
-    def restore(self, saved: Any) -> None:
-        """Set the state that `save` returned."""
-        self._scale, self._stream[:] = saved
 
 
 @jit_uncounted

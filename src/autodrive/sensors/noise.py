@@ -36,7 +36,7 @@ class NoiseSpec(Spec):
 
 
 class Noise:
-    """Noise of all channels of one sensor: a random stream and the current bias."""
+    """Noise of all channels of a sensor that is written in Python: a random stream and the current bias."""
 
     def __init__(self, *channels: tuple[NoiseSpec, int]) -> None:
         """Each argument: the noise of a quantity, and its number of channels."""

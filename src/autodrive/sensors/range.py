@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Literal, Self
 
 import numpy as np
@@ -11,15 +10,12 @@ from pydantic import Field, model_validator
 
 from autodrive.arrays import Floats, Integers
 from autodrive.elementary import cos, sin
-from autodrive.jit import jit_uncounted, resolved
+from autodrive.jit import jit_uncounted
 from autodrive.model import Shapes
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.ray import inverse_distance, misses_sphere
-from autodrive.protocol.messages import RangeReading
-from autodrive.sensors.lidar_noise import classify
-from autodrive.sensors.noise import Noise, NoiseSpec
-from autodrive.sensors.sensor import Distance, Mount, Rate, Sensor, SensorSpec
-from autodrive.state import State
+from autodrive.sensors.noise import NoiseSpec
+from autodrive.sensors.sensor import Distance, Mount, Rate, SensorSpec
 from autodrive.transforms import Quaternion, Vector, compose, rotate
 
 
@@ -49,50 +45,6 @@ class RangeSpec(SensorSpec):
         if self.range_max <= self.range_min:
             raise ValueError(f"range_max {self.range_max:g} m must be above range_min {self.range_min:g} m")
         return self
-
-
-class Range(Sensor[RangeReading]):
-    """Casts rays over the field of view and reports the nearest hit. Shapes of its own vehicle are ignored."""
-
-    def __init__(self, spec: RangeSpec) -> None:
-        self._noise = Noise.of((spec.noise, 1))
-        super().__init__(self._noise)
-        self._spec = spec
-        self._field_of_view = math.radians(spec.field_of_view_deg)
-        self._mount = spec.mount.position, spec.mount.orientation
-        self._directions = directions(self._field_of_view, spec.rings)
-        self._compiled: Callable[..., float] | None = None
-
-    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> RangeReading:
-        """The distance at `time`."""
-        spec = self._spec
-        arguments = (
-            state.vehicle_position[vehicle],
-            state.vehicle_orientation[vehicle],
-            *self._mount,
-            self._directions,
-            spec.sees_ground,
-            spec.range_max,
-            vehicle,
-            shapes,
-            state.shape_position,
-            state.shape_rotation,
-            np.empty(len(shapes.kind), np.int64),
-        )
-        if self._compiled is None:
-            self._compiled = resolved(nearest, *arguments)
-        inverse_range = self._compiled(*arguments)
-        distance = np.array([math.inf if inverse_range == 0.0 else 1.0 / inverse_range])
-        if self._noise is not None:
-            self._noise.add(distance, time)
-        return RangeReading(
-            time=time,
-            range=classify(float(distance[0]), spec.range_min, spec.range_max),
-            field_of_view=self._field_of_view,
-            range_min=spec.range_min,
-            range_max=spec.range_max,
-            radiation=spec.radiation,
-        )
 
 
 def directions(field_of_view: float, rings: int) -> Floats:

@@ -10,27 +10,7 @@ from autodrive.jit import jit_uncounted
 from autodrive.model import Shapes
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.ray import inverse_distance, misses_sphere
-from autodrive.state import State
 from autodrive.transforms import Quaternion, Vector, compose, rotate, slerp
-
-
-class PoseSnapshot(NamedTuple):
-    """Poses of a vehicle and of all shapes at one time."""
-
-    position: Floats
-    orientation: Floats
-    shape_position: Floats
-    shape_rotation: Floats
-
-    @classmethod
-    def of(cls, state: State, vehicle: int) -> PoseSnapshot:
-        """A copy of the poses in the State."""
-        return cls(
-            state.vehicle_position[vehicle].copy(),
-            state.vehicle_orientation[vehicle].copy(),
-            state.shape_position.copy(),
-            state.shape_rotation.copy(),
-        )
 
 
 class Timing(NamedTuple):

@@ -30,7 +30,7 @@ class Snapshot(NamedTuple):
     state: State
     referee: Any
     race: Any
-    sensors: dict[str, Any]
+    sensors: Any
     cameras: Any
     controls: Sequence[VehicleControls]
     light: SceneLight

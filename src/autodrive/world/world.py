@@ -204,8 +204,7 @@ class World(OneThread):
         place(c.model, c.state, c.views)
         if self.race is not None:
             self.race.reset(self._ground_poses(), c.state.vehicle_position)
-        for sensors in c.sensors.values():
-            sensors.reset(self._seed)
+        c.sensors.reset(self._seed)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._sample()
@@ -304,8 +303,7 @@ class World(OneThread):
         if self.race is not None and before.race is not None and self.race.identity == before.race.identity:
             self.race.restore(before.race.save())
         place(c.model, c.state, c.views)
-        for name, sensors in c.sensors.items():
-            sensors.continue_from(b.sensors[name], self._seed, c.model.shapes, c.state, self._tick * self._substeps)
+        c.sensors.continue_from(b.sensors, self._seed, self._tick * self._substeps)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._show(is_moved=True)
@@ -377,7 +375,7 @@ class World(OneThread):
             state=copied(c.state),
             referee=self._referee.save(),
             race=self.race and self.race.save(),
-            sensors={name: sensors.save() for name, sensors in c.sensors.items()},
+            sensors=c.sensors.save(),
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
             light=self._light,
@@ -409,8 +407,7 @@ class World(OneThread):
         self._referee.restore(saved.referee)
         if self.race is not None:
             self.race.restore(saved.race)
-        for name, sensors in c.sensors.items():
-            sensors.restore(saved.sensors[name])
+        c.sensors.restore(saved.sensors)
         if self._cameras is not None:
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
@@ -474,9 +471,7 @@ class World(OneThread):
         ]
 
     def _sample(self) -> None:
-        c = self._compiled
-        for sensors in c.sensors.values():
-            sensors.sample(c.model.shapes, c.state, self._tick * self._substeps)
+        self._compiled.sensors.sample(self._tick * self._substeps)
 
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""
