@@ -15,7 +15,7 @@ import { edit } from './panels/edit'
 import { h } from './panels/element'
 import { firstSteps } from './panels/first_steps'
 import { help } from './panels/help'
-import { openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
+import { openMapForRaces, openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
 import { logPanel } from './panels/log'
 import { measure } from './panels/measure'
 import { menu } from './panels/menu'
@@ -87,6 +87,7 @@ const recording = recorder(store, actions)
 mainMenu.append(recording.section)
 bar.querySelector('.run')?.after(recording.button)
 showOnePanelOnSmallScreens(store)
+openMapForRaces(store)
 const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)

@@ -1,8 +1,10 @@
 import { describe, expect, inject, test } from 'vitest'
 
 import type { LidarScan } from '../src/messages'
+import { RaceStatus } from '../src/messages'
 import { History } from '../src/panels/history'
 import { clock, fixed, type HudState, nearestRay, rangeAt, rayAt, TEXTS } from '../src/panels/hud_rows'
+import { race as raceSection } from '../src/panels/hud_sections'
 import { niceStep, niceTicks, tickText } from '../src/panels/scales'
 import { SIGNALS } from '../src/panels/signals'
 import { VehicleEvents } from '../src/panels/vehicle_events'
@@ -200,6 +202,47 @@ describe('plotted signals', () => {
     const vehicle = vehicleOf()
     vehicle.wheels.normal_load.set([1, 2, 3, 4])
     expect([0, 1, 2, 3].map((i) => SIGNALS.get(`load-${i}`)?.of(stateOf({ vehicle })))).toEqual([1, 2, 3, 4])
+  })
+})
+
+describe('a race', () => {
+  const race = {
+    ...{
+      status: RaceStatus.RACING,
+      lap_count: 3,
+      lap_total: 11,
+      lap_time: 61.0449,
+      last_lap_time: 20.6,
+      checkpoint: 2,
+    },
+    ...{ best_lap_time: 0, race_time: 83, penalty: 10, collision_count: 1, distance: 220, rank: 2, gap: 1.26 },
+    is_wrong_way: false,
+  }
+  const first = { ...race, lap_count: 4, rank: 1, gap: 0, best_lap_time: 19.9996 }
+  const out = { ...race, status: RaceStatus.RETIRED, rank: 3 }
+
+  test('rows are laps and times', () => {
+    const state = stateOf({ vehicle: vehicleOf({ race }) })
+    const rows = ['race-lap', 'race-lap-time', 'race-last-lap', 'race-best-lap', 'race-penalty'] as const
+    expect(rows.map((row) => TEXTS[row](state))).toEqual(['3 / 11', '1:01.045', '0:20.600', '–', '10 s'])
+    expect(TEXTS['race-lap'](stateOf({ vehicle: vehicleOf({ race: { ...race, lap_total: 0 } }) }))).toBe('3')
+  })
+
+  test('standings are in the order of ranks, with gaps', () => {
+    const section = raceSection(new Map())
+    const frame = frameOf(['V1', 'V2', 'V3'])
+    section.refresh(stateOf({ frame }))
+    expect(section.element.hidden).toBe(true)
+    frame.vehicles = { V1: vehicleOf({ race }), V2: vehicleOf({ race: first }), V3: vehicleOf({ race: out }) }
+    section.refresh(stateOf({ frame, vehicle: frame.vehicles.V1 }))
+    expect(section.element.hidden).toBe(false)
+    const rows = [...section.element.querySelectorAll('tr')].slice(1)
+    expect(rows.map((row) => [...row.children].map((cell) => cell.textContent))).toEqual([
+      ['1', 'V2', '4', '', '0:20.000'],
+      ['2', 'V1', '3', '+1.3 s', '–'],
+      ['3', 'V3', '3', 'DNF', '–'],
+    ])
+    expect(rows.map((row) => row.getAttribute('aria-current'))).toEqual([null, 'true', null])
   })
 })
 

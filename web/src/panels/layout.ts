@@ -11,6 +11,17 @@ export function openPanelsOnWideScreens(store: Store): void {
   if (matchMedia(BOTH_PANELS).matches) store.isMenuOpen.value = store.isHudOpen.value = true
 }
 
+/** Opens the small map, once for each race, if the screen is wide. */
+export function openMapForRaces(store: Store): void {
+  let scene: Store['scene']['value'] = null
+  store.frame.watch((frame) => {
+    if (!frame || scene === store.scene.value || !matchMedia(BOTH_PANELS).matches) return
+    if (!Object.values(frame.vehicles).some(({ race }) => race && race.lap_total > 0)) return
+    scene = store.scene.value
+    store.isMapOpen.value = true
+  })
+}
+
 /** Closes a panel when the other one is opened on a small screen, or when the screen becomes small. */
 export function showOnePanelOnSmallScreens(store: Store): void {
   const screen = matchMedia(ONE_PANEL)

@@ -1,4 +1,5 @@
-// The small map: the drawing of the map with walls and lanes, the driven lines, boxes, and an arrow for each vehicle.
+// The small map: the drawing of the map with walls and lanes, the driven lines (in a race always), boxes, and an arrow
+// for each vehicle.
 
 import type { Scene } from '../messages'
 import { sceneUrl } from '../scene/assets'
@@ -56,7 +57,8 @@ export function minimap(store: Store, trails: Trails): HTMLElement {
       const [x, y] = at(pose.position[0], pose.position[1])
       context.fillRect(x - 2, y - 2, 4, 4)
     }
-    if (store.areTrailsShown.value) {
+    const isRace = Object.values(frame.vehicles).some(({ race }) => race)
+    if (store.areTrailsShown.value || isRace) {
       for (const [name, { points, length }] of trails.all)
         drawTrail(context, points, length, at, vehicleColour(scene, name))
     }
