@@ -31,7 +31,8 @@ def draw(renderer: Renderer, state: RenderState, view: View, name: str) -> None:
 
 def main() -> None:
     """Render all images."""
-    render_preview("vehicle", "nigel", HERE / "nigel.png")
+    for vehicle in ("nigel", "roboracer"):
+        render_preview("vehicle", vehicle, HERE / f"{vehicle}.png")
     world = autodrive.make("two_cars")
     frames = {}
     for name, lamps in (("day", autodrive.Headlights.OFF), ("night", autodrive.Headlights.LOW)):

@@ -37,6 +37,7 @@ RUN_BY = {
     "ros2.md": {"python": "tests/ros/test_ros2.py", "yaml": "tests/ros/test_ros2_files.py"},
     "batch.md": {"python": "tests/batch/test_batch_world.py"},
     "recordings.md": {"python": "tests/recording/test_document.py"},
+    "race_car.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "scenarios.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "testing.md": {"python": "tests/test_documentation.py"},
     "vehicle.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
