@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from autodrive.envs.episodes import observed
-from autodrive.envs.registration import IDS
+from autodrive.envs.registration import IDS, ROBORACER, ROBORACER_STEPS
 from autodrive.envs.settings import TASKS
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +26,7 @@ def test_the_programs_of_the_page_run() -> None:
 
 
 def test_the_page_names_every_id_and_its_steps() -> None:
-    for id_, (_, steps) in IDS.items():
+    for id_, steps in {**{id_: steps for id_, (_, steps) in IDS.items()}, ROBORACER: ROBORACER_STEPS}.items():
         assert re.search(rf"`{id_}`.* \| {steps} steps", PAGE)
 
 
@@ -35,8 +35,8 @@ def test_the_page_names_every_feature_or_the_first_of_its_kind() -> None:
         made = task(5)
         for observation in ("state", "lidar"):
             for feature in observed(made, observation):
-                first = re.sub(r"box_\d", "box_1", re.sub(r"range_\d+", "range_0", feature.name))
-                first = first.replace("ahead_0.8", "ahead_0.2").replace("0.4_y", "0.2_y")
+                first = re.sub(r"box_\d", "box_1", re.sub(r"range_-?[\d.]+", "range_0", feature.name))
+                first = re.sub(r"ahead_(0\.8|0\.5|1|2|4)_", "ahead_0.2_", first).replace("0.4_y", "0.2_y")
                 assert f"`{first}`" in PAGE, feature.name
 
 

@@ -8,7 +8,7 @@ import sys
 import gymnasium
 import pytest
 
-from autodrive.envs.registration import IDS
+from autodrive.envs.registration import IDS, ROBORACER, ROBORACER_STEPS
 
 IMPORTS = (
     "import gymnasium",
@@ -25,10 +25,10 @@ def test_the_ids_are_known_in_every_order_of_imports(imports: str) -> None:
 import importlib, sys
 {imports}
 importlib.import_module("autodrive")  # as gymnasium.make("autodrive:...") does
-print([id_ for id_ in gymnasium.registry if id_.startswith("Nigel")])
+print([id_ for id_ in gymnasium.registry if id_.startswith(("Nigel", "RoboRacer"))])
 print(sum(type(one).__module__ == "autodrive" for one in sys.meta_path))
 """
-    assert run(code) == f"{[*IDS]}\n0"
+    assert run(code) == f"{[*IDS, ROBORACER]}\n0"
 
 
 @pytest.mark.process
@@ -61,6 +61,7 @@ def test_every_id_names_an_environment_and_its_steps() -> None:
     for id_, (task, steps) in IDS.items():
         spec = gymnasium.spec(id_)
         assert (spec.kwargs["task"], spec.max_episode_steps) == (task, steps)
+    assert gymnasium.spec(ROBORACER).max_episode_steps == ROBORACER_STEPS
 
 
 def run(code: str) -> str:

@@ -11,11 +11,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from autodrive.arrays import Floats, Integers
 from autodrive.batch import BatchWorld
 from autodrive.envs.episodes import Episodes, observation_space
 from autodrive.envs.rendered_world import batch_camera
 from autodrive.envs.settings import TASKS, Action, Settings, action_space, commands_of
-from autodrive.envs.task import Bools, CarReadings, Observation, Start
+from autodrive.envs.task import Bools, CarReadings, Observation, Start, Task
 from autodrive.errors import SpecError
 from autodrive.specs import suggest
 
@@ -28,7 +29,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def __init__(
         self,
         num_envs: int = 1,
-        task: str = "lane_keeping",
+        task: str | Task = "lane_keeping",
         *,
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -38,14 +39,14 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         threads: int | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """`threads`: of the batch; None: one for each core.
+        """`task`: its name, or one that is already made. `threads`: of the batch; None: one for each core.
 
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
-        self.settings = Settings(task, observation, action, frame_skip)
+        self.settings = Settings(task if isinstance(task, str) else task.name, observation, action, frame_skip)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.task = TASKS[task](frame_skip)
+        self.task = TASKS[task](frame_skip) if isinstance(task, str) else task
         seen = observation or self.task.observation
         if render_mode is not None:
             raise SpecError(
@@ -89,8 +90,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         if ended.any() and self.autoreset_mode == AutoresetMode.DISABLED:
             raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
         commands = commands_of(actions, self.settings, self.num_envs)
-        readings = self.batch.step(commands[:, None], self.settings.frame_skip)
-        outcome = self._episodes.advance(self._cars, readings.is_unstable)
+        self._drive(commands[:, None])
+        outcome = self._episodes.advance(self._cars, self.batch.readings.is_unstable)
         self.steps += 1
         terminated = outcome.has_ended
         truncated = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self.steps >= self._max_steps
@@ -137,9 +138,17 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
             seeds.append(int(rng.integers(2**31)))
             starts.append(self.task.start(rng))
         poses = {name: np.array([start.poses[name] for start in starts]) for name in starts[0].poses}
-        self.batch.reset(rows, np.array(seeds), poses=poses)
+        self._reset_worlds(rows, np.array(seeds), poses)
         self._episodes.begin(rows, starts, self._cars)
         self.steps[rows] = 0
+
+    def _drive(self, commands: NDArray[Any]) -> None:
+        """Run the ticks of one action, shape (n, 1, 2)."""
+        self.batch.step(commands, self.settings.frame_skip)
+
+    def _reset_worlds(self, rows: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
+        """Return these worlds to the start."""
+        self.batch.reset(rows, seeds, poses=poses)
 
     def _final(self, ended: Bools, is_success: Bools) -> dict[str, Any]:
         """Observations and infos of the episodes that have just ended."""

@@ -11,31 +11,34 @@ from numpy.typing import NDArray
 
 from autodrive.arrays import Floats
 from autodrive.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH
-from autodrive.envs.task import Bools, CarReadings, Feature, Observation, Outcome, Start, Task
+from autodrive.envs.task import Bools, CarReadings, Feature, Observation, Outcome, ScanView, Start, Task
 from autodrive.jit import jit
 
-SECTORS = 36
-"""Of the observation 'lidar': the shortest range in each 10 degrees."""
-RANGE = 12.0
-"""No return [m]."""
 FAILURE = -1.0
 """Reward of a step in which the physics became unstable."""
 
-SCAN = (
-    Feature("scan_age", 0.0, 1.0, "time since the scan [s]"),
-    *(
-        Feature(f"range_{10 * k}", 0.0, RANGE, f"shortest range near a bearing of {10 * k} degrees, left positive [m]")
-        for k in range(SECTORS)
-    ),
-)
-"""Features of the observation 'lidar' after those of the task; 0: too near, 12: no return."""
+
+def scan_features(scan: ScanView) -> tuple[Feature, ...]:
+    """Features of the observation 'lidar' after those of the task; a range is 0: too near, the greatest: no return."""
+    return (
+        Feature("scan_age", 0.0, 1.0, "time since the scan [s]"),
+        *(
+            Feature(
+                f"range_{bearing:g}",
+                0.0,
+                scan.range_max,
+                f"shortest range near a bearing of {bearing:g} degrees, left positive [m]",
+            )
+            for bearing in scan.bearings
+        ),
+    )
 
 
 def observed(task: Task, observation: Observation) -> tuple[Feature, ...]:
     """The numbers of an observation, in order."""
     if observation == "state":
         return task.features
-    return task.features[: task.known] + (SCAN if observation == "lidar" else ())
+    return task.features[: task.known] + (scan_features(task.scan) if observation == "lidar" else ())
 
 
 def observation_space(task: Task, observation: Observation) -> spaces.Space[Any]:
@@ -57,7 +60,8 @@ class Episodes:
         numbers = observed(task, observation)
         written = task.features if observation == "state" else task.features[: task.known]
         self._low, self._high = (np.array([getattr(one, limit) for one in written]) for limit in ("low", "high"))
-        self._memory = np.zeros((count, task.memory_size))
+        self.memory = np.zeros((count, task.memory_size))
+        """What the task remembers of each episode; it writes it."""
         self._features = np.zeros((count, len(written)))
         self._numbers = np.zeros((count, len(numbers)), np.float32)
         self._scan_time = np.full(count, np.nan)
@@ -68,7 +72,7 @@ class Episodes:
         memory = np.array([start.memory for start in starts])
         features = np.zeros((len(rows), self._features.shape[1]))
         self._task.evaluate(cars.rows(rows), memory, features, new_outcome(len(rows)))
-        self._memory[rows] = memory
+        self.memory[rows] = memory
         self._features[rows] = features
         self._is_unstable[rows] = False
         self._scan_time[rows] = np.nan
@@ -76,8 +80,8 @@ class Episodes:
 
     def advance(self, cars: CarReadings, is_unstable: Bools | None = None) -> Outcome:
         """Judge a step of all cars. `is_unstable`: whether the physics of a car diverged, which ends its episode."""
-        outcome = new_outcome(len(self._memory))
-        self._task.evaluate(cars, self._memory, self._features, outcome)
+        outcome = new_outcome(len(self.memory))
+        self._task.evaluate(cars, self.memory, self._features, outcome)
         self._read_scans(cars)
         if is_unstable is not None and is_unstable.any():
             self._is_unstable[:] = is_unstable
@@ -93,7 +97,9 @@ class Episodes:
 
     def _read_scans(self, cars: CarReadings) -> None:
         if self._has_scan:
-            _write_scans(cars, self._scan_time, self._numbers[:, -len(SCAN) :])
+            scan = self._task.scan
+            numbers = self._numbers[:, -1 - scan.sectors :]
+            _write_scans(cars, self._scan_time, numbers, scan.sectors, scan.range_max, scan.is_circle)
 
 
 def new_outcome(count: int) -> Outcome:
@@ -115,16 +121,24 @@ def _write_numbers(
 
 
 @jit
-def _write_scans(cars: CarReadings, scan_time: Floats, numbers: NDArray[np.float32]) -> None:
-    """Write the numbers of `SCAN`. Scans are rarer than steps: only those that are new are read."""
+def _write_scans(
+    cars: CarReadings,
+    scan_time: Floats,
+    numbers: NDArray[np.float32],
+    sectors: int,
+    range_max: float,
+    is_circle: bool,
+) -> None:
+    """Write the numbers of `scan_features`. Scans may be rarer than steps: only those that are new are read."""
     for i in range(len(scan_time)):
         numbers[i, 0] = cars.time[i] - cars.lidar_time[i]
         if cars.lidar_time[i] != scan_time[i]:
             scan_time[i] = cars.lidar_time[i]
             ranges = cars.lidar_ranges[i]
-            each = len(ranges) // SECTORS
-            for sector in range(SECTORS):
-                shortest = RANGE
-                for ray in range(sector * each - each // 2, sector * each - each // 2 + each):
+            each = len(ranges) // sectors
+            first = each // 2 if is_circle else 0
+            for sector in range(sectors):
+                shortest = range_max
+                for ray in range(sector * each - first, sector * each - first + each):
                     shortest = min(shortest, ranges[ray])  # rays before ray 0 are the last ones
                 numbers[i, 1 + sector] = max(shortest, 0.0)

@@ -10,6 +10,8 @@ IDS = {
     "NigelNavigation-v0": ("navigation", 600),
 }
 """Id -> name of the task, and steps after which an episode is truncated."""
+ROBORACER, ROBORACER_STEPS = "RoboRacer-v0", 2400
+"""The time trial, which has a class of its own, and its steps (60 s)."""
 
 
 def register() -> None:
@@ -22,3 +24,9 @@ def register() -> None:
             max_episode_steps=steps,
             kwargs={"task": task},
         )
+    register_environment(
+        ROBORACER,
+        entry_point="autodrive.envs.roboracer_env:RoboRacerEnv",
+        vector_entry_point="autodrive.envs.roboracer_env:RoboRacerVectorEnv",
+        max_episode_steps=ROBORACER_STEPS,
+    )

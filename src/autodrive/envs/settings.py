@@ -14,12 +14,13 @@ from autodrive.envs.lane_keeping import LaneKeeping
 from autodrive.envs.navigation import Navigation
 from autodrive.envs.parking import Parking
 from autodrive.envs.task import Observation, Task
+from autodrive.envs.time_trial import TimeTrial
 from autodrive.errors import SpecError
 from autodrive.specs import suggest
 
 Action: TypeAlias = Literal["continuous", "discrete"]
 
-TASKS: dict[str, type[Task]] = {task.name: task for task in (LaneKeeping, Parking, Navigation)}
+TASKS: dict[str, type[Task]] = {task.name: task for task in (LaneKeeping, Parking, Navigation, TimeTrial)}
 
 MOST_TICKS = 50
 """Of an action: after 0.5 s the command of a vehicle times out."""
@@ -40,7 +41,7 @@ class Settings:
     """None: the default of the task."""
     action: Action = "continuous"
     frame_skip: int = 5
-    """Ticks of 10 ms that an action lasts."""
+    """Ticks of 10 ms, or 5 ms for the car RoboRacer, that an action lasts."""
     render_mode: str | None = None
 
     def __post_init__(self) -> None:

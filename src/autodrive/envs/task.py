@@ -89,6 +89,23 @@ class CarReadings(NamedTuple):
             readings.object_pose[:, :, :3],
         )
 
+    @classmethod
+    def of_first_world(cls, readings: Readings) -> CarReadings:
+        """All cars of the first world of a batch; views but for the time and the objects."""
+        cars = readings.position.shape[1]
+        return cls(
+            np.full(cars, readings.time[0]),
+            readings.position[0],
+            readings.orientation[0],
+            readings.velocity[0],
+            readings.angular_velocity[0],
+            readings.steering[0],
+            readings.collision_count[0],
+            readings.lidar_time[0],
+            readings.lidar_ranges[0],
+            np.repeat(readings.object_pose[:1, :, :3], cars, axis=0),
+        )
+
     def rows(self, rows: NDArray[np.intp]) -> CarReadings:
         """The readings of some of the cars."""
         some: list[Any] = [values[rows] for values in self]
@@ -103,6 +120,33 @@ class Feature(NamedTuple):
     high: float
     text: str
     """Unit, frame and meaning."""
+
+
+class ScanView(NamedTuple):
+    """How the observation 'lidar' divides a scan into sectors, of which it has the shortest range each."""
+
+    first_degree: float
+    """Bearing of the middle of the first sector, or of its beginning if the scan is no circle [deg]."""
+    degrees: float
+    """Of a sector."""
+    sectors: int
+    range_max: float
+    """No return [m]."""
+
+    @property
+    def is_circle(self) -> bool:
+        """Whether the scan has 360 degrees; then its first ray is in the middle of the first sector."""
+        return self.sectors * self.degrees >= 360.0
+
+    @property
+    def bearings(self) -> list[float]:
+        """Of the middles of the sectors [deg], left positive."""
+        first = self.first_degree + (0.0 if self.is_circle else 0.5 * self.degrees)
+        return [first + k * self.degrees for k in range(self.sectors)]
+
+
+CIRCLE = ScanView(0.0, 10.0, 36, 12.0)
+"""Of the car Nigel."""
 
 
 class Start(NamedTuple):
@@ -144,6 +188,7 @@ class Task(ABC):
     observation: Observation
     """The default."""
     memory_size: int
+    scan: ScanView = CIRCLE
 
     @abstractmethod
     def __init__(self, frame_skip: int) -> None:

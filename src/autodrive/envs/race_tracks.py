@@ -1,0 +1,76 @@
+"""Random race tracks side by side in one map, so that each episode of a batch can be on another one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from autodrive.arrays import Floats
+from autodrive.cache import cache_folder, make_folder, write_file
+from autodrive.elementary import atan2
+from autodrive.tracks.generate import generate_track
+from autodrive.tracks.track import Pose, Track
+
+LENGTH, WIDTH, AREA = 40.0, 1.4, (20.0, 10.0)
+"""Of each track [m]: the centre line, between the barriers, and the ground that it has."""
+APART = 12.0
+"""Between the grounds of two tracks [m]: farther than a LIDAR of the car sees."""
+SPACING = 0.05
+"""Of the points of the centre lines [m], about."""
+POINTS = round(LENGTH * 1.06 / SPACING)
+"""Most points of a centre line."""
+
+
+class RaceTracks:
+    """`count` tracks with the seeds `seed`, `seed` + 1, ... The map is a file in the cache."""
+
+    def __init__(self, count: int, seed: int) -> None:
+        folder = cache_folder("race_tracks", "tracks", also=f"{count} {seed} {LENGTH} {WIDTH} {AREA} {APART}")
+        self.file = folder / "tracks.yaml"
+        """The map. Its road and its start line are those of the first track; it has the barriers of all."""
+        files = [folder / f"track_{k}.yaml" for k in range(count)]
+        if not all(file.is_file() for file in (self.file, *files)):
+            _write(count, seed, folder)
+        tracks = [Track.load(file) for file in files]
+        self.length = np.array([track.length for track in tracks])
+        """Of the centre lines [m], shape (n,)."""
+        self.count = np.array([round(length / SPACING) for length in self.length.tolist()])
+        """Number of points, shape (n,)."""
+        self.lines = np.zeros((count, POINTS, 4))
+        """x, y [m], cosine and sine of the direction at points at equal distances; shape (n, most points, 4)."""
+        for k, track in enumerate(tracks):
+            self.lines[k, : self.count[k]] = _points(track, int(self.count[k]))
+
+    def pose(self, track: int, place: int, lateral: float = 0.0) -> Pose:
+        """x, y [m] and yaw [rad] at a point of a centre line, `lateral` [m] to the left of it."""
+        x, y, c, s = self.lines[track, place % self.count[track]].tolist()
+        return x - lateral * s, y + lateral * c, atan2(s, c)
+
+
+def _points(track: Track, count: int) -> Floats:
+    along = track.line.along
+    at = np.arange(count) * (along[-1] / count)
+    x, y = (np.interp(at, along, track.line.points[:, axis]) for axis in (0, 1))
+    dx, dy = (np.roll(values, -1) - np.roll(values, 1) for values in (x, y))
+    length = np.sqrt(dx * dx + dy * dy)
+    return np.column_stack([x, y, dx / length, dy / length])
+
+
+def _write(count: int, seed: int, folder: Path) -> None:
+    """Generate the tracks. The map is written last: what it consists of is complete."""
+    make_folder(folder)
+    walls: list[Floats] = []
+    tracks: list[Track] = []
+    for k in range(count):
+        one = generate_track(seed + k, length=LENGTH, width=WIDTH, area=AREA)
+        aside = np.array([0.0, round(k * (AREA[1] + APART), 3)])
+        line = one.centre_line + np.array([*aside, 0.0, 0.0])
+        moved = Track(one.name, line, walls=tuple(wall + aside for wall in one.walls), barrier=one.barrier)
+        write_file(folder / f"track_{k}.yaml", moved.text())
+        tracks.append(moved)
+        walls += moved.walls
+    first = tracks[0]
+    title = f"Tracks {seed} to {seed + count - 1}"
+    whole = Track("tracks", first.centre_line, walls=tuple(walls), title=title, barrier=first.barrier)
+    write_file(folder / "tracks.yaml", whole.text())
