@@ -15,12 +15,15 @@ DOCUMENT = ROOT / "docs" / "dependencies.md"
 
 ALLOWED = {
     *("0BSD", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "ISC", "MIT"),
+    *("MIT OR Apache-2.0", "Apache-2.0 OR BSD-2-Clause", "MIT-CMU"),
+    "any-OSI",  # of apsw: any licence that the Open Source Initiative has approved, such as MIT
     *("PSF-2.0", "Zlib"),
 }
 """SPDX identifiers of licences that suit a project under BSD-2-Clause."""
 
 SPDX = {
     "Apache Software License": "Apache-2.0",
+    "BSD License": "BSD-3-Clause",  # lz4; its LICENSE file has three clauses
     "BSD": "BSD-2-Clause",  # Numba; its LICENSE file has two clauses
     "ISC License": "ISC",
     "MIT License": "MIT",
@@ -35,6 +38,18 @@ EXTRAS = {
     "farama-notifications": ("envs", "MIT"),
     "pettingzoo": ("envs", "MIT"),
     "av": ("film", "BSD-3-Clause"),
+    "apsw": ("export", "any-OSI"),
+    "attrs": ("rerun", "MIT"),
+    "backports-zstd": ("export", "PSF-2.0"),
+    "lz4": ("export", "BSD-3-Clause"),
+    "minari": ("export", "MIT"),
+    "packaging": ("export", "Apache-2.0 OR BSD-2-Clause"),
+    "pillow": ("rerun", "MIT-CMU"),
+    "psutil": ("rerun", "BSD-3-Clause"),
+    "pyarrow": ("rerun", "Apache-2.0"),
+    "ruamel-yaml": ("export", "MIT"),
+    "rerun-sdk": ("rerun", "MIT OR Apache-2.0"),
+    "rosbags": ("export", "Apache-2.0"),
     "zstandard": ("recording", "BSD-3-Clause"),
     "warp-lang": ("gpu", "Apache-2.0"),
 }

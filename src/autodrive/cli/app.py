@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from autodrive import __version__
-from autodrive.cli import browse, tracks
+from autodrive.cli import browse, recordings, tracks
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.race import race
@@ -83,7 +83,8 @@ app.command()(doctor)
 app.command()(replay)
 app.command()(film)
 app.add_typer(tracks.importing, name="import")
-app.add_typer(tracks.exporting, name="export")
+tracks.exporting.command("recording")(recordings.export)
+app.add_typer(tracks.exporting, name="export", cls=recordings.ExportGroup)
 app.add_typer(tracks.generating, name="generate")
 
 

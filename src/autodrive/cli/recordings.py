@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+
+
+class ExportGroup(TyperGroup):
+    """The group `export`: `autodrive export FILE --to csv` is short for `autodrive export recording FILE --to csv`."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """A word that is no command is the file of a recording."""
+        if args and args[0] not in self.commands and args[0].endswith(".mcap"):
+            args = ["recording", *args]
+        return super().resolve_command(ctx, args)
+
+
+class FormatName(StrEnum):
+    """Formats of `autodrive export`."""
+
+    csv = "csv"
+    autodrive = "autodrive"
+    rosbag2 = "rosbag2"
+    rosbag1 = "rosbag1"
+    rerun = "rerun"
+    lerobot = "lerobot"
+    minari = "minari"
+
 
 FilePath = Annotated[Path, typer.Argument(metavar="FILE", help="A recording, as `autodrive run --record` writes it.")]
 
@@ -22,3 +47,36 @@ def simulate_again(path: Path) -> int:
     typer.echo(f"{result.frames} Frames compared")
     typer.echo(str(result))
     return 0 if result.difference is None else 1
+
+
+def export(
+    file: FilePath,
+    to: Annotated[FormatName, typer.Option(help="Format.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="PATH", help="File or folder to write.  [default: beside the recording]"
+        ),
+    ] = None,
+    vehicle: Annotated[str, typer.Option(metavar="NAME", help="Only this vehicle.  [default: all, or the first]")] = "",
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", min=0.01, max=1e6, help="Rows in a second.  [default: of the format]")
+    ] = None,
+    start: Annotated[float | None, typer.Option(metavar="S", help="First time.  [default: the start]")] = None,
+    end: Annotated[float | None, typer.Option(metavar="S", help="Last time.  [default: the end]")] = None,
+) -> None:
+    """Write a recording in a format of another program.
+
+    csv: tables of all signals. autodrive: data recorder of AutoDRIVE. rosbag2, rosbag1: bags with the topics of the ROS
+    bridge. rerun: a file of Rerun with a view. lerobot, minari: datasets for learning.
+    """
+    from autodrive.exports import FORMATS
+    from autodrive.exports import export as write
+    from autodrive.exports.options import ExportOptions
+    from autodrive.recording import open as open_recording
+
+    with open_recording(file) as recording:
+        path = write(recording, to.value, output, ExportOptions(vehicle, rate, start, end))
+        for problem in recording.problems:
+            typer.echo(f"autodrive: {problem}", err=True)
+    typer.echo(f"wrote {FORMATS[to.value].title} to {path}")

@@ -15,7 +15,7 @@ import simplejpeg
 
 from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, VehicleFrame
 from autodrive.protocol.native import Picture
-from autodrive.recording import mcap, records
+from autodrive.recording import mcap, records, tables
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS, CompressedImage, LaserScan, lidar_scan
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, States, StatusRecord
@@ -399,6 +399,14 @@ class Recording:
     def __getitem__(self, name: str) -> Any:
         """A signal as an array, its first axis along `times`: `recording["V1/ips/position"]`."""
         return self.signals[name]
+
+    def columns(self, vehicle: str) -> dict[str, np.ndarray[Any, Any]]:
+        """Arrays of shape (n,) of a vehicle: 'time' [s], then each element of each signal, such as 'ips.position.x'."""
+        return tables.columns(self.signals, vehicle)
+
+    def table(self, vehicle: str, library: tables.Library = "pandas") -> Any:
+        """The `columns` as a data frame of pandas or polars, if it is installed."""
+        return tables.table(self.signals, vehicle, library)
 
     def messages_of(self, topic: str) -> list[bytes]:
         """The data of all messages of a topic, in order."""

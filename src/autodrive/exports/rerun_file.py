@@ -1,0 +1,120 @@
+"""A file of Rerun (.rrd) with a view: vehicles, objects, scans and images in space, and curves of the signals.
+
+Rerun sends usage statistics unless `rerun analytics disable` was called once.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from autodrive.exports.options import ExportOptions
+from autodrive.exports.sampling import sampled
+from autodrive.protocol.channels import CHANNELS
+from autodrive.protocol.messages import LidarScan
+from autodrive.recording import Recording
+from autodrive.recording.recording import LazyImages
+from autodrive.vehicles.spec import VehicleSpec, load_vehicle
+
+RATE = 30.0
+"""Default rate of poses and curves [Hz]."""
+TIMELINE = "time"
+
+
+def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> None:
+    """Write the file."""
+    names = options.vehicles(recording)
+    with recording.scenario_spec() as spec:
+        vehicles = {name: load_vehicle(spec.vehicles[name].type) for name in names}
+    with rr.RecordingStream("autodrive", recording_id=recording.path.stem) as stream:
+        stream.save(str(path), default_blueprint=_view(recording, names))
+        stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        _log_meshes(stream, recording, vehicles)
+        scans: dict[str, float] = {}
+        images: dict[tuple[str, str], float] = {}
+        for time, frame in sampled(recording, options, options.rate or RATE):
+            stream.set_time(TIMELINE, duration=time)
+            for name, one in frame.objects.items():
+                stream.log(f"world/objects/{name}", _transform(one.pose))
+            for name in names:
+                vehicle = frame.vehicles[name]
+                stream.log(f"world/{name}", _transform(vehicle.pose))
+                if vehicle.lidar is not None and scans.get(name) != vehicle.lidar.time:
+                    scans[name] = vehicle.lidar.time
+                    stream.log(f"world/{name}/lidar", rr.Points3D(_points(vehicle.lidar), radii=0.005))
+                assert isinstance(vehicle.cameras, LazyImages)
+                for camera, taken in vehicle.cameras.times.items():
+                    if images.get((name, camera)) != taken and (found := vehicle.cameras.picture(camera)) is not None:
+                        images[name, camera] = taken
+                        stream.log(
+                            f"images/{name}/{camera}", rr.EncodedImage(contents=found.jpeg, media_type="image/jpeg")
+                        )
+            for event in frame.events:
+                stream.log("events", rr.TextLog(repr(event)))
+        _log_signals(stream, recording, names)
+
+
+def _view(recording: Recording, names: tuple[str, ...]) -> rrb.Blueprint:
+    images = [
+        rrb.Spatial2DView(origin=f"images/{name}/{camera}", name=f"{name} {camera}")
+        for name in names
+        for camera in recording.cameras(name)
+    ]
+    curves = [
+        rrb.TimeSeriesView(origin=f"signals/{names[0]}/{signal}", name=signal)
+        for signal in ("velocity", "steering", "throttle", "imu/angular_velocity")
+    ]
+    space = rrb.Spatial3DView(origin="world", name="map")
+    top = rrb.Horizontal(space, rrb.Vertical(*images)) if images else space
+    return rrb.Blueprint(rrb.Vertical(top, rrb.Grid(*curves), row_shares=[2, 1]))
+
+
+def _log_meshes(stream: rr.RecordingStream, recording: Recording, vehicles: dict[str, VehicleSpec]) -> None:
+    """The .glb files of the recording, which Rerun draws as they are."""
+    for part, name in recording.scenario.attachments.items():
+        kind, _, of = part.partition("/")
+        entity = {"map": "world/map", "vehicle": f"world/{of}/mesh", "object": f"world/objects/{of}/mesh"}[kind]
+        if name in recording.attachments and (kind != "vehicle" or of in vehicles):
+            stream.log(
+                entity, rr.Asset3D(contents=recording.attachment(name), media_type="model/gltf-binary"), static=True
+            )
+    for name, spec in vehicles.items():
+        if (lidar := spec.sensors.lidar) is not None:
+            stream.log(f"world/{name}/lidar", _transform(lidar.mount), static=True)
+
+
+def _transform(pose: object) -> rr.Transform3D:
+    """Of a pose or a mount."""
+    w, x, y, z = map(float, pose.orientation)  # type: ignore[attr-defined]  # pyright: ignore
+    position = [float(value) for value in pose.position]  # type: ignore[attr-defined]  # pyright: ignore
+    return rr.Transform3D(translation=position, quaternion=rr.Quaternion(xyzw=[x, y, z, w]))
+
+
+def _points(scan: LidarScan) -> np.ndarray:
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+    is_hit = np.isfinite(scan.ranges)
+    ranges, angles = scan.ranges[is_hit], angles[is_hit]
+    return np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))], axis=1)
+
+
+def _log_signals(stream: rr.RecordingStream, recording: Recording, names: tuple[str, ...]) -> None:
+    """All signals that have plots, at the rate of the recording, in one call for each."""
+    for vehicle in names:
+        for signal in (signal for channel in CHANNELS for signal in channel.signals if not signal.size):
+            name = f"{vehicle}/{signal.name.replace('.', '/')}"
+            if signal.name.startswith("lidar.") or not signal.plots:
+                continue
+            values, times = recording[name].astype(np.float64), recording.signals.times(name)
+            rows = values.reshape(len(times), -1)
+            if np.isnan(rows).all():
+                continue
+            entity = f"signals/{name}"
+            stream.log(entity, rr.SeriesLines(names=list(signal.elements) or [signal.name]), static=True)
+            stream.send_columns(
+                entity,
+                indexes=[rr.TimeColumn(TIMELINE, duration=times)],
+                columns=rr.Scalars.columns(scalars=rows.ravel()).partition([rows.shape[1]] * len(times)),
+            )

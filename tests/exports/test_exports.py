@@ -1,0 +1,118 @@
+"""Each export is read back by the tool that it is for."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from autodrive.exports import FORMATS, export
+from autodrive.exports.bag import DEFINITIONS
+from autodrive.exports.options import ExportOptions
+from autodrive.exports.recorder_layout import read
+from autodrive.recording import Recording, RecordingError
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_csv_has_every_signal(lap: Recording, tmp_path: Path) -> None:
+    folder = export(lap, "csv", tmp_path / "csv", ExportOptions(start=0.2))
+    with (folder / "V1.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 81
+    assert [float(row["ips.position.x"]) for row in rows] == lap["V1/ips/position"][20:, 0].tolist()
+    assert float(rows[-1]["time"]) == 1.0
+    with (folder / "V1_lidar.csv").open() as file:
+        header, *scans = csv.reader(file)
+    assert (len(header), len(scans)) == (361, int(np.sum(lap.signals.times("V1/lidar/ranges") >= 0.2)))
+    with (folder / "commands.csv").open() as file:
+        commands = list(csv.DictReader(file))
+    assert (len(commands), commands[-1]["throttle"], commands[-1]["tick"]) == (100, "0.8", "99")
+
+
+def test_a_table_is_a_data_frame(lap: Recording) -> None:
+    pandas, polars = lap.table("V1"), lap.table("V1", "polars")
+    assert len(pandas) == len(polars) == 101
+    assert pandas["velocity.x"].tolist() == polars["velocity.x"].to_list() == lap["V1/velocity"][:, 0].tolist()
+    with pytest.raises(RecordingError, match="'pandas' or 'polars'"):
+        lap.table("V1", "excel")  # type: ignore[arg-type]  # pyright: ignore
+
+
+def test_the_layout_of_the_data_recorder_is_read_back(lap: Recording, tmp_path: Path) -> None:
+    folder = export(lap, "autodrive", tmp_path / "log", ExportOptions(rate=20.0))
+    with (folder / "V1 Log.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert all(len(row) == 21 for row in rows)
+    assert re.fullmatch(r"\d{4}(_\d{2}){5}_\d{3}", rows[0][0])
+    assert len(rows) == 21
+    log = read(folder / "V1 Log.csv")
+    np.testing.assert_allclose(log.time, np.linspace(0.0, 1.0, 21), atol=0.0011)  # time stamps have milliseconds
+    np.testing.assert_array_equal(log.position, lap["V1/ips/position"][::5])
+    np.testing.assert_array_equal(log.steering, lap["V1/steering"][::5])
+    np.testing.assert_array_equal(log.angular_velocity, lap["V1/imu/angular_velocity"][::5])
+    np.testing.assert_array_equal(log.acceleration, lap["V1/imu/linear_acceleration"][::5])
+    assert log.images[-1][0].startswith("V1 Camera Frames/Camera0_Frame_")
+    assert (folder / log.images[-1][1]).read_bytes()[:2] == b"\xff\xd8"
+    assert len(log.ranges[-1]) == 360
+
+
+def test_a_log_that_is_wrong_is_refused(tmp_path: Path) -> None:
+    row = ",".join(["2026_01_31_13_45_10_250", *["0"] * 17, "", "", ""])
+    for text, reason in (
+        ("1,2,3\n", "line 1 has 3 columns"),
+        (f"{row}\n", "has 1 lines"),
+        (f"{row}\n{row.replace('2026_', 'now_')}\n", "line 2: the time stamp must be such as"),
+        (f"{row}\n{row.replace('0,0,0', '0,x,0', 1)}\n", "line 2: could not convert"),
+        (f"{row}\n{row.replace('2026', '2025')}\n", "line 2: the time stamp is earlier"),
+    ):
+        path = tmp_path / "log.csv"
+        path.write_text(text)
+        with pytest.raises(RecordingError, match=reason):
+            read(path)
+
+
+@pytest.mark.parametrize("form", ["rosbag2", "rosbag1"])
+def test_a_bag_is_read_by_rosbags(lap: Recording, tmp_path: Path, form: str) -> None:
+    path = export(lap, form, tmp_path / f"lap{FORMATS[form].suffix}")
+    store = get_typestore(Stores.ROS2_JAZZY if form == "rosbag2" else Stores.ROS1_NOETIC)
+    with AnyReader([path], default_typestore=store) as reader:
+        counts: dict[str, int] = {}
+        last = {}
+        for connection, time, data in reader.messages():
+            counts[connection.topic] = counts.get(connection.topic, 0) + 1
+            last[connection.topic] = time, reader.deserialize(data, connection.msgtype)
+    root = "/autodrive/nigel_1"
+    assert counts[f"{root}/scan"] == len(lap["V1/lidar/ranges"])
+    assert counts[f"{root}/imu/data"] in range(29, 34)
+    assert counts["/clock"] == 101
+    front = len(list(lap.pictures("V1", "front")))
+    compressed = [topic for topic in counts if "front" in topic and topic.endswith("compressed")]
+    assert [counts[topic] for topic in compressed] == [front]
+    time, scan = last[f"{root}/scan"]
+    assert len(scan.ranges) == 360
+    assert time <= 1_000_000_000
+    assert last[f"{root}/joint_states"][1].name[0]
+    truth = last[f"{root}/ground_truth/odom"][1].pose.pose.position
+    assert truth.x == pytest.approx(lap["V1/pose/position"][-1, 0], abs=0.1)  # the last state is at most 1/30 s old
+    assert last["/tf"][1].transforms
+
+
+def test_our_messages_in_bags_are_those_of_the_ros_packages() -> None:
+    for name, text in DEFINITIONS.items():
+        file = ROOT / "ros" / "ros2" / "autodrive_msgs" / "msg" / f"{name.rpartition('/')[2]}.msg"
+        assert get_types_from_msg(text, name) == get_types_from_msg(file.read_text(), name)
+
+
+def test_an_export_replaces_nothing_and_says_what_is_wrong(lap: Recording, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="would replace"):
+        export(lap, "csv", tmp_path)
+    with pytest.raises(RecordingError, match="Did you mean 'rosbag2'"):
+        export(lap, "rosbag3", tmp_path / "a")
+    with pytest.raises(RecordingError, match="vehicle 'V9' is not in the recording"):
+        export(lap, "csv", tmp_path / "a", ExportOptions(vehicle="V9"))
+    assert not (tmp_path / "a").exists()
