@@ -121,9 +121,12 @@ def check_command(words: list[str], commands: dict[str, Any], path: Path) -> Non
         program, words = "autodrive", ["autodrive", *words[1:]]
     if program.removeprefix(".venv/bin/") == "autodrive":
         assert len(words) == 1 or words[1] in commands, where
+        command = commands[words[1]] if len(words) > 1 else None
+        if len(words) > 2:
+            command = getattr(command, "commands", {}).get(words[2], command)
         options = {
             option
-            for parameter in (commands[words[1]].params if len(words) > 1 else ())
+            for parameter in (command.params if command is not None else ())
             for option in (*parameter.opts, *parameter.secondary_opts)
         }
         assert {word for word in words if word.startswith("--")} <= options | {"--help"}, where
