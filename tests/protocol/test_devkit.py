@@ -17,11 +17,13 @@ import simplejpeg
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autodrive.errors import AutodriveError
+from autodrive.errors import AutodriveError, SpecError
 from autodrive.protocol import devkit
 from autodrive.protocol.devkit import ENVIRONMENT, initial_telemetry, read_commands, telemetry
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, detect_profile, is_ambiguous
-from autodrive.protocol.messages import Command, Headlights, Hold, Indicators
+from autodrive.protocol.messages import Command, Headlights, Hold, Indicators, RaceState, RaceStatus
+from autodrive.specs import find
+from autodrive.vehicles.spec import load_vehicle
 from tests.protocol.devkit_frames import frame, scan, vehicle
 
 RECORDED = json.loads((Path(__file__).parent / "data" / "devkit_2023.json").read_text())
@@ -86,6 +88,25 @@ def test_messages_of_the_league_have_all_its_keys() -> None:
     assert (data["V1 Lap Count"], data["V1 Lap Time"], data["V1 Best Lap Time"]) == ("0", "0.0000", "0.0000")
     sizes = {("red", "rear"): (64, 48)}
     assert "V1 Rear Camera Image" in telemetry(sent, PROFILES["roboracer"], image_sizes=sizes)  # a car that has one
+
+
+def test_messages_of_the_league_have_the_laps_of_the_race() -> None:
+    race = RaceState(RaceStatus.RACING, 2, 12, 3.5, 9.25, 9.0, 20.0, 10.0, 1, 4, 5.0, 1, 0.0, False)
+    data = telemetry(frame(vehicle(race=race, collision_count=9)), PROFILES["roboracer"])
+    keys = ("Lap Count", "Lap Time", "Last Lap Time", "Best Lap Time", "Collisions")
+    assert [data[f"V1 {key}"] for key in keys] == ["2", "3.5000", "9.2500", "9.0000", "1"]
+
+
+@pytest.mark.parametrize("name", ["roboracer", "roboracer_f1tenth"])
+def test_the_cars_of_the_league_have_its_profile(name: str) -> None:
+    assert load_vehicle(name).devkit_profile == "roboracer"
+
+
+def test_an_unknown_profile_of_a_vehicle_is_an_error_that_names_the_known_ones(tmp_path: Path) -> None:
+    file = tmp_path / "car.yaml"
+    file.write_text(find("vehicle", "roboracer").read_text().replace("profile: roboracer", "profile: robocar"))
+    with pytest.raises(SpecError, match=r"devkit_profile .*'robocar' is not known\. Known: 2020, .*, roboracer"):
+        load_vehicle(str(file))
 
 
 LEAGUE_KEYS = """Throttle, Steering, Encoder Angles, Position, Orientation Quaternion, Angular Velocity,
