@@ -34,7 +34,7 @@ def read(path: Path) -> tuple[str, float, list[NDArray[np.uint8]]]:
     """Codec, images per second, and images."""
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
-        images = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        images = [np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in container.decode(stream)]
         codec = stream.codec_context.codec.canonical_name
         return codec, float(stream.average_rate or 0), images
 

@@ -2,6 +2,7 @@
 import { beforeEach, expect, test } from 'vitest'
 
 import type { Event } from '../src/messages'
+import { VehicleEvents } from '../src/panels/vehicle_events'
 import { textAt } from '../src/replay/marks'
 import { Playhead } from '../src/replay/playhead'
 import { TimeWindow } from '../src/replay/window'
@@ -100,4 +101,25 @@ test('a place of the timeline is named by its event if one is near', () => {
   const marks = [collision(10), collision(20)]
   expect(textAt(marks, window_, 0.102, 1000)).toBe('00:00:10.00 V1 hit wall')
   expect(textAt(marks, window_, 0.15, 1000)).toBe('00:00:15.00')
+})
+
+test('a seek shows whether a vehicle was off the road there, and forgets what was before a reset', () => {
+  const event = (type: 'OffRoad' | 'BackOnRoad', at: number, time: number) => ({
+    time: at,
+    event: { type, time, vehicle: 'V1', position: new Float64Array(3) },
+  })
+  // a reset at 30 s sets the time back to 0
+  const marks = [
+    event('OffRoad', 10, 10),
+    event('BackOnRoad', 20, 20),
+    event('OffRoad', 25, 25),
+    event('OffRoad', 40, 10),
+  ]
+  const events = new VehicleEvents()
+  const isOff = (position: number, time: number) => {
+    events.showRecorded(marks, position, time, 0.2)
+    return events.isOffRoad('V1')
+  }
+  expect([isOff(15, 15), isOff(5, 5), isOff(22, 22), isOff(26, 26)]).toEqual([true, false, false, true])
+  expect([isOff(31, 1), isOff(41, 11)]).toEqual([false, true])
 })

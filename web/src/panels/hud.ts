@@ -55,6 +55,12 @@ export function hud(store: Store, connection: Connection): HTMLElement {
     if (store.isHudOpen.value) history.add(hudState(store))
   })
   store.events.watch((events) => vehicleEvents.add(events))
+  store.status.watch((status) => {
+    const { timeline } = store.scene.value ?? {}
+    if (!timeline || !status || status.position === null || !store.frame.value) return
+    const lag = status.is_paused ? 0 : 0.3 * (status.speed ?? 1)
+    vehicleEvents.showRecorded(timeline.marks, status.position, store.frame.value.time, 0.2 + lag)
+  })
   store.vehicle.watch(() => history.clear())
   store.scene.watch(() => {
     history.clear()
