@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import av
+import numpy as np
 import pytest
 
 from autodrive import recording
@@ -21,6 +23,25 @@ __all__ = ["drive"]
 def replay(built: Path, drive: Drive) -> Iterator[Replay]:
     with Replay(drive.path, ReplayOptions(is_paused=True, port=0)) as running:
         yield running
+
+
+def test_the_film_button_downloads_a_film_of_the_view(mini_map: PageServer, new_tab: NewTab, tmp_path: Path) -> None:
+    tab = new_tab(size=(640, 480), draws=True).open(f"{mini_map.url}?quality=low#camera=birds-eye")
+    tab.wait_for_image()
+    tab.show("menu")
+    tab.click("film")
+    count = tab.value("store.imageCount.value")
+    tab.wait_until(lambda: tab.value("store.imageCount.value") > count + 5)
+    with tab.page.expect_download() as download:
+        tab.click("film")
+    assert download.value.suggested_filename.startswith("mini_map-")
+    path = tmp_path / "film.webm"
+    download.value.save_as(path)
+    with av.open(str(path)) as film:
+        images = [np.asarray(frame.to_ndarray(format="rgb24")) for frame in film.decode(film.streams.video[0])]
+        assert film.streams.video[0].codec_context.codec.canonical_name in {"av1", "vp9", "vp8"}
+    assert len(images) > 1
+    assert images[-1].std() > 10
 
 
 def position(tab: Tab) -> float:

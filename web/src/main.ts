@@ -28,6 +28,7 @@ import { toolbar } from './panels/toolbar'
 import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
 import { requestRemoteView } from './remote_view'
+import { filmButton } from './replay/film_button'
 import { recorder } from './replay/recorder'
 import { timeline } from './replay/timeline'
 import type { SceneView } from './scene/view'
@@ -85,6 +86,7 @@ const mainMenu = menu(store, connection, actions, programs.open)
 document.body.prepend(bar, mainMenu)
 const recording = recorder(store, actions)
 mainMenu.append(recording.section)
+mainMenu.querySelector('.tools')?.append(filmButton(store, canvas))
 bar.querySelector('.run')?.after(recording.button)
 showOnePanelOnSmallScreens(store)
 openMapForRaces(store)
