@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from autodrive.actuators.lights import LAMPS
-from autodrive.assets.asset import Detail
+from autodrive.assets.asset import Asset, Detail
+from autodrive.compile import compile_scenario
 from autodrive.errors import SpecError
+from autodrive.meshes.store import scene_of
+from autodrive.meshes.vehicle_paint import linear
 from autodrive.protocol.messages import WHEEL_NAMES
+from autodrive.scenario import ScenarioSpec
 from autodrive.specs import parse
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
 from tests.meshes.test_vehicle import Floats, car, corners, places
@@ -93,6 +100,30 @@ def test_the_page_can_paint_a_large_part_of_it(name: str, detail: Detail) -> Non
                 a, b, c = np.moveaxis(surface.positions[surface.triangles].astype(float), 1, 0)
                 painted += float(np.maximum(0.0, np.cross(b - a, c - a)[:, 2]).sum()) / 2.0
     assert painted > 0.25 * 0.33 * 0.15  # a quarter of the deck, the computer covers another part
+
+
+def paint_of(asset: Asset) -> set[tuple[float, float, float]]:
+    surfaces = [one for node in asset.nodes for parts in node.surfaces.values() for one in parts]
+    return {one.material.color for one in surfaces if one.material.is_paint}
+
+
+def test_several_race_cars_have_the_colours_of_the_page_in_camera_images() -> None:
+    names = ("roboracer", "roboracer", "roboracer_f1tenth", "nigel")
+    cars: Any = {f"V{i}": {"type": name, "y": 1.0 * i} for i, name in enumerate(names, start=1)}
+    scene = scene_of(compile_scenario(ScenarioSpec(vehicles=cars)))
+    source = (Path(__file__).parents[2] / "web" / "src" / "vehicle_colours.ts").read_text()
+    (listed,) = re.findall(r"const COLOURS = \[(.*?)\]", source)
+    colours = [linear(one) for one in re.findall(r"'(#\w+)'", listed)]
+    assert [paint_of(asset) for asset in scene.vehicles[:3]] == [{colour} for colour in colours[:3]]
+    assert paint_of(scene.vehicles[3]) == paint_of(car("nigel"))
+    alone = scene_of(compile_scenario(ScenarioSpec(vehicles={"V1": cars["V1"]})))
+    assert paint_of(alone.vehicles[0]) == paint_of(car("roboracer"))
+
+
+def test_linear_colours_are_those_of_the_standard() -> None:
+    assert linear("#000000") == (0.0, 0.0, 0.0)
+    assert linear("#ffffff") == pytest.approx((1.0, 1.0, 1.0))
+    assert linear("#bc0a80") == pytest.approx((0.5029, 0.003035, 0.2159), rel=1e-3)
 
 
 def test_a_racer_has_a_chassis_and_a_deck() -> None:

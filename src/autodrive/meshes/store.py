@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from autodrive.assets.asset import Asset
 from autodrive.assets.glb import read_glb, write_glb
 from autodrive.cache import cache_folder, read_cached, write_cached
+from autodrive.meshes.vehicle_paint import painted
 from autodrive.render.scene import RenderScene
 
 if TYPE_CHECKING:
@@ -51,7 +52,10 @@ class Drawable(Protocol):
 
 
 def scene_of(world: Drawable) -> RenderScene:
-    """The scene of a world; equal vehicles and boxes share one asset."""
+    """The scene of a world; equal vehicles and boxes share one asset.
+
+    Several race cars have different colours, as on the page. Other cars have none, as in the original.
+    """
     known: dict[str, Asset] = {}
 
     def shared(kind: Kind, of: Any) -> Asset:
@@ -60,9 +64,13 @@ def scene_of(world: Drawable) -> RenderScene:
             known[name] = cached(name, lambda: _build(kind, of))
         return known[name]
 
+    def car(number: int, spec: VehicleSpec) -> Asset:
+        asset = shared("vehicle", spec)
+        return painted(asset, number) if spec.look == "racer" and len(world.vehicles) > 1 else asset
+
     return RenderScene(
         static=shared("map", world.map),
-        vehicles=[shared("vehicle", spec) for spec in world.vehicles.values()],
+        vehicles=[car(number, spec) for number, spec in enumerate(world.vehicles.values())],
         objects=[shared("box", box.size) for box in world.boxes],
         lights=[spec.lights for spec in world.vehicles.values()],
     )
