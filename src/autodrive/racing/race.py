@@ -83,6 +83,8 @@ class Race:
         self.rules = rules
         self._names = list(names)
         self._tick = tick
+        limits = rules.time_limit, rules.standstill_limit, rules.wrong_way_limit
+        self._has_limits = any(limit is not None for limit in limits)
         self._gates = gates(track, rules.checkpoint_distance)
         self._starts: list[Pose] = []
         self._entries = [Entry() for _ in names]
@@ -184,7 +186,12 @@ class Race:
 
     def states(self, time: float) -> list[RaceState]:
         """The state of each vehicle at that time [s], for a Frame."""
-        distances = [self._distance(i) for i in range(len(self._names))]
+        p, gates = self._progress, len(self._gates)
+        checkpoints = [(gate - 1) % gates for gate in p.next_gate.tolist()]
+        distances = [
+            self._distance(entry, passed, travelled)
+            for entry, passed, travelled in zip(self._entries, checkpoints, p.travelled.tolist(), strict=True)
+        ]
         order = sorted(range(len(self._names)), key=lambda i: self._order(i, distances[i]))
         ranks = {i: place for place, i in enumerate(order, start=1)}
         return [
@@ -198,13 +205,13 @@ class Race:
                 race_time=self._race_time(entry, time),
                 penalty=entry.penalty,
                 collision_count=entry.collisions,
-                checkpoint=self._checkpoint(i),
+                checkpoint=checkpoints[i],
                 distance=distances[i],
                 rank=ranks[i],
                 gap=0.0 if ranks[i] == 1 else entry.gap,
-                is_wrong_way=bool(self._progress.is_wrong_way[i]),
+                is_wrong_way=bool(is_wrong_way),
             )
-            for i, entry in enumerate(self._entries)
+            for (i, entry), is_wrong_way in zip(enumerate(self._entries), p.is_wrong_way.tolist(), strict=True)
         ]
 
     # -- parts of a tick ----------------------------------------------------------------------------------------
@@ -307,6 +314,8 @@ class Race:
 
     def _check_limits(self, time: float, positions: Floats, events: list[Event], moves: list[Move]) -> None:
         rules, p = self.rules, self._progress
+        if not self._has_limits:
+            return
         for i, entry in enumerate(self._entries):
             if entry.status != RaceStatus.RACING:
                 continue
@@ -331,12 +340,10 @@ class Race:
     def _distance_along(self, i: int) -> float:
         return float(self._progress.s[i])
 
-    def _distance(self, i: int) -> float:
+    def _distance(self, entry: Entry, passed: int, travelled: float) -> float:
         """Distance along the track since the start line [m]; a checkpoint that was missed holds it."""
         length, step = self.track.length, self.track.length / len(self._gates)
-        entry = self._entries[i]
-        ahead = float(self._progress.travelled[i]) - entry.travelled
-        return entry.laps * length + self._checkpoint(i) * step + min(ahead, step)
+        return entry.laps * length + passed * step + min(travelled - entry.travelled, step)
 
     def _ahead(self, i: int) -> float:
         """Distance of vehicle i from the checkpoint that it passed last, along the track; half a lap at most [m]."""
