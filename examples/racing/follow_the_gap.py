@@ -17,21 +17,22 @@ FASTEST, SLOWEST = 6.0, 1.0  # [m/s]
 BRAKING, SIDEWAYS = 2.5, 4.0  # accelerations that the tyres take with a reserve [m/s^2]
 HALF_WIDTH = 0.26  # half of the car, with a margin [m]
 DISPARITY = 0.25  # neighbouring ranges that differ by more belong to two things [m]
-VIEW = math.radians(100.0)  # of each side
+VIEW, AHEAD, NARROW = math.radians(100.0), math.radians(75.0), math.radians(4.0)  # to each side
 
 
 def command(ranges, angles):
     """Throttle and steering, -1 to 1, for one scan: ranges [m] and angles [rad] from right to left."""
-    seen = np.abs(angles) < VIEW
-    ranges, angles = np.clip(ranges[seen], 0.05, 10.0), angles[seen]
-    free = widened(ranges, angles)
-    ahead = np.abs(angles) < math.radians(75.0)
-    best = free[ahead].max()
-    far = angles[ahead][free[ahead] > 0.9 * best]
-    goal = far[np.argmin(np.abs(far))] if best > 8.0 else far.mean()
+    right, left = np.searchsorted(angles, (-VIEW, VIEW))
+    angles = angles[right:left:2]  # every second ray is enough
+    free = widened(np.minimum(np.maximum(ranges[right:left:2], 0.05), 10.0), angles)
+    right, left = np.searchsorted(angles, (-AHEAD, AHEAD))
+    best = float(free[right:left].max())
+    far = angles[right:left][free[right:left] > 0.9 * best]
+    goal = float(far[np.abs(far).argmin()] if best > 8.0 else far.mean())
     steering = math.atan(WHEELBASE * 2.0 * math.sin(goal) / min(best, 1.2))
     # speed: stop within what is free ahead, and hold the curve that leads there
-    front = free[np.abs(angles - 0.5 * steering) < math.radians(4.0)].min()
+    right, left = np.searchsorted(angles, (0.5 * steering - NARROW, 0.5 * steering + NARROW))
+    front = float(free[right:left].min())
     curvature = abs(math.tan(steering)) / WHEELBASE
     speed = min(
         FASTEST,
@@ -45,14 +46,11 @@ def widened(ranges, angles):
     """Ranges as a car of that width sees them: the nearer side of each disparity hides what is behind it."""
     free = ranges.copy()
     step = angles[1] - angles[0]
-    for i in np.flatnonzero(np.abs(np.diff(ranges)) > DISPARITY):
-        near = min(ranges[i], ranges[i + 1])
+    for i in np.flatnonzero(np.abs(ranges[1:] - ranges[:-1]) > DISPARITY).tolist():
+        near = float(min(ranges[i], ranges[i + 1]))
         reach = int(math.asin(min(1.0, HALF_WIDTH / near)) / step) + 1
-        if ranges[i] < ranges[i + 1]:
-            free[i + 1 : i + 1 + reach] = np.minimum(free[i + 1 : i + 1 + reach], near)
-        else:
-            start = max(0, i + 1 - reach)
-            free[start : i + 1] = np.minimum(free[start : i + 1], near)
+        hidden = free[i + 1 : i + 1 + reach] if ranges[i] < ranges[i + 1] else free[max(0, i + 1 - reach) : i + 1]
+        np.minimum(hidden, near, out=hidden)
     return free
 
 
