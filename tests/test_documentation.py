@@ -39,6 +39,7 @@ RUN_BY = {
     "recordings.md": {"python": "tests/recording/test_document.py"},
     "race_car.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "scenarios.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
+    "tracks.md": {"python": "tests/tracks/test_document.py", "yaml": "tests/tracks/test_document.py"},
     "testing.md": {"python": "tests/test_documentation.py"},
     "vehicle.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
 }

@@ -49,8 +49,7 @@ def barriers(track: Track) -> list[Barrier]:
             name = f"wall_{number}" if len(lines) == 1 else f"wall_{number}_{k}"
             depth = np.full(len(line) - 1, track.barrier.width)
             found.append(Barrier(name, line, depth, track.barrier.length is None))
-    if track.barrier.kind == "wall":
-        _make_thinner(found)
+    _make_thinner(found)
     return found
 
 
@@ -102,7 +101,7 @@ def _ducts(face: Floats, spec: BarrierSpec) -> Iterator[Floats]:
 
 
 def _make_thinner(found: list[Barrier]) -> None:
-    """Halves the thickness of walls until no other face is behind them."""
+    """Makes barriers thinner until no other face is behind them."""
     first = np.vstack([one.points[:-1] for one in found])
     step = np.vstack([np.diff(one.points, axis=0) for one in found])
     depth = np.concatenate([one.depth for one in found])
@@ -120,7 +119,7 @@ def _make_thinner(found: list[Barrier]) -> None:
         behind, _ = tree.query(shapely.polygons(corners), predicate="intersects")
         todo = todo[np.unique(behind)]
         todo = todo[depth[todo] > THINNEST]
-        depth[todo] /= 2.0
+        depth[todo] *= 0.8
     starts = np.cumsum([0, *(len(one.depth) for one in found)])
     for one, start in zip(found, starts, strict=False):
         one.depth[:] = depth[start : start + len(one.depth)]

@@ -111,7 +111,7 @@ def _loop(
     target, found, centre = length, 0.0, points
     for _ in range(3):
         grown = points.copy()
-        grow(grown, kicks, room[0], room[1], target / n, gap, 1.25 * radius, 800)
+        grow(grown, kicks, room[0], room[1], target / n, 1.04 * gap, 1.25 * radius, 800)
         centre = resampled(_spline(grown), SPACING)
         found = float(closed_line(centre).along[-1])
         if abs(found - length) < 0.01 * length:
@@ -122,7 +122,7 @@ def _loop(
         return None
     if abs(found - length) > LENGTH_TOLERANCE * length:
         return None
-    if np.abs(curvature(centre)).max() > 1.0 / radius or _comes_near(centre, 0.97 * gap):
+    if np.abs(curvature(centre)).max() > 1.0 / radius or _comes_near(centre, 1.003 * gap):
         return None
     if clockwise:
         centre = centre[::-1]

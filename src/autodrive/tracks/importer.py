@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -130,7 +131,7 @@ def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> lis
     right, left = (shapely.Polygon(edge).buffer(0) for edge in track.edges)
     free = shapely.symmetric_difference(right, left)
     if track.walls:
-        free = shapely.symmetric_difference_all([shapely.Polygon(wall).buffer(0) for wall in track.walls])
+        free = functools.reduce(shapely.symmetric_difference, map(shapely.Polygon, track.walls))
     solid = shapely.difference(shapely.buffer(free, max(track.barrier.width, 2.0 * resolution)), free)
     paths = [write_ros_map(folder, track.name, solid, free, resolution=resolution)]
     paths.append(folder / f"{track.name}_centerline.csv")

@@ -37,7 +37,7 @@ class BarrierSpec(Spec):
     kind: Literal["wall", "duct"] = "wall"
     """'duct': a flexible air duct on the floor, round, as on RoboRacer tracks."""
     width: Length = 0.1
-    """Thickness of a wall, or diameter of a duct [m]. A wall is thinner where another face is behind it."""
+    """Thickness of a wall, or diameter of a duct [m]. It is thinner where another face is behind it."""
     height: Length = 0.33
     """[m]; for a duct its diameter."""
     length: Length | None = None
