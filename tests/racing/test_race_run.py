@@ -38,11 +38,13 @@ class Script:
     keys: set[str] = field(default_factory=set[str])
     numbers: list[float] = field(default_factory=list[float])
     messages: int = 0
+    scans: list[bytes] = field(default_factory=list[bytes])
 
     def respond(self, data: Any) -> dict[str, str] | None:
         self.messages += 1
         self.keys |= {key.split()[0] for key in data if key.startswith("V")}
         self.car.parse_data(data)
+        self.scans.append(self.car.lidar_range_array.tobytes())
         withheld = (*self.car.position, *self.car.linear_velocity, self.car.speed, self.car.lap_time)
         self.numbers += map(float, withheld)
         self.car.throttle_command, self.car.steering_command = GAP(self.car.lidar_range_array, ANGLES)
@@ -110,6 +112,17 @@ def test_scripts_that_die_stall_or_cheat_leave_the_race_and_the_others_finish(tm
     (lap,) = csv.DictReader((folder / "laps.csv").open())
     assert float(lap["time"]) == pytest.approx(sum(float(lap[f"sector_{i}"]) for i in range(1, 19)), abs=1e-3)
     assert (folder / "lines.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_in_lock_step_two_races_have_the_same_scans(tmp_path: Path) -> None:
+    rules = ruleset(tmp_path, time_limit=2.0, silence_limit=60.0)
+    races: list[list[list[bytes]]] = []
+    for _ in range(2):
+        scripts = Script(), Script()
+        run({"rules": rules, "is_lockstep": True}, *scripts)
+        races.append([script.scans[:80] for script in scripts])
+    assert races[0] == races[1]
+    assert [len(scans) for scans in races[0]] == [80, 80]
 
 
 @pytest.mark.wall_clock

@@ -124,8 +124,6 @@ class Grid:
 
     def wait_for_scripts(self, limit: float, stop: StopRequest) -> None:
         """Wait for the first command of each script; a script that sends none within `limit` [s] retires."""
-        for seat in self.seats:
-            seat.publish(self.simulation.frame)
         deadline = time.monotonic() + limit
         for seat in self.seats:
             while not seat.answers and not stop.is_set() and time.monotonic() < deadline:
