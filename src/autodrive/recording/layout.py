@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from autodrive.recording.errors import RecordingError
 from autodrive.recording.wire import BYTES, Field, Message, tag_of, varint
 
 _DOUBLE, _LONG = struct.Struct("<d"), struct.Struct("<q")
@@ -171,7 +172,11 @@ class FastMessage:
     def decode(self, data: bytes) -> dict[str, Any]:
         """The fields of a message. Raises `RecordingError`."""
         for layout in self._layouts:
-            if (found := layout.decode(data)) is not None:
+            try:
+                found = layout.decode(data)
+            except ValueError as error:  # the number of an enumeration that is not known
+                raise RecordingError(f"a message '{self.message.name}' is damaged: {error}") from None
+            if found is not None:
                 return found
         values = self.message.decode(data)
         if msgspec.NODEFAULT not in _scalars(list(values.values())):

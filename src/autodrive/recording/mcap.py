@@ -454,6 +454,8 @@ class Reader:
         return bisect.bisect_right(self.chunks, time, key=lambda one: one.start) - 1
 
     def _content(self, offset: int) -> bytes:
+        if self._data.closed:
+            raise RecordingError(f"the recording is closed; read its images before  ({self.path})")
         cursor = _Cursor(self._data, offset, len(self._data))
         if cursor.number("<B") != CHUNK:
             raise _CutOffError(": there is no chunk")

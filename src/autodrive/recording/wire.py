@@ -379,7 +379,7 @@ def numbers_of(schema: bytes) -> Numbers:
         for number, _, start, end in walk(schema):
             if number == 1:
                 _read_numbers(schema[start:end], found)
-    except (ValueError, IndexError, UnicodeDecodeError) as error:
+    except (ValueError, IndexError, KeyError) as error:
         raise RecordingError(f"a schema is damaged: {error}") from None
     return found
 

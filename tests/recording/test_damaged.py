@@ -1,0 +1,162 @@
+"""Damaged, truncated, foreign and newer files: a clear error, or a partial and honest result."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+import autodrive
+from autodrive import AutodriveError, Command
+from autodrive.recording import Recorder, RecordingError, records
+from autodrive.recording import open as open_recording
+from tests.recording.compare import assert_same
+
+MUTATIONS = 40
+"""Of each test run; `python -m tests.recording.test_damaged FOLDER 10000` tries more."""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_small(tmp_path_factory.mktemp("damaged"))
+
+
+def make_small(folder: Path, *, has_images: bool = False) -> Path:
+    """At least three chunks, without meshes."""
+    path = folder / "small.mcap"
+    world = autodrive.make("plane", cameras="small" if has_images else False)
+    with Recorder(path, world, image_quality=5, has_meshes=False) as recorder:
+        for tick in range(45):
+            world.step({"V1": Command(0.5)})
+            if tick % 15 == 14:
+                recorder._output.flush()
+    return path
+
+
+def read_all(path: Path) -> int:
+    """Reads all that a file has; the number of Frames."""
+    count = 0
+    with open_recording(path) as recording:
+        for frame in recording.frames():
+            count += 1
+            for vehicle in frame.vehicles.values():
+                dict(vehicle.cameras.items())
+        recording.frame_at(0.2)
+        for name in ("V1/imu/euler", "V1/lidar/ranges", "V1/range/range"):
+            _ = recording[name]
+        _ = recording.events, recording.scenarios, list(recording.commands), list(recording.requests)
+        for name in recording.attachments:
+            recording.attachment(name)
+    return count
+
+
+def test_a_truncated_file_gives_its_whole_chunks_or_an_error(small: Path, tmp_path: Path) -> None:
+    data, path = small.read_bytes(), tmp_path / "cut.mcap"
+    lengths, errors = [], []
+    with open_recording(small) as whole:
+        for percent in range(100):
+            path.write_bytes(data[: len(data) * percent // 100])
+            count = 0
+            try:
+                with open_recording(path) as recording:
+                    assert recording.problems
+                    for frame, other in zip(recording.frames(), whole.frames(), strict=False):
+                        assert_same(frame, other)
+                        count += 1
+                    _ = recording.duration
+            except RecordingError as error:
+                errors.append(str(error))
+            lengths.append(count)
+    assert all(str(path) in error for error in errors)
+    assert lengths == sorted(lengths)
+    assert lengths[50] > 0
+    assert 46 not in lengths[:60]
+
+
+def test_a_mutated_file_neither_crashes_nor_hangs(small: Path, tmp_path: Path) -> None:
+    mutate(small.read_bytes(), tmp_path / "mutated.mcap", MUTATIONS, seed=1)
+
+
+def mutate(data: bytes, path: Path, count: int, seed: int) -> int:
+    """Changes, removes, repeats and inserts bytes; the number of files that gave all their Frames."""
+    numbers = random.Random(seed)
+    readable = 0
+    for _ in range(count):
+        mutated = bytearray(data)
+        for _ in range(numbers.choice((1, 1, 2, 8, 64))):
+            at, size = numbers.randrange(len(mutated)), numbers.choice((1, 1, 4, 8, 100))
+            match numbers.randrange(4):
+                case 0:
+                    mutated[at : at + size] = numbers.randbytes(len(mutated[at : at + size]))
+                case 1:
+                    del mutated[at : at + size]
+                case 2:
+                    mutated[at:at] = mutated[at : at + size]
+                case _:
+                    mutated[at] ^= 1 << numbers.randrange(8)
+        path.write_bytes(mutated)
+        with contextlib.suppress(AutodriveError):
+            readable += read_all(path) == 46
+    return readable
+
+
+def test_a_foreign_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "other program")
+        writer.finish()
+    for content, reason in (
+        (None, "written by 'other program'"),
+        (b"", "is empty"),
+        (b"PK\x03\x04" * 9, "not an MCAP"),
+    ):
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(RecordingError, match=reason):
+            open_recording(path)
+    with pytest.raises(RecordingError, match="No such file"):
+        open_recording(tmp_path / "missing.mcap")
+    with pytest.raises(RecordingError, match="cannot read"):
+        open_recording(tmp_path)
+
+
+def test_a_file_of_a_newer_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "newer.mcap"
+    monkeypatch.setattr(records, "FORMAT", 2)
+    Recorder(path, autodrive.make("plane"), has_meshes=False).close()
+    monkeypatch.undo()
+    with pytest.raises(RecordingError, match="in format 2; this version reads formats up to 1: install a newer"):
+        open_recording(path)
+
+
+def test_an_older_file_without_a_field_has_its_default(small: Path) -> None:
+    """Field numbers come from the schema in the file, so that a later version may add fields anywhere."""
+    with open_recording(small) as recording:
+        numbers = dict(recording._numbers())
+        older = {name: number for name, number in numbers["autodrive.VehicleFrame"].items() if name != "range"}
+        states = records.States({**numbers, "autodrive.VehicleFrame": older})
+        (data, *_) = recording.messages_of(records.state_topic("V1"))
+        values = states.decode_vehicle(data)
+    assert values["range"] is None
+    assert values["collision_count"] == 0
+
+
+def test_missing_meshes_are_named(small: Path) -> None:
+    with open_recording(small) as recording, pytest.raises(RecordingError, match=r"no attachment 'map\.glb'"):
+        recording.attachment("map.glb")
+
+
+def main() -> None:
+    import sys
+
+    folder = Path(sys.argv[1])
+    small = make_small(folder, has_images=True)
+    print(mutate(small.read_bytes(), folder / "mutated.mcap", int(sys.argv[2]), seed=2), "files were still whole")
+
+
+if __name__ == "__main__":
+    main()
