@@ -489,15 +489,15 @@ class _Encoding:
 
     def _transforms(self, output: _Output, frame: Frame, now: int, simulated: int, tick: int) -> None:
         """Poses for other programs: map from vehicles and objects, vehicle from LIDAR, map from cameras."""
-        transforms = [foxglove.transform(one.pose, now, "map", name) for name, one in frame.vehicles.items()]
-        transforms += [foxglove.transform(one.pose, now, "map", name) for name, one in frame.objects.items()]
+        poses: list[tuple[str, str, Any]] = [("map", name, one.pose) for name, one in frame.vehicles.items()]
+        poses += [("map", name, one.pose) for name, one in frame.objects.items()]
         for name, lidar in self._mounts.items():
             if lidar is not None and name in frame.vehicles:
-                transforms.append(foxglove.transform(lidar.mount, now, name, f"{name}/lidar"))
+                poses.append((name, f"{name}/lidar", lidar.mount))
         for name, vehicle in frame.vehicles.items():
             for camera, image in vehicle.cameras.items():
-                transforms.append(foxglove.transform(image.pose, now, "map", f"{name}/{camera}_optical_frame"))
-        data = foxglove.FRAME_TRANSFORMS.encode(foxglove.FrameTransforms(tuple(transforms)))
+                poses.append(("map", f"{name}/{camera}_optical_frame", image.pose))
+        data = foxglove.transforms_message(poses, now)
         output.add(records.TRANSFORMS, now, simulated, tick, data, foxglove.FRAME_TRANSFORMS)
 
 
