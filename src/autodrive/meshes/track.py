@@ -25,8 +25,8 @@ DUCT = Material("duct", (0.42, 0.43, 0.45), roughness=0.65)
 RING = Material("duct_ring", (0.05, 0.05, 0.055), roughness=0.7)
 CHUNK = 4.0
 """Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
-ROUND = 8
-"""Faces of the visible half of a duct and below, from floor to floor."""
+FACES: dict[Detail, int] = {"full": 10, "reduced": 6, "shadow": 5}
+"""Faces around a duct; the quarter on the floor, which nobody sees, is left out. Shadows have no rings."""
 RING_PERIOD, RING_WIDTH = 0.5, 0.04
 """Of the dark rings of a duct [m]."""
 
@@ -36,10 +36,14 @@ def barrier_nodes(track: Track) -> Iterator[AssetNode]:
     number = 0
     for barrier in barriers(track):
         for points, normals, depth, first, last in _chunks(barrier):
-            build = _duct if track.barrier.kind == "duct" else _wall
-            surfaces = build(points, normals, depth, track.barrier.height, first, last)
             number += 1
-            levels: dict[Detail, tuple[MeshSurface, ...]] = {"full": surfaces, "reduced": surfaces, "shadow": surfaces}
+            line, height = (points, normals, depth), track.barrier.height
+            if track.barrier.kind == "duct":
+                levels: dict[Detail, tuple[MeshSurface, ...]] = {
+                    detail: _duct(*line, height, first, last, detail) for detail in FACES
+                }
+            else:
+                levels = dict.fromkeys(FACES, _wall(*line, height))
             yield AssetNode(f"barrier_{number}", surfaces=levels)
 
 
@@ -68,9 +72,7 @@ def _chunks(barrier: Barrier) -> Iterator[tuple[Floats, Floats, Floats, bool, bo
         yield points[part], back[part] * stretch[part, None], depth[part], *ends
 
 
-def _wall(
-    points: Floats, back: Floats, depth: Floats, height: float, first: bool, last: bool
-) -> tuple[MeshSurface, ...]:
+def _wall(points: Floats, back: Floats, depth: Floats, height: float) -> tuple[MeshSurface, ...]:
     behind = points + back * depth[:, None]
     front = _strip(_at(points, 0.0), _at(points, height))
     rear = _strip(_at(behind, height), _at(behind, 0.0))
@@ -79,13 +81,15 @@ def _wall(
 
 
 def _duct(
-    points: Floats, back: Floats, depth: Floats, height: float, first: bool, last: bool
+    points: Floats, back: Floats, depth: Floats, height: float, first: bool, last: bool, detail: Detail
 ) -> tuple[MeshSurface, ...]:
     """A tube on the floor; the rings are strips of another colour."""
-    points, back, depth, is_ring = _with_rings(points, back, depth)
+    is_ring = np.zeros(len(points) - 1, bool)
+    if detail != "shadow":
+        points, back, depth, is_ring = _with_rings(points, back, depth)
     rims: list[tuple[Floats, Floats]] = []
-    for k in range(2 * ROUND + 1):
-        angle = math.pi * (1.5 - k / ROUND)
+    for k in range(FACES[detail] + 1):
+        angle = math.pi * (1.25 - 1.5 * k / FACES[detail])
         cos, sin = math.cos(angle), math.sin(angle)
         rim = _at_height(points, back, depth, 0.5 + 0.5 * cos, height * (0.5 + 0.5 * sin))
         rims.append((rim, _normal(back, cos, sin)))
