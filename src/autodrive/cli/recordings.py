@@ -80,3 +80,20 @@ def export(
         for problem in recording.problems:
             typer.echo(f"autodrive: {problem}", err=True)
     typer.echo(f"wrote {FORMATS[to.value].title} to {path}")
+
+
+def plot(
+    file: FilePath,
+    signals: Annotated[str, typer.Option(metavar="A,B", help="Names of signals, such as V1/velocity,V1/imu/euler.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="PNG or SVG file.  [default: FILE.png]")
+    ] = None,
+) -> None:
+    """Draw signals of a recording over time."""
+    from autodrive.recording import open as open_recording
+    from autodrive.recording.plot import plot as draw
+
+    path = output or file.with_suffix(".png")
+    with open_recording(file) as recording:
+        draw(recording, [name.strip() for name in signals.split(",") if name.strip()], path)
+    typer.echo(f"wrote {path}")
