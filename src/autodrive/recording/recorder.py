@@ -66,7 +66,7 @@ MAX_QUEUE = 2000
 """Frames that wait for the disk; then Frames are left out."""
 MAX_WAITING_IMAGES = 8
 """Images that wait for the disk, of each camera; then images are left out."""
-TRANSFORM_PERIOD = NANOSECONDS // 30
+TRANSFORM_PERIOD = NANOSECONDS // 10
 """Time between two messages of the poses for other programs [ns]."""
 STATUS_PERIOD = NANOSECONDS
 """Time between two messages of the status [ns]."""
