@@ -71,7 +71,7 @@ def test_signals_are_those_of_the_frames(drive: Drive, recording: Recording) -> 
     scans = recording["V1/lidar/ranges"]
     assert scans.shape == (len(recording.signals.times("V1/lidar/ranges")), 360)
     with pytest.raises(RecordingError, match="Did you mean 'V1/ips/position'"):
-        recording["V1/ips/positon"]
+        recording["V1/ips/positions"]
 
 
 def test_the_reader_of_mcap_reads_everything(drive: Drive) -> None:
