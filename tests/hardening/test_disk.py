@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import functools
+import gc
 import math
 import os
 import resource
@@ -14,19 +16,30 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import autodrive
-from autodrive import jit
+from autodrive import jit, recording
 from autodrive.cache import PACKAGE, check_writable, write_file
 from autodrive.cameras.process import CameraProcess
 from autodrive.cameras.rig import camera_rig
 from autodrive.cameras.shared_memory import FileMemory
 from autodrive.cli import generate, messages, preview
 from autodrive.compile import Compiled
+from autodrive.envs import race_tracks
 from autodrive.errors import AutodriveError, EngineError
+from autodrive.exports import FORMATS, export
+from autodrive.exports.options import ExportOptions
+from autodrive.film.video import Video
 from autodrive.meshes import store
+from autodrive.racing.results import RaceRecorder, RaceResult, write_results
+from autodrive.recording import Recording
+from autodrive.recording.plot import plot
 from autodrive.run import RunOptions, simulate
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.tracks.tables import write_centre_line
+from autodrive.tracks.track import Track
 from tests.support.command_line import AUTODRIVE, call, refused
 from tests.support.hardening import fill, make_read_only, small_disk
 from tests.support.waiting import LIMIT
@@ -41,9 +54,11 @@ COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "cli/preview.py": (("show", "construction_box", "--3d", "view.png"), ("view.png",)),
     "maps/raster.py": (("show", "mini_map", "--occupancy", "."), ("mini_map.png", "mini_map.yaml")),
     "maps/raster.py, labels": (("show", "mini_map", "--labels", "labels.png"), ("labels.png",)),
+    "tracks/ros_map.py": (("export", "track", "practice", "--output", "."), ("practice_map.png", "practice_map.yaml")),
     "cli/urdf.py": (("urdf", "nigel", "--output", "ros"), ("ros/package.xml",)),
 }
 """A command for each module that writes a file for a user, and files that it writes."""
+PRACTICE = Track.load("practice")
 OPTIONS = RunOptions("plane", duration=0.1, speed=None, cameras=False, has_page=False)
 PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "cli/generate.py": (lambda folder: generate.main([str(folder)]), ("vehicles/nigel.glb", "lights.json")),
@@ -51,6 +66,17 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "run/runner.py": (
         lambda folder: simulate(replace(OPTIONS, summary=folder / "summary.json")),
         ("summary.json",),
+    ),
+    "tracks/track.py": (lambda folder: PRACTICE.save(folder / "track.yaml"), ("track.yaml",)),
+    "tracks/tables.py": (
+        lambda folder: write_centre_line(folder / "line.csv", PRACTICE.centre_line),
+        ("line.csv",),
+    ),
+    "racing/results.py": (lambda folder: write_results(folder, *raced(), PRACTICE), ("result.json",)),
+    "envs/race_tracks.py": (lambda folder: race_tracks._write(1, 1, folder), ("track_0.yaml",)),
+    "recording/plot.py": (
+        lambda folder: plot(recorded(), ["V1/throttle"], folder / "plot.svg"),
+        ("plot.svg",),
     ),
 }
 """Likewise, for what is not a command of `autodrive`."""
@@ -61,8 +87,16 @@ OTHERS = {
     "cameras/shared_memory.py": {"mkstemp", "open"},  # memory, where a machine has no better one
     "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
     "cli/app.py": {"open"},  # /dev/null
+    "recording/recorder.py": {"open"},  # written while it grows: see tests/recording/test_recorder.py
+    "recording/scenario_files.py": {"write_text"},  # in a temporary folder, like the next one
+    "run/race.py": {"write_text"},
+    "exports/csv.py": {"open"},  # see below, like the next ones
+    "exports/lerobot.py": {"open"},
+    "exports/recorder_layout.py": {"open"},
+    "film/video.py": {"open"},
 }
 """All other calls that can write, by module."""
+EXPORTS = {"exports/lerobot.py", "exports/recorder_layout.py"}
 WRITERS = {"write_text", "write_bytes", "mkstemp", "mkdtemp", "TemporaryFile", "NamedTemporaryFile", "savez", "tofile"}
 
 
@@ -86,7 +120,63 @@ def test_every_place_that_writes_is_attacked_here() -> None:
     modules = {path.relative_to(PACKAGE).as_posix(): path for path in PACKAGE.rglob("*.py")}
     assert {name: found for name, path in modules.items() if (found := writes(path))} == OTHERS
     callers = {name for name, path in modules.items() if {"write_file", "write_cached"} & _calls(path)}
-    assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES
+    assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES | EXPORTS
+
+
+@functools.cache
+def recorded() -> Recording:
+    """A recording of some ticks."""
+    path = Path(tempfile.mkdtemp()) / "run.mcap"
+    simulate(replace(OPTIONS, record=path))
+    return recording.open(path)
+
+
+@functools.cache
+def raced() -> tuple[RaceResult, RaceRecorder]:
+    """The result of a race that nobody has finished."""
+    world = autodrive.make(ScenarioSpec(map="practice", vehicles={"V1": VehiclePlacement(type="roboracer")}))
+    recorder = RaceRecorder()
+    recorder.publish(world.step())
+    result = RaceResult(
+        version=autodrive.__version__,
+        track="practice",
+        length=PRACTICE.length,
+        rules="practice",
+        title="Practice",
+        is_lockstep=True,
+        seed=0,
+        simulated_time=world.time,
+        wall_time=0.0,
+        ended_by="test",
+        standings=recorder.standings(),
+    )
+    return result, recorder
+
+
+@pytest.mark.parametrize("name", sorted(set(FORMATS) - {"rerun"}))  # it writes in the background and reports nothing
+def test_an_export_that_cannot_be_written_raises_one_line(name: str, disk: tuple[Path, str]) -> None:
+    folder, _ = disk
+    with pytest.raises(AutodriveError, match=r"cannot (be )?writ") as raised:
+        export(recorded(), name, folder / "exported", ExportOptions())
+    assert "\n" not in str(raised.value)
+    assert not (folder / "exported").exists()
+    del raised
+    gc.collect()  # closes the files of the libraries, so that the disk can be removed
+
+
+def test_a_film_that_cannot_be_written_raises_one_line(disk: tuple[Path, str]) -> None:
+    folder, _ = disk
+    with pytest.raises(AutodriveError, match="cannot be written") as raised:
+        _film(folder / "a.webm")
+    assert "\n" not in str(raised.value)
+    assert not list(folder.glob("*.webm"))
+
+
+def _film(path: Path) -> None:
+    image = np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
+    with Video(path, (64, 64), 30) as film:
+        for _ in range(200):
+            film.write(image)
 
 
 def _calls(path: Path) -> set[str]:

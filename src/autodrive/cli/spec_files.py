@@ -71,7 +71,11 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
             errors = []
             load_map(path)
         elif kind == "track" and not errors:
-            errors += track_errors(Track.load(path))
+            places = {"walls": source.at("walls"), "centre line": source.at("centre_line")}
+            errors += [
+                f"{places['walls' if error.startswith('walls') else 'centre line']}: {error}"
+                for error in track_errors(Track.load(path))
+            ]
         elif kind == "module" and not errors:
             load_module(path)
         elif kind == "vehicle" and not errors:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import shutil
 from collections.abc import Callable
@@ -45,7 +46,8 @@ def export(
 ) -> Path:
     """Write a recording in a format; the file or folder that was written, by default beside the recording.
 
-    Raises `RecordingError` if it exists, if a package is not installed, or if the recording lacks what is needed.
+    Raises `RecordingError` if it exists, if a package is not installed, if the recording lacks what is needed, or if it
+    cannot be written; nothing is left then.
     """
     if name not in FORMATS:
         raise RecordingError(f"format '{name}' is not known. {suggest(name, [*FORMATS])}")
@@ -60,11 +62,14 @@ def export(
     write = _writer(form)
     try:
         write(recording, target, options or ExportOptions(), name)
-    except BaseException:
+    except BaseException as error:
         if target.is_dir():
             shutil.rmtree(target, ignore_errors=True)
         else:
-            target.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # the file system may be read-only
+                target.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise RecordingError(f"cannot write: {error.strerror or error}  ({target})") from None
         raise
     return target
 

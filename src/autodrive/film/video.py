@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -54,10 +56,8 @@ class Video:
         self._av: Any = av
         self._path = path
         self._part = path.with_name(f".{path.stem}{PART}{path.suffix}")
-        try:
+        with self._writing():
             self._container = av.open(str(self._part), "w")
-        except OSError as error:
-            raise AutodriveError(f"the film cannot be written: {error.strerror}  ({path})") from None
         encoder = CODECS[chosen]
         self._stream = self._container.add_stream(encoder.encoder, rate=Fraction(rate).limit_denominator(1001))
         self._stream.width, self._stream.height = size
@@ -69,7 +69,8 @@ class Video:
     def write(self, image: NDArray[np.uint8]) -> None:
         """Add an image."""
         frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
-        self._container.mux(self._stream.encode(frame))
+        with self._writing():
+            self._container.mux(self._stream.encode(frame))
         self.images += 1
 
     def __enter__(self) -> Video:
@@ -80,13 +81,23 @@ class Video:
     ) -> None:
         """Complete the file; after an error it is removed."""
         try:
-            if kind is None:
-                self._container.mux(self._stream.encode(None))
-            self._container.close()
-            if kind is None:
-                self._part.replace(self._path)
+            with self._writing():
+                if kind is None:
+                    self._container.mux(self._stream.encode(None))
+                self._container.close()
+                if kind is None:
+                    self._part.replace(self._path)
         finally:
-            self._part.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # the file system may be read-only
+                self._part.unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            reason = error.strerror or error
+            raise AutodriveError(f"the film cannot be written: {reason}  ({self._path})") from None
 
 
 def _av() -> Any:
