@@ -31,14 +31,14 @@ def bean() -> Track:
     """A small track that is not symmetric, counter-clockwise, with a race line."""
     t: Floats = np.arange(300, dtype=np.float64) * (2.0 * math.pi / 300)
     radius = 2.5 + 0.5 * np.cos(2.0 * t) + 0.2 * np.sin(t)
-    points = np.column_stack([radius * np.cos(t), radius * np.sin(t)])
-    line = np.round(np.hstack([points, np.full((300, 1), 0.5), np.full((300, 1), 0.6)]), 4)
+    points: Floats = np.column_stack([radius * np.cos(t), radius * np.sin(t)])
+    line: Floats = np.hstack([points, np.full((300, 1), 0.5), np.full((300, 1), 0.6)]).round(4)
     race = line[::3]
     ahead = np.roll(race, -1, axis=0) - np.roll(race, 1, axis=0)
     psi = np.arctan2(ahead[:, 1], ahead[:, 0]) % (2.0 * math.pi)
     steps = np.hypot(*(np.roll(race, -1, axis=0) - race)[:, :2].T)
     along = np.concatenate([[0.0], np.cumsum(steps)[:-1]])
-    other = np.tile((0.4, 3.0, 0.0), (100, 1))
+    other: Floats = np.tile((0.4, 3.0, 0.0), (100, 1))
     return Track("bean", line, np.round(np.column_stack([along, race[:, :2], psi, other]), 4), walls_along(line))
 
 
