@@ -15,6 +15,7 @@ import numpy as np
 
 from autodrive.arrays import Floats, Integers
 from autodrive.elementary import atan2, cos, sin
+from autodrive.envs.path import DRIVEN, PLACE, follow, look_ahead, table
 from autodrive.envs.task import (
     MOTION,
     CarReadings,
@@ -22,8 +23,6 @@ from autodrive.envs.task import (
     Outcome,
     Start,
     Task,
-    heading,
-    turned,
     uniform,
     wrapped,
     write_motion,
@@ -47,8 +46,6 @@ FAILURE = -1.0
 """Reward of a step that ends an episode."""
 
 KNOWN = len(MOTION)
-PLACE, BEYOND, DRIVEN = 0, 1, 2
-"""Columns of the memory: number of the nearest point of the centre line; distance beyond it, from the start [m]."""
 
 
 class CentreLine:
@@ -63,12 +60,8 @@ class CentreLine:
         self.count = round(self.length / SPACING)
         self.spacing = self.length / self.count
         """[m]."""
-        at = np.arange(self.count) * self.spacing
-        x, y = (np.interp(at, along, points[:, axis]) for axis in (0, 1))
-        dx, dy = (np.roll(values, -1) - np.roll(values, 1) for values in (x, y))
-        length = np.sqrt(dx * dx + dy * dy)
-        self.table = np.column_stack([x, y, dx / length, dy / length])
-        """x, y [m], cosine and sine of the direction of the lane at each point, shape (count, 4)."""
+        self.table = table(along, points, self.count)
+        """See `path.table`."""
 
     def pose(self, place: int) -> tuple[float, float, float]:
         """x, y [m] and yaw [rad] of a point."""
@@ -145,28 +138,11 @@ def _judge(
     """`line`: see `CentreLine.table`."""
     count = len(line)
     for i in range(len(memory)):
-        x, y = cars.position[i, 0], cars.position[i, 1]
-        before, moved, least = int(memory[i, PLACE]), 0, math.inf
-        for steps in range(-reach, reach + 1):
-            point = line[(before + steps) % count]
-            square = (point[0] - x) * (point[0] - x) + (point[1] - y) * (point[1] - y)
-            if square < least:
-                least, moved = square, steps
-        place = (before + moved) % count
-        point = line[place]
-        beyond, offset = turned(x - point[0], y - point[1], point[2], point[3])
-        c, s = heading(cars, i)
-        direction_cos, direction_sin = turned(point[2], point[3], c, s)
-
-        progress = moved * spacing + beyond - memory[i, BEYOND]
-        memory[i, PLACE], memory[i, BEYOND] = place, beyond
-        memory[i, DRIVEN] += progress
+        progress, offset, direction_cos, direction_sin = follow(cars, i, line, count, spacing, reach, memory[i])
         write_motion(cars, i, features)
         if features.shape[1] > KNOWN:
             features[i, 3], features[i, 4], features[i, 5] = offset, direction_cos, direction_sin
-            for k in range(len(preview)):
-                there = line[(place + preview[k]) % count]
-                features[i, 6 + 2 * k], features[i, 7 + 2 * k] = turned(there[0] - x, there[1] - y, c, s)
+            look_ahead(cars, i, line, count, int(memory[i, PLACE]), preview, features[i, 6:])
         has_ended = abs(offset) > HALF_WIDTH or direction_cos < 0.0 or cars.collision_count[i] > 0
         outcome.has_ended[i] = has_ended
         outcome.reward[i] = FAILURE if has_ended else progress * (1.0 - abs(offset) / HALF_WIDTH)

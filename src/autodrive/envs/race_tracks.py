@@ -9,6 +9,7 @@ import numpy as np
 from autodrive.arrays import Floats
 from autodrive.cache import cache_folder, make_folder, write_file
 from autodrive.elementary import atan2
+from autodrive.envs.path import table
 from autodrive.tracks.generate import generate_track
 from autodrive.tracks.track import Pose, Track
 
@@ -38,23 +39,14 @@ class RaceTracks:
         self.count = np.array([round(length / SPACING) for length in self.length.tolist()])
         """Number of points, shape (n,)."""
         self.lines = np.zeros((count, POINTS, 4))
-        """x, y [m], cosine and sine of the direction at points at equal distances; shape (n, most points, 4)."""
+        """See `path.table`; shape (n, most points, 4)."""
         for k, track in enumerate(tracks):
-            self.lines[k, : self.count[k]] = _points(track, int(self.count[k]))
+            self.lines[k, : self.count[k]] = table(track.line.along, track.line.points, int(self.count[k]))
 
     def pose(self, track: int, place: int, lateral: float = 0.0) -> Pose:
         """x, y [m] and yaw [rad] at a point of a centre line, `lateral` [m] to the left of it."""
         x, y, c, s = self.lines[track, place % self.count[track]].tolist()
         return x - lateral * s, y + lateral * c, atan2(s, c)
-
-
-def _points(track: Track, count: int) -> Floats:
-    along = track.line.along
-    at = np.arange(count) * (along[-1] / count)
-    x, y = (np.interp(at, along, track.line.points[:, axis]) for axis in (0, 1))
-    dx, dy = (np.roll(values, -1) - np.roll(values, 1) for values in (x, y))
-    length = np.sqrt(dx * dx + dy * dy)
-    return np.column_stack([x, y, dx / length, dy / length])
 
 
 def _write(count: int, seed: int, folder: Path) -> None:

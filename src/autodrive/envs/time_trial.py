@@ -13,8 +13,10 @@ import math
 import numpy as np
 
 from autodrive.arrays import Floats, Integers
-from autodrive.envs.race_tracks import SPACING, WIDTH, RaceTracks
-from autodrive.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, heading, turned, uniform, wrapped
+from autodrive.envs import path
+from autodrive.envs.path import follow, look_ahead
+from autodrive.envs.race_tracks import SPACING, RaceTracks
+from autodrive.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
 from autodrive.errors import SpecError
 from autodrive.jit import jit
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
@@ -35,9 +37,9 @@ FAILURE = -5.0
 MOST_TRACKS = 16
 
 KNOWN = 4
-TRACK, PLACE, BEYOND, DRIVEN = 0, 1, 2, 3
-"""Columns of the memory: number of the track, number of the nearest point of its centre line; distance beyond it, from
-the start line of the episode [m]."""
+TRACK, PLACE, DRIVEN = 0, 1, 1 + path.DRIVEN
+"""Columns of the memory: number of the track, and from `PLACE` on the memory of `path.follow`; `DRIVEN` is from the
+start line of the episode."""
 
 
 class TimeTrial(Task):
@@ -131,10 +133,6 @@ def _steps_back(place: int) -> int:
     return round((1 + place) * GRID_STEP / SPACING)
 
 
-HALF_WIDTH = WIDTH / 2.0
-"""Of the tracks [m]."""
-
-
 @jit
 def _judge(
     cars: CarReadings,
@@ -152,30 +150,14 @@ def _judge(
     for i in range(len(memory)):
         track = int(memory[i, TRACK])
         line, count, length = lines[track], counts[track], lengths[track]
-        spacing = length / count
-        x, y = cars.position[i, 0], cars.position[i, 1]
-        before, moved, least = int(memory[i, PLACE]), 0, math.inf
-        for steps in range(-reach, reach + 1):
-            point = line[(before + steps) % count]
-            square = (point[0] - x) * (point[0] - x) + (point[1] - y) * (point[1] - y)
-            if square < least:
-                least, moved = square, steps
-        place = (before + moved) % count
-        point = line[place]
-        beyond, offset = turned(x - point[0], y - point[1], point[2], point[3])
-        c, s = heading(cars, i)
-        direction_cos, direction_sin = turned(point[2], point[3], c, s)
-
-        progress = moved * spacing + beyond - memory[i, BEYOND]
-        memory[i, PLACE], memory[i, BEYOND] = place, beyond
-        memory[i, DRIVEN] += progress
+        progress, offset, direction_cos, direction_sin = follow(
+            cars, i, line, count, length / count, reach, memory[i, PLACE:]
+        )
         features[i, 0], features[i, 1] = cars.velocity[i, 0], cars.velocity[i, 1]
         features[i, 2], features[i, 3] = cars.angular_velocity[i, 2], cars.steering[i]
         if features.shape[1] > KNOWN:
             features[i, 4], features[i, 5], features[i, 6] = offset, direction_cos, direction_sin
-            for k in range(len(preview)):
-                there = line[(place + preview[k]) % count]
-                features[i, 7 + 2 * k], features[i, 8 + 2 * k] = turned(there[0] - x, there[1] - y, c, s)
+            look_ahead(cars, i, line, count, int(memory[i, PLACE]), preview, features[i, 7:])
         has_ended = direction_cos < 0.0 or cars.collision_count[i] > 0
         outcome.has_ended[i] = has_ended
         outcome.reward[i] = FAILURE if has_ended else progress
