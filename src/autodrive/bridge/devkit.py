@@ -23,6 +23,7 @@ from websockets.protocol import Event
 
 from autodrive.bridge.detection import Detection
 from autodrive.bridge.engineio import ConnectionEnd
+from autodrive.bridge.flow_control import RESEND_DELAY
 from autodrive.bridge.metrics import Counters, Metrics, printable
 from autodrive.bridge.read_limit import ReadLimit
 from autodrive.bridge.session import Session, SimulationControl
@@ -68,7 +69,8 @@ class DevkitBridge:
     commands. `images(frame, factor)` gives the JPEG images of a Frame; `factor` of their quality is 1
     unless a message would be too long. `image_sizes()` gives the sizes of all cameras; a camera without an image is
     black. At most one message is sent per tick, and one waits for a command at a time, so a slow script receives the
-    latest state instead of a backlog. Raises `AutodriveError` for an invalid address.
+    latest state instead of a backlog. Telemetry that is not answered is resent after `resend_delay` [s]. Raises
+    `AutodriveError` for an invalid address.
     """
 
     def __init__(
@@ -81,11 +83,13 @@ class DevkitBridge:
         images: Callable[[Frame, float], Images] | None = None,
         image_sizes: Callable[[], ImageSizes] | None = None,
         vehicle_profile: Callable[[], str | None] = lambda: None,
+        resend_delay: float = RESEND_DELAY,
     ) -> None:
         self._simulation = simulation
         self._detection = Detection(settings or DevkitSettings(), vehicle_profile)
         self._images = images
         self._image_sizes = image_sizes
+        self._resend_delay = resend_delay
         self._metrics = Metrics()
         self._traffic_lights: dict[int, int] = {}
         self._address = _checked_address(host, port)
@@ -220,6 +224,7 @@ class DevkitBridge:
             images=self._images,
             image_sizes=self._image_sizes,
             on_telemetry=connection.read_limit.allow,
+            resend_delay=self._resend_delay,
         )
         self._session = session
         try:

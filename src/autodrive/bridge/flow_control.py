@@ -20,9 +20,12 @@ class FlowControl:
     so with two simulators a command may be the reply to the other one; answering each command would queue messages
     without limit. Therefore the server is also asked to acknowledge telemetry, and the next message is sent only if at
     most one is not acknowledged. A server that never acknowledges is not asked any more.
+
+    `resend_delay` replaces `RESEND_DELAY` [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, resend_delay: float = RESEND_DELAY) -> None:
+        self._resend_delay = resend_delay
         self.has_command = False
         """Whether any command was received."""
         self.resends = 0
@@ -47,7 +50,8 @@ class FlowControl:
     @property
     def deadline(self) -> float:
         """Time of the next resend; a script that answers slowly is given twice its last round-trip time."""
-        return self._sent_at + min(max(RESEND_DELAY, 2.0 * self._round_trip) * 2.0**self.resends, RESEND_DELAY_MAX)
+        first, longest = self._resend_delay, max(self._resend_delay, RESEND_DELAY_MAX)
+        return self._sent_at + min(max(first, 2.0 * self._round_trip) * 2.0**self.resends, longest)
 
     def should_send(self, frame: Frame, now: float) -> bool:
         """Whether to send that Frame now."""

@@ -25,7 +25,7 @@ from autodrive.bridge.engineio import (
     event_packet,
     padded,
 )
-from autodrive.bridge.flow_control import FlowControl
+from autodrive.bridge.flow_control import RESEND_DELAY, FlowControl
 from autodrive.bridge.metrics import Metrics
 from autodrive.errors import AutodriveError
 from autodrive.protocol import devkit
@@ -84,7 +84,7 @@ class Session:
 
     `detection` holds the devkit generation of the script. `traffic_lights` holds the states that scripts have set, by
     number; telemetry reports them. `clock` gives monotonic time [s]; None: the time of the event loop.
-    `on_telemetry` is called after each telemetry message.
+    `on_telemetry` is called after each telemetry message. `resend_delay` [s]: see `FlowControl`.
     """
 
     def __init__(
@@ -99,9 +99,10 @@ class Session:
         image_sizes: Callable[[], devkit.ImageSizes] | None = None,
         clock: Callable[[], float] | None = None,
         on_telemetry: Callable[[], None] = lambda: None,
+        resend_delay: float = RESEND_DELAY,
     ) -> None:
         self._clock = clock or asyncio.get_running_loop().time
-        self.flow_control = FlowControl()
+        self.flow_control = FlowControl(resend_delay)
         self.awaits_frame = False
         """Whether a new Frame must set `wake`."""
         self.wake = asyncio.Event()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import autodrive
 from autodrive.bridge.devkit import DevkitBridge
+from autodrive.bridge.flow_control import RESEND_DELAY
 from autodrive.cache import check_writable, make_folder
 from autodrive.compile import on_grid
 from autodrive.errors import AutodriveError
@@ -183,8 +184,10 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
             simulation.add_sink(sink)
         grid = Grid(simulation, rules, [Seat(simulation, name, rules) for name in options.names])
         encoder = image_encoder(run_options)
+        # A script that only is slow must not receive a Frame twice: its second answer would drive the next tick.
+        resend_delay = 0.5 * rules.silence_limit if options.is_lockstep else RESEND_DELAY
         for seat, address in zip(grid.seats, options.devkits, strict=True):
-            grid.bridges.append(_bridge(seat, address, encoder, simulation))
+            grid.bridges.append(_bridge(seat, address, encoder, simulation, resend_delay))
         first = grid.bridges[0]
         recordings = Recordings(
             simulation,
@@ -279,7 +282,13 @@ def _run_options(options: RaceOptions, scenario: Path) -> RunOptions:
     )
 
 
-def _bridge(seat: Seat, address: tuple[str, int], encoder: JpegEncoder | None, simulation: Simulation) -> DevkitBridge:
+def _bridge(
+    seat: Seat,
+    address: tuple[str, int],
+    encoder: JpegEncoder | None,
+    simulation: Simulation,
+    resend_delay: float,
+) -> DevkitBridge:
     spec = simulation.world.vehicle_specs[seat.vehicle]
     images = None
     if encoder is not None:
@@ -288,5 +297,10 @@ def _bridge(seat: Seat, address: tuple[str, int], encoder: JpegEncoder | None, s
         images = partial(images_of, encoder=encoder)
     sizes = {(OWN, name): (camera.width, camera.height) for name, camera in spec.cameras.items()}
     return DevkitBridge(
-        seat, *address, images=images, image_sizes=lambda: sizes, vehicle_profile=lambda: spec.devkit_profile
+        seat,
+        *address,
+        images=images,
+        image_sizes=lambda: sizes,
+        vehicle_profile=lambda: spec.devkit_profile,
+        resend_delay=resend_delay,
     )
