@@ -18,6 +18,7 @@ ALLOWED = {
     *("MIT OR Apache-2.0", "Apache-2.0 OR BSD-2-Clause", "MIT-CMU"),
     "any-OSI",  # of apsw: any licence that the Open Source Initiative has approved, such as MIT
     *("PSF-2.0", "Zlib"),
+    "MPL-2.0",  # of tqdm: it covers changes of its own files, and none is changed
 }
 """SPDX identifiers of licences that suit a project under BSD-2-Clause."""
 
@@ -43,14 +44,22 @@ EXTRAS = {
     "backports-zstd": ("export", "PSF-2.0"),
     "lz4": ("export", "BSD-3-Clause"),
     "minari": ("export", "MIT"),
-    "packaging": ("export", "Apache-2.0 OR BSD-2-Clause"),
+    "packaging": ("search", "Apache-2.0 OR BSD-2-Clause"),
     "pillow": ("rerun", "MIT-CMU"),
     "psutil": ("rerun", "BSD-3-Clause"),
-    "pyarrow": ("rerun", "Apache-2.0"),
+    "pyarrow": ("export", "Apache-2.0"),
     "ruamel-yaml": ("export", "MIT"),
     "rerun-sdk": ("rerun", "MIT OR Apache-2.0"),
     "rosbags": ("export", "Apache-2.0"),
     "zstandard": ("recording", "BSD-3-Clause"),
+    "alembic": ("search", "MIT"),
+    "cmaes": ("search", "MIT"),
+    "colorlog": ("search", "MIT"),
+    "mako": ("search", "MIT"),
+    "markupsafe": ("search", "BSD-3-Clause"),
+    "optuna": ("search", "MIT"),
+    "sqlalchemy": ("search", "MIT"),
+    "tqdm": ("search", "MPL-2.0 AND MIT"),
     "warp-lang": ("gpu", "Apache-2.0"),
 }
 """Package -> the extra that installs it, and its licence. These packages are not installed with the simulator."""
