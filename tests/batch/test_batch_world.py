@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,8 +16,10 @@ from autodrive import Command, Frame, make
 from autodrive.arrays import Floats
 from autodrive.batch import BatchWorld, Readings
 from autodrive.errors import CommandError, SpecError
-from autodrive.scenario import ScenarioSpec, load_scenario
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.specs import find
+from autodrive.vehicles.spec import load_vehicle
+from tests.support.cars import car_file
 
 CARS: dict[str, Any] = {
     "V1": {"type": "nigel", "has_realistic_sensors": True, "sensors": {"range": {"noise": "strong"}}},
@@ -394,3 +397,51 @@ def test_wrong_resets_are_refused(arguments: dict[str, Any], message: str) -> No
 def test_all_errors_of_a_scenario_are_reported() -> None:
     with pytest.raises(SpecError, match="map"):
         BatchWorld(ScenarioSpec(map="no_such_map"), 2)
+
+
+def test_other_parameters_of_a_vehicle_are_those_of_its_file(tmp_path: Path) -> None:
+    changes = {"wheels.damping_rate": 0.4, "steering.limit_deg": 20.0, "body.mass": 2.5, "steering.dead_time": 0.02}
+    spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car_file(tmp_path, changes, "nigel_2023"))})
+    own = load_vehicle(spec.vehicles["V1"].type)
+    others = {**changes, "wheels.damping_rate": 0.2, "steering.dead_time": 0.03}
+    (tmp_path / "other").mkdir()
+    other = ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car_file(tmp_path / "other", others, "nigel_2023"))})
+    batch = BatchWorld(other, 3)
+    batch.reset([1], vehicles={"V1": [own]})
+    commands = random_commands(1, 1, 60)
+    world, unchanged = make(spec, seed=1), make(other, seed=0)
+    for command in commands:
+        batch.step(np.tile(command, (3, 1, 1)))
+        world.step(as_commands(["V1"], command[0]))
+        unchanged.step(as_commands(["V1"], command[0]))
+    assert_same(batch.readings, 1, world.frame)
+    assert_same(batch.readings, 0, unchanged.frame)
+    batch.reset([1])
+    batch.step(np.tile(FORWARD, (3, 1, 1)))
+    assert batch.readings.wheel_angular_velocity[1, 0, 2] != world.frame.vehicles["V1"].wheels.angular_velocity[2]
+    with pytest.raises(CommandError, match=r"the longest dead time of the vehicles of the scenario is 0\.03 s"):
+        batch.reset([1], vehicles={"V1": [load_vehicle(car_file(tmp_path, {"steering.dead_time": 0.04}))]})
+    with pytest.raises(CommandError, match="a Spec of 'V1' for each of the 3 worlds"):
+        batch.reset(vehicles={"V1": [own]})
+    with pytest.raises(CommandError, match="vehicle 'V2' is not in these worlds"):
+        batch.reset(vehicles={"V2": [own] * 3})
+
+
+def test_a_vehicle_that_starts_in_motion_goes_on_as_one_that_has_driven() -> None:
+    """The suspension and the slip at the start are those at rest, so that the speed differs for some ticks."""
+    commands = np.tile([0.7, 0.3], (2, 1, 1))
+    batch = BatchWorld(ScenarioSpec(), 2)
+    readings = batch.step(commands, ticks=200)
+    speed, rate = readings.velocity[0, 0, 0], readings.angular_velocity[0, 0, 2]
+    position, angle = readings.position[0, 0].copy(), readings.steering[0, 0]
+    batch.reset([1], poses={"V1": [1.0, 2.0, 0.5]}, motions={"V1": [speed, 0.0, rate, 0.7, 0.3]})
+    assert readings.velocity[1, 0] == pytest.approx([speed, 0.0, 0.0])
+    assert readings.steering[1, 0] == pytest.approx(angle)
+    batch.step(commands, ticks=50)
+    way = [math.dist(readings.position[0, 0, :2], position[:2]), math.dist(readings.position[1, 0, :2], (1.0, 2.0))]
+    assert way[1] == pytest.approx(way[0], rel=0.01)
+    assert readings.angular_velocity[1, 0, 2] == pytest.approx(rate, rel=0.01)
+    with pytest.raises(CommandError, match="throttle and steering from -1 to 1"):
+        batch.reset(motions={"V1": [0.0, 0.0, 0.0, 2.0, 0.0]})
+    with pytest.raises(CommandError, match=r"the motions of 'V1' must have the shape \(2, 5\)"):
+        batch.reset(motions={"V1": [0.0, 0.0]})

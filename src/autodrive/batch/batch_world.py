@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
@@ -22,6 +22,7 @@ from autodrive.compile import compile_scenario
 from autodrive.errors import CommandError
 from autodrive.factory import read_scenario
 from autodrive.jit import resolved
+from autodrive.model import Table
 from autodrive.physics.one_thread import OneThread, by_one_thread
 from autodrive.protocol.commands import MAX_DISTANCE, check_seed
 from autodrive.referee import SEPARATION
@@ -29,13 +30,17 @@ from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.sensors.tables import most_rays, reset_noise, sensor_tables
 from autodrive.specs import suggest
 from autodrive.transforms import quaternion_from_yaw
-from autodrive.vehicles.parameters import wheel_table
+from autodrive.vehicles.parameters import vehicle_table, wheel_table
+from autodrive.vehicles.spec import VehicleSpec
 
 BLOCK = 16
 """Worlds that a thread takes at a time, at least."""
 
 BLOCKS = 8
 """Blocks of worlds for each thread, at most: worlds in contact take longer than others."""
+
+MAX_SPEED = 1000.0
+"""At the start [m/s] or [rad/s]."""
 
 LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
 """Least and greatest factor, as in `VehiclePlacement`."""
@@ -88,6 +93,7 @@ class BatchWorld(OneThread):
         self._seeds = [seed + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
         """Of the present episodes."""
+        self._has_own_vehicles = np.zeros(n, np.bool_)
         self._specs = {
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
         }
@@ -137,6 +143,8 @@ class BatchWorld(OneThread):
         seeds: ArrayLike | None = None,
         *,
         poses: Mapping[str, ArrayLike] | None = None,
+        motions: Mapping[str, ArrayLike] | None = None,
+        vehicles: Mapping[str, Sequence[VehicleSpec]] | None = None,
         mass: ArrayLike = 1.0,
         grip: ArrayLike = 1.0,
         noise: ArrayLike = 1.0,
@@ -148,6 +156,11 @@ class BatchWorld(OneThread):
         or (3,); the others are where the scenario places them. `mass`, `grip`, `noise`: the factors of
         `VehiclePlacement` in addition to those of the scenario, one number or shape (m,) or (m, v).
 
+        `motions`: vehicles start in motion, with rolling wheels: forward and left speed [m/s], yaw rate [rad/s], and
+        the throttle and the steering that they have obeyed, by name, shape (m, 5) or (5,); the others start at rest.
+        `vehicles`: other parameters of dynamics and actuators until the next reset, by name, a Spec for each of the m
+        worlds; colliders, sensors and the longest dead times remain those of the scenario.
+
         Raises `CommandError` for wrong values, and for poses that let two bodies overlap; nothing has changed then.
         """
         chosen = self._checked_worlds(worlds)
@@ -155,6 +168,8 @@ class BatchWorld(OneThread):
         given = {"mass": mass, "grip": grip, "noise": noise}
         factors = {name: self._checked_factor(name, factor, chosen) for name, factor in given.items()}
         qpos = self._checked_starts(poses or {}, chosen)
+        moving = {self._vehicle(name): self._checked_motion(name, one, chosen) for name, one in (motions or {}).items()}
+        own = self._checked_vehicles(vehicles or {}, chosen)
         w = self._worlds
         for column in w.state:
             column[chosen] = 0.0
@@ -162,9 +177,12 @@ class BatchWorld(OneThread):
         for column in (w.tick, w.is_unstable, w.throttle, w.steering, w.recent_count, w.collision_count):
             column[chosen] = 0
         w.has_collided[chosen] = w.is_off_road[chosen] = False
+        tables: dict[tuple[float, ...], tuple[Table, Table]] = {}
         for row, k in enumerate(chosen.tolist()):
             self._seeds[k] = new_seeds[row]
-            self._set_parameters(k, {name: values[row] for name, values in factors.items()})
+            self._set_parameters(k, {name: values[row] for name, values in factors.items()}, own[row], tables)
+        for i, motion in moving.items():
+            self._set_motion(chosen, i, motion)
         self._begin(*self._begin_arguments(chosen))
         return self._show()
 
@@ -209,21 +227,59 @@ class BatchWorld(OneThread):
         np.divide(self._worlds.tick * numerator, denominator, out=self._time)
         return self.readings
 
-    def _set_parameters(self, k: int, factors: Mapping[str, Floats]) -> None:
-        """Set the tables and the noise of world k."""
-        c, w = self._compiled, self._worlds
-        if any((before[k] != factors[name]).any() for name, before in self._factors.items()):
+    def _set_parameters(
+        self,
+        k: int,
+        factors: Mapping[str, Floats],
+        own: Mapping[str, VehicleSpec],
+        tables: dict[tuple[float, ...], tuple[Table, Table]],
+    ) -> None:
+        """Set the tables and the noise of world k. `tables`: those of Specs that other worlds have, too."""
+        w = self._worlds
+        is_other = any((before[k] != factors[name]).any() for name, before in self._factors.items())
+        if is_other or own or self._has_own_vehicles[k]:
             for name, before in self._factors.items():
                 before[k] = factors[name]
-            masses, grips = factors["mass"].tolist(), factors["grip"].tolist()
-            specs = [spec.with_mass_factor(one) for spec, one in zip(c.vehicles.values(), masses, strict=True)]
-            placed = self.spec.vehicles.values()
-            grips = [c.map.ground.grip * (p.grip_factor * one) for p, one in zip(placed, grips, strict=True)]
-            for i, spec in enumerate(specs):
-                w.vehicles[k, i]["mass"], w.vehicles[k, i]["inertia"] = spec.body.mass, spec.body.inertia
-            w.wheels[k] = wheel_table(specs, grips, c.spec.substep)
+            self._has_own_vehicles[k] = bool(own)
+            key = (*map(id, own.values()), *factors["mass"].tolist(), *factors["grip"].tolist())
+            if key not in tables:
+                tables[key] = self._tables(factors["mass"].tolist(), factors["grip"].tolist(), own)
+            w.vehicles[k], w.wheels[k] = tables[key]
         for i, (name, specs_of) in enumerate(self._specs.items()):
             reset_noise(w.noise, k, i, name, specs_of, float(factors["noise"][i]), self._seeds[k])
+
+    def _tables(
+        self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec]
+    ) -> tuple[Table, Table]:
+        """Tables of vehicles and wheels of a world."""
+        c, placed = self._compiled, self.spec.vehicles
+        specs = {
+            name: (own[name].with_mass_factor(placed[name].mass_factor) if name in own else spec).with_mass_factor(mass)
+            for (name, spec), mass in zip(c.vehicles.items(), masses, strict=True)
+        }
+        vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep) if own else c.model.vehicles.copy()
+        for row, spec in zip(vehicles, specs.values(), strict=True):
+            row["mass"], row["inertia"] = spec.body.mass, spec.body.inertia
+        grips = [c.map.ground.grip * (p.grip_factor * one) for p, one in zip(placed.values(), grips, strict=True)]
+        return vehicles, wheel_table([*specs.values()], grips, c.spec.substep)
+
+    def _set_motion(self, chosen: Integers, i: int, motion: Floats) -> None:
+        """Set velocities and actuators of a vehicle at the start, whose pose is set; `motion` has the shape (m, 5)."""
+        s, w = self._worlds.state, self._worlds
+        table = w.vehicles[0, i]
+        dof, at = int(table["dof"]), int(table["qpos"])
+        forward, left, rate, throttle, steering = motion.T
+        yaw = 2.0 * np.arctan2(s.qpos[chosen, at + 6], s.qpos[chosen, at + 3])
+        s.qvel[chosen, dof] = np.cos(yaw) * forward - np.sin(yaw) * left
+        s.qvel[chosen, dof + 1] = np.sin(yaw) * forward + np.cos(yaw) * left
+        s.qvel[chosen, dof + 5] = rate
+        wheels = w.wheels[chosen, 4 * i : 4 * i + 4]
+        spin = (forward[:, None] - rate[:, None] * wheels["hub"][..., 1]) / wheels["radius"]
+        s.wheel_angular_velocity[chosen, 4 * i : 4 * i + 4] = spin
+        angle = steering * w.vehicles[chosen, i]["steering_limit"]
+        s.throttle[chosen, i] = s.drive_level[chosen, i] = throttle
+        s.steering_target[chosen, i] = s.steering_angle[chosen, i] = angle
+        s.throttle_queue[chosen, i], s.steering_queue[chosen, i] = throttle[:, None], angle[:, None]
 
     # -- checks of arguments -------------------------------------------------------------------------------------
 
@@ -286,6 +342,45 @@ class BatchWorld(OneThread):
         if not ((values >= limits[0]) & (values <= limits[1])).all():
             raise CommandError(f"{name} is a factor from {limits[0]:g} to {limits[1]:g}")
         return values
+
+    def _vehicle(self, name: str) -> int:
+        """Number of a vehicle."""
+        if name not in self.vehicle_names:
+            raise CommandError(f"vehicle '{name}' is not in these worlds. {suggest(str(name), self.vehicle_names)}")
+        return self.vehicle_names.index(name)
+
+    def _checked_motion(self, name: str, motion: ArrayLike, chosen: Integers) -> Floats:
+        """Shape (m, 5)."""
+        try:
+            values = np.broadcast_to(np.asarray(motion, dtype=np.float64), (len(chosen), 5))
+        except (TypeError, ValueError):
+            raise CommandError(
+                f"the motions of '{name}' must have the shape ({len(chosen)}, 5): forward and left speed, yaw rate, "
+                "throttle, steering"
+            ) from None
+        if not (np.abs(values) <= (*(MAX_SPEED,) * 3, 1.0, 1.0)).all():
+            raise CommandError(
+                f"the speeds of '{name}' must be numbers from {-MAX_SPEED:g} to {MAX_SPEED:g}, its throttle and "
+                "steering from -1 to 1"
+            )
+        return values
+
+    def _checked_vehicles(
+        self, vehicles: Mapping[str, Sequence[VehicleSpec]], chosen: Integers
+    ) -> list[dict[str, VehicleSpec]]:
+        """The Specs that differ from those of the scenario, of each chosen world."""
+        longest = self._worlds.state.throttle_queue.shape[-1] - 1
+        for name, specs in vehicles.items():
+            self._vehicle(name)
+            if len(specs) != len(chosen):
+                raise CommandError(f"there must be a Spec of '{name}' for each of the {len(chosen)} worlds")
+            for part in ("steering", "drivetrain"):
+                if any(round(getattr(one, part).dead_time / self.spec.substep) > longest for one in specs):
+                    raise CommandError(
+                        f"the longest dead time of the vehicles of the scenario is {longest * self.spec.substep:g} s; "
+                        f"{part}.dead_time of '{name}' is longer"
+                    )
+        return [{name: specs[row] for name, specs in vehicles.items()} for row in range(len(chosen))]
 
     def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers) -> Floats:
         """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
