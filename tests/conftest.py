@@ -14,9 +14,14 @@ from autodrive.render.gl import GlUnavailable, probe
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)  # a first call may compile
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+IS_CI = bool(os.environ.get("CI") or os.environ.get("AUTODRIVE_CI"))
+"""`scripts/test` passes CI on as AUTODRIVE_CI: where CI is set, pytest prints pages for a long assertion."""
+
+settings.load_profile("ci" if IS_CI else "local")
 
 TESTS = Path(__file__).parent
+FAILED = TESTS.parent / ".venv" / "failed-tests"
+"""Names of the failed tests of the last run, one per line; scripts/test prints them at its end."""
 
 MARKERS = {"page": "browser", "ros": "toolchain", "clients": "toolchain", "hardening": "slow"}
 """Directory -> marker of all its tests."""
@@ -58,6 +63,7 @@ ACCEPTED_SKIPS: tuple[str, ...] = ("no small file system can be mounted", "only 
 """Beginnings of the reasons for which a test may be skipped where CI is set; any other skip fails the run."""
 
 _refused: list[str] = []
+_failed: list[str] = []
 
 
 def group_of(file: str) -> str:
@@ -103,15 +109,27 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """With CI=true a skip that is not in the list is an error: it would hide a test that never runs."""
-    if report.skipped and os.environ.get("CI") and not hasattr(report, "wasxfail"):
+    if report.failed and report.nodeid not in _failed:
+        _failed.append(report.nodeid)
+    if report.skipped and IS_CI and not hasattr(report, "wasxfail"):
         reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
         if not reason.removeprefix("Skipped: ").startswith(ACCEPTED_SKIPS or ("\0",)):
             _refused.append(f"{report.nodeid}: {reason}")
 
 
+def pytest_collectreport(report: pytest.CollectReport) -> None:
+    """A file that cannot be imported is a failure as well."""
+    if report.failed and report.nodeid not in _failed:
+        _failed.append(report.nodeid)
+
+
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """The exit code of a run with such skips is 3: scripts/test does not repeat it."""
-    if _refused and not hasattr(session.config, "workerinput"):
+    """Names of failures for scripts/test, which prints them last. The exit code of a run with such skips is 3."""
+    if hasattr(session.config, "workerinput"):
+        return
+    if FAILED.parent.is_dir():
+        FAILED.write_text("".join(f"{name}\n" for name in _failed))
+    if _refused:
         session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
 
 

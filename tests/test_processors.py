@@ -14,6 +14,7 @@ import platform
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -39,19 +40,24 @@ from tests.support.frames import bytes_of
 
 ROOT = Path(__file__).parent.parent
 TICKS = 300
+LIMIT = 1200.0
+"""Wall time of one process [s]: it may have to compile everything, on a busy machine."""
 NOISY = {name: SensorSettings(noise="strong") for name in ("encoders", "ips", "imu", "lidar")}
 IS_X86 = platform.machine() in {"x86_64", "AMD64"}
 OLDER_C_LIBRARY = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2"}
 
 SETTINGS: dict[str, dict[str, str]] = {
-    "OpenBLAS for Prescott": {"OPENBLAS_CORETYPE": "Prescott"},
+    "OpenBLAS for Prescott, the C library without FMA and AVX2, numpy without dispatched features": {
+        "OPENBLAS_CORETYPE": "Prescott",
+        "NPY_DISABLE_CPU_FEATURES": " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name]),
+        **OLDER_C_LIBRARY,
+    },
     "OpenBLAS for Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
     "OpenBLAS for SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX"},
-    "the C library without FMA and AVX2": OLDER_C_LIBRARY,
-    "numpy without dispatched features": {
-        "NPY_DISABLE_CPU_FEATURES": " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name])
-    },
+    "machine code for any processor": {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
 }
+"""The first one has all differences of the libraries at once. The last one is cached beside the usual machine code:
+only the first run after a change of the physics compiles it."""
 
 
 def slalom(folder: Path) -> World:
@@ -77,11 +83,11 @@ def drive(tick: int) -> dict[str, Command]:
     return {"V1": Command(throttle=0.5, steering=side), "V2": Command(throttle=0.3, steering=-side)}
 
 
-def film(folder: Path, ticks: int = TICKS) -> dict[str, str]:
-    """Digests of the Model, of all States and of all Frames of a drive."""
+def film(folder: Path) -> dict[str, str]:
+    """Digests of the Model, of all States and of all Frames of a drive, and of results of the C library."""
     world = slalom(folder)
     states, frames = hashlib.sha256(), hashlib.sha256()
-    for tick in range(ticks):
+    for tick in range(TICKS):
         frame = world.step(drive(tick))
         assert not any(vehicle.collision_count for vehicle in frame.vehicles.values())
         for part in bytes_of(frame):
@@ -92,61 +98,51 @@ def film(folder: Path, ticks: int = TICKS) -> dict[str, str]:
         "model": model_digest(world._compiled.model),
         "state": states.hexdigest(),
         "frames": frames.hexdigest(),
+        "sines": hashlib.sha256(np.array([math.sin(0.001 * i) for i in range(10_000)]).tobytes()).hexdigest(),
     }
 
 
-def sines() -> str:
-    """Digest of results of the C library."""
-    return hashlib.sha256(np.array([math.sin(0.001 * i) for i in range(10_000)]).tobytes()).hexdigest()
+@pytest.fixture(scope="module")
+def film_under(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, str]]:
+    """Makes the digests of `film` in a new process with settings of that name; with none of them for the name ''."""
+    folder = tmp_path_factory.mktemp("cars")  # the Model has the paths of its files
 
+    @cache
+    def made(name: str) -> dict[str, str]:
+        all_ = {key for one in SETTINGS.values() for key in one}
+        kept = {key: value for key, value in os.environ.items() if key not in all_}
+        program = f"from tests.test_processors import *; print(json.dumps(film(Path({str(folder)!r}))))"
+        done = subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", program],
+            cwd=ROOT,
+            env={**kept, **SETTINGS.get(name, {})},
+            capture_output=True,
+            text=True,
+            timeout=LIMIT,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
 
-def under(settings: dict[str, str], call: str) -> Any:
-    """What a call of a function of this module returns in a new process with these settings."""
-    kept = {
-        name: value
-        for name, value in os.environ.items()
-        if name not in {key for one in SETTINGS.values() for key in one}
-    }
-    program = f"import json, sys, pathlib; from tests.test_processors import *; print(json.dumps({call}))"
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program],
-        cwd=ROOT,
-        env={**kept, **settings},
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
-@cache
-def usual(call: str) -> Any:
-    return under({}, call)
+    return made
 
 
 @pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SETTINGS)
-def test_the_code_of_another_processor_gives_the_same_bits(name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
-    call = f"film(pathlib.Path({str(tmp_path_factory.getbasetemp())!r}))"
-    assert under(SETTINGS[name], call) == usual(call)
+def test_the_code_of_another_processor_gives_the_same_bits(
+    name: str, film_under: Callable[[str], dict[str, str]]
+) -> None:
+    usual, other = film_under(""), film_under(name)
+    for what in ("model", "state", "frames"):
+        assert other[what] == usual[what], what
 
 
 @pytest.mark.process
 @pytest.mark.slow
-def test_machine_code_for_any_processor_gives_the_same_bits(tmp_path_factory: pytest.TempPathFactory) -> None:
-    folder = tmp_path_factory.getbasetemp()
-    call = f"film(pathlib.Path({str(folder)!r}), 60)"
-    generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(folder / "generic")}
-    assert under(generic, call) == usual(call)
-
-
-@pytest.mark.process
-def test_the_settings_change_the_results_of_the_c_library() -> None:
+def test_the_settings_change_the_results_of_the_c_library(film_under: Callable[[str], dict[str, str]]) -> None:
     has_variants = IS_X86 and platform.libc_ver()[0] == "glibc" and __cpu_features__["FMA3"]
-    assert (under(OLDER_C_LIBRARY, "sines()") != usual("sines()")) == has_variants
+    assert (film_under(next(iter(SETTINGS)))["sines"] != film_under("")["sines"]) == has_variants
 
 
 @pytest.mark.slow

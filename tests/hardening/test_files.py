@@ -8,9 +8,12 @@ from __future__ import annotations
 import os
 import random
 import re
+import shutil
 import time
 import traceback
 from collections.abc import Iterator
+from copy import deepcopy
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -351,21 +354,24 @@ def places(tree: Any) -> Iterator[Place]:
 
 
 class Mutator:
-    """Makes mutated texts of one kind of file; the same number gives the same text."""
+    """Makes mutated texts of one kind of file; the same number gives the same text.
+
+    With the C code of YAML: a track has thousands of points, for which the Python code needs a second.
+    """
 
     def __init__(self, kind: Kind) -> None:
-        self.trees = [yaml.safe_load(find(kind, name).read_text()) for name in names(kind)]
+        self.trees = [yaml.load(find(kind, name).read_text(), yaml.CSafeLoader) for name in names(kind)]
         self.texts = [find(kind, name).read_bytes() for name in names(kind)]
 
     def mutated(self, number: int) -> bytes:
         rng = random.Random(number)
         if rng.random() < 0.2:
             return self._bytes(rng)
-        tree = yaml.safe_load(yaml.safe_dump(rng.choice(self.trees)))  # a copy
+        tree = deepcopy(rng.choice(self.trees))
         raw: dict[str, str] = {}
         for _ in range(rng.choice([1, 1, 1, 2, 3])):
             self._change(rng, tree, raw)
-        text = yaml.safe_dump(tree, sort_keys=False, default_flow_style=rng.choice([None, False]))
+        text = yaml.dump(tree, Dumper=yaml.CSafeDumper, sort_keys=False, default_flow_style=rng.choice([None, False]))
         for mark, value in raw.items():
             text = text.replace(mark, value)
         return text.encode()
@@ -422,6 +428,10 @@ class Mutator:
                     of[mark] = of.pop(key)
 
 
+mutator = cache(Mutator)
+"""The mutator of a kind of file, which reads its files once."""
+
+
 def made(kind: Kind, path: Path, *, cameras: bool = False) -> World:
     """The World of a scenario that uses that file."""
     if kind == "scenario":
@@ -465,12 +475,11 @@ def problem(kind: Kind, path: Path) -> str:
 @pytest.mark.parametrize("kind", SPECS)
 def test_a_mutated_file_runs_or_is_refused_with_its_place(kind: Kind, tmp_path: Path) -> None:
     autodrive.make("mini_map").step()  # compiles
-    mutator = Mutator(kind)
     problems: dict[int, str] = {}
     times: dict[int, float] = {}
     for number in range(cases(80, 2500)):
         path = tmp_path / f"f{number}.yaml"  # a new name, because modules are cached by name and time
-        path.write_bytes(mutator.mutated(number))
+        path.write_bytes(mutator(kind).mutated(number))
         start = time.process_time()
         if text := problem(kind, path):
             problems[number] = text
@@ -487,12 +496,19 @@ WITH_CAMERAS: dict[Kind, int] = cases(
 """Valid mutated files, by kind."""
 
 
+@pytest.fixture(scope="module")
+def meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache of meshes for these tests, which begins with the user's files: only what is mutated is built."""
+    world = autodrive.make("mini_map", cameras=True)  # builds what is not there
+    world.close()
+    return Path(shutil.copytree(store._folder(), tmp_path_factory.mktemp("meshes") / "cache", copy_function=os.link))
+
+
 @pytest.mark.parametrize("kind", WITH_CAMERAS)
 def test_a_mutated_file_that_is_valid_can_be_drawn(
-    kind: Kind, tmp_path: Path, gl: str, monkeypatch: pytest.MonkeyPatch
+    kind: Kind, tmp_path: Path, gl: str, meshes: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(store, "_folder", lambda: tmp_path / "cache")
-    mutator = Mutator(kind)
+    monkeypatch.setattr(store, "_folder", lambda: meshes)
     problems: dict[int, str] = {}
     wanted = WITH_CAMERAS[kind]
     drawn, tried, slowest = 0, 0, 0.0
@@ -500,7 +516,7 @@ def test_a_mutated_file_that_is_valid_can_be_drawn(
         number = 10_000 + tried
         tried += 1
         path = tmp_path / f"f{number}.yaml"
-        path.write_bytes(mutator.mutated(number))
+        path.write_bytes(mutator(kind).mutated(number))
         start = time.process_time()
         try:
             check(str(path), kind)
@@ -523,7 +539,7 @@ def test_the_mutator_makes_valid_and_invalid_files(kind: Kind, tmp_path: Path) -
     outcomes = set()
     for number in range(60):
         path = tmp_path / f"f{number}.yaml"
-        path.write_bytes(Mutator(kind).mutated(number))
+        path.write_bytes(mutator(kind).mutated(number))
         try:
             check(str(path), kind)
             outcomes.add("valid")
