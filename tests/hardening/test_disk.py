@@ -93,6 +93,7 @@ OTHERS = {
     "exports/csv.py": {"open"},  # see below, like the next ones
     "exports/lerobot.py": {"open"},
     "exports/recorder_layout.py": {"open"},
+    "exports/rerun_file.py": {"open"},
     "film/video.py": {"open"},
 }
 """All other calls that can write, by module."""
@@ -153,7 +154,7 @@ def raced() -> tuple[RaceResult, RaceRecorder]:
     return result, recorder
 
 
-@pytest.mark.parametrize("name", sorted(set(FORMATS) - {"rerun"}))  # it writes in the background and reports nothing
+@pytest.mark.parametrize("name", sorted(FORMATS))
 def test_an_export_that_cannot_be_written_raises_one_line(name: str, disk: tuple[Path, str]) -> None:
     folder, _ = disk
     with pytest.raises(AutodriveError, match=r"cannot (be )?writ") as raised:
@@ -162,6 +163,17 @@ def test_an_export_that_cannot_be_written_raises_one_line(name: str, disk: tuple
     assert not (folder / "exported").exists()
     del raised
     gc.collect()  # closes the files of the libraries, so that the disk can be removed
+
+
+def test_a_rerun_file_that_does_not_fit_is_one_line_and_nothing_is_left(tmp_path: Path) -> None:
+    """The disk becomes full in the middle of the file, which Rerun itself writes in the background."""
+    with small_disk(tmp_path, kilobytes=64) as folder:
+        with pytest.raises(AutodriveError, match="^cannot write: No space left on device  ") as raised:
+            export(recorded(), "rerun", folder / "exported.rrd")
+        assert "\n" not in str(raised.value)
+        assert list(folder.iterdir()) == []
+        del raised
+        gc.collect()
 
 
 def test_a_film_that_cannot_be_written_raises_one_line(disk: tuple[Path, str]) -> None:
