@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec.structs import replace
 
@@ -27,6 +27,7 @@ from autodrive.protocol.messages import (
     Step,
 )
 from autodrive.simulation.clock import Clock, WallClock
+from autodrive.simulation.sinks import Publisher
 
 if TYPE_CHECKING:
     from autodrive.cameras.process import CameraProcess
@@ -52,14 +53,7 @@ class Stage(NamedTuple):
     cameras: CameraProcess | None = None
 
 
-class Sink(Protocol):
-    """Receives every Frame that is shown."""
-
-    def publish(self, frame: Frame) -> None:
-        """Receive a Frame, in the thread of the Player: return quickly."""
-
-
-class Player:
+class Player(Publisher):
     """Plays a recording; it has the methods and values of a `Simulation` that the server uses.
 
     All viewers see the same time of the recording. A Frame that is shown while time passes has all events since the one
@@ -79,17 +73,16 @@ class Player:
         is_paused: bool = False,
         clock: Clock | None = None,
     ) -> None:
+        super().__init__(tape.frame_at(0.0))
         self._tape = tape
         self._stages = stages
         self._speed = _checked_speed(speed)
         self._is_paused = is_paused
         self._clock: Clock = clock or WallClock()
         self._position = 0.0
-        self._frame = tape.frame_at(0.0)
         self._recorded = self._frame
         """The Frame as it was recorded."""
         self._stage = stages(0.0)
-        self._sinks: tuple[Sink, ...] = ()
         self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
         self._mailbox = threading.Condition()
         self._thread: threading.Thread | None = None
@@ -103,11 +96,6 @@ class Player:
     def world(self) -> World:
         """The World of the scenario at that time."""
         return self._stage.world
-
-    @property
-    def frame(self) -> Frame:
-        """The Frame that is shown."""
-        return self._frame
 
     @property
     def position(self) -> float:
@@ -142,7 +130,7 @@ class Player:
             "To drive, start a simulation: autodrive run"
         )
 
-    # -- commands, requests and sinks -------------------------------------------------------------------------------
+    # -- commands and requests ----------------------------------------------------------------------------------------
 
     def submit(self, vehicle: str, command: Command, source: Source = "script") -> None:
         """Raises `CommandError`: the recorded commands drive."""
@@ -177,16 +165,6 @@ class Player:
         with self._mailbox:
             self._wants_images = wanted
             self._mailbox.notify_all()
-
-    def add_sink(self, sink: Sink) -> None:
-        """Pass every Frame to `sink` from now on. A sink that raises is logged and removed."""
-        with self._mailbox:
-            self._sinks = (*self._sinks, sink)
-
-    def remove_sink(self, sink: Sink) -> None:
-        """Pass no more Frames to `sink`; does nothing if it was not added."""
-        with self._mailbox:
-            self._sinks = tuple(other for other in self._sinks if other is not sink)
 
     # -- the thread ---------------------------------------------------------------------------------------------------
 
@@ -320,15 +298,6 @@ class Player:
             frame = self._stage.cameras.update(self._recorded)
             if _images(frame) != _images(self._frame):
                 self._publish(frame)
-
-    def _publish(self, frame: Frame) -> None:
-        self._frame = frame
-        for sink in self._sinks:
-            try:
-                sink.publish(frame)
-            except Exception:
-                log.exception("%s raised and gets no more Frames", type(sink).__name__)
-                self.remove_sink(sink)
 
 
 def _images(frame: Frame) -> list[int]:

@@ -3,4 +3,4 @@
 from autodrive.simulation.clock import Clock as Clock
 from autodrive.simulation.clock import WallClock as WallClock
 from autodrive.simulation.simulation import Simulation as Simulation
-from autodrive.simulation.simulation import Sink as Sink
+from autodrive.simulation.sinks import Sink as Sink

@@ -43,6 +43,7 @@ from autodrive.protocol.messages import (
 from autodrive.protocol.native import Source
 from autodrive.simulation.checks import check_request, check_speed, check_vehicle
 from autodrive.simulation.clock import Clock, WallClock
+from autodrive.simulation.sinks import Publisher, Sink
 
 if TYPE_CHECKING:
     from autodrive.scenario import ScenarioSpec
@@ -61,13 +62,6 @@ IMAGE_POLL_PERIOD = 0.01
 """A paused World is asked this often for images that are still being rendered [s]."""
 
 
-class Sink(Protocol):
-    """Receives every Frame, for example a recorder or a bridge."""
-
-    def publish(self, frame: Frame) -> None:
-        """Receive a Frame, in the thread of the simulation: return quickly, and process the Frame in another thread."""
-
-
 class Observer(Sink, Protocol):
     """A Sink that also learns what the World is given, for example a recorder."""
 
@@ -78,7 +72,7 @@ class Observer(Sink, Protocol):
         """A request was executed; its Frame follows, if it made one."""
 
 
-class Simulation:
+class Simulation(Publisher):
     """One World at a time, ticking in real time, at another speed, or as fast as it can.
 
     `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario: by
@@ -99,6 +93,7 @@ class Simulation:
         clock: Clock | None = None,
     ) -> None:
         check_speed(speed)
+        super().__init__(world.frame)
         self.world = world
         self.error = ""
         """Why the physics cannot continue; empty if it can. A Reset or another scenario clears it."""
@@ -108,8 +103,6 @@ class Simulation:
         self._clock: Clock = clock or WallClock()
         self._is_paused = is_paused
         self._pace = Pace(world.tick_duration, speed)
-        self._frame = world.frame
-        self._sinks: tuple[Sink, ...] = ()
         self._observers: tuple[Observer, ...] = ()
         self._commands: dict[tuple[str, Source], Command] = {}
         self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
@@ -122,11 +115,6 @@ class Simulation:
         self._error: BaseException | None = None
 
     # -- state ------------------------------------------------------------------------------------------
-
-    @property
-    def frame(self) -> Frame:
-        """The latest Frame."""
-        return self._frame
 
     @property
     def speed(self) -> float | None:
@@ -225,16 +213,6 @@ class Simulation:
             return True
         finally:
             self._world_lock.release()
-
-    def add_sink(self, sink: Sink) -> None:
-        """Pass every Frame to `sink` from now on. A sink that raises is logged and removed."""
-        with self._mailbox:
-            self._sinks = (*self._sinks, sink)
-
-    def remove_sink(self, sink: Sink) -> None:
-        """Pass no more Frames to `sink`; does nothing if it was not added."""
-        with self._mailbox:
-            self._sinks = tuple(other for other in self._sinks if other is not sink)
 
     def add_observer(self, observer: Observer) -> None:
         """As `add_sink`, and tell it the commands of each tick and the requests, in their order."""
@@ -375,15 +353,6 @@ class Simulation:
             log.error("%s; the simulation is paused", error)
             self.error = str(error)
             self._execute(Pause())
-
-    def _publish(self, frame: Frame) -> None:
-        self._frame = frame
-        for sink in self._sinks:
-            try:
-                sink.publish(frame)
-            except Exception:
-                log.exception("%s raised and gets no more Frames", type(sink).__name__)
-                self.remove_sink(sink)
 
     def _execute_requests(self) -> None:
         while self._requests:
