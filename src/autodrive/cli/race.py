@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from autodrive.cli.options import Host, Port
 from autodrive.cli.run import address
-from autodrive.protocol.ports import PORT
 
 if TYPE_CHECKING:
     from autodrive.run.race import RaceOptions
@@ -54,11 +54,8 @@ def race(
         float, typer.Option(metavar="S", min=0.1, help="Wall time in which each script must answer first.")
     ] = 60.0,
     headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page.")] = False,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page.")] = "127.0.0.1",
-    port: Annotated[
-        int | None,
-        typer.Option(min=0, max=65535, help=f"Port of the page.  [default: {PORT}, or the next free port]"),
-    ] = None,
+    host: Host = "127.0.0.1",
+    port: Port = None,
 ) -> None:
     """Run a race against one devkit script, or against several on one track.
 

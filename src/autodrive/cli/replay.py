@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from autodrive.protocol.ports import PORT
+from autodrive.cli.options import Browser, Host, Port, Token
 
 if TYPE_CHECKING:
     from autodrive.replay import Replay
@@ -17,20 +17,10 @@ if TYPE_CHECKING:
 
 def replay(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")],
-    host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page; 0.0.0.0: all interfaces.")
-    ] = "127.0.0.1",
-    port: Annotated[
-        int | None,
-        typer.Option(min=0, max=65535, help=f"Port of the page.  [default: {PORT}, or the next free port]"),
-    ] = None,
-    token: Annotated[
-        str | None,
-        typer.Option(help="Access token.  [default: generated if --host lets other machines connect]"),
-    ] = None,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser if there is a display.")
-    ] = True,
+    host: Host = "127.0.0.1",
+    port: Port = None,
+    token: Token = None,
+    browser: Browser = True,
     speed: Annotated[float, typer.Option(metavar="N", help="Recorded seconds per second.")] = 1.0,
     paused: Annotated[bool, typer.Option("--paused", help="Wait until somebody presses Play.")] = False,
     resimulate: Annotated[

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from autodrive.cli.options import Browser, Host, Port, Token
 from autodrive.pace import MAX_SPEED, MIN_SPEED
 from autodrive.protocol.devkit_profile import Handshake, Keys, LidarFormat, Side
-from autodrive.protocol.ports import DEVKIT_PORT, PORT
+from autodrive.protocol.ports import DEVKIT_PORT
 
 if TYPE_CHECKING:
     from autodrive.run.options import DrivingMode, RunOptions
@@ -47,26 +48,16 @@ def run(
         str, typer.Argument(help="Name of a scenario (see: autodrive list scenarios), or path of its YAML file.")
     ] = "mini_map",
     headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page; only print the status.")] = False,
-    host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address on which to serve the page; 0.0.0.0: all interfaces.")
-    ] = "127.0.0.1",
-    port: Annotated[
-        int | None,
-        typer.Option(min=0, max=65535, help=f"Port of the page.  [default: {PORT}, or the next free port]"),
-    ] = None,
-    token: Annotated[
-        str | None,
-        typer.Option(help="Access token.  [default: generated if --host lets other machines connect]"),
-    ] = None,
+    host: Host = "127.0.0.1",
+    port: Port = None,
+    token: Token = None,
     allow_origin: Annotated[
         list[str] | None,
         typer.Option(
             metavar="ORIGIN", help="Let pages of that origin connect, e.g. https://lab.example.org; repeatable."
         ),
     ] = None,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser if there is a display.")
-    ] = True,
+    browser: Browser = True,
     devkit: Annotated[
         str, typer.Option(metavar="HOST:PORT", help="Connect to the devkit script at that address.")
     ] = "",
