@@ -1,4 +1,4 @@
-"""The commands for recordings: `replay`, `export`, `plot`, `compare`."""
+"""The commands for recordings: `export`, `plot`, `compare`, and `replay --resimulate`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+
+from autodrive.protocol.devkit_profile import Side
 
 
 class ExportGroup(TyperGroup):
@@ -97,3 +99,45 @@ def plot(
     with open_recording(file) as recording:
         draw(recording, [name.strip() for name in signals.split(",") if name.strip()], path)
     typer.echo(f"wrote {path}")
+
+
+def compare(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A recording (.mcap), or a log of AutoDRIVE's data recorder (.csv).")
+    ],
+    scenario: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Scenario that is simulated.  [default: that of the recording; the plane for a log]"
+        ),
+    ] = None,
+    vehicle: Annotated[str, typer.Option(metavar="NAME", help="Vehicle of the recording.  [default: the first]")] = "",
+    type_: Annotated[
+        str, typer.Option("--type", metavar="NAME", help="Name or file of another type of that vehicle.")
+    ] = "",
+    steering: Annotated[Side, typer.Option(help="Where a positive steering angle of a log points.")] = "left",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Draw paths and errors as PNG or SVG file.")
+    ] = None,
+) -> None:
+    """Simulate the commands of a drive, and print the errors of position, heading, speed and yaw rate."""
+    from autodrive.exports.comparison import compare_log, compare_recording
+    from autodrive.exports.recorder_layout import read
+    from autodrive.recording import open as open_recording
+    from autodrive.recording.plot import check_suffix
+
+    if output is not None:
+        check_suffix(output)
+    if file.suffix.lower() == ".csv":
+        if vehicle:
+            raise typer.BadParameter("--vehicle is for recordings (.mcap): a log has one vehicle")
+        found = compare_log(read(file, is_left_positive=steering == "left"), scenario, type_=type_)
+    else:
+        with open_recording(file) as recording:
+            found = compare_recording(recording, vehicle, scenario, type_=type_)
+            for problem in recording.problems:
+                typer.echo(f"autodrive: {problem}", err=True)
+    typer.echo(found.table())
+    if output is not None:
+        found.plot(output)
+        typer.echo(f"wrote {output}")

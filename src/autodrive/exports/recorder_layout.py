@@ -119,6 +119,11 @@ class DriveLog:
     ranges: tuple[Floats, ...]
     """Ranges of the LIDAR of each row [m]."""
 
+    @property
+    def vehicle_type(self) -> str:
+        """Name of the type of the vehicle: 'nigel', or 'roboracer', whose log has one image in a row."""
+        return "roboracer" if len(self.images[0]) == 1 else "nigel"
+
 
 def read(path: Path, *, is_left_positive: bool = True) -> DriveLog:
     """Read a log of the data recorder. Raises `RecordingError` with the line that is wrong.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -22,39 +23,55 @@ COLUMNS = 1600
 """Points of a curve at most; of more, the least and the greatest in each column are drawn."""
 
 
+class Curves(NamedTuple):
+    """A panel of a plot: curves over time."""
+
+    title: str
+    """With the unit."""
+    times: NDArray[np.float64]
+    """[s], shape (n,)."""
+    columns: Sequence[NDArray[np.float64]]
+    """Values of each curve, shape (n,); what is not finite is not drawn."""
+    names: Sequence[str]
+    """Name of each curve."""
+
+
 def plot(recording: Recording, signals: Sequence[str], path: Path) -> None:
     """Draw signals, such as 'V1/velocity', one above the other. Raises `RecordingError`."""
-    if path.suffix.lower() not in {".svg", ".png"}:
-        raise RecordingError(f"a plot must end in .png or .svg, not '{path.suffix}'")
+    check_suffix(path)
     if not signals:
         raise RecordingError(f"name at least one signal, such as '{next(iter(recording.signals))}'")
-    panels = [_panel(recording, name, i) for i, name in enumerate(signals)]
-    height = HEIGHT * len(signals) + 24
+    drawn = [
+        panel(_curves(recording, name), i * HEIGHT, recording.start, recording.end) for i, name in enumerate(signals)
+    ]
+    write_panels(path, drawn, HEIGHT * len(signals))
+
+
+def check_suffix(path: Path) -> None:
+    """Raises `RecordingError` if the name of a plot does not end in .png or .svg."""
+    if path.suffix.lower() not in {".svg", ".png"}:
+        raise RecordingError(f"a plot must end in .png or .svg, not '{path.suffix}'")
+
+
+def write_panels(path: Path, panels: Sequence[str], height: float) -> None:
+    """Write a plot whose last panels end at `height` [pixels] and have a common axis of time."""
     svg = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}" font-family="sans-serif" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height + 24}" font-family="sans-serif" '
         f'font-size="12"><rect width="100%" height="100%" fill="white"/>{"".join(panels)}'
-        f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{height - 8}" text-anchor="middle">time [s]</text></svg>'
+        f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{height + 16}" text-anchor="middle">time [s]</text></svg>'
     )
     write_file(path, svg if path.suffix.lower() == ".svg" else bytes(svg_to_bytes(svg_string=svg)))
 
 
-def _panel(recording: Recording, name: str, number: int) -> str:
-    values, times = recording[name].astype(np.float64), recording.signals.times(name)
-    signal = recording.signals.described[name]
-    if len(times) == 0:
-        raise RecordingError(f"the recording has no values of '{name}'")
-    rows = values.reshape(len(times), -1)
-    names = list(signal.elements) or [signal.name]
-    if signal.size:
-        rows, names = np.min(rows, axis=1, keepdims=True), [f"least of {signal.name}"]
-    finite = rows[np.isfinite(rows)]
+def panel(curves: Curves, above: float, start: float, end: float) -> str:
+    """The SVG of a panel from a time to another [s], `above` [pixels] below the upper edge of the plot."""
+    finite = np.concatenate([column[np.isfinite(column)] for column in curves.columns])
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     margin = 0.05 * (high - low) or 0.5
     low, high = low - margin, high + margin
-    start, end = recording.start, max(recording.end, recording.start + 1e-9)
-    top, bottom = number * HEIGHT + TOP, (number + 1) * HEIGHT - 18
-    unit = f" [{signal.unit}]" if signal.unit else ""
-    parts = [f'<text x="{LEFT}" y="{top - 8}" font-weight="bold">{escape(name + unit)}</text>']
+    end = max(end, start + 1e-9)
+    top, bottom = above + TOP, above + HEIGHT - 18
+    parts = [f'<text x="{LEFT}" y="{top - 8}" font-weight="bold">{escape(curves.title)}</text>']
     for share in (0.0, 0.5, 1.0):
         y = bottom + share * (top - bottom)
         x = LEFT + share * (WIDTH - RIGHT - LEFT)
@@ -63,13 +80,34 @@ def _panel(recording: Recording, name: str, number: int) -> str:
             f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{low + share * (high - low):.4g}</text>'
             f'<text x="{x:.1f}" y="{bottom + 14}" text-anchor="middle">{start + share * (end - start):.4g}</text>'
         )
-    for i, (label, column) in enumerate(zip(names, rows.T, strict=False)):
-        colour = COLOURS[i % len(COLOURS)]
-        x = LEFT + (times - start) / (end - start) * (WIDTH - RIGHT - LEFT)
-        y = bottom + (column - low) / (high - low) * (top - bottom)
-        parts.append(f'<path d="{_path(x, y)}" fill="none" stroke="{colour}" stroke-width="1.3"/>')
-        parts.append(f'<text x="{WIDTH - RIGHT + 8}" y="{top + 12 + 15 * i}" fill="{colour}">{escape(label)}</text>')
+    x = LEFT + (curves.times - start) / (end - start) * (WIDTH - RIGHT - LEFT)
+    for i, (label, column) in enumerate(zip(curves.names, curves.columns, strict=False)):
+        parts.append(curve(x, bottom + (column - low) / (high - low) * (top - bottom), i))
+        parts.append(legend(label, top, i))
     return "".join(parts)
+
+
+def curve(x: NDArray[np.float64], y: NDArray[np.float64], number: int) -> str:
+    """The SVG of a curve through places [pixels]."""
+    return f'<path d="{_path(x, y)}" fill="none" stroke="{COLOURS[number % len(COLOURS)]}" stroke-width="1.3"/>'
+
+
+def legend(text: str, top: float, number: int) -> str:
+    """The name of a curve beside a panel, in its colour."""
+    colour = COLOURS[number % len(COLOURS)]
+    return f'<text x="{WIDTH - RIGHT + 8}" y="{top + 12 + 15 * number}" fill="{colour}">{escape(text)}</text>'
+
+
+def _curves(recording: Recording, name: str) -> Curves:
+    values, times = recording[name].astype(np.float64), recording.signals.times(name)
+    signal = recording.signals.described[name]
+    if len(times) == 0:
+        raise RecordingError(f"the recording has no values of '{name}'")
+    rows = values.reshape(len(times), -1)
+    names = list(signal.elements) or [signal.name]
+    if signal.size:
+        rows, names = np.min(rows, axis=1, keepdims=True), [f"least of {signal.name}"]
+    return Curves(f"{name} [{signal.unit}]" if signal.unit else name, times, rows.T, names)
 
 
 def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:

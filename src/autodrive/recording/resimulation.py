@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -64,20 +64,11 @@ def resimulate(recording: Recording) -> Result:
     Raises `RecordingError` if the recording does not begin at the start of a World, or if it is not whole. Images are
     not compared: JPEG is not the same on every machine.
     """
-    if not recording.scenario.is_start or recording.start_tick:
-        raise RecordingError(
-            f"the recording begins at tick {recording.start_tick}, not at the start of a run, so it cannot be "
-            "simulated again: record from the start, without --record-last"
-        )
     count, now, difference = 0, 0.0, None
-    with ExitStack() as stack:
-        again = _Again(recording, stack)
-        for now, item in recording.sequence():
-            if not isinstance(item, Frame):
-                again.take(item)
-                continue
+    with closing(simulated_again(recording)) as pairs:
+        for now, recorded, simulated in pairs:
             count += 1
-            difference = first_difference(item, again.frame(item.tick), now)
+            difference = first_difference(recorded, simulated, now)
             if difference is not None:
                 break
     problems = recording.problems
@@ -88,12 +79,34 @@ def resimulate(recording: Recording) -> Result:
     return Result(count, difference, _other_versions(recording))
 
 
+def simulated_again(
+    recording: Recording, changed: Callable[[ScenarioSpec], ScenarioSpec] = lambda spec: spec
+) -> Generator[tuple[float, Frame, Frame]]:
+    """Run a recording again: time [s], recorded and simulated Frame of each recorded tick.
+
+    `changed` returns the scenario that is simulated in the place of a recorded one. Raises as `resimulate`.
+    """
+    if not recording.scenario.is_start or recording.start_tick:
+        raise RecordingError(
+            f"the recording begins at tick {recording.start_tick}, not at the start of a run, so it cannot be "
+            "simulated again: record from the start, without --record-last"
+        )
+    with ExitStack() as stack:
+        again = _Again(recording, stack, changed)
+        for time, item in recording.sequence():
+            if isinstance(item, Frame):
+                yield time, item, again.frame(item.tick)
+            else:
+                again.take(item)
+
+
 class _Again:
     """The simulation that repeats a recording."""
 
-    def __init__(self, recording: Recording, stack: ExitStack) -> None:
+    def __init__(self, recording: Recording, stack: ExitStack, changed: Callable[[ScenarioSpec], ScenarioSpec]) -> None:
         self._recording = recording
         self._stack = stack
+        self._changed = changed
         self._scenario = recording.scenario
         self._simulation = Simulation(self._load(""), is_paused=True, load=self._load)
         stack.callback(lambda: self._simulation.world.close())  # noqa: PLW0108  another one by then
@@ -105,7 +118,12 @@ class _Again:
         """The World of the latest scenario of the recording, or of an edited one."""
         if isinstance(scenario, str):
             scenario = self._stack.enter_context(self._recording.scenario_spec(self._scenario))
-        return make(scenario)
+        spec = self._changed(scenario)
+        if spec.tick != scenario.tick:
+            raise RecordingError(
+                f"the scenario has a tick of {spec.tick} s; that of the recording is {scenario.tick} s"
+            )
+        return make(spec)
 
     def take(self, item: object) -> None:
         """A scenario, commands or a request."""
