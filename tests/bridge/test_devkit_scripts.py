@@ -70,7 +70,7 @@ class Drive:
 
 
 @pytest.mark.parametrize(
-    ("stack", "year", "duration"), [("legacy", "2023", 40.0), ("newest", "2025", 20.0), ("legacy", "2020", 20.0)]
+    ("stack", "year", "duration"), [("legacy", "2023", 20.0), ("newest", "2025", 10.0), ("legacy", "2020", 10.0)]
 )
 @pytest.mark.slow
 @pytest.mark.toolchain
@@ -106,7 +106,7 @@ def round_outer_lane(x: float, y: float) -> float:
 @pytest.mark.slow
 @pytest.mark.toolchain
 def test_a_script_keeps_the_lane_with_its_front_camera(tmp_path: Path) -> None:
-    """Through a curve; ten images per simulated second, rendered in the tick.
+    """Into a curve; ten images per simulated second, rendered in the tick.
 
     The rear image, which the script does not use, is small: Eventlet unmasks messages byte by byte in Python.
     """
@@ -115,7 +115,7 @@ def test_a_script_keeps_the_lane_with_its_front_camera(tmp_path: Path) -> None:
     file.write_text(f"{front}  rear:\n    mount{rear.replace('640', '64').replace('480', '48')}")
     places = {"V1": VehiclePlacement(type=str(file), x=0.7, is_autonomous=True)}  # the curve begins at 1.7 m
     world = autodrive.make(ScenarioSpec(map="mini_map", vehicles=places, tick=0.1), cameras="software")
-    way = 1.0 + 0.5 * math.pi * 0.85 + 0.2
+    way = 1.0 + 0.7  # half of the curve: a car that did not steer would leave the lane after 0.33 m of it
     port, drive = free_port(), Drive()
     simulation = Simulation(world, is_paused=True)
     simulation.add_sink(drive)

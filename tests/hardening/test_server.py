@@ -225,7 +225,10 @@ def test_changes_cause_a_status_only_now_and_then(server: Server) -> None:
 
 
 def test_a_client_that_reads_no_replies_is_disconnected(server: Server) -> None:
-    with native_client(server, max_queue=1) as lazy:
+    small = socket.socket()
+    small.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # what is not read soon fills it
+    small.connect(("127.0.0.1", server.port))
+    with native_client(server, sock=small, max_queue=1) as lazy:
         lazy.send("Subscribe", frame_rate=0.0)
         lazy.ask("Pause")
 

@@ -7,11 +7,9 @@ import socket
 import numpy as np
 import pytest
 
-from tests.bridge.conftest import script
-from tests.support.page import ROOT, PageServer, Tab
+from tests.devkit.test_python_examples import example
+from tests.support.page import PageServer, Tab
 from tests.support.waiting import free_port
-
-FOLLOW_LOOP = ROOT / "examples" / "devkit" / "follow_loop.py"
 
 
 def connect(tab: Tab, port: int) -> None:
@@ -25,7 +23,7 @@ def test_a_script_that_is_connected_from_the_menu_drives_in_autonomous_mode(mini
     tab.show("menu", "hud")
     tab.wait_for_text("bridge-status", "Disconnected")
     port = free_port()
-    with script("newest", FOLLOW_LOOP, port=port):
+    with example("2_follow_waypoints.py", port):
         connect(tab, port)
         tab.wait_for_text("bridge-status", "Connected")
         tab.wait_until(lambda: not tab.get("connect").is_enabled())
