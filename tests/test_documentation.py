@@ -36,6 +36,7 @@ RUN_BY = {
     "ros1.md": {"python": "tests/ros/test_ros1.py"},
     "ros2.md": {"python": "tests/ros/test_ros2.py", "yaml": "tests/ros/test_ros2_files.py"},
     "batch.md": {"python": "tests/batch/test_batch_world.py"},
+    "identification.md": {"python": "tests/identification/test_identification.py"},
     "recordings.md": {"python": "tests/recording/test_document.py"},
     "race_car.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "scenarios.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},

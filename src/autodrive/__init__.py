@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from autodrive.errors import SpecError as SpecError
     from autodrive.errors import WorldInUseError as WorldInUseError
     from autodrive.factory import make as make
+    from autodrive.identification import Identification as Identification
+    from autodrive.identification import IdentificationError as IdentificationError
+    from autodrive.identification import identify as identify
     from autodrive.maps.map import Map as Map
     from autodrive.maps.map import MapSpec as MapSpec
     from autodrive.maps.map import load_map as load_map
@@ -110,6 +113,7 @@ _HOME = {
         "WheelsReading",
         "WrongWay",
     ),
+    "identification": ("Identification", "IdentificationError", "identify"),
     "maps.map": ("Map", "MapSpec", "load_map"),
     "render.gl": ("GlUnavailable",),
     "scenario": ("BoxSpec", "Scenario", "ScenarioSpec", "VehiclePlacement", "load_scenario"),

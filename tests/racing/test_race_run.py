@@ -115,7 +115,9 @@ def test_scripts_that_die_stall_or_cheat_leave_the_race_and_the_others_finish(tm
     rows = (folder / "result.md").read_text().splitlines()
     total = f"{by_team['Good'].race_time:.2f}"
     collisions = by_team["Good"].collisions
-    assert rows[6] == f"| 1 | Good | {total} | {collisions} | {float(total) + 10 * collisions:.2f} | {total} | finished |"
+    assert (
+        rows[6] == f"| 1 | Good | {total} | {collisions} | {float(total) + 10 * collisions:.2f} | {total} | finished |"
+    )
     (lap,) = csv.DictReader((folder / "laps.csv").open())
     assert float(lap["time"]) == pytest.approx(sum(float(lap[f"sector_{i}"]) for i in range(1, 19)), abs=1e-3)
     assert (folder / "lines.png").read_bytes().startswith(b"\x89PNG")

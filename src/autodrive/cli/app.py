@@ -18,6 +18,7 @@ from autodrive import __version__
 from autodrive.cli import browse, recordings, tracks
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
+from autodrive.cli.identify import identify
 from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
@@ -85,6 +86,7 @@ app.command()(film)
 app.add_typer(tracks.importing, name="import")
 app.command()(recordings.plot)
 app.command()(recordings.compare)
+app.command()(identify)
 tracks.exporting.command("recording")(recordings.export)
 app.add_typer(tracks.exporting, name="export", cls=recordings.ExportGroup)
 app.add_typer(tracks.generating, name="generate")

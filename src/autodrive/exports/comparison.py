@@ -7,7 +7,7 @@ be simulated in another scenario or with another vehicle.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
@@ -127,7 +127,7 @@ class Comparison:
         """
         path = Path(path)
         check_suffix(path)
-        panels = [_paths(self.recorded, self.simulated)]
+        panels = [paths({"recorded": self.recorded, "simulated": self.simulated})]
         for i, names in enumerate((("along", "across"), ("heading",), ("speed",))):
             unit, factor, _ = QUANTITIES[names[0]]
             title = f"error of the {'position' if i == 0 else names[0]} [{unit}]"
@@ -220,17 +220,19 @@ def _signals(rows: Sequence[Sequence[float]]) -> Signals:
     return dict(zip(SIGNALS, np.array(rows, np.float64).T, strict=True))
 
 
-def _paths(recorded: Signals, simulated: Signals) -> str:
-    """The SVG of both paths, with the same scale in both directions."""
-    chosen = np.unique(np.linspace(0, len(recorded["x"]) - 1, MAX_POINTS).astype(int))
-    paths = [np.array([drive["x"][chosen], drive["y"][chosen]]) for drive in (recorded, simulated)]
-    least, most = (least(np.concatenate(paths, axis=1), axis=1) for least in (np.min, np.max))
+def paths(drives: Mapping[str, Signals]) -> str:
+    """The SVG of the paths of drives, by name, with the same scale in both directions."""
+    lines: list[NDArray[np.float64]] = []
+    for drive in drives.values():
+        chosen = np.unique(np.linspace(0, len(drive["x"]) - 1, MAX_POINTS).astype(int))
+        lines.append(np.array([drive["x"][chosen], drive["y"][chosen]]))
+    least, most = (least(np.concatenate(lines, axis=1), axis=1) for least in (np.min, np.max))
     middle, extent = 0.5 * (least + most), np.maximum(most - least, 1e-3)
     width, height = WIDTH - RIGHT - LEFT, PATH_HEIGHT - TOP - 34
     scale = 0.95 * min(width / extent[0], height / extent[1])
     parts = [f'<text x="{LEFT}" y="{TOP - 8}" font-weight="bold">path [m]</text>']
     parts.append(f'<rect x="{LEFT}" y="{TOP}" width="{width}" height="{height}" fill="none" stroke="#ddd"/>')
-    for i, ((x, y), name) in enumerate(zip(paths, ("recorded", "simulated"), strict=True)):
+    for i, ((x, y), name) in enumerate(zip(lines, drives, strict=True)):
         across, down = LEFT + width / 2 + scale * (x - middle[0]), TOP + height / 2 - scale * (y - middle[1])
         parts += (curve(across, down, i), legend(name, TOP, i))
     bar = _round_length(0.2 * width / scale)
