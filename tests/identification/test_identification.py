@@ -75,7 +75,11 @@ def test_hidden_parameters_of_a_noisy_drive_are_found_within_3_percent(drive: Dr
     found.write(tmp_path / "fitted.yaml")
     spec = load_vehicle(str(tmp_path / "fitted.yaml"))
     assert spec.wheels.damping_rate == found.values["wheels.damping_rate"]
-    assert (tmp_path / "fitted.yaml").read_text().startswith("# Vehicle 'nigel_2023' with parameters fitted to the")
+    assert (
+        (tmp_path / "fitted.yaml")
+        .read_text()
+        .startswith("# Vehicle 'nigel_2023' with parameters that autodrive identify")
+    )
     found.plot(tmp_path / "fit.svg")
     assert (tmp_path / "fit.svg").read_text().count("<path") > 9
 

@@ -81,12 +81,11 @@ def identify(
         Fitted(one.path, one.value, values[one.path], _in_unit(one, share, deviation), one.low, one.high)
         for one, share, deviation in zip(parameters, best.tolist(), deviations, strict=True)
     ]
-    errors = "; ".join(f"{one.path} {one.value:.5g} +- {one.deviation:.2g}" for one in fitted)
     comments = [
-        f"Vehicle '{vehicle}' with parameters fitted to the drive {Path(drive.source).name} by autodrive identify:",
-        f"{errors}.",
-        f"Path error of the drive: {before.errors['distance'][0]:.3g} m rms before, "
-        f"{after.errors['distance'][0]:.3g} m after.",
+        f"Vehicle '{vehicle}' with parameters that autodrive identify has fitted to {Path(drive.source).name}:",
+        *(f"{one.path} {one.value:.5g} +- {one.deviation:.2g}" for one in fitted),
+        f"Path error of the drive: {before.errors['distance'].rms:.3g} m rms before, "
+        f"{after.errors['distance'].rms:.3g} m after.",
     ]
     return Identification(
         parameters=tuple(fitted),
