@@ -20,6 +20,9 @@ SPHERE, CYLINDER, BOX = 2, 5, 6
 CURVE_POINTS = 8
 """Most points of a torque curve."""
 
+COVER = 3
+"""Number of small spheres that together cover the colliders of a vehicle."""
+
 Table = NDArray[Any]
 
 
@@ -41,6 +44,7 @@ VEHICLE = columns(
     angular_velocity_max=np.float64,  # [rad/s]
     sphere_centre=(np.float64, 3),  # of a sphere around all colliders, in the vehicle frame [m]
     sphere_radius=np.float64,  # [m]
+    cover=(np.float64, (COVER, 4)),  # centre and radius of each sphere that covers a part of the colliders [m]
     reach=np.float64,  # of colliders and suspension rays, from that centre [m]
     chassis_low=(np.float64, 3),  # lowest corner of the box around the colliders that the floor stops [m]
     chassis_high=(np.float64, 3),  # its highest corner, both in the vehicle frame [m]

@@ -1,7 +1,8 @@
 """How far a vehicle can move before anything can touch it. As long as it has moved less, it needs no contact engine.
 
-The test is conservative: it takes the vehicle as a sphere around its colliders, and for the floor as the box around the
-colliders that the floor stops. Wheels stand on the ground by their suspension, without a contact.
+The test is conservative: it takes the vehicle as a sphere around its colliders; near what this sphere touches, as a few
+smaller spheres along its length, which together cover the colliders; and for the floor as the box around the colliders
+that the floor stops. Wheels stand on the ground by their suspension, without a contact.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any
 
 from autodrive.arrays import Floats
 from autodrive.jit import inlined
-from autodrive.model import BOX, CYLINDER, Model
+from autodrive.model import BOX, COVER, CYLINDER, Model
 from autodrive.physics.buffers import Scratch
 from autodrive.physics.free_body import rotated, rotation_at
 from autodrive.physics.grid import shapes_near
@@ -23,6 +24,9 @@ HORIZON = 0.25
 
 MARGIN = 1.0e-4
 """A clearance below this [m] counts as contact."""
+
+CLOSE = 0.05
+"""If the sphere around a vehicle is nearer to something than this [m], its small spheres decide."""
 
 
 @inlined
@@ -75,28 +79,48 @@ def path(v: Any, qvel: Floats, dt: float) -> float:
 @inlined
 def _clearance(i: int, model: Model, state: State, scratch: Scratch) -> float:
     v = model.vehicles[i]
-    radius = v["sphere_radius"]
     x, y, z = _centre(v, state.qpos)
     least = min(scratch.horizon[i], _height(v, state.qpos))
     for k in range(scratch.nearby_count[i]):
         s = scratch.nearby[i, k]
         if model.shapes.vehicle[s] < 0:
-            centre = state.shape_position[s]
-            distance = _distance(
-                int(model.shapes.kind[s]),
-                model.shapes.size[s],
-                state.shape_rotation[s],
-                x - centre[0],
-                y - centre[1],
-                z - centre[2],
-            )
-            least = min(least, distance - radius)
+            gap = _distance(s, model, state, x, y, z) - v["sphere_radius"]
+            if gap <= CLOSE:
+                gap = max(gap, _gap_to_shape(v, s, model, state))
+            least = min(least, gap)
     for j in range(model.vehicles.shape[0]):
         if j != i:
-            ox, oy, oz = _centre(model.vehicles[j], state.qpos)
+            other = model.vehicles[j]
+            ox, oy, oz = _centre(other, state.qpos)
             dx, dy, dz = ox - x, oy - y, oz - z
-            apart = sqrt(dx * dx + dy * dy + dz * dz) - radius - model.vehicles[j]["sphere_radius"]
-            least = min(least, 0.5 * apart)  # both may move
+            gap = sqrt(dx * dx + dy * dy + dz * dz) - v["sphere_radius"] - other["sphere_radius"]
+            if gap <= CLOSE:
+                gap = max(gap, _gap_to_vehicle(v, other, state.qpos))
+            least = min(least, 0.5 * gap)  # both may move
+    return least
+
+
+@inlined
+def _gap_to_shape(v: Any, s: int, model: Model, state: State) -> float:
+    """Least distance [m] of the small spheres of a vehicle to shape s."""
+    least = HORIZON
+    for k in range(COVER):
+        x, y, z = _centre_of_part(v, k, state.qpos)
+        least = min(least, _distance(s, model, state, x, y, z) - v["cover"][k, 3])
+    return least
+
+
+@inlined
+def _gap_to_vehicle(v: Any, other: Any, q: Floats) -> float:
+    """Least distance [m] between the small spheres of two vehicles; `q` is `State.qpos`."""
+    least = HORIZON
+    for k in range(COVER):
+        x, y, z = _centre_of_part(v, k, q)
+        for n in range(COVER):
+            ox, oy, oz = _centre_of_part(other, n, q)
+            dx, dy, dz = ox - x, oy - y, oz - z
+            distance = sqrt(dx * dx + dy * dy + dz * dz)
+            least = min(least, distance - v["cover"][k, 3] - other["cover"][n, 3])
     return least
 
 
@@ -105,6 +129,14 @@ def _centre(v: Any, q: Floats) -> Vector:
     """Centre of the sphere around a vehicle in the map; `q` is `State.qpos`."""
     at, c = v["qpos"], v["sphere_centre"]
     x, y, z = rotated(rotation_at(q, at + 3), c[0], c[1], c[2])
+    return float(q[at]) + x, float(q[at + 1]) + y, float(q[at + 2]) + z
+
+
+@inlined
+def _centre_of_part(v: Any, k: int, q: Floats) -> Vector:
+    """Likewise of small sphere k."""
+    at, c = v["qpos"], v["cover"]
+    x, y, z = rotated(rotation_at(q, at + 3), c[k, 0], c[k, 1], c[k, 2])
     return float(q[at]) + x, float(q[at + 1]) + y, float(q[at + 2]) + z
 
 
@@ -122,8 +154,10 @@ def _height(v: Any, q: Floats) -> float:
 
 
 @inlined
-def _distance(kind: int, size: Floats, m: Floats, dx: float, dy: float, dz: float) -> float:
-    """Distance [m] of a point to a shape with the rotation matrix `m`; d is from the shape's centre, map axes."""
+def _distance(s: int, model: Model, state: State, px: float, py: float, pz: float) -> float:
+    """Distance [m] of a point in the map to shape s."""
+    kind, size, centre, m = model.shapes.kind[s], model.shapes.size[s], state.shape_position[s], state.shape_rotation[s]
+    dx, dy, dz = px - centre[0], py - centre[1], pz - centre[2]
     x, y, z = (
         abs(m[0] * dx + m[3] * dy + m[6] * dz),
         abs(m[1] * dx + m[4] * dy + m[7] * dz),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from autodrive.actuators.drivetrain import DrivetrainSpec
 from autodrive.arrays import Floats
 from autodrive.elementary import exp
-from autodrive.model import BOX, CURVE_POINTS, VEHICLE, WHEEL, Table
+from autodrive.model import BOX, COVER, CURVE_POINTS, VEHICLE, WHEEL, Table
 from autodrive.physics.engine import Engine, Geom
 from autodrive.transforms import rotation_from_quaternion
 from autodrive.units import RPM
@@ -59,11 +60,11 @@ def _set_motor(row: Table, drivetrain: DrivetrainSpec) -> None:
 
 
 def _set_outline(row: Table, spec: VehicleSpec, colliders: Sequence[Geom]) -> None:
-    """The sphere around the colliders and the box around those that the floor stops."""
+    """The spheres around the colliders and the box around those that the floor stops."""
     boxes = np.array([_box_around(geom) for geom in colliders])
-    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
-    row["sphere_centre"] = centre = 0.5 * (low + high)
-    row["sphere_radius"] = max(_farthest(corners, centre) for corners in boxes)
+    *centre, row["sphere_radius"] = _sphere_around(boxes)
+    row["sphere_centre"] = centre
+    row["cover"] = cover(boxes)
     suspension = spec.wheels.suspension
     ray = spec.wheels.radius + suspension.compression_max + suspension.droop_max
     row["reach"] = max(row["sphere_radius"], *(math.dist(hub, centre) + ray for hub in spec.hubs))
@@ -77,6 +78,22 @@ def _box_around(geom: Geom) -> Floats:
     rotation = np.abs(np.array(rotation_from_quaternion(geom.orientation)).reshape(3, 3))
     half = np.sum(rotation * size, axis=1)
     return np.array([geom.position - half, geom.position + half])
+
+
+def cover(boxes: Floats) -> list[list[float]]:
+    """Spheres, from rear to front, each around one of COVER slices of equal length of the boxes: centre and radius."""
+    spheres = []
+    for rear, front in pairwise(np.linspace(boxes[:, 0, 0].min(), boxes[:, 1, 0].max(), COVER + 1).tolist()):
+        slices = boxes[(boxes[:, 0, 0] <= front) & (boxes[:, 1, 0] >= rear)]
+        slices[:, :, 0] = slices[:, :, 0].clip(rear, front)
+        spheres.append(_sphere_around(slices) if len(slices) else spheres[-1])  # the first slice has a box
+    return spheres
+
+
+def _sphere_around(boxes: Floats) -> list[float]:
+    """Centre and radius [m] of a sphere around boxes: its centre is that of the box around them all."""
+    centre = 0.5 * (boxes[:, 0].min(axis=0) + boxes[:, 1].max(axis=0))
+    return [*centre.tolist(), max(_farthest(corners, centre) for corners in boxes)]
 
 
 def _farthest(corners: Floats, centre: Floats) -> float:
