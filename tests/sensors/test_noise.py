@@ -13,13 +13,17 @@ from autodrive.sensors.encoder import EncoderSpec
 from autodrive.sensors.imu import ImuNoise, ImuSpec
 from autodrive.sensors.ips import IpsSpec
 from autodrive.sensors.lidar import LidarSpec
-from autodrive.sensors.lidar_noise import LidarNoise
+from autodrive.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise
 from autodrive.sensors.noise import Noise, NoiseSpec
+from autodrive.sensors.settings import configured_sensors
 from autodrive.specs import parse
 from autodrive.transforms import rotation_from_quaternion
 from autodrive.units import DEGREE, STANDARD_GRAVITY
+from autodrive.vehicles.spec import load_vehicle
 from tests.support.one_sensor import OneSensor
 from tests.support.sensor_scenes import BOX, Solid, scene
+
+UST_10LX = LidarNoise(sigma=0.01, step=0.001)
 
 
 def series(spec: NoiseSpec, channels: int, samples: int, dt: float = 0.01, seed: int = 1) -> Floats:
@@ -153,12 +157,37 @@ def test_ranges_are_rounded_to_the_resolution() -> None:
 
 
 def test_realistic_lidar_is_within_one_percent_in_99_percent_of_the_rays() -> None:
-    ranges = wall_ranges(LidarNoise.realistic(), 500)
+    ranges = wall_ranges(RPLIDAR_A1M8, 500)
     seen = ranges[np.isfinite(ranges)]
     assert (abs(seen - 4.0) <= 0.04 + 0.25e-3).mean() > 0.99  # three sigma (99.7 %) plus half a step
     assert np.isposinf(ranges).mean() < 0.02
 
 
+def test_the_noise_of_a_data_sheet_belongs_to_the_lidar() -> None:
+    spec = parse("{noise: realistic, data_sheet: {sigma: 0.01, step: 0.001}}", LidarSpec)
+    ranges = wall_ranges(spec.noise, 500)
+    # rounding to 1 mm adds a variance of (1 mm)^2 / 12, 0.1 % of the total; 2000 samples
+    assert ranges.std() == pytest.approx(0.01, rel=0.01 + 5 / math.sqrt(2 * 2000))
+    np.testing.assert_allclose(ranges / 0.001, np.round(ranges / 0.001), atol=1e-9)
+    assert parse("noise: realistic", LidarSpec).noise == RPLIDAR_A1M8
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "noise"),
+    [
+        ("nigel", RPLIDAR_A1M8),
+        *((one, LidarNoise(sigma=0.01, step=0.001)) for one in ("roboracer", "roboracer_f1tenth")),
+    ],
+)
+def test_realistic_sensors_have_the_noise_of_the_lidar_of_their_vehicle(vehicle: str, noise: LidarNoise) -> None:
+    spec = load_vehicle(vehicle)
+    sensors = configured_sensors(spec.sensors, {}, {}, is_realistic=True)
+    assert isinstance(sensors["lidar"].spec, LidarSpec)
+    assert sensors["lidar"].spec.noise == noise
+    assert spec.sensors.lidar is not None
+    assert spec.sensors.lidar.noise == LidarNoise()
+
+
 def test_noise_does_not_change_a_ray_without_return() -> None:
-    lidar = OneSensor(LidarSpec(noise=LidarNoise.realistic()), scene([], vehicle_position=[[0.0, 0.0, 0.2]]))
+    lidar = OneSensor(LidarSpec(noise=RPLIDAR_A1M8), scene([], vehicle_position=[[0.0, 0.0, 0.2]]))
     assert np.isposinf(lidar.sample().ranges).all()

@@ -18,7 +18,7 @@ from autodrive.sensors.catalog import SensorSuiteSpec
 from autodrive.sensors.encoder import EncoderSpec
 from autodrive.sensors.imu import ImuNoise, ImuSpec
 from autodrive.sensors.lidar import LidarSpec
-from autodrive.sensors.lidar_noise import LidarNoise
+from autodrive.sensors.lidar_noise import RPLIDAR_A1M8
 from autodrive.sensors.sensor import Mount, Schedule, random_generator
 from autodrive.sensors.settings import configured_sensors
 from autodrive.sensors.suite import SensorSuite
@@ -96,7 +96,7 @@ def test_streams_are_the_same_on_every_machine_and_in_every_run() -> None:
 
 
 NOISY = SensorSuiteSpec(
-    imu=ImuSpec(noise=ImuNoise.realistic()), lidar=LidarSpec(rays=90, rate=40.0, noise=LidarNoise.realistic())
+    imu=ImuSpec(noise=ImuNoise.realistic()), lidar=LidarSpec(rays=90, rate=40.0, noise=RPLIDAR_A1M8)
 )
 TWO_CARS = scene([], vehicles=2, vehicle_position=[[0.0, 0.0, 0.2]] * 2)
 ALONE = scene([], vehicle_position=[[0.0, 0.0, 0.2]])
@@ -136,7 +136,7 @@ def test_readings_depend_on_the_seed_only() -> None:
 
 @pytest.mark.parametrize("is_rolling", [False, True])
 def test_restored_suite_has_the_same_future(is_rolling: bool) -> None:
-    lidar = LidarSpec(rays=90, rate=40.0, noise=LidarNoise.realistic(), is_rolling=is_rolling)
+    lidar = LidarSpec(rays=90, rate=40.0, noise=RPLIDAR_A1M8, is_rolling=is_rolling)
     suite = suite_of(NOISY.model_copy(update={"lidar": lidar}))
     run(suite, range(0, 330, 10))
     saved = suite.save()

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from autodrive.arrays import Floats
 from autodrive.jit import jit_uncounted
-from autodrive.sensors.lidar_noise import LidarNoise, classify
+from autodrive.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise, classify
 from autodrive.sensors.sensor import Distance, Mount, Rate
 from autodrive.specs import Spec
 
@@ -44,6 +44,16 @@ class LidarSpec(Spec):
     is_rolling: bool = False
     """False: all rays at one instant. True: each ray at its own time; the head makes one revolution per period."""
     noise: LidarNoise = LidarNoise()
+    """Noise of the ranges; `realistic`: that of the data sheet."""
+    data_sheet: LidarNoise = RPLIDAR_A1M8
+    """Noise of the data sheet, which the preset `realistic` of a scenario selects; by default of the RPLIDAR A1M8."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _preset(cls, value: Any) -> Any:
+        if isinstance(value, dict) and value.get("noise") == "realistic":
+            return value | {"noise": value.get("data_sheet", RPLIDAR_A1M8)}
+        return value
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from autodrive.arrays import Floats
 from autodrive.jit import jit_uncounted
@@ -16,7 +15,7 @@ from autodrive.specs import Spec
 
 
 class LidarNoise(Spec):
-    """Noise of a LIDAR, none by default. In a file, `realistic` means `LidarNoise.realistic()`."""
+    """Noise of a LIDAR, none by default. In a file, `realistic` means that of the LIDAR's `data_sheet`."""
 
     sigma: Deviation = 0.0
     """Standard deviation of each range [m], independent of the range."""
@@ -29,19 +28,13 @@ class LidarNoise(Spec):
     dropout: float = Field(default=0.0, ge=0.0, le=1.0)
     """Probability that a ray has no return (+inf)."""
 
-    @classmethod
-    def realistic(cls) -> LidarNoise:
-        """Noise of the RPLIDAR A1M8 (data sheet Slamtec LD108).
 
-        The distance resolution is below 0.5 mm within 1.5 m, and below 1 % of the distance everywhere. We use a step of
-        0.5 mm, and 1 % as three standard deviations. The data sheet has no value for dropouts; 1 in 200 is our choice.
-        """
-        return cls(relative_sigma=0.01 / 3.0, step=0.5e-3, dropout=0.005)
+RPLIDAR_A1M8 = LidarNoise(relative_sigma=0.01 / 3.0, step=0.5e-3, dropout=0.005)
+"""Noise of the RPLIDAR A1M8 (data sheet Slamtec LD108).
 
-    @model_validator(mode="before")
-    @classmethod
-    def _preset(cls, value: Any) -> Any:
-        return cls.realistic().model_dump() if value == "realistic" else value
+The distance resolution is below 0.5 mm within 1.5 m, and below 1 % of the distance everywhere. We use a step of 0.5 mm,
+and 1 % as three standard deviations. The data sheet has no value for dropouts; 1 in 200 is our choice.
+"""
 
 
 @jit_uncounted

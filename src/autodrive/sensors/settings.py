@@ -109,7 +109,7 @@ def _noise(spec: SensorSpecs, preset: NoisePreset) -> Spec:
             strong = ImuNoise(**{name: _scaled(noise, STRONG) for name, noise in real})
             noises = {"ideal": ImuNoise(), "realistic": real, "strong": strong}
         case LidarSpec():
-            real = LidarNoise.realistic()
+            real = spec.data_sheet
             noises = {"ideal": LidarNoise(), "realistic": real, "strong": _scaled_lidar(real, STRONG)}
         case CameraSpec():
             real = PRESETS[spec.hardware]
