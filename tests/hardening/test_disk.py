@@ -168,7 +168,7 @@ def test_an_export_that_cannot_be_written_raises_one_line(name: str, disk: tuple
 def test_a_rerun_file_that_does_not_fit_is_one_line_and_nothing_is_left(tmp_path: Path) -> None:
     """The disk becomes full in the middle of the file, which Rerun itself writes in the background."""
     with small_disk(tmp_path, kilobytes=64) as folder:
-        with pytest.raises(AutodriveError, match="^cannot write: No space left on device  ") as raised:
+        with pytest.raises(AutodriveError, match=r"^cannot write: No space left on device  ") as raised:
             export(recorded(), "rerun", folder / "exported.rrd")
         assert "\n" not in str(raised.value)
         assert list(folder.iterdir()) == []

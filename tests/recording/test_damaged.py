@@ -76,6 +76,23 @@ def test_a_truncated_file_gives_its_whole_chunks_or_an_error(small: Path, tmp_pa
     assert 46 not in lengths[:60]
 
 
+def test_a_damaged_index_of_messages_loses_nothing(small: Path, tmp_path: Path) -> None:
+    """The messages of a chunk are then found from record to record."""
+    path = tmp_path / "index.mcap"
+    with open_recording(small) as whole:
+        frames = list(whole.frames())
+        places = {at for chunk in whole._file.chunks for at in chunk.channels.values()}
+    assert len(places) > 10
+    for offset in (0, 9 + 2 + 4 + 8, 9 + 2):  # kind of the record, place of the first message, length of the index
+        data = bytearray(small.read_bytes())
+        for at in places:
+            data[at + offset] ^= 0x20
+        path.write_bytes(data)
+        with open_recording(path) as recording:
+            assert_same(tuple(recording.frames()), tuple(frames))
+            assert recording.problems == []
+
+
 def test_a_mutated_file_neither_crashes_nor_hangs(small: Path, tmp_path: Path) -> None:
     mutate(small.read_bytes(), tmp_path / "mutated.mcap", MUTATIONS, seed=1)
 

@@ -13,11 +13,13 @@ import mmap
 import struct
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, overload
+
+import numpy as np
+from numpy.typing import NDArray
 
 from autodrive.installation import pip
 from autodrive.recording.errors import RecordingError
@@ -36,6 +38,20 @@ LEVEL = 3
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
+_CHUNK_INDEX_HEAD = struct.Struct("<QQQQI")
+_CHANNEL_PLACE = struct.Struct("<HQ")
+_RECORD_HEAD = struct.Struct("<BQ")
+_HEAD = np.dtype(
+    [
+        ("kind", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish", "<u8"),
+    ]
+)
+"""A message in a chunk, before its data."""
 
 
 class Message(NamedTuple):
@@ -247,7 +263,7 @@ def _chunk_index(index: ChunkIndex, length: int, indexes: int, compressed: int, 
 
 
 def _record(kind: int, content: bytes) -> bytes:
-    return struct.pack("<BQ", kind, len(content)) + content
+    return _RECORD_HEAD.pack(kind, len(content)) + content
 
 
 def _text(text: str) -> bytes:
@@ -281,7 +297,7 @@ class Reader:
         self.chunks: list[ChunkIndex] = []
         self.attachments: list[AttachmentIndex] = []
         self.metadata: dict[str, dict[str, str]] = {}
-        self._cache: OrderedDict[int, list[Message]] = OrderedDict()
+        self._cache: OrderedDict[int, Messages] = OrderedDict()
         try:
             with path.open("rb") as file:
                 self._data: Any = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -323,12 +339,8 @@ class Reader:
         if not len(MAGIC) <= start <= footer or (checksum and zlib.crc32(data[start : footer + 25]) != checksum):
             self.problems.append("the summary at the end of the file is damaged")
             return False
-        header = _Cursor(data, len(MAGIC), end)
-        with contextlib.suppress(_CutOffError):
-            if header.number("<B") == HEADER:
-                header.number("<Q")
-                header.text()
-                self.library = header.text()
+        with contextlib.suppress(_CutOffError, UnicodeDecodeError):
+            self._read_record(HEADER, self._record(len(MAGIC), HEADER), len(MAGIC))
         return self._read_records(start, footer, is_summary=True)
 
     def _read_records(self, at: int, end: int, *, is_summary: bool) -> bool:
@@ -337,7 +349,7 @@ class Reader:
         while at < end:
             if at + 9 > end:
                 break
-            kind, length = struct.unpack_from("<BQ", data, at)
+            kind, length = _RECORD_HEAD.unpack_from(data, at)
             start, at_next = at + 9, at + 9 + length
             if at_next > end or kind == 0:
                 break
@@ -371,30 +383,32 @@ class Reader:
         elif kind == MESSAGE_INDEX and self.chunks:
             self.chunks[-1].channels[cursor.number("<H")] = offset  # type: ignore[index]  the dictionary made above
         elif kind == CHUNK_INDEX:
-            start, end, place, _ = (cursor.number("<Q") for _ in range(4))
-            offsets = cursor.block()
-            if place >= len(self._data) or len(offsets) % 10:
+            start, end, place, _, size = _CHUNK_INDEX_HEAD.unpack(cursor.take(_CHUNK_INDEX_HEAD.size))
+            offsets = cursor.take(size)
+            if place >= len(self._data) or size % 10:
                 raise _CutOffError
-            self.chunks.append(ChunkIndex(start, end, place, dict(struct.iter_unpack("<HQ", offsets))))
+            self.chunks.append(ChunkIndex(start, end, place, dict(_CHANNEL_PLACE.iter_unpack(offsets))))
         elif kind == ATTACHMENT:
             cursor.take(16)
             self.attachments.append(AttachmentIndex(cursor.text(), cursor.text(), offset))
         elif kind == ATTACHMENT_INDEX:
             place = cursor.number("<Q")
-            for _ in range(4):
-                cursor.number("<Q")
+            cursor.take(32)
             self.attachments.append(AttachmentIndex(cursor.text(), cursor.text(), place))
         elif kind == METADATA:
             name = cursor.text()
             self.metadata[name] = cursor.texts()
         elif kind == METADATA_INDEX:
             place = cursor.number("<Q")
-            inner = _Cursor(self._data, place, len(self._data))
-            if inner.number("<B") != METADATA:
-                raise _CutOffError
-            inner = _Cursor(self._data, place + 9, place + 9 + inner.number("<Q"))
-            name = inner.text()
-            self.metadata[name] = inner.texts()
+            self._read_record(METADATA, self._record(place, METADATA), place)
+
+    def _record(self, offset: int, kind: int) -> _Cursor:
+        """The content of the record at a place. Raises `_CutOffError` if it is not there, or of another kind."""
+        cursor = _Cursor(self._data, offset, len(self._data))
+        found, length = _RECORD_HEAD.unpack(cursor.take(_RECORD_HEAD.size))
+        if found != kind:
+            raise _CutOffError(": it does not begin with a record of that kind")
+        return _Cursor(self._data, cursor.at, cursor.at + length)
 
     # -- contents --------------------------------------------------------------------------------------------------
 
@@ -404,9 +418,8 @@ class Reader:
         if not found:
             raise RecordingError(f"the file has no attachment '{name}'  ({self.path})")
         try:
-            length = _Cursor(self._data, found[0].offset + 1, len(self._data)).number("<Q")
-            start = found[0].offset + 9
-            cursor = _Cursor(self._data, start, start + length)
+            cursor = self._record(found[0].offset, ATTACHMENT)
+            start = cursor.at
             cursor.take(16)
             cursor.text()
             cursor.text()
@@ -418,36 +431,37 @@ class Reader:
             raise RecordingError(f"the attachment '{name}' is damaged  ({self.path})") from None
         return data
 
-    def messages(self, chunk: int) -> list[Message]:
+    def messages(self, chunk: int) -> Messages:
         """The messages of a chunk, in order. Raises `RecordingError` if it is damaged."""
         if chunk in self._cache:
             self._cache.move_to_end(chunk)
             return self._cache[chunk]
+        index = self.chunks[chunk]
         try:
-            found = list(_messages(self._content(self.chunks[chunk].offset)))
+            content = self._content(index.offset)
+            found = self._indexed(index, content) or Messages(content, _places(content))
         except (_CutOffError, UnicodeDecodeError) as error:
-            raise RecordingError(f"the chunk at byte {self.chunks[chunk].offset} is damaged{error}") from None
+            raise RecordingError(f"the chunk at byte {index.offset} is damaged{error}") from None
         self._cache[chunk] = found
         if len(self._cache) > CACHED_CHUNKS:
             self._cache.popitem(last=False)
         return found
 
-    def messages_on(self, chunk: int, channel: int) -> list[Message]:
-        """The messages of a chunk on one channel, in order; only these are taken apart. Raises as `messages`."""
-        index = self.chunks[chunk]
-        if chunk in self._cache or channel not in index.channels:
-            return [message for message in self.messages(chunk) if message.channel == channel]
+    def _indexed(self, index: ChunkIndex, content: bytes) -> Messages | None:
+        """The messages of a chunk by the indexes of its channels; None if these do not name all that is in it."""
+        places = [np.empty(0, np.int64)]
         try:
-            cursor = _Cursor(self._data, index.channels[channel], len(self._data))
-            if cursor.number("<B") != MESSAGE_INDEX:
-                raise _CutOffError(": the index of its messages is damaged")
-            cursor.take(10)
-            places = [place for _, place in struct.iter_unpack("<QQ", cursor.block())]
-            content = self._content(index.offset)
-            found = [message for place in places for message in islice(_messages(content, place), 1)]
-        except (_CutOffError, UnicodeDecodeError, struct.error) as error:
-            raise RecordingError(f"the chunk at byte {index.offset} is damaged{error}") from None
-        return found
+            for offset in index.channels.values():
+                cursor = self._record(offset, MESSAGE_INDEX)
+                cursor.take(2)
+                places.append(np.frombuffer(cursor.block(), "<i8").reshape(-1, 2)[:, 1])
+        except (_CutOffError, ValueError):
+            return None
+        found = np.sort(np.concatenate(places))
+        if len(found) == 0 or found[0] != 0 or found[-1] > len(content) - _HEAD.itemsize:
+            return None
+        messages = Messages(content, found)
+        return messages if messages.are_whole else None
 
     def chunk_at(self, time: int) -> int:
         """Number of the last chunk that starts at that time [ns] or before; -1 if there is none."""
@@ -456,10 +470,7 @@ class Reader:
     def _content(self, offset: int) -> bytes:
         if self._data.closed:
             raise RecordingError(f"the recording is closed; read its images before  ({self.path})")
-        cursor = _Cursor(self._data, offset, len(self._data))
-        if cursor.number("<B") != CHUNK:
-            raise _CutOffError(": there is no chunk")
-        cursor = _Cursor(self._data, offset + 9, offset + 9 + cursor.number("<Q"))
+        cursor = self._record(offset, CHUNK)
         cursor.take(16)
         size, checksum = cursor.number("<Q"), cursor.number("<I")
         compression, length = cursor.text(), cursor.number("<Q")
@@ -484,20 +495,77 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
     return data
 
 
-def _messages(content: bytes, at: int = 0) -> Iterator[Message]:
-    """The messages from a place in a chunk on."""
-    size = len(content)
+class Messages(Sequence[Message]):
+    """The messages of a chunk, in order. Each is taken apart when it is read."""
+
+    def __init__(self, content: bytes, places: NDArray[np.int64]) -> None:
+        """`places`: where their records begin."""
+        self._content = content
+        table = np.frombuffer(content, np.uint8)[places[:, None] + np.arange(_HEAD.itemsize)]
+        heads = table.view(_HEAD)[:, 0]
+        self._kinds, self._places = heads["kind"], places
+        self._ends = places + 9 + heads["length"].astype(np.int64)
+        self._heads = heads
+        self.channels: NDArray[np.uint16] = heads["channel"]
+        """Shape (n,)."""
+        self.log_times: NDArray[np.uint64] = heads["log_time"]
+        """[ns], shape (n,)."""
+
+    @property
+    def are_whole(self) -> bool:
+        """Whether they are all that the chunk contains, one after the other."""
+        follows = np.array_equal(self._places[1:], self._ends[:-1]) and self._ends[-1] == len(self._content)
+        return follows and bool(np.all(self._kinds == MESSAGE) and np.all(self._ends - self._places >= _HEAD.itemsize))
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    @overload
+    def __getitem__(self, i: int) -> Message: ...
+    @overload
+    def __getitem__(self, i: slice) -> list[Message]: ...
+    def __getitem__(self, i: int | slice) -> Message | list[Message]:
+        if isinstance(i, slice):
+            return [self[one] for one in range(*i.indices(len(self)))]
+        _, _, channel, sequence, log_time, publish_time = self._heads[i].item()
+        data = self._content[int(self._places[i]) + _HEAD.itemsize : int(self._ends[i])]
+        return Message(channel, sequence, log_time, publish_time, data)
+
+    def __iter__(self) -> Iterator[Message]:
+        places = zip(self._places.tolist(), self._ends.tolist(), strict=True)
+        for (_, _, *head), (start, end) in zip(self._heads.tolist(), places, strict=True):
+            channel, sequence, log_time, publish_time = head
+            yield Message(channel, sequence, log_time, publish_time, self._content[start + _HEAD.itemsize : end])
+
+    def on(self, channel: int) -> NDArray[np.intp]:
+        """Places in this sequence of the messages of a channel."""
+        return np.flatnonzero(self.channels == channel)
+
+    def last(self, channel: int, before: int | None = None) -> int:
+        """Place of the last message of a channel before a place; -1 if there is none."""
+        found = np.flatnonzero(self.channels[:before] == channel)
+        return int(found[-1]) if len(found) else -1
+
+
+NO_MESSAGES = Messages(b"", np.empty(0, np.int64))
+"""Of a chunk that is damaged."""
+
+
+def _places(content: bytes) -> NDArray[np.int64]:
+    """Where the messages of a chunk begin, found from record to record."""
+    found: list[int] = []
+    at, size = 0, len(content)
     while at < size:
         if at + 9 > size:
             raise _CutOffError(": a record is cut off")
-        kind, length = struct.unpack_from("<BQ", content, at)
+        kind, length = _RECORD_HEAD.unpack_from(content, at)
         end = at + 9 + length
         if end > size or (kind == MESSAGE and length < 22):
             raise _CutOffError(": a record is cut off")
         if kind == MESSAGE:
-            channel, sequence, log_time, publish_time = struct.unpack_from("<HIQQ", content, at + 9)
-            yield Message(channel, sequence, log_time, publish_time, content[at + 31 : end])
+            found.append(at)
         at = end
+    return np.array(found, np.int64)
 
 
 class _CutOffError(Exception):

@@ -141,9 +141,11 @@ class Recording:
     def _edge(self, chunks: range, which: int) -> tuple[int, int]:
         """Time [ns] and tick of the first or last Frame."""
         for chunk in chunks:
-            found = [one for one in self._messages(chunk) if one.channel == self._frame_channel]
-            if found:
-                return found[which].log_time, self._states.decode_frame(found[which].data)["tick"]
+            messages = self._messages(chunk)
+            found = messages.on(self._frame_channel)
+            if len(found):
+                message = messages[int(found[which])]
+                return message.log_time, self._states.decode_frame(message.data)["tick"]
         self._no_frames()
 
     def _no_frames(self) -> NoReturn:
@@ -208,9 +210,10 @@ class Recording:
         limit = _nanoseconds(time)
         for chunk in range(self._file.chunk_at(limit), -1, -1):
             messages = self._messages(chunk)
-            for i in range(len(messages) - 1, -1, -1):
-                if messages[i].channel == self._frame_channel and messages[i].log_time <= limit:
-                    return self._moment(chunk, i)
+            found = messages.on(self._frame_channel)
+            found = found[messages.log_times[found] <= limit]
+            if len(found):
+                return self._moment(chunk, int(found[-1]))
         return next(self.moments(), None) or self._no_frames()
 
     def frames(self, start: float | None = None, end: float | None = None) -> Iterator[Frame]:
@@ -226,43 +229,38 @@ class Recording:
                 continue
             if last is not None and index.start > last:
                 break
-            for i, message in enumerate(self._messages(chunk)):
-                if message.channel == self._frame_channel and message.log_time >= first:
-                    if last is not None and message.log_time > last:
-                        break
-                    try:
-                        yield self._moment(chunk, i)
-                    except RecordingError as error:
-                        self._report(str(error))
+            messages = self._messages(chunk)
+            for i in messages.on(self._frame_channel).tolist():
+                if messages.log_times[i] < first:
+                    continue
+                if last is not None and messages.log_times[i] > last:
+                    break
+                try:
+                    yield self._moment(chunk, i)
+                except RecordingError as error:
+                    self._report(str(error))
 
     @cached_property
     def times(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Times of all Frames [s], shape (n,)."""
-        found = [
-            message.log_time
-            for chunk in range(len(self._file.chunks))
-            for message in self._messages(chunk)
-            if message.channel == self._frame_channel
-        ]
-        return np.array(found, np.float64) / NANOSECONDS
+        return self._log_times(self._frame_channel)
 
     def _moment(self, chunk: int, i: int) -> Moment:
         messages = self._messages(chunk)
         message = messages[i]
         values = self._states.decode_frame(message.data)
-        wanted = {self._ids.get(records.state_topic(name), -1): name for name in values["vehicles"]}
-        states: dict[str, bytes] = {}
-        events: list[Event] = []
+        start = messages.last(self._frame_channel, i) + 1
+        own = messages[start:i]
         event_channel = self._ids.get(records.EVENTS, -1)
-        is_own = True
-        for one in reversed(messages[:i]):
-            is_own = is_own and one.channel != self._frame_channel
-            if is_own and one.channel == event_channel:
-                events.insert(0, records.decode_json(records.EVENTS, one.data).event)
-            if (name := wanted.get(one.channel)) is not None:
-                states.setdefault(name, one.data)
-            if not is_own and len(states) == len(wanted):
-                break
+        events = [records.decode_json(records.EVENTS, one.data).event for one in own if one.channel == event_channel]
+        topics = {one.channel: one.data for one in own}
+        states: dict[str, bytes] = {}
+        for name in values["vehicles"]:
+            channel = self._ids.get(records.state_topic(name), -1)
+            if channel in topics:
+                states[name] = topics[channel]
+            elif (place := messages.last(channel, start)) >= 0:
+                states[name] = messages[place].data
         missing = [name for name in values["vehicles"] if name not in states]
         if missing:
             raise RecordingError(
@@ -289,14 +287,13 @@ class Recording:
     def _last(self, topic: str, chunk: int, i: int) -> mcap.Message | None:
         """The last message of a topic before message i of a chunk."""
         channel = self._ids.get(topic, -1)
-        for one in reversed(self._messages(chunk)[:i]):
-            if one.channel == channel:
-                return one
-        for earlier in range(chunk - 1, -1, -1):
-            if channel in self._file.chunks[earlier].channels:
-                for one in reversed(self._messages(earlier)):
-                    if one.channel == channel:
-                        return one
+        place: int | None = i
+        for earlier in range(chunk, -1, -1):
+            if earlier == chunk or channel in self._file.chunks[earlier].channels:
+                messages = self._messages(earlier)
+                if (found := messages.last(channel, place)) >= 0:
+                    return messages[found]
+            place = None
         return None
 
     # -- pictures --------------------------------------------------------------------------------------------------
@@ -306,9 +303,11 @@ class Recording:
         channel, limit = self._ids.get(records.image_topic(vehicle, camera), -1), _nanoseconds(time)
         for chunk in range(self._file.chunk_at(limit), -1, -1):
             if channel in self._file.chunks[chunk].channels:
-                for message in reversed(self._messages(chunk)):
-                    if message.channel == channel and message.log_time <= limit:
-                        return self._decoded_picture(vehicle, camera, message.data)
+                messages = self._messages(chunk)
+                found = messages.on(channel)
+                found = found[messages.log_times[found] <= limit]
+                if len(found):
+                    return self._decoded_picture(vehicle, camera, messages[int(found[-1])].data)
         return None
 
     def pictures(
@@ -386,7 +385,9 @@ class Recording:
             return
         for chunk, index in enumerate(self._file.chunks):
             if channel in index.channels:
-                for message in self._messages(chunk, channel):
+                messages = self._messages(chunk)
+                for i in messages.on(channel).tolist():
+                    message = messages[i]
                     yield message.log_time / NANOSECONDS, message
 
     # -- signals ---------------------------------------------------------------------------------------------------
@@ -422,24 +423,33 @@ class Recording:
             if index.start > last:
                 break
             found: dict[str, list[mcap.Message]] = {}
-            for message in self._messages(chunk):
-                if message.channel in names:
-                    found.setdefault(names[message.channel], []).append(message)
+            messages = self._messages(chunk)
+            for channel, topic in names.items():
+                if len(places := messages.on(channel)):
+                    found[topic] = [messages[i] for i in places.tolist()]
             yield found
 
     def log_times(self, topic: str) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The times of all messages of a topic [s], in order."""
-        return np.array([time for time, _ in self._of_topic(topic)], np.float64)
+        return self._log_times(self._ids.get(topic, -1))
+
+    def _log_times(self, channel: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+        found = [np.empty(0, np.uint64)]
+        for chunk, index in enumerate(self._file.chunks):
+            if channel in index.channels:
+                messages = self._messages(chunk)
+                found.append(messages.log_times[messages.on(channel)])
+        return np.concatenate(found) / NANOSECONDS
 
     # -- damaged parts ---------------------------------------------------------------------------------------------
 
-    def _messages(self, chunk: int, channel: int | None = None) -> list[mcap.Message]:
-        """The messages of a chunk, all or those on a channel; none, and a problem, if it is damaged."""
+    def _messages(self, chunk: int) -> mcap.Messages:
+        """The messages of a chunk; none, and a problem, if it is damaged."""
         try:
-            return self._file.messages(chunk) if channel is None else self._file.messages_on(chunk, channel)
+            return self._file.messages(chunk)
         except RecordingError as error:
             self._report(str(error))
-            return []
+            return mcap.NO_MESSAGES
 
     def _report(self, problem: str) -> None:
         if problem not in self._reported:
