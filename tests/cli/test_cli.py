@@ -23,7 +23,7 @@ import autodrive
 from autodrive.cli import preview
 from autodrive.protocol.png import decode_png
 from autodrive.run.runner import PAGE
-from tests.support.command_line import AUTODRIVE, Started, call, refused
+from tests.support.command_line import AUTODRIVE, Started, call, interrupted_when, refused
 from tests.support.scenes import needs_gl
 from tests.support.waiting import LIMIT
 
@@ -390,54 +390,39 @@ def devkit() -> Iterator[tuple[int, list[dict[str, str]]]]:
         thread.join(LIMIT)
 
 
+def position(came: list[dict[str, str]]) -> float:
+    """How far the car has driven straight on, as the last telemetry says [m]."""
+    return max(abs(float(number)) for number in came[-1]["V1 Position"].split()[:2]) if came else 0.0
+
+
 @pytest.mark.wall_clock  # script and simulation run at their own pace, as in a real run
 def test_a_devkit_script_drives_the_car(devkit: tuple[int, list[dict[str, str]]], tmp_path: Path) -> None:
     port, came = devkit
-    done = call(
-        "run",
-        "plane",
-        "--headless",
-        "--devkit",
-        f"127.0.0.1:{port}",
-        "--duration",
-        "1.5",
-        "--summary",
-        tmp_path / "s.json",
-    )
+    address, file = f"127.0.0.1:{port}", tmp_path / "s.json"
+    with interrupted_when(lambda: position(came) > 0.3):
+        done = call("run", "plane", "--headless", "--devkit", address, "--summary", file)
     assert done.returncode == 0, done.stderr
-    summary = json.loads((tmp_path / "s.json").read_text())
+    summary = json.loads(file.read_text())
     vehicle, bridge = summary["vehicles"]["V1"], summary["bridge"]
     assert vehicle["mode"] == "autonomous"  # the default with --devkit
-    assert vehicle["distance"] > 0.1
+    assert vehicle["distance"] > 0.25
     # straight ahead on the plane: the distance is x, except for settling at the start
     assert vehicle["pose"]["position"][0] == pytest.approx(vehicle["distance"], rel=0.02)
-    assert bridge["address"] == f"127.0.0.1:{port}"
-    assert len(came) > 5
+    assert bridge["address"] == address
     assert abs(bridge["telemetry_sent"] - len(came)) <= 2  # one may be in transit, one may follow the count
     assert bridge["commands_received"] > 5
-    assert 0.0 < bridge["round_trip"] < 1.0
-    assert f"devkit at 127.0.0.1:{port}" in done.stdout
+    assert bridge["round_trip"] > 0.0
+    assert f"devkit at {address}" in done.stdout
 
 
 @pytest.mark.wall_clock  # as above
 def test_in_manual_mode_a_devkit_script_does_not_drive(
     devkit: tuple[int, list[dict[str, str]]], tmp_path: Path
 ) -> None:
-    port, _ = devkit
-    address = f"127.0.0.1:{port}"
-    call(
-        "run",
-        "plane",
-        "--headless",
-        "--devkit",
-        address,
-        "--mode",
-        "manual",
-        "--duration",
-        "0.8",
-        "--summary",
-        tmp_path / "s.json",
-    )
-    summary = json.loads((tmp_path / "s.json").read_text())
-    assert summary["bridge"]["commands_received"] > 0
+    port, came = devkit
+    address, file = f"127.0.0.1:{port}", tmp_path / "s.json"
+    with interrupted_when(lambda: len(came) > 20):
+        call("run", "plane", "--headless", "--devkit", address, "--mode", "manual", "--summary", file)
+    summary = json.loads(file.read_text())
+    assert summary["bridge"]["commands_received"] > 10
     assert summary["vehicles"]["V1"]["distance"] < 1e-3  # it stands, except for settling

@@ -5,16 +5,17 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
+import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from unittest import mock
 
-from autodrive.cli import main
+from autodrive.cli import main, run
 from tests.support.waiting import LIMIT, wait_until
 
 AUTODRIVE = [sys.executable, "-c", "from autodrive.cli import main; main()"]
@@ -62,6 +63,30 @@ def call(*arguments: str | Path, cwd: Path | None = None, stderr: io.StringIO | 
         root.handlers, root.level = handlers, level
     assert isinstance(code, int)
     return Result(code, stdout.getvalue(), stderr.getvalue())
+
+
+@contextlib.contextmanager
+def interrupted_when(condition: Callable[[], object]) -> Iterator[None]:
+    """Sends Ctrl-C to this process, in which `call` runs the command `run`, once the condition is true.
+
+    Without the thread that ends the process some time after a signal: other tests need the process.
+    """
+    errors: list[AssertionError] = []
+
+    def watch() -> None:
+        try:
+            wait_until(condition)
+        except AssertionError as error:
+            errors.append(error)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=watch)
+    with mock.patch.object(run._Signals, "_end_process"):
+        thread.start()
+        yield
+        thread.join()
+    if errors:
+        raise errors[0]
 
 
 def refused(*arguments: str | Path, cwd: Path | None = None) -> str:
