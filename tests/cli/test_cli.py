@@ -338,13 +338,13 @@ def test_the_mode_of_the_options_is_used(tmp_path: Path) -> None:
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_run_cleanly_with_its_summary(number: signal.Signals, tmp_path: Path) -> None:
+def test_a_signal_ends_a_run_cleanly_with_its_summary(tmp_path: Path) -> None:
+    """Here Ctrl-C; tests/hardening/test_bridge.py also has SIGTERM."""
     run = Started(tmp_path, "run", "plane", "--headless", "--summary", str(tmp_path / "s.json"))
     run.wait_for("press Ctrl-C to stop")
-    assert run.end(number) == 0
+    assert run.end(signal.SIGINT) == 0
     summary = json.loads((tmp_path / "s.json").read_text())
-    assert summary["ended_by"] == number.name
+    assert summary["ended_by"] == "SIGINT"
     assert "Traceback" not in run.messages.read_text()
 
 

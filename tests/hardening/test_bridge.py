@@ -144,6 +144,7 @@ def test_a_signal_ends_a_run_with_a_hostile_script(
         run.wait_for("connected to a script")
         assert run.end(number) == 0
     assert json.loads((tmp_path / "s.json").read_text())["ended_by"] == number.name
+    assert "Traceback" not in run.messages.read_text()
 
 
 def test_a_redirect_is_not_followed(simulation: Simulation) -> None:

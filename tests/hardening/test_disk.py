@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import functools
 import gc
+import itertools
 import math
 import os
 import resource
@@ -12,7 +13,7 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -201,7 +202,15 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.fixture(params=["No space left on device", "Read-only file system"])
+REASONS = ("No space left on device", "Read-only file system")
+
+
+def each_with_one_reason(modules: Iterable[str]) -> list[tuple[str, str]]:
+    """Every module with one reason, in turn: all write with the same function of `cache.py`."""
+    return list(zip(modules, itertools.cycle(REASONS), strict=False))
+
+
+@pytest.fixture(params=REASONS)
 def disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Path, str]]:
     """A disk with an old file of each name that is written here, on which nothing can be written; and the reason."""
     with small_disk(tmp_path, kilobytes=256) as disk:
@@ -215,7 +224,9 @@ def disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Path,
         yield disk, request.param
 
 
-@pytest.mark.parametrize("module", COMMANDS)
+@pytest.mark.parametrize(
+    ("module", "disk"), [("cli/run.py", REASONS[1]), *each_with_one_reason(COMMANDS)], indirect=["disk"]
+)
 def test_a_command_that_cannot_write_is_one_line_and_leaves_the_old_files(
     module: str, disk: tuple[Path, str], gl: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -233,7 +244,7 @@ def test_a_command_that_cannot_write_is_one_line_and_leaves_the_old_files(
     assert contents(folder) == before
 
 
-@pytest.mark.parametrize("module", PROGRAMS)
+@pytest.mark.parametrize(("module", "disk"), each_with_one_reason(PROGRAMS), indirect=["disk"])
 def test_a_program_that_cannot_write_raises_one_line_and_leaves_the_old_files(
     module: str, disk: tuple[Path, str]
 ) -> None:
@@ -246,7 +257,9 @@ def test_a_program_that_cannot_write_raises_one_line_and_leaves_the_old_files(
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("module", ["autodrive.cli.messages", "autodrive.cli.generate"])
+@pytest.mark.parametrize(
+    ("module", "disk"), each_with_one_reason(["autodrive.cli.messages", "autodrive.cli.generate"]), indirect=["disk"]
+)
 def test_a_program_of_developers_prints_that_line(module: str, disk: tuple[Path, str]) -> None:
     folder, reason = disk
     done = subprocess.run(
