@@ -11,11 +11,14 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+import autodrive
+from autodrive import Command
 from autodrive.exports import FORMATS, export
 from autodrive.exports.bag import DEFINITIONS
 from autodrive.exports.options import ExportOptions
 from autodrive.exports.recorder_layout import read
-from autodrive.recording import Recording, RecordingError
+from autodrive.recording import Recorder, Recording, RecordingError
+from autodrive.recording import open as open_recording
 
 ROOT = Path(__file__).parents[2]
 
@@ -59,6 +62,64 @@ def test_the_layout_of_the_data_recorder_is_read_back(lap: Recording, tmp_path: 
     assert log.images[-1][0].startswith("V1 Camera Frames/Camera0_Frame_")
     assert (folder / log.images[-1][1]).read_bytes()[:2] == b"\xff\xd8"
     assert len(log.ranges[-1]) == 360
+
+
+def test_the_log_of_a_race_car_has_22_columns_with_three_velocities_and_one_image(gl: str, tmp_path: Path) -> None:
+    file = tmp_path / "race.mcap"
+    vehicle = {"type": "roboracer", "sensors": {"front": {"rate": 10.0}}}
+    world = autodrive.make(autodrive.Scenario(vehicles={"V1": vehicle}), cameras="small")  # type: ignore[dict-item]  # pyright: ignore
+    with Recorder(file, world, has_meshes=False):
+        for _ in range(30):
+            world.step({"V1": Command(0.5, 0.5)})
+    with open_recording(file) as recording:
+        folder = export(recording, "autodrive", tmp_path / "log", ExportOptions(rate=100.0))
+        frame = recording.frame_at(0.3).vehicles["V1"]
+        picture = recording.picture_at("V1", "front", 0.3)
+    with (folder / "V1 Log.csv").open() as log_file:
+        rows = list(csv.reader(log_file))
+    assert {len(row) for row in rows} == {22}
+    assert frame.lidar is not None
+    expected = [
+        frame.throttle,
+        frame.steering,
+        *frame.encoders.ticks,
+        *frame.ips.position,
+        *frame.imu.euler,
+        *frame.velocity,
+        *frame.imu.angular_velocity,
+        *frame.imu.linear_acceleration,
+    ]
+    assert [float(value) for value in rows[-1][1:20]] == expected
+    assert picture is not None
+    assert (folder / rows[-1][20]).read_bytes() == picture.jpeg
+    assert [float(value) for value in rows[-1][21].split()] == frame.lidar.ranges.tolist()
+    log = read(folder / "V1 Log.csv")
+    assert (log.vehicle_type, log.images[-1]) == ("roboracer", (rows[-1][20],))
+    assert log.speed[-1] == frame.velocity[0]
+    np.testing.assert_array_equal(log.acceleration[-1], frame.imu.linear_acceleration)
+
+
+def test_each_column_of_a_foreign_log_is_read(tmp_path: Path) -> None:
+    """The order of the columns is that of AutoDRIVE; its RoboRacer car has three velocities and one image."""
+    path = tmp_path / "V1 Log.csv"
+    for kind, speeds, images in (("nigel", 1, ("a.jpg", "b.jpg")), ("roboracer", 3, ("a.jpg",))):
+        numbers = [float(i) for i in range(1, 17 + speeds)]
+        rows = [
+            ["2026_01_31_13_45_10_250", *map(str, numbers), *images, "0.5 inf 2.5"],
+            ["2026_01_31_13_45_10_283", *map(str, numbers), *images, "0.5 inf 2.5"],
+        ]
+        path.write_text("".join(",".join(row) + "\n" for row in rows))
+        log = read(path)
+        assert log.vehicle_type == kind
+        assert log.time == pytest.approx([0.0, 0.033])
+        assert (log.throttle[1], log.steering[1], log.ticks[1].tolist()) == (1.0, 2.0, [3.0, 4.0])
+        assert (log.position[1].tolist(), log.euler[1].tolist()) == ([5.0, 6.0, 7.0], [8.0, 9.0, 10.0])
+        after = 11.0 + speeds
+        assert log.speed[1] == 11.0
+        assert log.angular_velocity[1].tolist() == [after, after + 1.0, after + 2.0]
+        assert log.acceleration[1].tolist() == [after + 3.0, after + 4.0, after + 5.0]
+        assert (log.images[1], log.ranges[1].tolist()) == (images, [0.5, np.inf, 2.5])
+        assert read(path, is_left_positive=False).steering[1] == -2.0
 
 
 def test_a_log_that_is_wrong_is_refused(tmp_path: Path) -> None:
