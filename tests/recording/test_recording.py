@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import autodrive
 from autodrive import Command
+from autodrive.meshes.urdf import PACKAGE
 from autodrive.protocol.messages import Reset, SetSceneLight
 from autodrive.recording import Recorder, Recording, RecordingError, foxglove
 from autodrive.recording import open as open_recording
@@ -91,7 +93,14 @@ def test_the_reader_of_mcap_reads_everything(drive: Drive) -> None:
             found.setdefault(decoded.channel.topic, []).append(decoded.decoded_message)
         assert sum(map(len, found.values())) == summary.statistics.message_count
         assert {one.name for one in reader.iter_metadata()} == {"autodrive"}
-        assert [one.data[:4] for one in reader.iter_attachments()] == [b"glTF"] * 3
+        attachments = {one.name: one for one in reader.iter_attachments()}
+    assert [one.data[:4] for name, one in attachments.items() if name.endswith(".glb")] == [b"glTF"] * 3
+    (urdf,) = [one for name, one in attachments.items() if name.endswith(".urdf")]  # of four equal cars
+    assert found["/autodrive/scenario"][0]["attachments"]["urdf/V4"] == urdf.name == "urdf/nigel.urdf"
+    robot = ElementTree.fromstring(urdf.data)
+    paths = {one.attrib["filename"] for one in robot.iter("mesh")}
+    assert paths == {f"package://{PACKAGE}/{name}" for name in attachments if name.endswith(".stl")}
+    assert len(paths) > 10
     frame = drive.frames[100]
     state = found["/V1/state"][100]
     assert list(state.imu.linear_acceleration) == frame.vehicles["V1"].imu.linear_acceleration.tolist()

@@ -134,8 +134,8 @@ def _log_meshes(stream: rr.RecordingStream, recording: Recording, vehicles: dict
     """The .glb files of the recording, which Rerun draws as they are."""
     for part, name in recording.scenario.attachments.items():
         kind, _, of = part.partition("/")
-        entity = {"map": "world/map", "vehicle": f"world/{of}/mesh", "object": f"world/objects/{of}/mesh"}[kind]
-        if name in recording.attachments and (kind != "vehicle" or of in vehicles):
+        entity = {"map": "world/map", "vehicle": f"world/{of}/mesh", "object": f"world/objects/{of}/mesh"}.get(kind)
+        if entity is not None and name in recording.attachments and (kind != "vehicle" or of in vehicles):
             stream.log(
                 entity, rr.Asset3D(contents=recording.attachment(name), media_type="model/gltf-binary"), static=True
             )

@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+import msgspec
 import numpy as np
 from pydantic import BaseModel
 from shapely.geometry.base import BaseGeometry
@@ -97,6 +98,22 @@ def file(kind: Kind, of: Any) -> tuple[str, bytes]:
     return name, _cached(name, lambda: _build(kind, of))[1]
 
 
+def description(spec: VehicleSpec, name: str) -> dict[str, bytes]:
+    """The URDF of a vehicle and its meshes (STL), by path in the package `autodrive_description`."""
+    digest = hashlib.sha256()
+    _add_to_digest(digest.update, [spec, name])
+    path = _descriptions() / f"{digest.hexdigest()[:24]}.msgpack"
+    with contextlib.suppress(OSError, ValueError):
+        return msgspec.msgpack.decode(read_cached(path), type=dict[str, bytes])
+    from autodrive.meshes.urdf import vehicle_urdf
+
+    text, meshes = vehicle_urdf(spec, name)
+    files = {f"urdf/{name}.urdf": text.encode(), **meshes}
+    with contextlib.suppress(OSError):
+        write_cached(path, msgspec.msgpack.encode(files))
+    return files
+
+
 def cached(name: str, build: Callable[[], Asset]) -> Asset:
     """The asset that `build` returns, read from the cache file of that name if it exists.
 
@@ -123,8 +140,17 @@ def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
 
 @cache
 def _folder() -> Path:
-    libraries = " ".join(version(name) for name in ("numpy", "shapely", "trimesh", "manifold3d", "simplejpeg"))
-    return cache_folder("assets", "assets", "meshes", "vehicles", "maps", also=libraries)
+    return cache_folder("assets", "assets", "meshes", "vehicles", "maps", also=_libraries())
+
+
+@cache
+def _descriptions() -> Path:
+    packages = ("actuators", "assets", "meshes", "physics", "sensors", "vehicles")
+    return cache_folder("descriptions", *packages, also=_libraries())
+
+
+def _libraries() -> str:
+    return " ".join(version(name) for name in ("numpy", "shapely", "trimesh", "manifold3d", "simplejpeg"))
 
 
 def _asset(kind: Kind, of: Any) -> Asset:

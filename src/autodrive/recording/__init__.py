@@ -31,7 +31,8 @@ JSON has each number with all its digits, so that commands are the same bits aga
 
 Metadata `autodrive`: format (`records.FORMAT`), versions of AutoDRIVE, MuJoCo, numpy and Python, platform, scenario,
 seed, tick, JPEG quality. Attachments: the .glb files of map, vehicles and boxes; a scenario message names them by part
-('map', 'vehicle/V1', 'object/box_1').
+('map', 'vehicle/V1', 'object/box_1'). The URDF of each vehicle ('urdf/V1') and its meshes (STL) have the paths of the
+ROS package autodrive_description.
 
 Not recorded: depth and label images, and images without JPEG.
 """

@@ -8,8 +8,9 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +53,7 @@ from autodrive.recording.wire import descriptor
 from autodrive.simulation import Simulation
 
 if TYPE_CHECKING:
+    from autodrive.vehicles.spec import VehicleSpec
     from autodrive.world import World
 
 log = logging.getLogger(__name__)
@@ -86,8 +88,8 @@ class Recorder:
 
     `frame_rate` of Frames in simulated time [Hz]; None: each tick. `image_rate` of images of each camera; None: each
     image. `last`: keep only that many seconds in memory, and write them to a new file at each collision and `save`.
-    `has_meshes`: whether the file contains the .glb files of the scene. `name`: name or file of the scenario, or a
-    function that returns it.
+    `has_meshes`: whether the file contains the .glb files of the scene, and the URDF of the vehicles with its meshes.
+    `name`: name or file of the scenario, or a function that returns it.
 
     Steps of a World, and of a Simulation that runs as fast as it can, wait for the recorder. A Simulation in real time
     never does: if disk or processor are too slow, images and then Frames are left out and counted. An error of the disk
@@ -398,6 +400,10 @@ class _Encoding:
             for part, name, data in _meshes(world):
                 attachments[part] = name
                 output.attach(name, "model/gltf-binary", data)
+            for vehicle, files in _descriptions(world):
+                attachments[f"urdf/{vehicle}"] = next(iter(files))
+                for name, data in files.items():
+                    output.attach(name, "model/stl" if name.endswith(".stl") else "application/xml", data)
         self.json(
             output,
             records.SCENARIO,
@@ -515,6 +521,18 @@ def _meshes(world: World) -> list[tuple[str, str, bytes]]:
         *((f"vehicle/{name}", *store.file("vehicle", spec)) for name, spec in world.vehicle_specs.items()),
         *((f"object/{name}", *store.file("box", box.size)) for name, box in world.boxes.items()),
     ]
+
+
+def _descriptions(world: World) -> Iterator[tuple[str, dict[str, bytes]]]:
+    """Each vehicle and the files of its robot description, which begin with the URDF; equal vehicles have the same."""
+    from autodrive.meshes import store  # noqa: PLC0415  likewise
+
+    known: dict[str, VehicleSpec] = {}
+    for vehicle, spec in world.vehicle_specs.items():
+        stem = Path(world.spec.vehicles[vehicle].type).stem
+        names = (stem if number == 1 else f"{stem}_{number}" for number in count(1))
+        name = next(name for name in names if known.setdefault(name, spec) == spec)
+        yield vehicle, store.description(spec, name)
 
 
 # -- outputs -------------------------------------------------------------------------------------------------------

@@ -64,7 +64,7 @@ class ScenarioRecord(msgspec.Struct, frozen=True):
     is_start: bool
     """Whether the World is in its initial state, so that it can be simulated again from here."""
     attachments: dict[str, str] = {}
-    """Names of the attachments with the meshes: 'map', 'vehicle/V1', 'object/box_1'."""
+    """Names of the attachments with the meshes: 'map', 'vehicle/V1', 'object/box_1'; 'urdf/V1' of the URDF."""
 
 
 class CommandsRecord(msgspec.Struct, frozen=True):
