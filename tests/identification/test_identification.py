@@ -141,7 +141,7 @@ def test_drives_that_show_nothing_are_refused(drive: Drive) -> None:
         replace(drive, x=x, speed=speed)
     with pytest.raises(IdentificationError, match="the car does not move in the drive"):
         identify(replace(drive, speed=np.zeros_like(drive.speed)), "nigel_2023", ["wheels.damping_rate"])
-    with pytest.raises(IdentificationError, match=r"the drive has no 2\.4 s without a collision"):
+    with pytest.raises(IdentificationError, match=r"the drive has no 2\.5 s without a collision"):
         identify(replace(drive, breaks=np.arange(0.0, 12.0)), "nigel_2023", ["wheels.damping_rate"])
 
 

@@ -35,7 +35,7 @@ def identify(
     trials: int = 24,
     seed: int = 0,
     window: float = 2.0,
-    warm_up: float = 0.4,
+    warm_up: float = 0.5,
     threads: int | None = None,
 ) -> Identification:
     """Fit parameters of a vehicle's file to a recorded drive.

@@ -40,8 +40,10 @@ class Errors:
 
     residuals: tuple[Floats, Floats, Floats]
     """Of path [m], speed [m/s] and yaw rate [rad/s]; shape (c, w, n), 0 where there is no sample."""
+    squares: Floats
+    """Mean squares of each window, shape (c, w, 3)."""
     rms: Floats
-    """Root mean squares, shape (c, 3)."""
+    """Root mean squares of all windows, shape (c, 3)."""
 
 
 class Objective:
@@ -49,8 +51,9 @@ class Objective:
 
     A window is compared in three signals. The speeds and the yaw rates at the same time are compared as they are. The
     simulated path is laid on the recorded one with the translation and the rotation that fit best, so that neither the
-    noise of the pose at the start of a window nor the drift before it counts. The error is the sum of the logarithms of
-    the mean squares of the three signals: the one of greatest likelihood if the deviations of the signals are unknown.
+    noise of the pose at the start of a window nor the drift before it counts. The error is the mean logarithm of the
+    mean squares of the windows, each with the median of all windows added, and the sum over the signals: a signal needs
+    no weight, and a window that no candidate explains, such as one that starts in a spin, has little influence.
     """
 
     def __init__(
@@ -64,7 +67,7 @@ class Objective:
         self.simulations = 0
         """Of all windows with a candidate."""
         rows, used = windows.rows, windows.is_used
-        self._count = max(1, int(used.sum()))
+        self._counts = np.maximum(used.sum(axis=1), 1)
         self._x, self._y = drive.x[rows], drive.y[rows]
         lengths = np.where(used, np.abs(drive.speed[rows]), 0.0).sum(axis=1) / np.maximum(used.sum(axis=1), 1)
         self.scales = np.array(
@@ -101,23 +104,27 @@ class Objective:
         rate = np.where(used, motion.yaw_rate - self._drive.yaw_rate[rows], 0.0)
         for residuals in (path, speed, rate):
             residuals[~is_valid] = np.nan
-        rms = np.stack([np.sqrt((one**2).sum(axis=(1, 2)) / self._count) for one in (path, speed, rate)], axis=1)
-        return Errors((path, speed, rate), rms)
+        sums = np.stack([(one**2).sum(axis=2) for one in (path, speed, rate)], axis=2)
+        rms = np.sqrt(sums.sum(axis=1) / self._counts.sum())
+        return Errors((path, speed, rate), sums / self._counts[:, None], rms)
 
-    def totals(self, errors: Errors) -> Floats:
-        """The error of each candidate, shape (c,)."""
-        shares = errors.rms / self.scales
-        totals = np.log(shares**2 + FLOOR**2).sum(axis=1)
+    def medians(self, errors: Errors) -> Floats:
+        """Of the mean squares of the windows of each candidate, shape (c, 3)."""
+        return np.maximum(np.median(errors.squares, axis=1), (FLOOR * self.scales) ** 2)
+
+    def totals(self, errors: Errors, medians: Floats | None = None) -> Floats:
+        """The error of each candidate, shape (c,). `medians`: fixed ones, shape (3,); None: those of each candidate."""
+        added = self.medians(errors)[:, None] if medians is None else medians
+        totals = np.log((errors.squares + added) / self.scales**2).mean(axis=1).sum(axis=1)
         return np.where(np.isfinite(totals), totals, WORST)
 
     def _path_residuals(self, x: Floats, y: Floats) -> Floats:
         """Differences in x, then in y, of each path that is laid on the recorded one, shape (c, w, 2 s)."""
         used = self._windows.is_used
-        count = np.maximum(used.sum(axis=1), 1)
 
         def centred(values: Floats) -> Floats:
             kept = np.where(used, values, 0.0)
-            return np.where(used, kept - (kept.sum(axis=-1) / count)[..., None], 0.0)
+            return np.where(used, kept - (kept.sum(axis=-1) / self._counts)[..., None], 0.0)
 
         x, y, u, v = centred(x), centred(y), centred(self._x), centred(self._y)
         angle = np.arctan2((x * v - y * u).sum(axis=-1), (x * u + y * v).sum(axis=-1))[..., None]
@@ -155,15 +162,15 @@ def search(
 def refine(objective: Objective, shares: Floats) -> tuple[Floats, Floats]:
     """The best candidate near that one by Gauss-Newton steps, and the covariance of its shares, shape (p, p)."""
     best = shares.copy()
-    total = math.inf
     covariance = np.full((len(best), len(best)), np.nan)
     for _ in range(MAX_STEPS):
         steps = np.where(best > 0.5, -STEP, STEP)  # inside the bounds
         tried = np.concatenate((best[None], best + np.diag(steps), np.clip(best - np.diag(steps), 0.0, 1.0)))
         errors = objective.errors(tried)
-        total = min(total, float(objective.totals(errors)[0]))
+        medians = objective.medians(errors)[0]  # fixed in a step, so that its slopes are those of the error
+        total = float(objective.totals(errors, medians)[0])
         spans = np.diagonal(tried[1 : 1 + len(best)] - tried[1 + len(best) :])
-        residuals, jacobian = _scaled(objective, errors, spans)
+        residuals, jacobian = _scaled(errors, medians, spans)
         if not np.isfinite(jacobian).all():
             break
         curvature = np.einsum("wnp,wnq->pq", jacobian, jacobian)
@@ -172,22 +179,22 @@ def refine(objective: Objective, shares: Floats) -> tuple[Floats, Floats]:
         scale = np.diag(np.diagonal(curvature))
         moves = [-np.linalg.pinv(curvature + one * scale) @ slopes.sum(axis=0) for one in DAMPING]
         candidates = np.clip(best + np.array(moves), 0.0, 1.0)
-        totals = objective.totals(objective.errors(candidates))
+        totals = objective.totals(objective.errors(candidates), medians)
         chosen = int(np.argmin(totals))
         if not totals[chosen] < total:
             break
         change = np.abs(candidates[chosen] - best)
-        best, total = candidates[chosen], float(totals[chosen])
+        best = candidates[chosen]
         if (change < np.maximum(TOLERANCE, SMALL * np.sqrt(np.diagonal(covariance)))).all():
             break
     return best, covariance
 
 
-def _scaled(objective: Objective, errors: Errors, spans: Floats) -> tuple[Floats, Floats]:
+def _scaled(errors: Errors, medians: Floats, spans: Floats) -> tuple[Floats, Floats]:
     """Residuals of the first candidate, shape (w, n), and their derivatives, shape (w, n, p), per deviation."""
     p = len(spans)
-    deviations = np.maximum(errors.rms[0], FLOOR * objective.scales)
-    parts = [one / deviation for one, deviation in zip(errors.residuals, deviations.tolist(), strict=True)]
+    deviations = np.sqrt(errors.squares[0] + medians)
+    parts = [one / deviations[:, i, None] for i, one in enumerate(errors.residuals)]
     stacked = np.concatenate(parts, axis=-1)
     jacobian = (stacked[1 : 1 + p] - stacked[1 + p :]) / spans[:, None, None]
     return stacked[0], np.moveaxis(jacobian, 0, -1)

@@ -20,7 +20,7 @@ from autodrive.sensors.settings import SensorSettings
 from autodrive.vehicles.spec import VehicleSpec
 
 SMOOTHING = 0.15
-"""The state at the start of a window is that of a line through the rows within this time of it [s]."""
+"""The motion at the start of a window is that of lines through the rows within this time of it [s]."""
 NAME = "V1"
 
 
@@ -57,7 +57,7 @@ def windows_of(drive: Drive, length: float, warm_up: float) -> Windows:
     wanted = np.linspace(first, last - warm_up - length, count) if count > 1 else np.array([first])
     starts = drive.time[np.searchsorted(drive.time, wanted - 1e-9)]
     whole = warm_up + length
-    starts = np.array([one for one in starts.tolist() if not _is_broken(drive, one, one + whole)])
+    starts = np.array([one for one in starts.tolist() if not _is_broken(drive, one - SMOOTHING, one + whole)])
     if len(starts) == 0:
         raise IdentificationError(
             f"the drive has no {whole:g} s without a collision, a reset or a jump; use shorter windows  "
@@ -89,15 +89,15 @@ def _cut(drive: Drive, starts: Floats, whole: float, warm_up: float) -> Windows:
     middle = starts + (np.arange(ticks)[:, None] + 0.5) * drive.tick
     held = np.maximum(np.searchsorted(drive.command_time, middle, side="right") - 1, 0)
     commands = np.stack((drive.throttle[held], drive.steering[held]), axis=-1)
-    pose = np.array([[_smooth(drive, column, start) for column in _PATH] for start in starts.tolist()])
-    speed = np.array([_smooth(drive, "speed", start) for start in starts.tolist()])
-    rate = np.array([_smooth(drive, "yaw_rate", start) for start in starts.tolist()])
-    motions = np.column_stack((speed, np.zeros_like(speed), rate, commands[0]))
+    x, y, heading, speed, rate = (_smooth(drive, column, starts) for column in _COLUMNS)
+    left = np.cos(heading[0]) * y[1] - np.sin(heading[0]) * x[1]  # of a car that slides
+    forward = np.copysign(np.sqrt(np.maximum(speed[0] ** 2 - left**2, 0.0)), speed[0])
+    motions = np.column_stack((forward, left, rate[0], commands[0]))
     return Windows(
         starts=starts,
         ticks=ticks,
         motions=motions,
-        poses=pose,
+        poses=np.column_stack((x[0], y[0], heading[0])),
         commands=commands,
         rows=rows.astype(np.int64),
         is_used=is_used,
@@ -105,20 +105,22 @@ def _cut(drive: Drive, starts: Floats, whole: float, warm_up: float) -> Windows:
     )
 
 
-_PATH = ("x", "y", "heading")
+_COLUMNS = ("x", "y", "heading", "speed", "yaw_rate")
 
 
-def _smooth(drive: Drive, column: str, time: float) -> float:
-    """The value of the line through the rows near that time."""
-    values = np.asarray(getattr(drive, column))
-    i = int(np.searchsorted(drive.time, time))
-    near = np.flatnonzero(np.abs(drive.time - time) <= SMOOTHING + 1e-9)
-    near = near if len(near) > 1 else np.arange(max(0, i - 1), min(len(values), i + 2))
-    t, v = drive.time[near] - time, values[near]
+def _smooth(drive: Drive, column: str, times: Floats) -> Floats:
+    """Value and slope, at some times, of the line through the rows near each of them, shape (2, w)."""
+    values: Floats = getattr(drive, column)
     if column == "heading":
-        v = np.unwrap(v)
-    slope, middle = np.polyfit(t, v, 1) if np.ptp(t) > 0.0 else (0.0, v[0])
-    return float(middle) if math.isfinite(slope) else float(v[0])
+        values = np.unwrap(values)
+    found = np.empty((2, len(times)))
+    for i, time in enumerate(times.tolist()):
+        near = np.flatnonzero(np.abs(drive.time - time) <= SMOOTHING + 1e-9)
+        if len(near) < 2:
+            middle = int(np.searchsorted(drive.time, time))
+            near = np.arange(max(0, middle - 1), min(len(values), middle + 2))
+        found[1, i], found[0, i] = np.polyfit(drive.time[near] - time, values[near], 1)
+    return found
 
 
 @dataclass(frozen=True)
