@@ -39,6 +39,11 @@ def test_the_same_seed_gives_the_same_bits_on_every_processor() -> None:
     assert generate_track(8, length=30.0, width=1.0, area=(14.0, 8.0)).text() != text
 
 
+def test_the_track_technical_can_be_generated_again() -> None:
+    made, shipped = generate_track(2, length=92.0, width=1.0, barrier=DUCT), Track.load("technical")
+    np.testing.assert_array_equal(made.centre_line, shipped.centre_line)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
