@@ -23,8 +23,17 @@ TESTS = Path(__file__).parent
 FAILED = TESTS.parent / ".venv" / "failed-tests"
 """Names of the failed tests of the last run, one per line; scripts/test prints them at its end."""
 
-MARKERS = {"page": "browser", "ros": "toolchain", "clients": "toolchain", "hardening": "slow"}
-"""Directory -> marker of all its tests."""
+MARKERS = {
+    "page": "browser",
+    "ros": "toolchain",
+    "clients": "toolchain",
+    "hardening": "slow",
+    "exports": "slow",
+    "film": "slow",
+    "cameras/test_batch_camera.py": "slow",
+    "cameras/test_tick_cameras.py": "slow",
+}
+"""Directory or file -> marker of all its tests."""
 
 WITHOUT_TOOLCHAIN = {
     f"ros/{name}.py" for name in ("test_bridge", "test_readings", "test_command_input", "test_dead_reckoning")
@@ -106,7 +115,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     for item in items:
         file = item.path.relative_to(TESTS)
-        marker = MARKERS.get(file.parts[0])
+        marker = MARKERS.get(file.parts[0]) or MARKERS.get(file.as_posix())
         if marker is not None and file.as_posix() not in WITHOUT_TOOLCHAIN:
             item.add_marker(marker)
     items.sort(key=rank)

@@ -109,6 +109,7 @@ def test_cars_with_other_tyres_and_differentials_have_the_bits_of_single_worlds(
         assert_same(batch.step(commands), 1, world.step(as_commands(batch.vehicle_names, commands[1])))
 
 
+@pytest.mark.slow
 def test_each_world_has_the_bits_of_a_single_world() -> None:
     """With contacts, noise, two cars, and resets of single worlds with other seeds."""
     steps, n = 200, 3
@@ -185,6 +186,7 @@ def test_lidars_of_both_kinds_and_directions(tmp_path: Path, is_rolling: bool, d
     assert np.isfinite(batch.readings.lidar_ranges).sum() > 200
 
 
+@pytest.mark.slow
 def test_factors_of_mass_grip_and_noise_are_those_of_a_scenario() -> None:
     """In contact as well, where the engine has the masses; each world has its own."""
     spec = ScenarioSpec(map="mini_map", boxes={"box": {"x": 0.5, "y": 0.05}})  # pyright: ignore[reportArgumentType]
@@ -222,6 +224,7 @@ def test_mass_and_noise_are_multiplied() -> None:
     np.testing.assert_allclose(loads, np.array([1.0, 2.0, 1.0]) * mass * 9.81, rtol=1e-3)  # the springs are damped
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_does_not_matter() -> None:
     n = 40
     batches = [BatchWorld("tiny_town", n, threads=threads) for threads in (1, 2, 3)]

@@ -57,6 +57,7 @@ def test_a_script_receives_images_of_the_requested_size_that_are_rendered_asynch
         assert picture.std() > 5.0
 
 
+@pytest.mark.slow
 def test_in_lockstep_no_image_is_missing(gl: str, tmp_path: Path) -> None:
     summary, _, _ = summary_of(tmp_path, "mini_map", "--cameras", "--lockstep", "--speed", "max", "--duration", "0.3")
     assert RATE is not None

@@ -68,6 +68,7 @@ def test_the_checker_of_gymnasium_passes(id_: str) -> None:
         check_env(gymnasium.make(f"autodrive:{id_}").unwrapped, skip_render_check=True)
 
 
+@pytest.mark.slow
 def test_the_checker_passes_with_images_and_in_all_render_modes(gl: str, capsys: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
