@@ -32,6 +32,8 @@ MARKERS = {
     "film": "slow",
     "cameras/test_batch_camera.py": "slow",
     "cameras/test_tick_cameras.py": "slow",
+    "envs/test_driving_vector_env.py": "slow",
+    "physics/test_contact_engine.py": "slow",
 }
 """Directory or file -> marker of all its tests."""
 
