@@ -16,6 +16,7 @@ from autodrive.errors import AutodriveError
 from autodrive.exports import export
 from autodrive.exports.options import ExportOptions
 from autodrive.identification import Drive, IdentificationError, identify, read_drive
+from autodrive.identification.windows import whole_drive
 from autodrive.recording import Recorder
 from autodrive.recording import open as open_recording
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
@@ -145,14 +146,24 @@ def test_drives_that_show_nothing_are_refused(drive: Drive) -> None:
         identify(replace(drive, breaks=np.arange(0.0, 12.0)), "nigel_2023", ["wheels.damping_rate"])
 
 
+def test_the_longest_part_of_a_drive_without_a_break_is_compared(drive: Drive) -> None:
+    windows = whole_drive(replace(drive, breaks=np.array([0.001, 2.0, 9.0])))
+    assert (windows.starts[0], windows.ticks) == (pytest.approx(2.01), 698)  # to 8.99 s
+    assert drive.time[windows.rows[0, [0, -1]]].tolist() == pytest.approx([2.01, 8.99])
+
+
 def test_files_that_are_no_drive_are_one_line(files: tuple[Path, Path], tmp_path: Path) -> None:
-    empty, broken = tmp_path / "empty.csv", tmp_path / "broken.csv"
+    empty, broken, nan = tmp_path / "empty.csv", tmp_path / "broken.csv", tmp_path / "nan.csv"
+    rows = [line.split(",") for line in files[1].read_text().splitlines()]
+    rows[6][1], rows[8][11] = "nan", "inf"
+    nan.write_text("".join(",".join(row) + "\n" for row in rows))
     empty.write_text("")
     broken.write_text(files[1].read_text().replace("\n", ",\n", 1))
     options = ["--vehicle", "nigel_2023", "--free", "wheels.damping_rate"]
     for path, message in (
         (empty, "the log has 0 lines"),
         (broken, "line 2 has 21 columns"),
+        (nan, "line 7: the throttle is not a finite number; line 9: the speed is not a finite number"),
         (tmp_path / "none.mcap", "none.mcap"),
     ):
         done = call("identify", str(path), *options, cwd=tmp_path)

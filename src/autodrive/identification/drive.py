@@ -109,6 +109,15 @@ def read_drive(path: str | Path, name: str = "", *, is_left_positive: bool = Tru
 
 def _of_log(path: Path, is_left_positive: bool) -> Drive:
     log = read(path, is_left_positive=is_left_positive)
+    columns = {"throttle": log.throttle, "steering": log.steering, "speed": log.speed, "yaw": log.euler[:, 2]}
+    columns |= {"x": log.position[:, 0], "y": log.position[:, 1], "yaw rate": log.angular_velocity[:, 2]}
+    faults = [
+        f"line {int(np.argmax(~np.isfinite(column))) + 1}: the {name} is not a finite number"
+        for name, column in columns.items()
+        if not np.isfinite(column).all()
+    ]
+    if faults:
+        raise IdentificationError(f"{'; '.join(faults)}  ({path})")
     rising = np.concatenate(([True], np.diff(log.time) > 0.0))  # several rows may have the same time stamp
     time, x, y = log.time[rising], *log.position[rising, :2].T
     heading = log.euler[rising, 2]

@@ -20,7 +20,7 @@ class Fitted:
     """The value of the file; None if the file leaves it out."""
     value: float
     deviation: float
-    """Standard deviation of the value, estimated from the scatter between the windows."""
+    """Standard deviation of the value, estimated from the scatter between the windows; of less than three: NaN."""
     low: float
     """Bound of the search."""
     high: float
@@ -33,7 +33,7 @@ class Identification:
 
     parameters: tuple[Fitted, ...]
     before: Comparison
-    """The recorded drive and the simulation with the values of the file, from the start of the drive to its end."""
+    """The drive, or its longest part without a collision, reset or jump, and its simulation with the file's values."""
     after: Comparison
     """Likewise with the fitted values."""
     window_errors: tuple[tuple[float, float], ...]

@@ -24,6 +24,8 @@ STEP = 0.01
 """Step of the differences from which the derivatives follow, as a share of the range of a parameter."""
 DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 """Candidates for the next step: Marquardt's damping, relative to the curvature of each parameter."""
+MIN_WINDOWS = 3
+"""Fewest windows whose scatter shows a deviation."""
 MAX_STEPS = 12
 """Of Gauss-Newton."""
 TOLERANCE = 1e-4
@@ -185,7 +187,7 @@ def refine(objective: Objective, shares: Floats) -> tuple[Floats, Floats]:
             break
         change = np.abs(candidates[chosen] - best)
         best = candidates[chosen]
-        if (change < np.maximum(TOLERANCE, SMALL * np.sqrt(np.diagonal(covariance)))).all():
+        if (change < np.maximum(TOLERANCE, SMALL * np.sqrt(np.nan_to_num(np.diagonal(covariance))))).all():
             break
     return best, covariance
 
@@ -206,10 +208,12 @@ def _covariance(curvature: Floats, slopes: Floats) -> Floats:
     Neighbouring samples of a window do not have independent noise, so that the inverse of the curvature alone would be
     too small (White, Econometrica 50 (1982), theorem 3.2).
     """
-    inverse = np.linalg.pinv(curvature)
     w = len(slopes)
+    if w < MIN_WINDOWS:
+        return np.full_like(curvature, np.nan)
+    inverse = np.linalg.pinv(curvature)
     centred = slopes - slopes.mean(axis=0)
-    scatter = centred.T @ centred * (w / max(1, w - 1))
+    scatter = centred.T @ centred * (w / (w - 1))
     return inverse @ scatter @ inverse
 
 

@@ -67,9 +67,12 @@ def windows_of(drive: Drive, length: float, warm_up: float) -> Windows:
 
 
 def whole_drive(drive: Drive) -> Windows:
-    """The drive up to its first break, as one window."""
-    end = min([float(drive.time[-1]), *(one - drive.tick for one in drive.breaks.tolist() if one > drive.time[0])])
-    return _cut(drive, drive.time[:1], end - float(drive.time[0]), 0.0)
+    """The longest part of the drive without a break, as one window."""
+    edges = np.concatenate((drive.time[:1], drive.breaks + 1e-6, drive.time[-1:]))
+    longest = int(np.argmax(np.diff(edges)))
+    rows = np.flatnonzero((drive.time >= edges[longest]) & (drive.time <= edges[longest + 1] - 2e-6))
+    first, last = int(rows[0]), int(rows[-1])
+    return _cut(drive, drive.time[first : first + 1], float(drive.time[last] - drive.time[first]), 0.0)
 
 
 def _is_broken(drive: Drive, start: float, end: float) -> bool:
