@@ -144,7 +144,7 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     if hasattr(session.config, "workerinput"):
         return
     if FAILED.parent.is_dir():
-        FAILED.write_text("".join(f"{name}\n" for name in _failed))
+        FAILED.write_text("".join(f"{name}\n" for name in (*_failed, *(f"skipped: {one}" for one in _refused))))
     if _refused:
         session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
 
