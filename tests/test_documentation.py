@@ -35,6 +35,10 @@ RUN_BY = {
     "python.md": {"python": "tests/devkit/test_python_docs.py"},
     "ros1.md": {"python": "tests/ros/test_ros1.py"},
     "ros2.md": {"python": "tests/ros/test_ros2.py", "yaml": "tests/ros/test_ros2_files.py"},
+    "campaigns.md": {
+        "python": "tests/campaigns/test_campaign_document.py",
+        "yaml": "tests/campaigns/test_campaign_document.py",
+    },
     "batch.md": {"python": "tests/batch/test_batch_world.py"},
     "identification.md": {"python": "tests/identification/test_identification.py"},
     "recordings.md": {"python": "tests/recording/test_document.py"},

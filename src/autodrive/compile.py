@@ -139,6 +139,27 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
     )
 
 
+def set_factors(c: Compiled, factors: Mapping[str, Mapping[str, float]]) -> tuple[ScenarioSpec, dict[str, VehicleSpec]]:
+    """Set the tables of the Model and the noise of the sensors in place; see `World.set_factors`.
+
+    Returns scenario and vehicles with these factors.
+    """
+    of = {name: {"mass": 1.0, "grip": 1.0, "noise": 1.0, **factors.get(name, {})} for name in c.vehicles}
+    vehicles = {name: vehicle.with_mass_factor(of[name]["mass"]) for name, vehicle in c.vehicles.items()}
+    for row, vehicle in zip(c.model.vehicles, vehicles.values(), strict=True):
+        row["mass"], row["inertia"] = vehicle.body.mass, vehicle.body.inertia
+    grips = [c.map.ground.grip * (c.spec.vehicles[name].grip_factor * its["grip"]) for name, its in of.items()]
+    c.model.wheels[:] = wheel_table([*vehicles.values()], grips, c.spec.substep)
+    c.sensors.set_noise_factors([its["noise"] for its in of.values()])
+    placed = {
+        name: place.model_copy(
+            update={f"{kind}_factor": getattr(place, f"{kind}_factor") * one for kind, one in of[name].items()}
+        )
+        for name, place in c.spec.vehicles.items()
+    }
+    return c.spec.model_copy(update={"vehicles": placed}), vehicles
+
+
 def _race(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[Race | None, list[str]]:
     """The race of a scenario, and errors. On a race track laps are always timed."""
     race = spec.race or RaceSpec()

@@ -15,6 +15,8 @@ from autodrive.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, 
 
 DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
+FACTOR_LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
+"""Least and greatest factor of a vehicle, see `VehiclePlacement`."""
 MAX_VEHICLES = 100
 """Of a scenario."""
 MAX_BOXES = 1000

@@ -42,8 +42,8 @@ LAYERS: list[tuple[str, set[str]]] = [
     ("appearance", {"meshes"}),
     ("the tick", {"cameras", "compile", "controls", "referee", "racing", "frames", "world", "factory", "editing"}),
     ("time", {"simulation", "batch"}),
-    ("edges", {"server", "bridge", "recording", "campaigns"}),
-    ("a run", {"exports", "identification", "run", "testing", "envs", "replay", "film"}),
+    ("edges", {"server", "bridge", "recording"}),
+    ("a run", {"campaigns", "exports", "identification", "run", "testing", "envs", "replay", "film"}),
     ("command line", {"cli"}),
 ]
 """Name and members of each layer, from the ground up. A module imports from its own layer and those below."""

@@ -40,6 +40,7 @@ EXTRAS = {
     "pettingzoo": ("envs", "MIT"),
     "av": ("film", "BSD-3-Clause"),
     "apsw": ("export", "any-OSI"),
+    "scipy": ("campaigns", "BSD-3-Clause"),
     "attrs": ("rerun", "MIT"),
     "backports-zstd": ("export", "PSF-2.0"),
     "lz4": ("export", "BSD-3-Clause"),

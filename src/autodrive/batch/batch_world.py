@@ -27,6 +27,7 @@ from autodrive.physics.one_thread import OneThread, by_one_thread
 from autodrive.protocol.commands import MAX_DISTANCE, check_seed
 from autodrive.referee import SEPARATION
 from autodrive.scenario import DEFAULT, ScenarioSpec
+from autodrive.scenario import FACTOR_LIMITS as LIMITS
 from autodrive.sensors.tables import most_rays, reset_noise, sensor_tables
 from autodrive.specs import suggest
 from autodrive.transforms import quaternion_from_yaw
@@ -41,9 +42,6 @@ BLOCKS = 8
 
 MAX_SPEED = 1000.0
 """At the start [m/s] or [rad/s]."""
-
-LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
-"""Least and greatest factor, as in `VehiclePlacement`."""
 
 
 class BatchWorld(OneThread):

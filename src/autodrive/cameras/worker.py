@@ -64,7 +64,7 @@ class Worker(Generic[Message]):
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,  # graphics drivers print many warnings
-            env=_environment(),
+            env=environment(),
             **popen_options(descriptors),
         )
         assert self._process.stdin is not None
@@ -170,7 +170,7 @@ def line_of(message: msgspec.Struct) -> bytes:
     return msgspec.json.encode(message) + b"\n"
 
 
-def _environment() -> dict[str, str]:
+def environment() -> dict[str, str]:
     """The worker finds the package where the simulator found it."""
     root = str(Path(__file__).parents[2])
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))}

@@ -16,6 +16,7 @@ import typer
 
 from autodrive import __version__
 from autodrive.cli import browse, recordings, tracks
+from autodrive.cli.campaign import campaign
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.identify import identify
@@ -76,6 +77,7 @@ def _root(
 
 app.command()(run)
 app.command()(race)
+app.command()(campaign)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)

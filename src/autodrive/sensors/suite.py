@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -75,13 +75,19 @@ class SensorSuite:
         self._sample: Callable[..., None] | None = None
         self._readers = [[(s, name, self._reader(i, s)) for s, name in self._present(i)] for i in range(len(vehicles))]
         self._latest: list[dict[str, Any]] = [dict.fromkeys(SENSORS) for _ in vehicles]
+        self.noise_factors = [1.0] * len(vehicles)
+        """See `set_noise_factors`."""
         self._times = [list(NEVER) for _ in vehicles]
         """Of the latest readings; see `ReadingColumns.time`."""
+
+    def set_noise_factors(self, factors: Sequence[float]) -> None:
+        """Multiply the noise of each vehicle, from the next reset on."""
+        self.noise_factors = list(factors)
 
     def reset(self, seed: int) -> None:
         """Reset all sensors; the noise depends on `seed`, the name of the vehicle and the name of the sensor."""
         for i, (name, specs) in enumerate(self._specs.items()):
-            reset_noise(self._noise, 0, i, name, specs, 1.0, seed)
+            reset_noise(self._noise, 0, i, name, specs, self.noise_factors[i], seed)
         self._times = [list(NEVER) for _ in self._times]
 
     def sample(self, now: int) -> None:

@@ -49,7 +49,7 @@ class Snapshot(NamedTuple):
 def identity(c: Compiled) -> str:
     """Hash of everything that a snapshot must have in common with a world."""
     tables = c.model.vehicles.tolist(), c.model.wheels.tolist()
-    parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables
+    parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables, c.sensors.noise_factors
     race = c.race.identity if c.race else ""
     return hashlib.sha256(repr(parts).encode() + race.encode() + c.map.drivable_edges.tobytes()).hexdigest()
 

@@ -8,13 +8,14 @@ import math
 import reprlib
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from msgspec.structs import replace
 
 from autodrive.arrays import Floats
-from autodrive.compile import Compiled
+from autodrive.compile import Compiled, set_factors
 from autodrive.controls import Controls
 from autodrive.errors import CommandError, EngineError
 from autodrive.frames import FrameBuilder
@@ -26,6 +27,7 @@ from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import Command, Event, Frame, RaceStatus
 from autodrive.racing import Move
 from autodrive.referee import Referee
+from autodrive.scenario import FACTOR_LIMITS
 from autodrive.state import BODY_COLUMNS, State, VehicleView, copied, numbers
 from autodrive.transforms import Quaternion, Vector, euler_from_quaternion, quaternion_from_yaw
 from autodrive.world.light import SceneLight
@@ -88,7 +90,6 @@ class World(OneThread):
         )
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
-        self._identity = identity(compiled)
         c, controls = compiled, self._controls
         self._advance = resolved(
             advance,
@@ -278,6 +279,27 @@ class World(OneThread):
         self._start = compiled.engine.start
         self.spec = compiled.spec
         self.boxes = dict(zip(compiled.objects, compiled.boxes, strict=True))
+
+    @by_one_thread
+    def set_factors(self, factors: Mapping[str, Mapping[str, float]]) -> None:
+        """Let `reset` start with these factors ('mass', 'grip', 'noise') of vehicles, in addition to the scenario's.
+
+        What is left out has the factor 1. The bits are those of a new World of the scenario with these `mass_factor`,
+        `grip_factor` and `noise_factor`. Raises `CommandError`.
+        """
+        for vehicle, given in factors.items():
+            self._controls.index(vehicle)
+            for name, factor in given.items():
+                least, most = FACTOR_LIMITS.get(name, (math.inf, -math.inf))
+                if not (is_number(factor) and least <= factor <= most):
+                    raise CommandError(f"factor {name} of vehicle '{vehicle}' cannot be {factor!r}")
+        self.spec, self.vehicle_specs = set_factors(self._compiled, factors)
+        self.__dict__.pop("_identity", None)
+
+    @cached_property
+    def _identity(self) -> str:
+        """Of the world, for its snapshots."""
+        return identity(self._compiled)
 
     @by_one_thread
     def continue_from(self, before: World) -> None:

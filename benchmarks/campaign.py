@@ -1,0 +1,135 @@
+"""Campaigns: time per run beside the simulation, throughput of several workers, and memory over many short runs.
+
+    uv run benchmarks/campaign.py [--runs N] [--workers N]
+
+The overhead is the time of a run of one tick in a warm world, with a new grip, a new pose and a new seed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from autodrive.campaigns import Campaign, LocalExecutor, Observer, run_campaign
+from autodrive.campaigns.runner import Runner
+from autodrive.campaigns.runs import Progress
+
+FILE = """
+scenario: mini_map
+driver: driver.py:Driver
+parameters:
+  vehicles.V1.grip_factor: {{uniform: [0.5, 1.0]}}
+  vehicles.V1.y: {{uniform: [-0.02, 0.02]}}
+samples: {{method: random, count: {count}}}
+stop: {{time: {time}}}
+metrics: [distance, collisions, max_speed]
+pass: collisions == 0
+"""
+DRIVER = """
+from autodrive import Command
+
+
+class Driver:
+    def reset(self, scene):
+        pass
+
+    def act(self, frame):
+        return Command(throttle=0.5)
+"""
+
+
+def campaign(folder: Path, count: int, duration: float) -> Campaign:
+    """A campaign of that many runs of that length [s]."""
+    (folder / "driver.py").write_text(DRIVER)
+    path = folder / f"runs_{count}_{duration:g}.yaml"
+    path.write_text(FILE.format(count=count, time=duration))
+    return Campaign.load(path)
+
+
+def overhead(folder: Path) -> None:
+    """Prints the CPU time of a run of one tick, and of its tick."""
+    one = campaign(folder, 300, 0.01)
+    runner = Runner(one)
+    runner.run(one.run(0))
+    start = time.process_time()
+    for number in range(300):
+        runner.run(one.run(number))
+    print(
+        f"a run of one tick in a warm world, in this process: {(time.process_time() - start) / 0.3:.2f} ms of CPU time"
+    )
+    long = replace(one, spec=one.spec.model_copy(update={"stop": one.spec.stop.model_copy(update={"time": 10.0})}))
+    start = time.process_time()
+    Runner(long).run(one.run(0))
+    runner = Runner(long)
+    runner.run(one.run(0))
+    start = time.process_time()
+    runner.run(one.run(1))
+    print(f"a tick with this driver and these metrics: {1e3 * (time.process_time() - start):.0f} us of CPU time")
+
+
+class Watch(Observer):
+    """Times after the first rows, when all workers are warm, and the memory of the workers."""
+
+    def __init__(self, executor: LocalExecutor) -> None:
+        self.executor = executor
+        self.start, self.first, self.end = 0.0, 0, 0.0
+        self.memory: list[tuple[int, int]] = []
+
+    def progress(self, progress: Progress) -> None:
+        """Look at the clock; at the memory each tenth of the runs."""
+        if not self.start and progress.done >= progress.total // 10:
+            self.start, self.first = time.monotonic(), progress.done
+        self.end = time.monotonic()
+        if progress.done % max(1, progress.total // 10) == 0:
+            pids = [worker.pid for worker in self.executor._workers if worker.pid]
+            self.memory.append((progress.done, sum(map(resident, pids))))
+
+    def rate(self, total: int) -> float:
+        """Runs per second of the warm workers."""
+        return (total - self.first) / (self.end - self.start)
+
+
+def resident(pid: int) -> int:
+    """Memory of a process [MiB]."""
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) // 1024
+    return 0
+
+
+def measure(folder: Path, runs: int, duration: float, workers: int) -> float:
+    """Prints and returns runs per second."""
+    one = campaign(folder, runs, duration)
+    executor = LocalExecutor(one, workers)
+    watch = Watch(executor)
+    output = folder / f"out_{runs}_{duration:g}_{workers}"
+    outcome = run_campaign(one, output, executor=executor, uses_cache=False, observer=watch)
+    assert outcome.summary["rows"] == runs
+    size = outcome.table.stat().st_size / runs
+    memory = ", ".join(f"{mib} after {done}" for done, mib in watch.memory)
+    print(
+        f"{runs} runs of {duration:g} s, {workers} workers: {watch.rate(runs):.1f} runs/s, {size:.0f} bytes each in "
+        f"the table; memory of the workers [MiB]: {memory}"
+    )
+    return watch.rate(runs)
+
+
+def main() -> None:
+    """Prints all figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=10_000)
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        overhead(folder)
+        one, many = (measure(folder, 400, 2.0, workers) for workers in (1, options.workers))
+        print(f"{options.workers} workers: {many / one:.2f} times one worker")
+        measure(folder, options.runs, 0.05, 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""The command `campaign`: many runs of a scenario, with a table, a summary and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from autodrive.campaigns.campaign import Campaign
+    from autodrive.campaigns.runs import Outcome
+
+
+def campaign(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A campaign, as YAML.")],
+    workers: Annotated[
+        int | None,
+        typer.Option(min=0, max=1000, help="Processes; 0: in this one.  [default: all processors]"),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="Folder of the results; one with results goes on.  [default: FILE_results]",
+        ),
+    ] = None,
+    cache: Annotated[
+        bool, typer.Option("--cache/--no-cache", help="Take the results of runs that other campaigns have run.")
+    ] = True,
+    falsify: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Search for a failure instead, with at most so many runs."),
+    ] = None,
+    replay: Annotated[
+        int | None, typer.Option(metavar="RUN", min=0, help="Run one run again, record it, and print its result.")
+    ] = None,
+) -> None:
+    """Run a scenario many times, with other parameters and seeds.
+
+    Writes table.parquet, summary.json and report.html. Ctrl-C keeps what is done; the same command goes on.
+    """
+    from autodrive.campaigns.campaign import Campaign
+
+    loaded = Campaign.load(file)
+    if replay is not None:
+        _replay(loaded, replay, output)
+        return
+    outcome = _run(loaded, workers, output, uses_cache=cache, trials=falsify)
+    _print(loaded, outcome)
+    if not outcome.is_complete:
+        raise typer.Exit(130)
+
+
+def _run(
+    loaded: Campaign,
+    workers: int | None,
+    output: Path | None,
+    *,
+    uses_cache: bool,
+    trials: int | None,
+) -> Outcome:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from autodrive.campaigns import runs
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True, highlight=False)
+    with Progress(*columns, console=console, speed_estimate_period=60.0) as bar:
+        task = bar.add_task("runs", total=trials or len(loaded), rate="")
+
+        class Display(runs.Observer):
+            def progress(self, progress: runs.Progress) -> None:
+                speed = bar.tasks[0].speed
+                rate = f"{speed:.3g}/s" if speed else ""
+                if progress.failures or progress.errors:
+                    rate += f"  {progress.failures} failed, {progress.errors} errors"
+                bar.update(task, completed=progress.done, rate=rate)
+
+        if trials is not None:
+            return runs.run_search(loaded, trials, output, runs.local_executor(loaded, workers), Display())
+        return runs.run_campaign(loaded, output, workers=workers, uses_cache=uses_cache, observer=Display())
+
+
+def _print(loaded: Campaign, outcome: Outcome) -> None:
+    numbers = outcome.summary
+    counts = ", ".join(f"{count} {name}" for name, count in numbers["counts"].items())
+    typer.echo(f"{numbers['rows']} of {numbers['runs']} runs: {counts or 'none'}")
+    judged = numbers.get("pass")
+    if judged and judged["rate"] is not None:
+        low, high = 100 * judged["low"], 100 * judged["high"]
+        typer.echo(f"pass rate {100 * judged['rate']:.1f} %, 95 % confidence {low:.1f} to {high:.1f} %")
+    for name, one in numbers["metrics"].items():
+        if one["runs"]:
+            interval = "" if one["low"] is None else f", 95 % confidence {one['low']:.4g} to {one['high']:.4g}"
+            typer.echo(f"{name}: mean {one['mean']:.4g}{interval}, from {one['min']:.4g} to {one['max']:.4g}")
+    typer.echo(f"results: {outcome.folder}")
+    if not outcome.is_complete:
+        typer.echo(f"stopped; the same command goes on with the {numbers['runs'] - numbers['rows']} other runs")
+
+
+def _replay(loaded: Campaign, number: int, output: Path | None) -> None:
+    from dataclasses import replace
+
+    from autodrive.campaigns.runner import Runner
+    from autodrive.campaigns.runs import recording_name
+    from autodrive.campaigns.table import Table
+    from autodrive.errors import AutodriveError
+
+    folder = output or Path(f"{loaded.name}_results")
+    known = Table(folder, loaded).run(number)
+    if known is None and number >= len(loaded):
+        raise AutodriveError(f"the campaign has the runs 0 to {len(loaded) - 1}, not {number}")
+    path = folder / "recordings" / recording_name(number)
+    always = replace(loaded, spec=loaded.spec.model_copy(update={"record": "all"}))
+    run = replace(known or loaded.run(number), recording=str(path))
+    for name, value in {"seed": run.seed, **run.values}.items():
+        typer.echo(f"{name}: {value}")
+    result = Runner(always).run(run)
+    typer.echo(f"end: {result.error or result.end} at {result.time:g} s")
+    for name, metric in result.metrics.items():
+        typer.echo(f"{name}: {metric:.6g}")
+    typer.echo(f"recorded; to watch it:  autodrive replay {path}")
