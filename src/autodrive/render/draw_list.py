@@ -66,6 +66,10 @@ class Illumination(NamedTuple):
     """Whether shadows of static meshes fall on it."""
 
 
+UNREACHED, SHADED = Illumination(), Illumination(is_shaded=True)
+"""Of most meshes: no lamp and no shadow of a vehicle, without and with shadows of static meshes."""
+
+
 class PosedMesh(NamedTuple):
     """A vehicle or an object at its pose."""
 
@@ -138,7 +142,7 @@ class DrawList:
         reached = self._reached(low, high, centers.reshape(-1, 3)[casters], lit, n_beam)
         if state.is_day:
             for i in (*np.nonzero(self._is_shaded)[0].tolist(), *range(n, len(reached))):
-                reached[i] = reached[i]._replace(is_shaded=True)
+                reached[i] = SHADED if reached[i] is UNREACHED else reached[i]._replace(is_shaded=True)
         self.static_lit = reached[:n]
         levels = np.concatenate([np.ones((len(roots), 1)), state.vehicles["lamps"]], axis=1).astype(np.float32)
         glow = [row.tobytes() for row in levels]
@@ -230,7 +234,7 @@ class DrawList:
         away, limit = shadow_distances(low, high, casters, self._shadows.drift)
         shaded = away < limit
         lights, power = reach(lamps, low, high), strength(lamps, 0.5 * (low + high))
-        found = [Illumination()] * n
+        found = [UNREACHED] * n
         for i in np.nonzero(shaded.any(1) | lights.any(1))[0].tolist():
             nearest = best(shaded[i], -away[i], self._quality.casters)
             small = best(lights[i, n_beam:], power[i, n_beam:], self._quality.lamps)
