@@ -85,6 +85,7 @@ def test_hidden_parameters_of_a_noisy_drive_are_found_within_3_percent(drive: Dr
     assert (tmp_path / "fit.svg").read_text().count("<path") > 9
 
 
+@pytest.mark.slow
 def test_the_command_fits_a_log_of_the_data_recorder(files: tuple[Path, Path], tmp_path: Path) -> None:
     """At 10 Hz, and with the angle of the steering in place of the command."""
     outputs = []
@@ -172,6 +173,7 @@ def test_files_that_are_no_drive_are_one_line(files: tuple[Path, Path], tmp_path
         assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_the_program_of_the_document_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """That of identification.md."""
     document = (Path(__file__).parents[2] / "docs" / "identification.md").read_text(encoding="utf-8")
