@@ -106,14 +106,13 @@ class Runner:
         scenario = world.spec.model_copy(update={**moved, "seed": run.seed})
         scene = Scene(scenario, world.map, world.vehicle_specs, self.campaign.vehicle)
         with contextlib.ExitStack() as stack:
-            frame = world.reset(run.seed)
             if recording is not None:
                 from autodrive.recording import Recorder  # noqa: PLC0415  an extra
 
+                world.reset(run.seed)  # a recording must begin at the start of its scenario
                 recording.parent.mkdir(parents=True, exist_ok=True)
                 stack.enter_context(Recorder(recording, world, name=self.campaign.name))
-            if starts:
-                frame = world.reset(run.seed, poses=starts)
+            frame = world.reset(run.seed, poses=starts)
             try:
                 result = self._frames(run, world, scene, frame, stack)
             except AutodriveError as error:
