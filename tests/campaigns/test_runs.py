@@ -77,6 +77,8 @@ def test_a_warm_world_gives_the_bits_of_a_new_one(campaign: Make) -> None:
     assert first[0] != first[2]
 
 
+@pytest.mark.slow
+@pytest.mark.process
 def test_the_table_does_not_depend_on_workers_kills_resumes_or_the_cache(campaign: Make, tmp_path: Path) -> None:
     one = campaign()
     outcome = run_campaign(one, tmp_path / "one", workers=0, uses_cache=False)
@@ -128,6 +130,8 @@ def test_what_decides_a_result_is_in_its_key(campaign: Make, tmp_path: Path) -> 
     assert reused() == 0
 
 
+@pytest.mark.slow
+@pytest.mark.process
 def test_no_driver_ends_a_campaign(campaign: Make, tmp_path: Path) -> None:
     faults = ["", "raises", "leaves", "kills", "hangs", "talks"]
     one = campaign(parameters={"driver.fault": faults}, samples={}, seeds=1, time_limit=8.0)
@@ -200,6 +204,8 @@ def test_a_start_pose_that_overlaps_something_is_an_error(campaign: Make) -> Non
     assert "overlap" in runner.run(one.run(3)).error
 
 
+@pytest.mark.slow
+@pytest.mark.process
 def test_a_devkit_script_drives_in_lock_step(campaign: Make, tmp_path: Path) -> None:
     script = ROOT / "examples/python/2_follow_waypoints.py"
     one = campaign(
@@ -219,6 +225,8 @@ def test_a_devkit_script_drives_in_lock_step(campaign: Make, tmp_path: Path) -> 
     assert Runner(broken).run(broken.run(0)).error.endswith("exit code 1: ZeroDivisionError: division by zero")
 
 
+@pytest.mark.slow
+@pytest.mark.process
 def test_ctrl_c_keeps_what_is_done_and_the_command_goes_on(campaign: Make, tmp_path: Path) -> None:
     one = campaign(samples={"method": "sobol", "count": 2000}, stop={"time": 0.1}, seeds=1)
     folder = tmp_path / "out"
