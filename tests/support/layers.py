@@ -43,7 +43,7 @@ LAYERS: list[tuple[str, set[str]]] = [
     ("the tick", {"cameras", "compile", "controls", "referee", "racing", "frames", "world", "factory", "editing"}),
     ("time", {"simulation", "batch"}),
     ("edges", {"server", "bridge", "recording"}),
-    ("a run", {"campaigns", "exports", "identification", "run", "testing", "envs", "replay", "film"}),
+    ("a run", {"campaigns", "exports", "identification", "run", "testing", "envs", "policies", "replay", "film"}),
     ("command line", {"cli"}),
 ]
 """Name and members of each layer, from the ground up. A module imports from its own layer and those below."""

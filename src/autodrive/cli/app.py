@@ -20,6 +20,7 @@ from autodrive.cli.campaign import campaign
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.identify import identify
+from autodrive.cli.play import play
 from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
@@ -78,6 +79,7 @@ def _root(
 app.command()(run)
 app.command()(race)
 app.command()(campaign)
+app.command()(play)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)

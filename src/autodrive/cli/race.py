@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import signal
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,7 +15,9 @@ from autodrive.cli.options import Host, Port
 from autodrive.cli.run import address
 
 if TYPE_CHECKING:
+    from autodrive.racing.results import RaceResult
     from autodrive.run.race import RaceOptions
+    from autodrive.run.runner import RunObserver, StopRequest
 
 
 def race(
@@ -62,6 +65,7 @@ def race(
     Writes result.json, result.md, laps.csv and lines.png, and prints the standings.
     """
     from autodrive.run.race import RaceOptions
+    from autodrive.run.race import race as run_race
 
     now = datetime.now()
     options = RaceOptions(
@@ -81,14 +85,14 @@ def race(
         host=host,
         port=port,
     )
-    _race(options)
+    show_race(options, lambda stop, display: run_race(options, stop=stop, observer=display))
 
 
-def _race(options: RaceOptions) -> None:
+def show_race(options: RaceOptions, start: Callable[[StopRequest, RunObserver], RaceResult]) -> None:
+    """Start a race, show its status until it has ended, and print the standings."""
     from rich.console import Console
 
     from autodrive.cli.status import StatusDisplay
-    from autodrive.run.race import race as run_race
     from autodrive.run.runner import StopRequest
 
     console = Console(stderr=True, highlight=False)
@@ -105,6 +109,6 @@ def _race(options: RaceOptions) -> None:
         display = StatusDisplay(console, line, title, opens_browser=True, on_start=lambda _: None)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, end)
-        result = run_race(options, stop=stop, observer=display)
+        result = start(stop, display)
     typer.echo(result.to_markdown().rstrip())
     typer.echo(f"\nresults: {options.output}")

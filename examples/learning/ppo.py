@@ -1,0 +1,310 @@
+"""Learns to drive from nothing, on a laptop without a GPU: PPO in JAX on the batched environments.
+
+Install it, train, and watch the result:
+    pip install 'autodrive-simulator[envs,learn]'
+    python examples/learning/ppo.py race --seed 1 --output runs/race
+    autodrive play runs/race/policy.npz practice
+
+Problems: "race" (car RoboRacer, LIDAR, random tracks) and "lane" (car Nigel, lane keeping). The output folder gets
+checkpoint.eqx, policy.npz and curve.csv; the same command with --resume goes on from there.
+
+The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
+arXiv:1506.02438).
+"""
+
+import argparse
+import csv
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import gymnasium
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+import autodrive
+from autodrive.envs.episodes import observed
+from autodrive.envs.task import Observation
+from autodrive.policies import Policy
+from autodrive.policies.racer import INPUTS, drive_laps
+from autodrive.specs import names
+
+ENVS, HORIZON = 64, 128
+EPOCHS, MINIBATCHES = 4, 8
+TRACE, CLIP, ENTROPY = 0.95, 0.2, 0.002
+LEARNING_RATE, LARGEST_GRADIENT = 7e-4, 0.5
+WIDTH = 128
+CHECK_INTERVAL = 60.0  # between two checkpoints [s]
+SCALES = {"speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "range": 0.2}  # features become about -1 to 1; others as is
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is learnt."""
+
+    env: str
+    observation: Observation
+    inputs: tuple[str, ...] | None  # features that the policy reads; None: all
+    throttle: tuple[float, float]  # range of the output
+    discount: float
+    reward: float  # factor that brings the values to about 1
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+PROBLEMS = {
+    "race": Problem(
+        env="autodrive:RoboRacer-v0",
+        observation="lidar",
+        inputs=INPUTS,  # what a script may read in a race
+        throttle=(0.0, 0.4),  # 0 to 9.2 m/s
+        discount=0.99,
+        reward=0.2,
+        settings={"tracks": 16, "noise": 1.0, "friction": (0.8, 1.2), "mass": (0.8, 1.2), "latency": (0.0, 0.04)},
+    ),
+    "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (-1.0, 1.0), discount=0.98, reward=3.0),
+}
+
+
+class Agent(eqx.Module):
+    """The mean of the action, its standard deviation, and the value of an observation."""
+
+    actor: eqx.nn.MLP
+    critic: eqx.nn.MLP
+    log_std: jax.Array
+
+    def __init__(self, inputs: int, key: jax.Array) -> None:
+        first, second = jax.random.split(key)
+        actor = eqx.nn.MLP(inputs, 2, WIDTH, 2, jnp.tanh, key=first)
+        last = actor.layers[-1].weight
+        self.actor = eqx.tree_at(lambda one: one.layers[-1].weight, actor, 0.01 * last)  # the first actions are small
+        self.critic = eqx.nn.MLP(inputs, "scalar", WIDTH, 2, jnp.tanh, key=second)
+        self.log_std = jnp.full(2, -0.5)
+
+
+class Rollout(NamedTuple):
+    """What happened to all cars; each of shape (HORIZON, ENVS, ...)."""
+
+    observation: Any
+    action: Any
+    log_prob: Any
+    value: Any
+    reward: Any
+    has_ended: Any
+
+
+def log_prob(agent: Agent, mean: jax.Array, action: jax.Array) -> jax.Array:
+    """Of actions, by the normal distribution."""
+    deviation = (action - mean) / jnp.exp(agent.log_std)
+    return jnp.sum(-0.5 * deviation**2 - agent.log_std - 0.5 * jnp.log(2.0 * jnp.pi), axis=-1)
+
+
+@eqx.filter_jit
+def decide(agent: Agent, observation: jax.Array, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Actions, their probabilities, and values, for observations of shape (n, n_input)."""
+    mean = jax.vmap(agent.actor)(observation)
+    action = mean + jnp.exp(agent.log_std) * jax.random.normal(key, mean.shape)
+    return action, log_prob(agent, mean, action), jax.vmap(agent.critic)(observation)
+
+
+def advantages(rollout: Rollout, last_value: jax.Array, discount: float) -> jax.Array:
+    """Generalised advantages, backwards in time."""
+
+    def step(carry, now):
+        later, next_value = carry
+        reward, value, has_ended = now
+        goes_on = 1.0 - has_ended
+        later = reward + discount * goes_on * next_value - value + discount * TRACE * goes_on * later
+        return (later, value), later
+
+    start = jnp.zeros_like(last_value), last_value
+    return jax.lax.scan(step, start, (rollout.reward, rollout.value, rollout.has_ended), reverse=True)[1]
+
+
+def loss(agent: Agent, batch: tuple[Rollout, jax.Array, jax.Array]) -> jax.Array:
+    """Clipped surrogate, squared error of the value, and entropy."""
+    rollout, advantage, target = batch
+    advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    ratio = jnp.exp(log_prob(agent, jax.vmap(agent.actor)(rollout.observation), rollout.action) - rollout.log_prob)
+    surrogate = jnp.minimum(ratio * advantage, jnp.clip(ratio, 1.0 - CLIP, 1.0 + CLIP) * advantage)
+    error = jax.vmap(agent.critic)(rollout.observation) - target
+    return jnp.mean(-surrogate + 0.5 * error**2) - ENTROPY * jnp.sum(agent.log_std)
+
+
+@eqx.filter_jit
+def learn(agent, memory, optimizer, rollout, last_value, discount, key):
+    """Improve the agent by a rollout; `memory` is that of the optimizer."""
+    advantage = advantages(rollout, last_value, discount)
+    data = jax.tree.map(lambda one: one.reshape(-1, *one.shape[2:]), (rollout, advantage, advantage + rollout.value))
+    weights, rest = eqx.partition(agent, eqx.is_inexact_array)
+
+    def update(carry, places):
+        weights, memory = carry
+        batch = jax.tree.map(lambda one: one[places], data)
+        gradient = jax.grad(lambda these: loss(eqx.combine(these, rest), batch))(weights)
+        changes, memory = optimizer.update(gradient, memory, weights)
+        return (optax.apply_updates(weights, changes), memory), None
+
+    keys = jax.random.split(key, EPOCHS)
+    orders = jax.vmap(lambda one: jax.random.permutation(one, ENVS * HORIZON))(keys).reshape(EPOCHS * MINIBATCHES, -1)
+    (weights, memory), _ = jax.lax.scan(update, (weights, memory), orders)
+    return eqx.combine(weights, rest), memory
+
+
+class Trainer:
+    """The environments and the agent of one training."""
+
+    def __init__(self, name: str, seed: int) -> None:
+        self.name, self.problem, self.seed = name, PROBLEMS[name], seed
+        self.envs: Any = gymnasium.make_vec(
+            self.problem.env,
+            num_envs=ENVS,
+            vectorization_mode="vector_entry_point",
+            observation=self.problem.observation,
+            autoreset_mode="SameStep",
+            **self.problem.settings,
+        )
+        names = [one.name for one in observed(self.envs.task, self.problem.observation)]
+        self.inputs = self.problem.inputs or tuple(names)
+        self.places = np.array([names.index(one) for one in self.inputs])
+        self.scale = np.array(
+            [SCALES.get(one.partition("_")[0] if one.startswith("range_") else one, 1.0) for one in self.inputs]
+        )
+        self.key, key = jax.random.split(jax.random.PRNGKey(seed))
+        self.agent = Agent(len(self.inputs), key)
+        self.optimizer = optax.chain(optax.clip_by_global_norm(LARGEST_GRADIENT), optax.adam(LEARNING_RATE, eps=1e-5))
+        self.memory = self.optimizer.init(eqx.filter(self.agent, eqx.is_inexact_array))
+        self.steps, self.seconds = 0, 0.0
+        self.returns: list[float] = []
+        self._sums = np.zeros(ENVS)
+        self._seen: jax.Array | None = None
+
+    def read(self, observation: np.ndarray) -> jax.Array:
+        """What the policy reads of observations of shape (n, n_feature)."""
+        return jnp.asarray(observation[:, self.places] * self.scale, jnp.float32)
+
+    def command(self, action: jax.Array) -> np.ndarray:
+        """Throttle and steering of actions; those beyond -1 to 1 count as these."""
+        low, high = self.problem.throttle
+        drive, steer = np.clip(np.asarray(action), -1.0, 1.0).T
+        return np.column_stack([low + (high - low) * 0.5 * (drive + 1.0), steer])
+
+    def rollout(self) -> tuple[Rollout, jax.Array]:
+        """Drive for HORIZON steps. Returns what happened, and the values of the last observations."""
+        rows = []
+        if self._seen is None:
+            observation, _ = self.envs.reset(seed=1_000_003 * self.seed + self.steps)
+            self._seen = self.read(observation)
+            self.envs.steps[:] = np.random.default_rng(self.seed).integers(0, 1000, ENVS)
+        for _ in range(HORIZON):
+            self.key, key = jax.random.split(self.key)
+            action, probability, value = decide(self.agent, self._seen, key)
+            observation, reward, terminated, truncated, info = self.envs.step(self.command(action))
+            self._sums += reward
+            reward = self.problem.reward * reward
+            if truncated.any():  # it would have gone on: the value of what came last stands for the rest
+                cut = np.flatnonzero(truncated)
+                last = self.read(np.stack(info["final_obs"][cut]))
+                reward[cut] += self.problem.discount * np.asarray(jax.vmap(self.agent.critic)(last))
+            has_ended = terminated | truncated
+            self.returns += self._sums[has_ended].tolist()
+            self._sums[has_ended] = 0.0
+            rows.append(
+                Rollout(self._seen, action, probability, value, reward.astype(np.float32), has_ended.astype(np.float32))
+            )
+            self._seen = self.read(observation)
+        self.steps += ENVS * HORIZON
+        return Rollout(*map(np.stack, zip(*rows, strict=True))), jax.vmap(self.agent.critic)(self._seen)
+
+    def improve(self) -> None:
+        """One rollout, and what is learnt from it."""
+        rollout, last_value = self.rollout()
+        self.key, key = jax.random.split(self.key)
+        self.agent, self.memory = learn(
+            self.agent, self.memory, self.optimizer, rollout, last_value, self.problem.discount, key
+        )
+
+    def policy(self) -> Policy:
+        """The mean of the actions as a file that needs no JAX."""
+        layers = tuple((np.asarray(one.weight), np.asarray(one.bias)) for one in self.agent.actor.layers)
+        training = {"command": " ".join(sys.argv), "seed": self.seed, "steps": self.steps}
+        training |= {"autodrive": autodrive.__version__, "jax": jax.__version__}
+        return Policy(
+            self.envs.task.name,
+            self.inputs,
+            tuple(self.scale.tolist()),
+            self.problem.throttle,
+            layers,
+            training,
+        )
+
+    def save(self, folder: Path) -> None:
+        """Write the checkpoint and the policy."""
+        eqx.tree_serialise_leaves(folder / "checkpoint.eqx", self._learnt())
+        self.policy().save(folder / "policy.npz")
+
+    def resume(self, folder: Path) -> None:
+        """Go on from a checkpoint; all cars begin a new episode."""
+        learnt = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())
+        self.agent, self.memory, self.key, self.steps, self.seconds = learnt
+
+    def _learnt(self):
+        return self.agent, self.memory, self.key, self.steps, self.seconds
+
+
+def clean_tracks(policy: Policy) -> list[str]:
+    """The shipped tracks, none of which is trained on, on which the policy drives ten laps without a collision."""
+    trials = {track: drive_laps(policy, track) for track in names("track")}
+    for track, trial in trials.items():
+        best = f"best {trial.best_lap:.2f} s" if trial.laps else ""
+        print(f"  {track}: {len(trial.laps)} laps, {trial.collisions} collisions {best}")
+    return [track for track, trial in trials.items() if len(trial.laps) == 10 and not trial.collisions]
+
+
+def main() -> None:
+    """Train, and write the results."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("problem", choices=PROBLEMS)
+    parser.add_argument("--seed", type=int, default=1, help="of all random numbers")
+    parser.add_argument("--minutes", type=float, default=15.0, help="wall time after which training ends")
+    parser.add_argument("--steps", type=int, default=10**9, help="steps of all cars after which training ends")
+    parser.add_argument("--output", type=Path, default=Path("runs/race"), help="folder of the results")
+    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in that folder")
+    parser.add_argument("--until-clean", action="store_true", help="end when it drives ten clean laps on all tracks")
+    options = parser.parse_args()
+    options.output.mkdir(parents=True, exist_ok=True)
+    trainer = Trainer(options.problem, options.seed)
+    if options.resume:
+        trainer.resume(options.output)
+    columns = [TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
+    with (options.output / "curve.csv").open("a" if options.resume else "w") as file, Progress(*columns) as progress:
+        curve, bar = csv.writer(file), progress.add_task("compiling", total=options.minutes)
+        before = time.monotonic() - trainer.seconds
+        checked = trainer.seconds
+        while trainer.seconds < 60.0 * options.minutes and trainer.steps < options.steps:
+            trainer.improve()
+            trainer.seconds = time.monotonic() - before
+            mean = float(np.mean(trainer.returns[-100:] or [0.0]))
+            curve.writerow([trainer.steps, round(trainer.seconds, 1), round(mean, 3)])
+            rate = trainer.steps / trainer.seconds
+            text = f"{trainer.steps} steps, {rate:.0f} steps/s, mean return {mean:.2f}"
+            progress.update(bar, completed=trainer.seconds / 60.0, description=text)
+            if trainer.seconds - checked > CHECK_INTERVAL:
+                checked = trainer.seconds
+                trainer.save(options.output)
+                file.flush()
+                if options.until_clean and len(clean_tracks(trainer.policy())) == len(names("track")):
+                    print(f"clean laps on all tracks after {trainer.seconds / 60.0:.1f} min, {trainer.steps} steps")
+                    break
+    trainer.save(options.output)
+    if options.problem == "race":
+        clean_tracks(trainer.policy())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""The command `play`: a trained policy drives."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from autodrive.protocol.ports import DEVKIT_PORT, PORT
+
+if TYPE_CHECKING:
+    from autodrive.policies import Policy
+
+
+def play(
+    policy: Annotated[str, typer.Argument(help="Name of an included policy, or path of its file (.npz).")],
+    track: Annotated[
+        str | None,
+        typer.Argument(help="Name or file of the track on which it drives.  [default: it serves as a devkit script]"),
+    ] = None,
+    laps: Annotated[int, typer.Option(min=1, max=1000, help="Laps to drive.")] = 10,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep/--real-time", help="As fast as the machine can, instead of in real time.")
+    ] = False,
+    noise: Annotated[
+        bool, typer.Option("--noise/--no-noise", help="LIDAR and IMU have the noise of their data sheets.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results.  [default: race_DATE_TIME]"),
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page.")] = False,
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help=f"Port of the page, by default {PORT}; of the script {DEVKIT_PORT}."),
+    ] = None,
+) -> None:
+    """Drive with a trained policy.
+
+    With a track the car RoboRacer drives some laps in the page; prints the laps and collisions. Without one the policy
+    is a devkit script for `autodrive race --devkit`. A policy for another task drives in its environment, in the page.
+    """
+    from autodrive.envs.time_trial import TimeTrial
+    from autodrive.policies import Policy
+
+    chosen = Policy.find(policy)
+    if chosen.task != TimeTrial.name:
+        _in_environment(chosen)
+    elif track is None:
+        _as_script(chosen, DEVKIT_PORT if port is None else port)
+    else:
+        from autodrive.cli.race import show_race
+        from autodrive.policies.play import race
+        from autodrive.run.race import RaceOptions
+
+        options = RaceOptions(
+            track,
+            devkits=(),
+            teams=(Path(policy).stem,),
+            rules="practice",
+            laps=laps,
+            has_realistic_sensors=noise,
+            is_lockstep=lockstep,
+            seed=seed,
+            output=output or Path(f"race_{datetime.now():%Y-%m-%d_%H-%M-%S}"),
+            has_page=not headless,
+            port=port,
+        )
+        show_race(options, lambda stop, display: race(chosen, options, stop=stop, observer=display))
+
+
+def _as_script(policy: Policy, port: int) -> None:
+    """Serve as a devkit script until Ctrl-C."""
+    from autodrive.devkit import Server
+    from autodrive.policies.play import responder
+
+    with Server(responder(policy), port=port) as server:
+        typer.echo(f"start the race with: --devkit 127.0.0.1:{server.port}  (Ctrl-C to stop)")
+        server.wait()
+
+
+def _in_environment(policy: Policy) -> None:
+    """Drive in the environment of its task until Ctrl-C."""
+    from autodrive.policies.play import play_environment
+
+    play_environment(policy)

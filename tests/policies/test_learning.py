@@ -1,0 +1,57 @@
+"""The example that learns to drive: it improves, its runs can be repeated and resumed, and its policy drives."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from autodrive.policies import Policy
+
+EXAMPLE = str(Path(__file__).parents[2] / "examples" / "learning" / "ppo.py")
+
+
+@pytest.mark.slow
+def test_the_return_of_races_rises_and_a_run_can_be_repeated_and_resumed(tmp_path: Path) -> None:
+    """Cars crash at first; after 50,000 steps they drive some metres. All three runs take half a minute."""
+    trainer: Any = runpy.run_path(EXAMPLE)["Trainer"]
+    first = trainer("race", 1)
+    first.improve()
+    first.improve()
+    early = np.mean(first.returns)
+    first.save(tmp_path)
+    again = trainer("race", 1)
+    again.improve()
+    again.improve()
+    assert again.returns == first.returns
+    for ours, theirs in zip(again.policy().layers, first.policy().layers, strict=True):
+        assert all(np.array_equal(one, other) for one, other in zip(ours, theirs, strict=True))
+    for _ in range(4):
+        first.improve()
+    assert early < 0.0
+    assert np.mean(first.returns[-100:]) > 2.0
+    resumed = trainer("race", 1)
+    resumed.resume(tmp_path)
+    assert resumed.steps == 2 * 64 * 128
+    resumed.improve()
+    features = np.linspace(0.0, 3.0, len(first.inputs))
+    expected = first.agent.actor(jnp.asarray(features * first.scale, jnp.float32))
+    throttle, steering = first.policy().act(features)
+    assert (throttle / 0.2 - 1.0, steering) == pytest.approx(np.clip(np.asarray(expected), -1.0, 1.0), abs=1e-5)
+
+
+@pytest.mark.slow
+def test_the_return_of_lane_keeping_rises(tmp_path: Path) -> None:
+    trainer: Any = runpy.run_path(EXAMPLE)["Trainer"]
+    learner = trainer("lane", 1)
+    learner.improve()
+    early = np.mean(learner.returns)
+    for _ in range(5):
+        learner.improve()
+    assert np.mean(learner.returns[-100:]) > early + 0.2
+    learner.save(tmp_path)
+    assert Policy.load(tmp_path / "policy.npz").task == "lane_keeping"
