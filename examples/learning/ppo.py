@@ -6,7 +6,7 @@ Install it, train, and watch the result:
     autodrive play runs/race/policy.npz practice
 
 Problems: "race" (car RoboRacer, LIDAR, random tracks) and "lane" (car Nigel, lane keeping). The output folder gets
-checkpoint.eqx, policy.npz and curve.csv; the same command with --resume goes on from there.
+checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
 arXiv:1506.02438).
@@ -33,6 +33,7 @@ from autodrive.envs.episodes import observed
 from autodrive.envs.task import Observation
 from autodrive.policies import Policy
 from autodrive.policies.racer import INPUTS, drive_laps
+from autodrive.recording.plot import HEIGHT, Curves, panel, write_panels
 from autodrive.specs import names
 
 ENVS, HORIZON = 64, 128
@@ -67,7 +68,7 @@ PROBLEMS = {
         reward=0.2,
         settings={"tracks": 16, "noise": 1.0, "friction": (0.8, 1.2), "mass": (0.8, 1.2), "latency": (0.0, 0.04)},
     ),
-    "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (-1.0, 1.0), discount=0.98, reward=3.0),
+    "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (0.0, 1.0), discount=0.98, reward=3.0),
 }
 
 
@@ -257,6 +258,13 @@ class Trainer:
         return self.agent, self.memory, self.key, self.steps, self.seconds
 
 
+def draw_curve(folder: Path) -> None:
+    """The mean return over the time of the training, as a picture."""
+    _, seconds, mean = np.atleast_2d(np.loadtxt(folder / "curve.csv", delimiter=",", skiprows=1)).T
+    curves = Curves("mean return of the last 100 episodes", seconds, [mean], ["PPO"])
+    write_panels(folder / "curve.svg", [panel(curves, 0.0, 0.0, float(seconds[-1]))], HEIGHT)
+
+
 def clean_tracks(policy: Policy) -> list[str]:
     """The shipped tracks, none of which is trained on, on which the policy drives ten laps without a collision."""
     trials = {track: drive_laps(policy, track) for track in names("track")}
@@ -284,6 +292,8 @@ def main() -> None:
     columns = [TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
     with (options.output / "curve.csv").open("a" if options.resume else "w") as file, Progress(*columns) as progress:
         curve, bar = csv.writer(file), progress.add_task("compiling", total=options.minutes)
+        if not options.resume:
+            curve.writerow(["steps", "seconds", "mean_return"])
         before = time.monotonic() - trainer.seconds
         checked = trainer.seconds
         while trainer.seconds < 60.0 * options.minutes and trainer.steps < options.steps:
@@ -302,6 +312,7 @@ def main() -> None:
                     print(f"clean laps on all tracks after {trainer.seconds / 60.0:.1f} min, {trainer.steps} steps")
                     break
     trainer.save(options.output)
+    draw_curve(options.output)
     if options.problem == "race":
         clean_tracks(trainer.policy())
 
