@@ -61,7 +61,6 @@ EXTRAS = {
     "ml-dtypes": ("learn", "Apache-2.0"),
     "opt-einsum": ("learn", "MIT"),
     "optax": ("learn", "Apache-2.0"),
-    "scipy": ("learn", "BSD-3-Clause"),
     "wadler-lindig": ("learn", "Apache-2.0"),
     "alembic": ("search", "MIT"),
     "cmaes": ("search", "MIT"),
