@@ -16,6 +16,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,8 @@ from autodrive.cache import PACKAGE, check_writable, write_file
 from autodrive.cameras.process import CameraProcess
 from autodrive.cameras.rig import camera_rig
 from autodrive.cameras.shared_memory import FileMemory
+from autodrive.campaigns import Campaign, run_campaign
+from autodrive.campaigns.table import Table
 from autodrive.cli import generate, messages, preview
 from autodrive.compile import Compiled
 from autodrive.envs import race_tracks
@@ -33,7 +36,9 @@ from autodrive.errors import AutodriveError, EngineError
 from autodrive.exports import FORMATS, export
 from autodrive.exports.options import ExportOptions
 from autodrive.film.video import Video
+from autodrive.identification.result import Identification
 from autodrive.meshes import store
+from autodrive.policies import Policy
 from autodrive.racing.results import RaceRecorder, RaceResult, write_results
 from autodrive.recording import Recording
 from autodrive.recording.plot import plot
@@ -60,6 +65,10 @@ COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """A command for each module that writes a file for a user, and files that it writes."""
 PRACTICE = Track.load("practice")
+CAMPAIGN = Campaign.load(Path(__file__).parents[2] / "examples" / "campaign" / "start_pose.yaml")
+NO_ERRORS: Any = None  # what is not written here
+IDENTIFIED = Identification((), NO_ERRORS, NO_ERRORS, (), 0, 0.0, (), "title: Fitted\n")
+POLICY = Policy("time_trial", ("speed",), (1.0,), (0.0, 1.0), ((np.ones((2, 1)), np.zeros(2)),))
 OPTIONS = RunOptions("plane", duration=0.1, speed=None, cameras=False, has_page=False)
 PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "cli/generate.py": (lambda folder: generate.main([str(folder)]), ("vehicles/nigel.glb", "lights.json")),
@@ -74,7 +83,14 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("line.csv",),
     ),
     "racing/results.py": (lambda folder: write_results(folder, *raced(), PRACTICE), ("result.json",)),
-    "envs/race_tracks.py": (lambda folder: race_tracks._write(1, 1, folder), ("track_0.yaml",)),
+    "envs/race_tracks.py": (
+        lambda folder: race_tracks._write(1, 1, (1.4, 1.4), (40.0, 40.0), folder),
+        ("track_0.yaml",),
+    ),
+    "campaigns/runs.py": (lambda folder: run_campaign(CAMPAIGN, folder, workers=0), ("report.html",)),
+    "campaigns/table.py": (lambda folder: Table(folder, CAMPAIGN).finish(), ("table.parquet",)),
+    "identification/result.py": (lambda folder: IDENTIFIED.write(folder / "fitted.yaml"), ("fitted.yaml",)),
+    "policies/policy.py": (lambda folder: POLICY.save(folder / "policy.npz"), ("policy.npz",)),
     "recording/plot.py": (
         lambda folder: plot(recorded(), ["V1/throttle"], folder / "plot.svg"),
         ("plot.svg",),
@@ -84,6 +100,10 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
 CACHES = {"jit.py", "meshes/store.py"}
 """They work without their files; see below."""
 OTHERS = {
+    "campaigns/drivers.py": {"TemporaryFile"},  # what a devkit script prints
+    "campaigns/parameters.py": {"write_text"},  # in a temporary folder, like the next one
+    "identification/windows.py": {"write_text"},
+    "policies/policy.py": {"savez"},  # into memory
     "cache.py": {"mkstemp", "TemporaryFile", "write_bytes", "open"},  # `write_file` and `write_cached` themselves
     "cameras/shared_memory.py": {"mkstemp", "open"},  # memory, where a machine has no better one
     "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written

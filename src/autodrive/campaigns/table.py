@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import shutil
@@ -10,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from autodrive.cache import make_folder, write_file
 from autodrive.campaigns.campaign import Campaign, Run
 from autodrive.campaigns.runner import Result
 from autodrive.campaigns.sampling import missing
@@ -59,7 +61,7 @@ class Table:
     def start(self) -> None:
         """Begin with an empty table: rows of earlier campaigns that still hold are added again."""
         shutil.rmtree(self._parts, ignore_errors=True)
-        self._parts.mkdir(parents=True)
+        make_folder(self._parts)
 
     def add(self, run: Run, key: str, result: Result) -> dict[str, Any]:
         """Add a row; returns it."""
@@ -76,10 +78,7 @@ class Table:
         """Write the rows that are not written yet."""
         if self._rows:
             self._count += 1
-            path = self._parts / f"{self._count:06d}.parquet"
-            part = path.with_suffix(".tmp")
-            self._parquet.write_table(_table(self._rows, self._schema), part)
-            part.replace(path)
+            self._write(_table(self._rows, self._schema), self._parts / f"{self._count:06d}.parquet")
         self._rows, self._written = [], time.monotonic()
 
     def finish(self) -> pyarrow.Table:
@@ -90,11 +89,14 @@ class Table:
         parts = [self._parquet.read_table(path) for path in sorted(self._parts.glob("*.parquet"))]
         table = pa.concat_tables(parts) if parts else self._schema.empty_table()
         table = table.sort_by("run").combine_chunks().replace_schema_metadata(None)
-        part = self.path.with_suffix(".tmp")
-        self._parquet.write_table(table, part)
-        part.replace(self.path)
+        self._write(table, self.path)
         shutil.rmtree(self._parts, ignore_errors=True)
         return table
+
+    def _write(self, table: pyarrow.Table, path: Path) -> None:
+        data = io.BytesIO()
+        self._parquet.write_table(table, data)
+        write_file(path, data.getvalue())
 
 
 def row_of(campaign: Campaign, run: Run, key: str, result: Result) -> dict[str, Any]:

@@ -48,7 +48,7 @@ class Conditions:
         errors = [
             f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {given!r}"
             for name, (least, most) in limits.items()
-            if not _is_range(given := getattr(self, name), least, most)
+            if not is_range(given := getattr(self, name), least, most)
         ]
         if errors:
             raise SpecError(errors)
@@ -60,7 +60,8 @@ class Conditions:
         return Drawn(*(least + (most - least) * float(rng.random()) for least, most in pairs))
 
 
-def _is_range(given: object, least: float, most: float) -> bool:
+def is_range(given: object, least: float, most: float) -> bool:
+    """Whether it is a number within these limits, or two of them, the lesser one first."""
     ends: tuple[object, ...] = given if isinstance(given, tuple) else (given, given)
     numbers = [float(end) for end in ends if isinstance(end, int | float) and not isinstance(end, bool)]
     return len(numbers) == len(ends) == 2 and least <= numbers[0] <= numbers[1] <= most

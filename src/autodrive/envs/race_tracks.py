@@ -13,32 +13,33 @@ from autodrive.envs.path import table
 from autodrive.tracks.generate import generate_track
 from autodrive.tracks.track import Pose, Track
 
-LENGTH, WIDTH, AREA = 40.0, 1.4, (20.0, 10.0)
-"""Of each track [m]: the centre line, between the barriers, and the ground that it has."""
+AREA = 20.0, 10.0
+"""Of the ground of each track [m]. A longer track on it has more and tighter curves."""
 APART = 12.0
 """Between the grounds of two tracks [m]: farther than a LIDAR of the car sees."""
 SPACING = 0.05
 """Of the points of the centre lines [m], about."""
-POINTS = round(LENGTH * 1.06 / SPACING)
-"""Most points of a centre line."""
 
 
 class RaceTracks:
-    """`count` tracks with the seeds `seed`, `seed` + 1, ... The map is a file in the cache."""
+    """`count` tracks with the seeds `seed`, `seed` + 1, ... The map is a file in the cache.
 
-    def __init__(self, count: int, seed: int) -> None:
-        folder = cache_folder("race_tracks", "tracks", also=f"{count} {seed} {LENGTH} {WIDTH} {AREA} {APART}")
+    `width`: between the barriers, and `length` [m], the least and the greatest; each track has its own.
+    """
+
+    def __init__(self, count: int, seed: int, width: tuple[float, float], length: tuple[float, float]) -> None:
+        folder = cache_folder("race_tracks", "tracks", also=f"{count} {seed} {length} {width} {AREA} {APART}")
         self.file = folder / "tracks.yaml"
         """The map. Its road and its start line are those of the first track; it has the barriers of all."""
         files = [folder / f"track_{k}.yaml" for k in range(count)]
         if not all(file.is_file() for file in (self.file, *files)):
-            _write(count, seed, folder)
+            _write(count, seed, width, length, folder)
         tracks = [Track.load(file) for file in files]
         self.length = np.array([track.length for track in tracks])
         """Of the centre lines [m], shape (n,)."""
         self.count = np.array([round(length / SPACING) for length in self.length.tolist()])
         """Number of points, shape (n,)."""
-        self.lines = np.zeros((count, POINTS, 4))
+        self.lines = np.zeros((count, int(self.count.max()), 4))
         """See `path.table`; shape (n, most points, 4)."""
         for k, track in enumerate(tracks):
             self.lines[k, : self.count[k]] = table(track.line.along, track.line.points, int(self.count[k]))
@@ -49,13 +50,15 @@ class RaceTracks:
         return x - lateral * s, y + lateral * c, atan2(s, c)
 
 
-def _write(count: int, seed: int, folder: Path) -> None:
+def _write(count: int, seed: int, width: tuple[float, float], length: tuple[float, float], folder: Path) -> None:
     """Generate the tracks. The map is written last: what it consists of is complete."""
     make_folder(folder)
     walls: list[Floats] = []
     tracks: list[Track] = []
     for k in range(count):
-        one = generate_track(seed + k, length=LENGTH, width=WIDTH, area=AREA)
+        shares = np.random.default_rng([seed + k, 0, 1]).random(2).tolist()
+        own = [round(least + s * (most - least), 3) for s, (least, most) in zip(shares, (width, length), strict=True)]
+        one = generate_track(seed + k, width=own[0], length=own[1], area=AREA)
         aside = np.array([0.0, round(k * (AREA[1] + APART), 3)])
         line = one.centre_line + np.array([*aside, 0.0, 0.0])
         moved = Track(one.name, line, walls=tuple(wall + aside for wall in one.walls), barrier=one.barrier)

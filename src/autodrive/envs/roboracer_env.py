@@ -13,23 +13,23 @@ from autodrive.envs.conditions import Conditions, Drive, Range
 from autodrive.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.envs.settings import Action
 from autodrive.envs.task import Observation
-from autodrive.envs.time_trial import DRIVEN, TimeTrial
+from autodrive.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
 from autodrive.errors import SpecError
 
 if TYPE_CHECKING:
     from autodrive.arrays import Floats, Integers
     from autodrive.cameras.batch_camera import BatchCamera
 
-WIDTH, HEIGHT = 640, 360
+IMAGE_SIZE = 640, 360
 """Of the images of 'rgb_array' [pixels]."""
 
 
 class RoboRacerVectorEnv(DrivingVectorEnv):
     """Many time trials, each in a world of its own: see `autodrive.envs.time_trial`.
 
-    `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ...; each episode is on one of them, by its
-    seed. `friction`, `mass`, `noise`, `latency`: see `Conditions`; `conditions` may be replaced at any time, for
-    the episodes that follow.
+    `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
+    or each with its own from these ranges. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
+    `latency`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
     """
 
     def __init__(
@@ -38,6 +38,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         *,
         tracks: int = 3,
         track_seed: int = 0,
+        track_width: Range = WIDTH,
+        track_length: Range = LENGTH,
         friction: Range = 1.0,
         mass: Range = 1.0,
         noise: Range = 0.0,
@@ -54,7 +56,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         self.conditions = Conditions(friction, mass, noise, latency)
         super().__init__(
             num_envs,
-            TimeTrial(frame_skip, tracks, track_seed),
+            TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length),
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             observation=observation,
@@ -135,7 +137,7 @@ class RoboRacerEnv(gymnasium.Env[Any, Any]):
         from autodrive.cameras.batch_camera import BatchCamera  # noqa: PLC0415  OpenGL waits until an image is wanted
 
         if self._camera is None:
-            self._camera = BatchCamera(self.vector.task.scenario, "V1", "front", size=(WIDTH, HEIGHT))
+            self._camera = BatchCamera(self.vector.task.scenario, "V1", "front", size=IMAGE_SIZE)
         return np.array(self._camera.render(self.vector.batch.readings)[0])
 
     def close(self) -> None:

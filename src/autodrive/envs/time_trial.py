@@ -14,6 +14,7 @@ import numpy as np
 
 from autodrive.arrays import Floats, Integers
 from autodrive.envs import path
+from autodrive.envs.conditions import Range, is_range
 from autodrive.envs.path import follow, look_ahead
 from autodrive.envs.race_tracks import SPACING, RaceTracks
 from autodrive.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
@@ -35,6 +36,10 @@ GRID_STEP, GRID_SIDE = 1.0, 0.3
 FAILURE = -5.0
 """Reward of a step that ends an episode."""
 MOST_TRACKS = 16
+WIDTH, LEAST_WIDTH, MOST_WIDTH = 1.4, 0.8, 2.0
+"""Of a track [m]: if nothing is chosen, and its limits."""
+LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 70.0
+"""Likewise."""
 
 KNOWN = 4
 TRACK, PLACE, DRIVEN = 0, 1, 1 + path.DRIVEN
@@ -65,17 +70,36 @@ class TimeTrial(Task):
     memory_size = 4
     scan = ScanView(first_degree=-135.0, degrees=5.0, sectors=54, range_max=10.0)
 
-    def __init__(self, frame_skip: int, tracks: int = 3, track_seed: int = 0, cars: int = 1, laps: int = 1) -> None:
-        """`laps`: after which the task is accomplished. Raises `SpecError` for wrong values."""
+    def __init__(
+        self,
+        frame_skip: int,
+        tracks: int = 3,
+        track_seed: int = 0,
+        cars: int = 1,
+        laps: int = 1,
+        width: Range = WIDTH,
+        length: Range = LENGTH,
+    ) -> None:
+        """`laps`: after which the task is accomplished; `width`, `length` of the tracks [m]. Raises `SpecError`."""
         wrong = {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
         errors = [
             f"{name}: must be a whole number from {least} to {most}, not {given!r}"
             for name, (given, least, most) in wrong.items()
             if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= most
         ]
+        ranges = {
+            "track_width": (width, LEAST_WIDTH, MOST_WIDTH),
+            "track_length": (length, LEAST_LENGTH, MOST_LENGTH),
+        }
+        errors += [
+            f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {given!r}"
+            for name, (given, least, most) in ranges.items()
+            if not is_range(given, least, most)
+        ]
         if errors:
             raise SpecError(errors)
-        self.tracks = RaceTracks(tracks, track_seed)
+        own = [given if isinstance(given, tuple) else (given, given) for given in (width, length)]
+        self.tracks = RaceTracks(tracks, track_seed, *own)
         self._laps = laps
         self.scenario = ScenarioSpec(
             map=str(self.tracks.file),
