@@ -16,6 +16,7 @@ from autodrive import CommandError, SnapshotError, make
 from autodrive.campaigns import Campaign, LocalExecutor, run_campaign
 from autodrive.campaigns.runner import Runner
 from autodrive.campaigns.runs import Observer, Progress
+from autodrive.errors import AutodriveError
 from autodrive.protocol.messages import Command
 from autodrive.recording import open as open_recording
 from autodrive.recording.resimulation import resimulate
@@ -239,3 +240,11 @@ def test_ctrl_c_keeps_what_is_done_and_the_command_goes_on(campaign: Make, tmp_p
     assert json.loads((folder / "summary.json").read_text())["rows"] == done
     assert f"{done} of 2000 runs" in started.messages.read_text()
     assert "the same command goes on" in started.messages.read_text()
+
+
+def test_another_file_in_the_place_of_the_table_is_one_line(campaign: Make, tmp_path: Path) -> None:
+    for content in (b"", b"no table"):
+        (tmp_path / "table.parquet").write_bytes(content)
+        with pytest.raises(AutodriveError, match=r"table\.parquet is not a table of a campaign; delete it"):
+            run_campaign(campaign(), tmp_path, workers=0)
+        assert (tmp_path / "table.parquet").read_bytes() == content

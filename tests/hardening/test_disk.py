@@ -68,7 +68,7 @@ PRACTICE = Track.load("practice")
 CAMPAIGN = Campaign.load(Path(__file__).parents[2] / "examples" / "campaign" / "start_pose.yaml")
 NO_ERRORS: Any = None  # what is not written here
 IDENTIFIED = Identification((), NO_ERRORS, NO_ERRORS, (), 0, 0.0, (), "title: Fitted\n")
-POLICY = Policy("time_trial", ("speed",), (1.0,), (0.0, 1.0), ((np.ones((2, 1)), np.zeros(2)),))
+POLICY = Policy("time_trial", ("speed",), (1.0,), (0.0, 1.0), ((np.ones((2, 1), np.float32), np.zeros(2, np.float32)),))
 OPTIONS = RunOptions("plane", duration=0.1, speed=None, cameras=False, has_page=False)
 PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "cli/generate.py": (lambda folder: generate.main([str(folder)]), ("vehicles/nigel.glb", "lights.json")),
@@ -87,7 +87,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         lambda folder: race_tracks._write(1, 1, (1.4, 1.4), (40.0, 40.0), folder),
         ("track_0.yaml",),
     ),
-    "campaigns/runs.py": (lambda folder: run_campaign(CAMPAIGN, folder, workers=0), ("report.html",)),
+    "campaigns/runs.py": (lambda folder: run_campaign(CAMPAIGN, folder / "r", workers=0), ("r/report.html",)),
     "campaigns/table.py": (lambda folder: Table(folder, CAMPAIGN).finish(), ("table.parquet",)),
     "identification/result.py": (lambda folder: IDENTIFIED.write(folder / "fitted.yaml"), ("fitted.yaml",)),
     "policies/policy.py": (lambda folder: POLICY.save(folder / "policy.npz"), ("policy.npz",)),

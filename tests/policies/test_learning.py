@@ -41,7 +41,8 @@ def test_the_return_of_races_rises_and_a_run_can_be_repeated_and_resumed(tmp_pat
     features = np.linspace(0.0, 3.0, len(first.inputs))
     expected = first.agent.actor(jnp.asarray(features * first.scale, jnp.float32))
     throttle, steering = first.policy().act(features)
-    assert (throttle / 0.2 - 1.0, steering) == pytest.approx(np.clip(np.asarray(expected), -1.0, 1.0), abs=1e-5)
+    outputs = 2.0 * (throttle - 0.03) / 0.37 - 1.0, steering
+    assert outputs == pytest.approx(np.clip(expected, -1.0, 1.0).tolist(), abs=1e-5)
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import itertools
 import json
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +17,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import autodrive
+from autodrive.devkit import Server
 from autodrive.envs.episodes import Episodes, observed
 from autodrive.envs.task import CarReadings
 from autodrive.envs.time_trial import TimeTrial
 from autodrive.errors import AutodriveError
 from autodrive.policies import Policy
-from autodrive.policies.racer import INPUTS, PERIOD, PolicyRacer, sectors
+from autodrive.policies.play import responder
+from autodrive.policies.racer import INPUTS, PERIOD, PolicyRacer, drive_laps, sectors
 from autodrive.protocol.messages import Command
+from autodrive.run.race import RaceOptions, race
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.sensors.settings import SensorSettings
+from tests.support.command_line import call, refused
 
 
 def random_policy(seed: int = 1, inputs: tuple[str, ...] = INPUTS, width: int = 16) -> Policy:
@@ -149,3 +154,31 @@ def test_what_a_racer_cannot_read_is_refused() -> None:
         PolicyRacer(random_policy(inputs=("offset",)))
     with pytest.raises(AutodriveError, match="a scan of 1080 rays, not of 361"):
         sectors(np.ones(361))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("track", ["fast", "practice"])
+def test_the_included_policy_drives_laps_on_tracks_that_it_has_not_seen(track: str) -> None:
+    result = drive_laps(Policy.find("race"), track, laps=4)
+    assert (len(result.laps), result.collisions, result.status) == (4, 0, "finished")
+
+
+def test_an_unknown_policy_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(AutodriveError, match=r"policy 'rice' is not known\. .*race"):
+        Policy.find("rice")
+    with pytest.raises(AutodriveError, match=r"nothing\.npz is not a policy"):
+        Policy.find("nothing.npz")
+
+
+@pytest.mark.process
+def test_the_command_plays_in_a_race_and_as_a_devkit_script(tmp_path: Path) -> None:
+    arguments = ("play", "race", "practice", "--laps", "1", "--lockstep", "--headless", "-o", "result")
+    done = call(*arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "| 1 | race |" in done.stdout
+    played = json.loads((tmp_path / "result" / "result.json").read_text())
+    with Server(responder(Policy.find("race")), port=0) as server:
+        options = RaceOptions("practice", (("127.0.0.1", server.port),), rules="practice", laps=1)
+        raced = race(replace(options, is_lockstep=True, has_page=False))
+    assert raced.standings[0].laps[0].time == played["standings"][0]["laps"][0]["time"]
+    assert "policy 'none' is not known" in refused("play", "none", "practice", cwd=tmp_path)

@@ -41,10 +41,17 @@ class Table:
         self._count = 0
 
     def earlier(self) -> Iterator[dict[str, Any]]:
-        """Rows of an earlier, also a broken, campaign in this folder."""
+        """Rows of an earlier, also a broken, campaign in this folder. Raises `AutodriveError` for another file."""
         for path in (self.path, *sorted(self._parts.glob("*.parquet"))):
             if path.is_file():
-                yield from self._parquet.read_table(path).to_pylist()
+                try:
+                    table = self._parquet.read_table(path)
+                    table.schema.field("key")
+                except (ValueError, KeyError):  # pyarrow's errors of wrong files are ValueErrors
+                    raise AutodriveError(
+                        f"{path} is not a table of a campaign; delete it, or choose another folder (--output)"
+                    ) from None
+                yield from table.to_pylist()
 
     def run(self, number: int) -> Run | None:
         """The run of that number, with the parameters in the table; None if it is not there."""
