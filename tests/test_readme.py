@@ -51,6 +51,7 @@ ELSEWHERE = {
     "scripts/cpp": "scripts/test",
     "scripts/ros1 roslaunch autodrive_ros simulator_bringup_headless.launch": "tests/ros/test_ros1.py",
     "scripts/ros2": "scripts/test",
+    "scripts/run race practice --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
     "scripts/run run mini_map --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
 }
 """Command in the table of that section -> the file that runs it."""

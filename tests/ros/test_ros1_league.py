@@ -29,6 +29,7 @@ def test_the_launch_file_has_the_interface_of_the_league(ros1_session: Ros1, rac
         assert ("/tf" in of_the_bridge(probe.publications())) is not race
         commands = [*COMMANDS] if race else [*COMMANDS, RESET]
         assert of_the_bridge(probe.subscriptions()) == {f"/{name}" for name in commands}
+        sim.reset()  # earlier tests may have driven the car against a wall
         probe.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", 0.6)
         wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.1)
         probe.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", None)
