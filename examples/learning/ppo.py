@@ -39,7 +39,7 @@ from autodrive.specs import names
 ENVS, HORIZON = 64, 128
 EPOCHS, MINIBATCHES = 4, 8
 TRACE, CLIP = 0.95, 0.2
-LEARNING_RATE, LARGEST_GRADIENT = 5e-4, 0.5
+OPTIMIZER = optax.chain(optax.clip_by_global_norm(0.5), optax.adam(5e-4, eps=1e-5))
 WIDTH = 128
 CHECK_INTERVAL = 60.0  # between two checkpoints [s]
 SCALES = {"speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "range": 0.2}  # features become about -1 to 1; others as is
@@ -146,7 +146,7 @@ def loss(agent: Agent, batch: tuple[Rollout, jax.Array, jax.Array]) -> jax.Array
 
 
 @eqx.filter_jit
-def learn(agent, memory, optimizer, rollout, last_value, discount, key):
+def learn(agent, memory, rollout, last_value, discount, key):
     """Improve the agent by a rollout; `memory` is that of the optimizer."""
     advantage = advantages(rollout, last_value, discount)
     data = jax.tree.map(lambda one: one.reshape(-1, *one.shape[2:]), (rollout, advantage, advantage + rollout.value))
@@ -156,7 +156,7 @@ def learn(agent, memory, optimizer, rollout, last_value, discount, key):
         weights, memory = carry
         batch = jax.tree.map(lambda one: one[places], data)
         gradient = jax.grad(lambda these: loss(eqx.combine(these, rest), batch))(weights)
-        changes, memory = optimizer.update(gradient, memory, weights)
+        changes, memory = OPTIMIZER.update(gradient, memory, weights)
         return (optax.apply_updates(weights, changes), memory), None
 
     keys = jax.random.split(key, EPOCHS)
@@ -186,8 +186,7 @@ class Trainer:
         )
         self.key, key = jax.random.split(jax.random.PRNGKey(seed))
         self.agent = Agent(len(self.inputs), key)
-        self.optimizer = optax.chain(optax.clip_by_global_norm(LARGEST_GRADIENT), optax.adam(LEARNING_RATE, eps=1e-5))
-        self.memory = self.optimizer.init(eqx.filter(self.agent, eqx.is_inexact_array))
+        self.memory = OPTIMIZER.init(eqx.filter(self.agent, eqx.is_inexact_array))
         self.steps, self.seconds = 0, 0.0
         self.returns: list[float] = []
         self._sums = np.zeros(ENVS)
@@ -234,9 +233,7 @@ class Trainer:
         """One rollout, and what is learnt from it."""
         rollout, last_value = self.rollout()
         self.key, key = jax.random.split(self.key)
-        self.agent, self.memory = learn(
-            self.agent, self.memory, self.optimizer, rollout, last_value, self.problem.discount, key
-        )
+        self.agent, self.memory = learn(self.agent, self.memory, rollout, last_value, self.problem.discount, key)
 
     def policy(self) -> Policy:
         """The mean of the actions as a file that needs no JAX."""
