@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib.util
 import inspect
 import logging
 import os
@@ -22,7 +23,9 @@ from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
+from numba.np import linalg
 
 from autodrive.cache import cache_folder, read_cached, sources, write_cached
 
@@ -123,7 +126,8 @@ class _FileCache(FunctionCache):
         self.enable()
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        target_context.refresh()
+        rtsys.initialize(target_context)  # the rest of `refresh` serves compilations, which call it themselves
+        _import_array_functions()
         path = self._path(sig, target_context.codegen())
         if path is None:
             return None
@@ -159,6 +163,21 @@ class _FileCache(FunctionCache):
         if not source or " at 0x" in name:
             return None
         return CACHE / f"{self._py_func.__name__}-{hashlib.sha256(name.encode()).hexdigest()[:32]}.code"
+
+
+@functools.cache
+def _import_array_functions() -> None:
+    """Cached code needs this module of Numba, which imports scipy for 0.4 s only to know whether it is installed."""
+
+    def has_scipy() -> None:
+        if importlib.util.find_spec("scipy") is None:
+            raise ImportError
+
+    loaded, linalg.ensure_blas = linalg.ensure_blas, has_scipy
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = loaded
 
 
 @functools.cache

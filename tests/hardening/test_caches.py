@@ -91,11 +91,14 @@ def test_on_a_full_disk_functions_are_compiled_with_one_line(
 
 
 START = """
+import sys
 from autodrive.jit import compiling
 from autodrive.physics.ray import _slab
 compiled = []
 with compiling(compiled.append):
     print(_slab(0.5, 0.0, 2.0), compiled)
+if not compiled and "scipy.linalg" in sys.modules:
+    print("scipy was loaded, which takes as long as everything else")
 """
 
 
