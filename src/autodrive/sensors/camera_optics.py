@@ -68,26 +68,39 @@ def undistorted(
     """Inverse of `distorted` by Newton's method; nan if there is no solution."""
     if distortion == NO_DISTORTION:
         return x, y
-    k1, k2, p1, p2, k3 = distortion
     u, v = x, y
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for _ in range(20):
-            r2 = u * u + v * v
-            f = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-            slope = k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2)
-            error_x = u * f + 2.0 * p1 * u * v + p2 * (r2 + 2.0 * u * u) - x
-            error_y = v * f + p1 * (r2 + 2.0 * v * v) + 2.0 * p2 * u * v - y
-            xx = f + 2.0 * u * u * slope + 2.0 * p1 * v + 6.0 * p2 * u
-            yy = f + 2.0 * v * v * slope + 6.0 * p1 * v + 2.0 * p2 * u
-            xy = 2.0 * (u * v * slope + p1 * u + p2 * v)
-            if np.fmax.reduce(np.abs(error_x) + np.abs(error_y), axis=None) < 1e-13:
+            step = _newton_step(u, v, x, y, distortion)
+            if step is None:
                 break
-            determinant = xx * yy - xy * xy
-            u = u - (yy * error_x - xy * error_y) / determinant
-            v = v - (xx * error_y - xy * error_x) / determinant
+            u, v = step
         again_x, again_y = distorted(u, v, distortion)
         is_found = (again_x - x) ** 2 + (again_y - y) ** 2 < 1e-18
     return np.where(is_found, u, np.nan), np.where(is_found, v, np.nan)
+
+
+def _newton_step(
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    distortion: Distortion,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """A better solution of distorted(u, v) = x, y; None if it is good enough."""
+    k1, k2, p1, p2, k3 = distortion
+    r2 = u * u + v * v
+    f = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2)
+    error_x = u * f + 2.0 * p1 * u * v + p2 * (r2 + 2.0 * u * u) - x
+    error_y = v * f + p1 * (r2 + 2.0 * v * v) + 2.0 * p2 * u * v - y
+    if np.fmax.reduce(np.abs(error_x) + np.abs(error_y), axis=None) < 1e-13:
+        return None
+    xx = f + 2.0 * u * u * slope + 2.0 * p1 * v + 6.0 * p2 * u
+    yy = f + 2.0 * v * v * slope + 6.0 * p1 * v + 2.0 * p2 * u
+    xy = 2.0 * (u * v * slope + p1 * u + p2 * v)
+    determinant = xx * yy - xy * xy
+    return u - (yy * error_x - xy * error_y) / determinant, v - (xx * error_y - xy * error_x) / determinant
 
 
 def reach(distortion: Distortion) -> float:
