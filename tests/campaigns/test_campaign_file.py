@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest, bootstrap, qmc
 
 from autodrive.campaigns.campaign import Campaign
 from autodrive.campaigns.expression import Expression
@@ -86,6 +85,8 @@ def test_samples_are_those_of_their_method(method: Any) -> None:
     if method == "latin_hypercube":
         assert sorted(((a - 2.0) / 2.0 * count).astype(int)) == [*range(count)]
     if method == "sobol":
+        from scipy.stats import qmc  # here and below: each worker collects this file, and the import takes a second
+
         expected = qmc.Sobol(3, rng=np.random.default_rng(5)).random_base2(7)[:count, 0]
         np.testing.assert_allclose((a - 2.0) / 2.0, expected, rtol=1e-12)
 
@@ -135,11 +136,15 @@ def test_what_is_no_criterion_is_refused(text: str) -> None:
 
 @pytest.mark.parametrize(("count", "total"), [(0, 10), (10, 10), (3, 17), (512, 1024)])
 def test_rates_have_the_interval_of_wilson(count: int, total: int) -> None:
+    from scipy.stats import binomtest
+
     expected = binomtest(count, total).proportion_ci(0.95, "wilson")
     assert wilson(count, total) == pytest.approx((expected.low, expected.high))
 
 
 def test_means_have_the_interval_of_student() -> None:
+    from scipy.stats import bootstrap
+
     values = np.random.default_rng(0).normal(3.0, 1.0, 400)
     low, high = mean_interval(values)
     other = bootstrap((values,), np.mean, rng=np.random.default_rng(1)).confidence_interval

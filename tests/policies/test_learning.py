@@ -6,7 +6,6 @@ import runpy
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -18,6 +17,8 @@ EXAMPLE = str(Path(__file__).parents[2] / "examples" / "learning" / "ppo.py")
 @pytest.mark.slow
 def test_the_return_of_races_rises_and_a_run_can_be_repeated_and_resumed(tmp_path: Path) -> None:
     """Cars crash at first; after 50,000 steps they drive some metres. All three runs take half a minute."""
+    import jax.numpy as jnp  # here: each worker collects this file, and the import takes a second
+
     trainer: Any = runpy.run_path(EXAMPLE)["Trainer"]
     first = trainer("race", 1)
     first.improve()
