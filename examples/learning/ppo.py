@@ -93,7 +93,7 @@ class Agent(eqx.Module):
         last = actor.layers[-1].weight
         self.actor = eqx.tree_at(lambda one: one.layers[-1].weight, actor, 0.01 * last)  # the first actions are small
         self.critic = eqx.nn.MLP(inputs, "scalar", WIDTH, 2, jnp.tanh, key=second)
-        self.log_std = jnp.full(2, -0.7)
+        self.log_std = jnp.full(2, -0.7, jnp.float32)  # with a weak type `learn` compiles twice
 
 
 class Rollout(NamedTuple):
@@ -146,7 +146,7 @@ def loss(agent: Agent, batch: tuple[Rollout, jax.Array, jax.Array]) -> jax.Array
 
 
 @eqx.filter_jit
-def learn(agent, memory, rollout, last_value, discount, key):
+def learn(agent, memory, rollout, last_value, discount, key) -> tuple[Any, Any]:
     """Improve the agent by a rollout; `memory` is that of the optimizer."""
     advantage = advantages(rollout, last_value, discount)
     data = jax.tree.map(lambda one: one.reshape(-1, *one.shape[2:]), (rollout, advantage, advantage + rollout.value))
@@ -185,7 +185,7 @@ class Trainer:
             [SCALES.get(one.partition("_")[0] if one.startswith("range_") else one, 1.0) for one in self.inputs]
         )
         self.key, key = jax.random.split(jax.random.PRNGKey(seed))
-        self.agent = Agent(len(self.inputs), key)
+        self.agent: Agent = Agent(len(self.inputs), key)
         self.memory = OPTIMIZER.init(eqx.filter(self.agent, eqx.is_inexact_array))
         self.steps, self.seconds = 0, 0.0
         self.returns: list[float] = []
