@@ -50,6 +50,7 @@ SLOWEST_FIRST = (
     "second browser",
     "ros1",
     "ros2",
+    "policies/test_learning.py",
     "bridge/test_devkit_scripts.py",
     "hardening/test_files.py",
     "hardening/test_processes.py",
