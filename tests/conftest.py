@@ -32,8 +32,14 @@ MARKERS = {
     "film": "slow",
     "cameras/test_batch_camera.py": "slow",
     "cameras/test_tick_cameras.py": "slow",
+    "campaigns/test_campaign_document.py": "slow",
+    "campaigns/test_search.py": "slow",
+    "envs/test_document.py": "slow",
     "envs/test_driving_vector_env.py": "slow",
+    "envs/test_roboracer_env.py": "slow",
     "physics/test_contact_engine.py": "slow",
+    "racing/test_race_run.py": "slow",
+    "render/test_goldens.py": "slow",
 }
 """Directory or file -> marker of all its tests."""
 
