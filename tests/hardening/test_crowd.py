@@ -77,14 +77,14 @@ class Driver:
         self._simulation = simulation
         self._hash = hashlib.sha256()
         self.wait = lambda: None
-        """Called every 100 ticks."""
+        """Called every 50 ticks."""
 
     def publish(self, frame: Frame) -> None:
         for data in bytes_of(frame):
             self._hash.update(data)
         command = Command(throttle=0.6 * math.cos(0.01 * frame.tick), steering=math.sin(0.03 * frame.tick))
         self._simulation.submit("V1", command, "person")
-        if frame.tick % 100 == 0:
+        if frame.tick % 50 == 0:
             self.wait()
 
     @property
@@ -96,7 +96,7 @@ def _states(simulation: Simulation, driver: Driver) -> str:
     """The hash of all states of a run."""
     simulation.add_sink(driver)
     driver.publish(simulation.world.frame)
-    ticks = cases(300, 20_000)
+    ticks = cases(150, 20_000)
     simulation.run(ticks * simulation.world.tick_duration)
     assert simulation.frame.tick == ticks
     assert math.hypot(*simulation.frame.vehicles["V1"].pose.position[:2]) > 0.05  # it was driven
