@@ -54,6 +54,7 @@ NOT_RUN = {"text", ""}
 """Languages of blocks that show output."""
 
 FOREIGN = (
+    "ray",
     "sudo",
     "apt-get",
     "pip",

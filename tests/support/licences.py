@@ -18,11 +18,13 @@ ALLOWED = {
     *("MIT OR Apache-2.0", "Apache-2.0 OR BSD-2-Clause", "MIT-CMU"),
     "any-OSI",  # of apsw: any licence that the Open Source Initiative has approved, such as MIT
     *("PSF-2.0", "Zlib"),
-    "MPL-2.0",  # of tqdm: it covers changes of its own files, and none is changed
+    "MPL-2.0",  # of tqdm and certifi: it covers changes of their own files, and none is changed
 }
 """SPDX identifiers of licences that suit a project under BSD-2-Clause."""
 
 SPDX = {
+    "3-Clause BSD License": "BSD-3-Clause",  # protobuf
+    "Apache 2.0": "Apache-2.0",  # ray
     "Apache Software License": "Apache-2.0",
     "BSD License": "BSD-3-Clause",  # lz4; its LICENSE file has three clauses
     "BSD": "BSD-2-Clause",  # Numba; its LICENSE file has two clauses
@@ -45,7 +47,7 @@ EXTRAS = {
     "backports-zstd": ("export", "PSF-2.0"),
     "lz4": ("export", "BSD-3-Clause"),
     "minari": ("export", "MIT"),
-    "packaging": ("search", "Apache-2.0 OR BSD-2-Clause"),
+    "packaging": ("ray", "Apache-2.0 OR BSD-2-Clause"),
     "pillow": ("rerun", "MIT-CMU"),
     "psutil": ("rerun", "BSD-3-Clause"),
     "pyarrow": ("export", "Apache-2.0"),
@@ -53,6 +55,19 @@ EXTRAS = {
     "rerun-sdk": ("rerun", "MIT OR Apache-2.0"),
     "rosbags": ("export", "Apache-2.0"),
     "zstandard": ("recording", "BSD-3-Clause"),
+    "certifi": ("ray", "MPL-2.0"),
+    "charset-normalizer": ("ray", "MIT"),
+    "filelock": ("ray", "MIT"),
+    "idna": ("ray", "BSD-3-Clause"),
+    "jsonschema": ("ray", "MIT"),
+    "jsonschema-specifications": ("ray", "MIT"),
+    "msgpack": ("ray", "Apache-2.0"),
+    "protobuf": ("ray", "BSD-3-Clause"),
+    "ray": ("ray", "Apache-2.0"),
+    "referencing": ("ray", "MIT"),
+    "requests": ("ray", "Apache-2.0"),
+    "rpds-py": ("ray", "MIT"),
+    "urllib3": ("ray", "MIT"),
     "absl-py": ("learn", "Apache-2.0"),
     "equinox": ("learn", "Apache-2.0"),
     "jax": ("learn", "Apache-2.0"),

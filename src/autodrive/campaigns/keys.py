@@ -27,19 +27,10 @@ class Keys:
     def __init__(self, campaign: Campaign) -> None:
         spec = campaign.spec
         self._campaign = campaign
-        own = [
-            campaign.folder / found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.match(one))
-        ]
-        files = {one for file in own for one in imported(file)} | {campaign.folder / name for name in spec.files}
-        if not FUNCTION.fullmatch(spec.driver):
-            files |= {path for word in spec.driver.split() if (path := campaign.folder / word).is_file()}
         self._base = _hash(
-            autodrive.__version__,
-            version("mujoco-core"),
-            version("numpy"),
-            _package(),
+            *versions(),
             campaign.scenario.model_dump_json(),
-            *(f"{file.name}\n{file.read_bytes().hex()}" for file in sorted(files)),
+            *(f"{file.name}\n{file.read_bytes().hex()}" for file in sorted(own_files(campaign))),
             *(spec.driver, spec.stop.model_dump_json(), json.dumps(spec.metrics), campaign.vehicle, str(spec.cameras)),
         )
         self._files: dict[str, str] = {}
@@ -87,6 +78,21 @@ class RowCache:
     def close(self) -> None:
         """Close the file."""
         self._rows.close()
+
+
+def own_files(campaign: Campaign) -> set[Path]:
+    """Files of the user that decide results: `files`, and those of driver and metrics with the modules beside them."""
+    spec, folder = campaign.spec, campaign.folder
+    sources = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
+    if not FUNCTION.fullmatch(spec.driver):
+        sources += [word for word in spec.driver.split() if (folder / word).is_file()]
+    files = {folder / name for name in (*spec.files, *sources)}
+    return files | {one for name in sources if name.endswith(".py") for one in imported(folder / name)}
+
+
+def versions() -> tuple[str, ...]:
+    """Versions of the packages that decide results; the last one is the hash of the sources of this package."""
+    return autodrive.__version__, version("mujoco-core"), version("numpy"), _package()
 
 
 def imported(file: Path) -> set[Path]:

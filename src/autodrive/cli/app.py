@@ -16,7 +16,7 @@ import typer
 
 from autodrive import __version__
 from autodrive.cli import browse, recordings, tracks
-from autodrive.cli.campaign import campaign
+from autodrive.cli.campaign import CampaignCommand, campaign
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.identify import identify
@@ -78,7 +78,7 @@ def _root(
 
 app.command()(run)
 app.command()(race)
-app.command()(campaign)
+app.command(cls=CampaignCommand)(campaign)
 app.command()(play)
 app.command("list")(browse.list_)
 app.command()(browse.show)

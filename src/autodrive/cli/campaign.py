@@ -3,13 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+import typer.core
 
 if TYPE_CHECKING:
     from autodrive.campaigns.campaign import Campaign
     from autodrive.campaigns.runs import Outcome
+
+
+class CampaignCommand(typer.core.TyperCommand):
+    """`--ray` may stand alone, which Typer does not know: it is 'auto' then."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Give it its address."""
+        following = [*args[1:], ""]
+        stands_alone = [
+            one == "--ray" and (not after or after.startswith("-") or Path(after).suffix in {".yaml", ".yml"})
+            for one, after in zip(args, following, strict=True)
+        ]
+        return super().parse_args(
+            ctx, ["--ray=auto" if alone else one for one, alone in zip(args, stands_alone, strict=True)]
+        )
 
 
 def campaign(
@@ -17,6 +33,14 @@ def campaign(
     workers: Annotated[
         int | None,
         typer.Option(min=0, max=1000, help="Processes; 0: in this one.  [default: all processors]"),
+    ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[ADDRESS]",
+            help="Run on a Ray cluster: HOST:PORT of its head, 'local' for one that ends with the campaign, or 'auto', "
+            "the one that this machine is in (without an address, too).",
+        ),
     ] = None,
     output: Annotated[
         Path | None,
@@ -48,7 +72,7 @@ def campaign(
     if replay is not None:
         _replay(loaded, replay, output)
         return
-    outcome = _run(loaded, workers, output, uses_cache=cache, trials=falsify)
+    outcome = _run(loaded, workers, ray, output, uses_cache=cache, trials=falsify)
     _print(loaded, outcome)
     if not outcome.is_complete:
         raise typer.Exit(130)
@@ -57,6 +81,7 @@ def campaign(
 def _run(
     loaded: Campaign,
     workers: int | None,
+    ray: str | None,
     output: Path | None,
     *,
     uses_cache: bool,
@@ -74,6 +99,11 @@ def _run(
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
+    executor = None
+    if ray is not None:
+        from autodrive.campaigns.ray_executor import RayExecutor
+
+        executor = RayExecutor(loaded, ray, workers)
     console = Console(stderr=True, highlight=False)
     with Progress(*columns, console=console, speed_estimate_period=60.0) as bar:
         task = bar.add_task("runs", total=trials or len(loaded), rate="")
@@ -87,8 +117,10 @@ def _run(
                 bar.update(task, completed=progress.done, rate=rate)
 
         if trials is not None:
-            return runs.run_search(loaded, trials, output, runs.local_executor(loaded, workers), Display())
-        return runs.run_campaign(loaded, output, workers=workers, uses_cache=uses_cache, observer=Display())
+            return runs.run_search(loaded, trials, output, executor or runs.local_executor(loaded, workers), Display())
+        return runs.run_campaign(
+            loaded, output, workers=workers, executor=executor, uses_cache=uses_cache, observer=Display()
+        )
 
 
 def _print(loaded: Campaign, outcome: Outcome) -> None:
