@@ -9,18 +9,24 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pyarrow import parquet
 
 from autodrive import CommandError, SnapshotError, make
 from autodrive.campaigns import Campaign, LocalExecutor, run_campaign
+from autodrive.campaigns.luggage import Luggage
 from autodrive.campaigns.runner import Runner
 from autodrive.campaigns.runs import Observer, Progress
-from autodrive.errors import AutodriveError
+from autodrive.compile import on_grid
+from autodrive.errors import AutodriveError, SpecError
+from autodrive.maps.map import load_map
+from autodrive.policies import Policy
+from autodrive.policies.racer import PERIOD, PolicyRacer
 from autodrive.protocol.messages import Command
 from autodrive.recording import open as open_recording
 from autodrive.recording.resimulation import resimulate
-from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, scenario_text
 from tests.support.command_line import call, interrupted_when
 
 Make = Callable[..., Campaign]
@@ -261,3 +267,35 @@ def test_another_file_in_the_place_of_the_table_is_one_line(campaign: Make, tmp_
         with pytest.raises(AutodriveError, match=r"table\.parquet is not a table of a campaign; delete it"):
             run_campaign(campaign(), tmp_path, workers=0)
         assert (tmp_path / "table.parquet").read_bytes() == content
+
+
+def test_a_policy_drives_as_in_a_time_trial(campaign: Make, tmp_path: Path) -> None:
+    car = VehiclePlacement(type="roboracer")
+    spec = on_grid(ScenarioSpec(map="practice", vehicles={"V1": car}, tick=PERIOD), load_map("practice"))
+    (tmp_path / "track.yaml").write_text(scenario_text(spec))
+    given: dict[str, Any] = {"parameters": {}, "samples": {}, "seeds": 1, "pass_": ""}
+    given |= {"scenario": "track.yaml", "metrics": ["distance", "collisions"], "stop": {"time": 3.0}}
+    one = campaign(driver="race.npz", **given)
+    driven = Runner(one).run(one.run(0))
+    assert driven.error == ""
+    racer, distance = PolicyRacer(Policy.find("race")), 0.0
+    world = make(spec)
+    frame = world.reset(0)
+    for _ in range(round(3.0 / PERIOD)):
+        frame = world.step({"V1": racer.act(frame.vehicles["V1"])})
+        distance += float(np.hypot(*frame.vehicles["V1"].velocity[:2])) * PERIOD
+    assert driven.metrics["distance"] == pytest.approx(distance, rel=1e-12)  # the sum in another order
+    assert distance > 3.0
+    # The file of a user, with five ticks for each scan; between scans the last command holds.
+    Policy.find("race").save(tmp_path / "mine.npz")
+    (tmp_path / "track.yaml").write_text(scenario_text(spec.model_copy(update={"tick": PERIOD / 5})))
+    mine = campaign(driver="mine.npz", **given)
+    assert Runner(mine).run(mine.run(0)).metrics["distance"] == pytest.approx(distance, rel=0.05)  # finer ticks
+    assert Luggage.pack(mine).files["mine.npz"] == (tmp_path / "mine.npz").read_bytes()
+    assert list(Luggage.pack(one).files) == []
+    (tmp_path / "mine.npz").write_bytes(b"no policy")
+    with pytest.raises(SpecError, match="is not a policy"):
+        campaign(driver="mine.npz", **given)
+    (tmp_path / "track.yaml").write_text(scenario_text(spec.model_copy(update={"tick": 0.01})))
+    wrong = campaign(driver="race.npz", **given)
+    assert "must be a multiple of the scenario's tick" in Runner(wrong).run(wrong.run(0)).error

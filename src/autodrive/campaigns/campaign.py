@@ -17,7 +17,9 @@ from autodrive.campaigns.expression import Expression
 from autodrive.campaigns.metrics import METRICS
 from autodrive.campaigns.sampling import Design, Range, Sampling, Value
 from autodrive.compile import compile_scenario
-from autodrive.errors import SpecError
+from autodrive.errors import AutodriveError, SpecError
+from autodrive.policies.policy import DATA as POLICIES
+from autodrive.policies.policy import Policy
 from autodrive.protocol.messages import Event
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.specs import Source, Spec, suggest
@@ -27,6 +29,8 @@ EVENTS = sorted(kind.__name__ for kind in get_args(Event))
 """Names of the events that can end a run."""
 FUNCTION = re.compile(r"(?P<file>[^\s:]+\.py):(?P<name>[A-Za-z_]\w*)")
 """A class or function of the user: 'my_driver.py:Driver'."""
+POLICY = re.compile(r"[^\s:{}]+\.npz")
+"""A file with a policy, or an included policy: 'race.npz'."""
 MAX_RUNS = 10**9
 
 
@@ -46,7 +50,7 @@ class CampaignSpec(Spec):
     scenario: str
     """Name or file of the scenario."""
     driver: str
-    """'my_driver.py:Driver', or the command line of a devkit script with '{port}' in the place of its port."""
+    """'my_driver.py:Driver', 'policy.npz', or the command line of a devkit script with '{port}' for its port."""
     vehicle: str = ""
     """Vehicle that metrics and events are about; left out: the first one."""
     parameters: dict[str, Range] = Field(default_factory=dict)
@@ -139,6 +143,11 @@ class Campaign:
         return self.spec.vehicle or next(iter(self.scenario.vehicles))
 
     @property
+    def policy(self) -> Path | None:
+        """The file of the policy that drives, beside the campaign or included; None for another driver."""
+        return policy_file(self.spec.driver, self.folder)
+
+    @property
     def metric_names(self) -> list[str]:
         """The columns of the metrics."""
         return [name.rpartition(":")[2] for name in self.spec.metrics]
@@ -172,6 +181,14 @@ class Run:
     """Recording file that is written, as `record` says; empty: none."""
 
 
+def policy_file(driver: str, folder: Path) -> Path | None:
+    """The file of the policy that drives, beside the campaign or included; None for another driver."""
+    if not POLICY.fullmatch(driver):
+        return None
+    own, included = folder / driver, POLICIES / driver
+    return included if included.is_file() and not own.is_file() else own
+
+
 def _found(name: str, folder: Path) -> str:
     """A file beside the campaign, or a name."""
     return str(folder / name) if Path(name).suffix in {".yaml", ".yml"} else name
@@ -196,10 +213,16 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
     if found := FUNCTION.fullmatch(spec.driver):
         if not (folder / found["file"]).is_file():
             yield ("driver",), f"file '{found['file']}' does not exist"
+    elif policy := policy_file(spec.driver, folder):
+        try:
+            Policy.load(policy)
+        except AutodriveError as error:
+            yield ("driver",), str(error)
     elif "{port}" not in spec.driver:
         yield (
             ("driver",),
-            "must be 'FILE.py:CLASS', or a command line with '{port}' in the place of the port that the script serves",
+            "must be 'FILE.py:CLASS', a policy 'FILE.npz', or a command line with '{port}' in the place of the port that "
+            "the script serves",
         )
     for i, name in enumerate(spec.stop.events):
         if name not in EVENTS:

@@ -1,4 +1,4 @@
-"""Drivers of a run: a class of the user, or a devkit script in a process of its own."""
+"""Drivers of a run: a class of the user, a policy, or a devkit script in a process of its own."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from msgspec.structs import replace
 
 from autodrive.cameras.worker import environment
-from autodrive.errors import CommandError
+from autodrive.errors import AutodriveError, CommandError
 from autodrive.protocol.messages import Command, Frame, Hold, Operation
 
 if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
     from autodrive.campaigns.scene import Scene
+    from autodrive.policies.policy import Policy
 
 Commands: TypeAlias = Mapping[str, Command] | Command | None
 OWN = "V1"
@@ -63,6 +64,40 @@ def load(file: Path, name: str) -> Any:
         return getattr(module, name)
     except AttributeError:
         raise DriverError(f"{file.name} has no '{name}'") from None
+
+
+class PolicyDriver:
+    """A policy drives by what a script may read in a race, see `autodrive.policies`. Each run begins with a new one."""
+
+    def __init__(self, file: Path) -> None:
+        """Raises `AutodriveError` if the file is no policy, or the policy needs other readings."""
+        from autodrive.policies.racer import PERIOD, PolicyRacer  # noqa: PLC0415  only this driver needs it
+
+        self._racer, self._period = PolicyRacer(_policy(file)), PERIOD
+        self._command = Command()
+
+    def reset(self, scene: Scene) -> None:
+        """Look at the tick. Raises `AutodriveError` if scans do not come at equal distances in it."""
+        self._vehicle = scene.vehicle
+        self._ticks = round(self._period / scene.scenario.tick)
+        if abs(self._ticks * scene.scenario.tick - self._period) > 1e-9:
+            raise AutodriveError(
+                f"a policy drives each {self._period:g} s, which must be a multiple of the scenario's tick, such as "
+                f"tick: 0.005; it is {scene.scenario.tick:g}"
+            )
+
+    def act(self, frame: Frame) -> Commands:
+        """A new command for each scan, between them the last one."""
+        if frame.tick % self._ticks == 0:
+            self._command = self._racer.act(frame.vehicles[self._vehicle])
+        return self._command
+
+
+@functools.cache
+def _policy(file: Path) -> Policy:
+    from autodrive.policies.policy import Policy  # noqa: PLC0415  only this driver needs it
+
+    return Policy.load(file)
 
 
 class DevkitScript:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+import os
 import sqlite3
 from collections.abc import Iterable
 from importlib.metadata import version
@@ -84,7 +85,9 @@ def own_files(campaign: Campaign) -> set[Path]:
     """Files of the user that decide results: `files`, and those of driver and metrics with the modules beside them."""
     spec, folder = campaign.spec, campaign.folder
     sources = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
-    if not FUNCTION.fullmatch(spec.driver):
+    if policy := campaign.policy:
+        sources.append(os.path.relpath(policy, folder))
+    elif not FUNCTION.fullmatch(spec.driver):
         sources += [word for word in spec.driver.split() if (folder / word).is_file()]
     files = {folder / name for name in (*spec.files, *sources)}
     return files | {one for name in sources if name.endswith(".py") for one in imported(folder / name)}

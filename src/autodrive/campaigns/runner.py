@@ -14,7 +14,7 @@ from typing import Any
 
 from autodrive.campaigns import parameters
 from autodrive.campaigns.campaign import FUNCTION, Campaign, Run
-from autodrive.campaigns.drivers import Commands, DevkitScript, Driver, DriverError, load
+from autodrive.campaigns.drivers import Commands, DevkitScript, Driver, DriverError, PolicyDriver, load
 from autodrive.campaigns.metrics import METRICS, PERIOD, FunctionMetric, Metric
 from autodrive.campaigns.sampling import Value
 from autodrive.campaigns.scene import Scene
@@ -169,6 +169,8 @@ class Runner:
         )
 
     def _driver(self, arguments: dict[str, Value]) -> Driver:
+        if policy := self.campaign.policy:
+            return PolicyDriver(policy)
         found = FUNCTION.fullmatch(self.campaign.spec.driver)
         if not found:
             return DevkitScript(self.campaign.spec.driver, self.campaign.folder)
