@@ -8,6 +8,7 @@ The overhead is the time of a run of one tick in a warm world, with a new grip, 
 from __future__ import annotations
 
 import argparse
+import os
 import tempfile
 import time
 from dataclasses import replace
@@ -61,8 +62,6 @@ def overhead(folder: Path) -> None:
         f"a run of one tick in a warm world, in this process: {(time.process_time() - start) / 0.3:.2f} ms of CPU time"
     )
     long = replace(one, spec=one.spec.model_copy(update={"stop": one.spec.stop.model_copy(update={"time": 10.0})}))
-    start = time.process_time()
-    Runner(long).run(one.run(0))
     runner = Runner(long)
     runner.run(one.run(0))
     start = time.process_time()
@@ -76,20 +75,41 @@ class Watch(Observer):
     def __init__(self, executor: LocalExecutor) -> None:
         self.executor = executor
         self.start, self.first, self.end = 0.0, 0, 0.0
-        self.memory: list[tuple[int, int]] = []
+        self.memory: list[tuple[int, int, int]] = []
+        self.before = self.after = (0.0, 0.0)
+        """Processor time of this process and of the workers, at the first and at the last row that count [s]."""
+
+    @property
+    def pids(self) -> list[int]:
+        """Of the workers."""
+        return [worker.pid for worker in self.executor._workers if worker.pid]
 
     def progress(self, progress: Progress) -> None:
         """Look at the clock; at the memory each tenth of the runs."""
         if not self.start and progress.done >= progress.total // 10:
             self.start, self.first = time.monotonic(), progress.done
+            self.before = time.process_time(), sum(map(processor_time, self.pids))
         self.end = time.monotonic()
+        if progress.done == progress.total:
+            self.after = time.process_time(), sum(map(processor_time, self.pids))
         if progress.done % max(1, progress.total // 10) == 0:
-            pids = [worker.pid for worker in self.executor._workers if worker.pid]
-            self.memory.append((progress.done, sum(map(resident, pids))))
+            self.memory.append((progress.done, sum(map(resident, self.pids)), resident(os.getpid())))
+
+    def costs(self, total: int) -> tuple[float, float]:
+        """Processor time of a run in this process and in its worker [ms]."""
+        count = total - self.first
+        here, there = (1e3 * (b - a) / count for a, b in zip(self.before, self.after, strict=True))
+        return here, there
 
     def rate(self, total: int) -> float:
         """Runs per second of the warm workers."""
         return (total - self.first) / (self.end - self.start)
+
+
+def processor_time(pid: int) -> float:
+    """Of a process [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def resident(pid: int) -> int:
@@ -109,10 +129,12 @@ def measure(folder: Path, runs: int, duration: float, workers: int) -> float:
     outcome = run_campaign(one, output, executor=executor, uses_cache=False, observer=watch)
     assert outcome.summary["rows"] == runs
     size = outcome.table.stat().st_size / runs
-    memory = ", ".join(f"{mib} after {done}" for done, mib in watch.memory)
+    memory = ", ".join(f"{mib} and {own} after {done}" for done, mib, own in watch.memory)
+    here, there = watch.costs(runs)
     print(
         f"{runs} runs of {duration:g} s, {workers} workers: {watch.rate(runs):.1f} runs/s, {size:.0f} bytes each in "
-        f"the table; memory of the workers [MiB]: {memory}"
+        f"the table; processor time of a run: {there:.2f} ms in its worker, {here:.2f} ms in the main process; memory "
+        f"of the workers and of the main process [MiB]: {memory}; load of the machine: {os.getloadavg()[0]:.1f}"
     )
     return watch.rate(runs)
 

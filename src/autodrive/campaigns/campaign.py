@@ -221,8 +221,8 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
     elif "{port}" not in spec.driver:
         yield (
             ("driver",),
-            "must be 'FILE.py:CLASS', a policy 'FILE.npz', or a command line with '{port}' in the place of the port that "
-            "the script serves",
+            "must be 'FILE.py:CLASS', a policy 'FILE.npz', or a command line with '{port}' in the place of the port "
+            "that the script serves",
         )
     for i, name in enumerate(spec.stop.events):
         if name not in EVENTS:
