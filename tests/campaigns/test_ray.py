@@ -43,6 +43,14 @@ def wait():
 """
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _path() -> Iterator[None]:
+    """Importing Ray adds a folder with packages of its own, which are not those of the project for other tests."""
+    before = [*sys.path]
+    yield
+    sys.path[:] = before
+
+
 def patient(start: Callable[[], Any]) -> Any:
     """What `start` returns: Ray gives a node 30 s to start, which a busy machine may exceed."""
     for _ in range(6):
