@@ -175,7 +175,7 @@ class Model(NamedTuple):
 def model_digest(model: Model) -> str:
     """SHA-256 of all parameters with their names, types and shapes, in hexadecimal.
 
-    Two models have the same digest only if all their parameters have the same bits. Recordings and caches name it.
+    Two models have the same digest only if all their parameters have the same bits.
     """
     digest = hashlib.sha256()
     for name, column in _parameters("model", model):

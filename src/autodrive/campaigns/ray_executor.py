@@ -128,6 +128,7 @@ class RayExecutor:
                 ) from None
             except OSError as error:
                 raise AutodriveError(f"there is no Ray cluster at '{address}': {error.strerror or error}") from None
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # Ray would report to its makers what it is used for
         try:
             self._ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
         except (ConnectionError, ImportError, ValueError, RuntimeError) as error:
