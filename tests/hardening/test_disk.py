@@ -27,7 +27,8 @@ from autodrive.cache import PACKAGE, check_writable, write_file
 from autodrive.cameras.process import CameraProcess
 from autodrive.cameras.rig import camera_rig
 from autodrive.cameras.shared_memory import FileMemory
-from autodrive.campaigns import Campaign, run_campaign
+from autodrive.campaigns import Campaign, ray_executor, run_campaign
+from autodrive.campaigns.runner import Result
 from autodrive.campaigns.table import Table
 from autodrive.cli import generate, messages, preview
 from autodrive.compile import Compiled
@@ -88,6 +89,10 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("track_0.yaml",),
     ),
     "campaigns/runs.py": (lambda folder: run_campaign(CAMPAIGN, folder / "r", workers=0), ("r/report.html",)),
+    "campaigns/ray_executor.py": (
+        lambda folder: ray_executor._kept(Result(0, recording=str(folder / "r" / "1.mcap")), b"1"),
+        ("r/1.mcap",),
+    ),
     "campaigns/table.py": (lambda folder: Table(folder, CAMPAIGN).finish(), ("table.parquet",)),
     "identification/result.py": (lambda folder: IDENTIFIED.write(folder / "fitted.yaml"), ("fitted.yaml",)),
     "policies/policy.py": (lambda folder: POLICY.save(folder / "policy.npz"), ("policy.npz",)),
@@ -101,7 +106,8 @@ CACHES = {"jit.py", "meshes/store.py"}
 """They work without their files; see below."""
 OTHERS = {
     "campaigns/drivers.py": {"TemporaryFile"},  # what a devkit script prints
-    "campaigns/parameters.py": {"write_text"},  # in a temporary folder, like the next one
+    "campaigns/luggage.py": {"write_bytes"},  # in a temporary folder, like the next ones
+    "campaigns/parameters.py": {"write_text"},
     "identification/windows.py": {"write_text"},
     "policies/policy.py": {"savez"},  # into memory
     "cache.py": {"mkstemp", "TemporaryFile", "write_bytes", "open"},  # `write_file` and `write_cached` themselves

@@ -81,10 +81,14 @@ def interrupted_when(condition: Callable[[], object]) -> Iterator[None]:
         os.kill(os.getpid(), signal.SIGINT)
 
     thread = threading.Thread(target=watch)
-    with mock.patch.object(run._Signals, "_end_process"):
-        thread.start()
-        yield
-        thread.join()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have started the tests without it
+    try:
+        with mock.patch.object(run._Signals, "_end_process"):
+            thread.start()
+            yield
+            thread.join()
+    finally:
+        signal.signal(signal.SIGINT, before)
     if errors:
         raise errors[0]
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from autodrive.cache import make_folder, write_file
 from autodrive.campaigns.campaign import Campaign, Run
 from autodrive.campaigns.keys import versions
 from autodrive.campaigns.luggage import Luggage
@@ -161,8 +162,8 @@ class RayExecutor:
         if answer != self._versions:
             here, there = (", ".join(one[:-1]) for one in (self._versions, answer))
             raise AutodriveError(
-                "a node of the cluster has another version of autodrive, mujoco-core or numpy, or other sources of "
-                f"autodrive: {there} instead of {here}"
+                "a node of the cluster has another autodrive, mujoco-core or numpy, or other sources of autodrive: "
+                f"{there} instead of {here}"
             )
         return None
 
@@ -180,6 +181,6 @@ def _kept(result: Result, recording: bytes) -> Result:
     """The result, with its recording written here."""
     if result.recording:
         path = Path(result.recording)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(recording)
+        make_folder(path.parent)
+        write_file(path, recording)
     return result
