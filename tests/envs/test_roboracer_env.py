@@ -16,9 +16,11 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 from autodrive.envs.conditions import Conditions
 from autodrive.envs.episodes import observed
 from autodrive.envs.race_env import RaceParallelEnv
+from autodrive.envs.race_tracks import AREA, RaceTracks
 from autodrive.envs.roboracer_env import RoboRacerEnv, RoboRacerVectorEnv
 from autodrive.envs.time_trial import FAILURE, TRACK
 from autodrive.errors import SpecError
+from autodrive.tracks.generate import generate_track
 from tests.envs.test_driving_vector_env import equal
 
 BEARINGS = np.linspace(-132.5, 132.5, 54)
@@ -153,12 +155,37 @@ def test_a_collision_ends_the_episode() -> None:
     pytest.fail("no collision")
 
 
+def test_tracks_have_curves_of_the_radius_that_was_asked_for() -> None:
+    """By the circle through points 0.3 m apart."""
+    for radius in (0.8, 1.5):
+        tracks = RaceTracks(2, 0, (1.0, 1.1), (55.0, 60.0), (radius, radius))
+        for line, count in zip(tracks.lines, tracks.count.tolist(), strict=True):
+            b = line[:count, :2]
+            a, c = np.roll(b, 6, axis=0), np.roll(b, -6, axis=0)
+            (x, y), (u, v) = (b - a).T, (c - a).T
+            area = 0.5 * np.abs(x * v - y * u)
+            sides = [np.hypot(*(one - other).T) for one, other in ((a, b), (b, c), (c, a))]
+            least = (np.prod(sides, axis=0) / np.maximum(4.0 * area, 1e-9)).min()
+            assert 0.98 * radius < least < 1.6 * radius
+
+
+def test_a_length_that_does_not_fit_is_drawn_again() -> None:
+    """Of seed 10, the first draw has no track on its ground."""
+    tracks = RaceTracks(1, 10, (0.9, 1.3), (45.0, 70.0), None)
+    first = np.random.default_rng([10, 0, 1]).random(2)
+    with pytest.raises(SpecError, match="no track of"):
+        generate_track(10, width=round(0.9 + 0.4 * first[0], 3), length=round(45.0 + 25.0 * first[1], 3), area=AREA)
+    assert 43.0 < tracks.length[0] < 69.0
+
+
 @pytest.mark.parametrize(
     ("settings", "error"),
     [
         ({"friction": 0.0}, "friction: must be a number from 0.01 to 10"),
         ({"latency": (0.3, 0.1)}, "latency: .* the lesser one first"),
         ({"mass": (1, 2, 3)}, "mass: "),
+        ({"track_radius": 0.1}, "track_radius: must be a number from 0.6 to 4"),
+        ({"track_radius": (1.2, 0.8)}, "track_radius: .* the lesser one first"),
         ({"tracks": 0}, "tracks: must be a whole number from 1 to 16, not 0"),
         ({"render_mode": "human"}, "render_mode: 'human' is not known. Known: rgb_array"),
     ],

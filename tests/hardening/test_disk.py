@@ -85,7 +85,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "racing/results.py": (lambda folder: write_results(folder, *raced(), PRACTICE), ("result.json",)),
     "envs/race_tracks.py": (
-        lambda folder: race_tracks._write(1, 1, (1.4, 1.4), (40.0, 40.0), folder),
+        lambda folder: race_tracks._write(1, 1, ((1.4, 1.4), (40.0, 40.0)), folder),
         ("track_0.yaml",),
     ),
     "campaigns/runs.py": (lambda folder: run_campaign(CAMPAIGN, folder / "r", workers=0), ("r/report.html",)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from autodrive.arrays import Floats
 from autodrive.cache import cache_folder, make_folder, write_file
 from autodrive.elementary import atan2
 from autodrive.envs.path import table
+from autodrive.errors import SpecError
 from autodrive.tracks.generate import generate_track
 from autodrive.tracks.track import Pose, Track
 
@@ -17,6 +19,8 @@ AREA = 20.0, 10.0
 """Of the ground of each track [m]. A longer track on it has more and tighter curves."""
 APART = 12.0
 """Between the grounds of two tracks [m]: farther than a LIDAR of the car sees."""
+DRAWS = 5
+"""Of width, length and radius of a track, until one fits on its ground."""
 SPACING = 0.05
 """Of the points of the centre lines [m], about."""
 
@@ -24,16 +28,25 @@ SPACING = 0.05
 class RaceTracks:
     """`count` tracks with the seeds `seed`, `seed` + 1, ... The map is a file in the cache.
 
-    `width`: between the barriers, and `length` [m], the least and the greatest; each track has its own.
+    `width`: between the barriers, `length`, and `radius`: least of the centre line in curves [m]; of each the least and
+    the greatest: each track has its own. `radius` None: see `generate_track`. Raises `SpecError` if no track fits.
     """
 
-    def __init__(self, count: int, seed: int, width: tuple[float, float], length: tuple[float, float]) -> None:
-        folder = cache_folder("race_tracks", "tracks", also=f"{count} {seed} {length} {width} {AREA} {APART}")
+    def __init__(
+        self,
+        count: int,
+        seed: int,
+        width: tuple[float, float],
+        length: tuple[float, float],
+        radius: tuple[float, float] | None,
+    ) -> None:
+        ranges = (width, length) if radius is None else (width, length, radius)
+        folder = cache_folder("race_tracks", "tracks", also=f"{count} {seed} {ranges} {AREA} {APART}")
         self.file = folder / "tracks.yaml"
         """The map. Its road and its start line are those of the first track; it has the barriers of all."""
         files = [folder / f"track_{k}.yaml" for k in range(count)]
         if not all(file.is_file() for file in (self.file, *files)):
-            _write(count, seed, width, length, folder)
+            _write(count, seed, ranges, folder)
         tracks = [Track.load(file) for file in files]
         self.length = np.array([track.length for track in tracks])
         """Of the centre lines [m], shape (n,)."""
@@ -50,15 +63,13 @@ class RaceTracks:
         return x - lateral * s, y + lateral * c, atan2(s, c)
 
 
-def _write(count: int, seed: int, width: tuple[float, float], length: tuple[float, float], folder: Path) -> None:
+def _write(count: int, seed: int, ranges: Sequence[tuple[float, float]], folder: Path) -> None:
     """Generate the tracks. The map is written last: what it consists of is complete."""
     make_folder(folder)
     walls: list[Floats] = []
     tracks: list[Track] = []
     for k in range(count):
-        shares = np.random.default_rng([seed + k, 0, 1]).random(2).tolist()
-        own = [round(least + s * (most - least), 3) for s, (least, most) in zip(shares, (width, length), strict=True)]
-        one = generate_track(seed + k, width=own[0], length=own[1], area=AREA)
+        one = _track(seed + k, ranges)
         aside = np.array([0.0, round(k * (AREA[1] + APART), 3)])
         line = one.centre_line + np.array([*aside, 0.0, 0.0])
         moved = Track(one.name, line, walls=tuple(wall + aside for wall in one.walls), barrier=one.barrier)
@@ -69,3 +80,16 @@ def _write(count: int, seed: int, width: tuple[float, float], length: tuple[floa
     title = f"Tracks {seed} to {seed + count - 1}"
     whole = Track("tracks", first.centre_line, walls=tuple(walls), title=title, barrier=first.barrier)
     write_file(folder / "tracks.yaml", whole.text())
+
+
+def _track(seed: int, ranges: Sequence[tuple[float, float]]) -> Track:
+    """The first that fits on its ground of those whose width, length and radius are drawn from the ranges."""
+    rng = np.random.default_rng([seed, 0, 1])
+    for draws_left in reversed(range(DRAWS)):
+        width, length, *radius = (round(least + rng.random() * (most - least), 3) for least, most in ranges)
+        try:
+            return generate_track(seed, width=width, length=length, area=AREA, min_radius=next(iter(radius), None))
+        except SpecError:
+            if not draws_left:
+                raise
+    raise AssertionError("unreachable")

@@ -28,7 +28,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     """Many time trials, each in a world of its own: see `autodrive.envs.time_trial`.
 
     `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
-    or each with its own from these ranges. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
+    or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
+    width of the track and at least 1 m. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
     `latency`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
     """
 
@@ -40,6 +41,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         track_seed: int = 0,
         track_width: Range = WIDTH,
         track_length: Range = LENGTH,
+        track_radius: Range | None = None,
         friction: Range = 1.0,
         mass: Range = 1.0,
         noise: Range = 0.0,
@@ -56,7 +58,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         self.conditions = Conditions(friction, mass, noise, latency)
         super().__init__(
             num_envs,
-            TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length),
+            TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length, radius=track_radius),
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             observation=observation,

@@ -40,6 +40,8 @@ WIDTH, LEAST_WIDTH, MOST_WIDTH = 1.4, 0.8, 2.0
 """Of a track [m]: if nothing is chosen, and its limits."""
 LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 70.0
 """Likewise."""
+LEAST_RADIUS, MOST_RADIUS = 0.6, 4.0
+"""Of curves [m]: the car turns with 0.56 m."""
 
 KNOWN = 4
 TRACK, PLACE, DRIVEN = 0, 1, 1 + path.DRIVEN
@@ -79,8 +81,12 @@ class TimeTrial(Task):
         laps: int = 1,
         width: Range = WIDTH,
         length: Range = LENGTH,
+        radius: Range | None = None,
     ) -> None:
-        """`laps`: after which the task is accomplished; `width`, `length` of the tracks [m]. Raises `SpecError`."""
+        """`laps`: after which the task is accomplished. `width`, `length`, `radius`: see `RaceTracks` [m].
+
+        Raises `SpecError`.
+        """
         wrong = {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
         errors = [
             f"{name}: must be a whole number from {least} to {most}, not {given!r}"
@@ -91,6 +97,8 @@ class TimeTrial(Task):
             "track_width": (width, LEAST_WIDTH, MOST_WIDTH),
             "track_length": (length, LEAST_LENGTH, MOST_LENGTH),
         }
+        if radius is not None:
+            ranges["track_radius"] = radius, LEAST_RADIUS, MOST_RADIUS
         errors += [
             f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {given!r}"
             for name, (given, least, most) in ranges.items()
@@ -98,8 +106,8 @@ class TimeTrial(Task):
         ]
         if errors:
             raise SpecError(errors)
-        own = [given if isinstance(given, tuple) else (given, given) for given in (width, length)]
-        self.tracks = RaceTracks(tracks, track_seed, *own)
+        curves = None if radius is None else _ends(radius)
+        self.tracks = RaceTracks(tracks, track_seed, _ends(width), _ends(length), curves)
         self._laps = laps
         self.scenario = ScenarioSpec(
             map=str(self.tracks.file),
@@ -150,6 +158,10 @@ class TimeTrial(Task):
         """See `Task.evaluate`. The nearest point is sought around the last one: parts of a track may be near."""
         t = self.tracks
         _judge(cars, t.lines, t.count, t.length, self._laps, self._reach, self._preview, memory, features, outcome)
+
+
+def _ends(given: Range) -> tuple[float, float]:
+    return given if isinstance(given, tuple) else (given, given)
 
 
 def _steps_back(place: int) -> int:
