@@ -28,7 +28,7 @@ from autodrive.scenario import ScenarioSpec, load_scenario
 N, ROUNDS, TICKS = 256, 31, 5
 
 GYMKHANA = """
-import time, numpy as np, gymnasium as gym, gymkhana
+import sys, time, numpy as np, gymnasium as gym, gymkhana
 from gymkhana.envs.track import Track
 angle = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
 track = Track.from_refline(10.0 * np.cos(angle), 10.0 * np.sin(angle), np.full(200, 3.0))
@@ -36,9 +36,14 @@ rows, columns = np.indices(track.occupancy_map.shape)
 x, y = (track.spec.origin[i] + track.spec.resolution * axis for i, axis in enumerate((columns, rows)))
 track.occupancy_map[abs(np.hypot(x, y) - 10.0) > 1.5] = 0.0
 track.centerline.w_lefts = track.centerline.w_rights = np.full(len(track.centerline.ss), 1.5)
+step, integrator_step = map(float, sys.argv[1].split(','))
 env = gym.make('gymkhana-v0', config={
-    'num_agents': 1, 'map': track, 'timestep': 0.01, 'integrator_timestep': 0.01})
+    'num_agents': 1, 'map': track, 'timestep': step, 'integrator_timestep': integrator_step})
 env.reset()
+"""
+"""On a ring 3 m wide; the maps of gymkhana are downloads. Argument: durations of a step and of its integration [s]."""
+
+GYMKHANA_TIMES = """
 action = np.zeros(env.action_space.shape)
 for _ in range(50): env.step(action)
 for _ in range(15):
@@ -46,7 +51,6 @@ for _ in range(15):
     for _ in range(200): env.step(action)
     print((time.process_time() - start) / 200 * 1e6)
 """
-"""On a ring 3 m wide; the maps of gymkhana are downloads."""
 
 
 def scenario(vehicle: str, cars: int = 1, *, has_lidar: bool = True) -> ScenarioSpec:
@@ -125,7 +129,7 @@ def main() -> None:
     print(f"memory of a world beyond the first, of 1,024: {(memory(1024) - memory(1)) / 1023:.1f} KiB")
     for name, python, program, argument in (
         ("f1tenth_gym", arguments.f1tenth_gym, PEER, arguments.f1tenth_map),
-        ("gymkhana", arguments.gymkhana, GYMKHANA, ""),
+        ("gymkhana", arguments.gymkhana, GYMKHANA + GYMKHANA_TIMES, "0.01,0.01"),
     ):
         if python:
             shown = subprocess.run([python, "-c", program, argument], check=True, capture_output=True, text=True)
