@@ -39,7 +39,7 @@ from autodrive.specs import names
 ENVS, HORIZON = 64, 128
 EPOCHS, MINIBATCHES = 4, 8
 TRACE, CLIP = 0.95, 0.2
-OPTIMIZER = optax.chain(optax.clip_by_global_norm(0.5), optax.adam(5e-4, eps=1e-5))
+OPTIMIZER = optax.chain(optax.clip_by_global_norm(0.5), optax.adam(optax.linear_schedule(5e-4, 5e-5, 6000), eps=1e-5))
 WIDTH = 128
 CHECK_INTERVAL = 60.0  # between two checkpoints [s]
 SCALES = {"speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "range": 0.2}  # features become about -1 to 1; others as is
@@ -68,8 +68,9 @@ PROBLEMS = {
         reward=0.2,
         settings={
             "tracks": 16,
-            "track_width": (0.9, 1.6),
-            "track_length": (35.0, 60.0),
+            "track_width": (0.9, 1.4),
+            "track_length": (48.0, 70.0),
+            "track_radius": (0.8, 1.0),
             "noise": 1.0,
             "friction": (0.8, 1.2),
             "mass": (0.8, 1.2),

@@ -157,7 +157,7 @@ def test_what_a_racer_cannot_read_is_refused() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("track", ["fast", "practice"])
+@pytest.mark.parametrize("track", ["fast", "practice", "technical"])
 def test_the_included_policy_drives_laps_on_tracks_that_it_has_not_seen(track: str) -> None:
     result = drive_laps(Policy.find("race"), track, laps=4)
     assert (len(result.laps), result.collisions, result.status) == (4, 0, "finished")
