@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from autodrive.errors import AutodriveError
 
@@ -21,6 +22,16 @@ def write_file(path: Path, data: bytes | str) -> None:
     """Write a file of a user, text as UTF-8: whole, or not at all. Raises `AutodriveError`."""
     with _errors(path):
         _replace(path, data.encode() if isinstance(data, str) else data)
+
+
+@contextlib.contextmanager
+def new_file(path: Path) -> Iterator[BinaryIO]:
+    """A file of a user that is written piece by piece: whole, or not at all if the block raises.
+
+    Raises `AutodriveError` instead of an `OSError`.
+    """
+    with _errors(path), _new(path) as file:
+        yield file
 
 
 def make_folder(path: Path) -> None:
@@ -49,14 +60,22 @@ def _errors(path: Path) -> Iterator[None]:
 
 def _replace(path: Path, data: bytes) -> None:
     """Write a file; what was there is complete until the new content is. Raises `OSError`."""
+    with _new(path) as file:
+        file.write(data)
+
+
+@contextlib.contextmanager
+def _new(path: Path) -> Iterator[BinaryIO]:
+    """The new content of a file; what was there stays until the block ends. Raises `OSError`."""
     path = _target(path)
     if not _is_replaceable(path):
-        path.write_bytes(data)
+        with path.open("wb") as file:
+            yield file
         return
     handle, part = tempfile.mkstemp(dir=path.parent, prefix=".autodrive-")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(data)
+            yield file
         Path(part).chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_UMASK)
         Path(part).replace(path)
     except BaseException:

@@ -261,6 +261,53 @@ def test_ctrl_c_keeps_what_is_done_and_the_command_goes_on(
     assert "the same command goes on" in ended.stdout
 
 
+def test_ctrl_c_keeps_rows_of_an_earlier_campaign_that_it_had_not_come_to(campaign: Make, tmp_path: Path) -> None:
+    one = campaign()
+    expected = run_campaign(one, tmp_path, workers=0, uses_cache=False).table.read_bytes()
+
+    class Stopping(Observer):
+        """Stops the campaign at once, as Ctrl-C does."""
+
+        def progress(self, progress: Progress) -> None:
+            if progress.done == 1:
+                raise KeyboardInterrupt
+
+    stopped = run_campaign(one, tmp_path, workers=0, uses_cache=False, observer=Stopping())
+    assert not stopped.is_complete
+    assert stopped.table.read_bytes() == expected
+
+
+def test_rows_of_a_killed_campaign_are_there_again(campaign: Make, tmp_path: Path) -> None:
+    one = campaign()
+    (tmp_path / "whole").mkdir()
+    whole = run_campaign(one, tmp_path / "whole", workers=0, uses_cache=False)
+    broken = tmp_path / "broken"
+    for folder, runs in (("earlier", slice(8, 12)), ("parts", slice(0, 4))):
+        (broken / folder).mkdir(parents=True)
+        table = parquet.read_table(whole.table)
+        parquet.write_table(table.take(np.arange(16)[runs][::-1]), broken / folder / "000000.parquet")
+    counting = Counting()
+    again = run_campaign(one, broken, workers=0, uses_cache=False, observer=counting)
+    assert counting.reused == 8
+    assert again.table.read_bytes() == whole.table.read_bytes()
+    assert not (broken / "earlier").exists()
+
+
+@pytest.mark.parametrize("group", [1, 3, 2**20])
+def test_summary_and_report_do_not_depend_on_how_much_of_the_table_is_in_memory(
+    campaign: Make, tmp_path: Path, group: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = campaign()
+    whole = run_campaign(one, tmp_path / "whole", workers=0)
+    monkeypatch.setattr("autodrive.campaigns.table.ROW_GROUP", group)
+    monkeypatch.setattr("autodrive.campaigns.table.BLOCK", group)
+    parts = run_campaign(one, tmp_path / "parts", workers=0)
+    assert parquet.read_metadata(parts.table).num_row_groups == -(-16 // group)
+    assert rows(parts.folder) == rows(whole.folder)
+    assert parts.summary == whole.summary
+    assert parts.report.read_text() == whole.report.read_text()
+
+
 def test_another_file_in_the_place_of_the_table_is_one_line(campaign: Make, tmp_path: Path) -> None:
     for content in (b"", b"no table"):
         (tmp_path / "table.parquet").write_bytes(content)

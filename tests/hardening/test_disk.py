@@ -110,7 +110,7 @@ OTHERS = {
     "campaigns/parameters.py": {"write_text"},
     "identification/windows.py": {"write_text"},
     "policies/policy.py": {"savez"},  # into memory
-    "cache.py": {"mkstemp", "TemporaryFile", "write_bytes", "open"},  # `write_file` and `write_cached` themselves
+    "cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves
     "cameras/shared_memory.py": {"mkstemp", "open"},  # memory, where a machine has no better one
     "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
     "cli/app.py": {"open"},  # /dev/null
@@ -147,7 +147,7 @@ def writes(module: Path) -> set[str]:
 def test_every_place_that_writes_is_attacked_here() -> None:
     modules = {path.relative_to(PACKAGE).as_posix(): path for path in PACKAGE.rglob("*.py")}
     assert {name: found for name, path in modules.items() if (found := writes(path))} == OTHERS
-    callers = {name for name, path in modules.items() if {"write_file", "write_cached"} & _calls(path)}
+    callers = {name for name, path in modules.items() if {"write_file", "new_file", "write_cached"} & _calls(path)}
     assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES | EXPORTS
 
 

@@ -11,12 +11,11 @@ import numpy as np
 
 import autodrive
 from autodrive.campaigns.campaign import Campaign
-from autodrive.campaigns.statistics import column, wilson
+from autodrive.campaigns.statistics import wilson
 
 if TYPE_CHECKING:
-    import pyarrow
-
     from autodrive.arrays import Floats
+    from autodrive.campaigns.table import Columns
 
 WORST = 25
 """Runs in the table of the worst cases."""
@@ -43,7 +42,7 @@ svg text { font: 11px system-ui, sans-serif; fill: #444 }
 """
 
 
-def report(campaign: Campaign, table: pyarrow.Table, numbers: dict[str, Any]) -> str:
+def report(campaign: Campaign, table: Columns, numbers: dict[str, Any]) -> str:
     """The HTML text."""
     title = campaign.spec.title or campaign.name
     parts = [
@@ -97,16 +96,16 @@ def _metrics(campaign: Campaign, numbers: dict[str, Any]) -> str:
     return f"<h2>Metrics</h2><table>{head}{''.join(rows)}</table>"
 
 
-def worst(table: pyarrow.Table, count: int = WORST) -> list[dict[str, Any]]:
+def worst(table: Columns, count: int = WORST) -> list[dict[str, Any]]:
     """Rows of the runs that are farthest from the criterion, then those with errors; none without a criterion."""
-    import pyarrow.compute as pc  # noqa: PLC0415  an extra
+    margins = table.numbers("margin")
+    failed = np.flatnonzero(table.where("status", "fail"))
+    failed = failed[np.argsort(margins[failed], kind="stable")]
+    places = np.concatenate([failed, np.flatnonzero(table.where("status", "error"))])[:count]
+    return table.rows(table["run"].take(places).to_pylist())
 
-    failed = table.filter(pc.field("status") == "fail").sort_by([("margin", "ascending"), ("run", "ascending")])
-    errors = table.filter(pc.field("status") == "error")
-    return [*failed.slice(0, count).to_pylist(), *errors.slice(0, count).to_pylist()][:count]
 
-
-def _worst(campaign: Campaign, table: pyarrow.Table) -> str:
+def _worst(campaign: Campaign, table: Columns) -> str:
     rows = worst(table)
     if not rows:
         return "<h2>Worst cases</h2><p>No run failed.</p>"
@@ -127,30 +126,28 @@ def _worst(campaign: Campaign, table: pyarrow.Table) -> str:
     )
 
 
-def _plots(campaign: Campaign, table: pyarrow.Table) -> str:
-    status = table["status"].to_pylist()
-    parts = ["<h2>Distributions</h2>", *(_histogram(name, column(table, name)) for name in campaign.metric_names)]
-    numeric = [path for path in campaign.spec.parameters if str(table[path].type) in ("double", "int64")]
-    numeric = [path for path in numeric if len(set(table[path].to_pylist())) > 1]
-    others = [path for path in campaign.spec.parameters if path not in numeric]
+def _plots(campaign: Campaign, table: Columns) -> str:
+    parts = ["<h2>Distributions</h2>", *(_histogram(name, table.numbers(name)) for name in campaign.metric_names)]
+    varied = [path for path in campaign.spec.parameters if table.varies(path)]
+    numeric = [path for path in varied if str(table[path].type) in ("double", "int64")]
     if campaign.criterion is not None and len(table):
         parts.append("<h2>Pass rate by parameter</h2>")
-        is_judged = np.array([one in ("pass", "fail") for one in status])
-        is_passed = np.array([one == "pass" for one in status])
-        for path in numeric:
-            parts.append(_rates(path, column(table, path)[is_judged], is_passed[is_judged]))
-        for path in others:
-            values = [_text(value) for value in table[path].to_pylist()]
-            options = sorted(set(values))
-            if len(options) > 1:
-                places = np.array([options.index(one) for one in values], dtype=np.float64)
-                parts.append(_rates(path, places[is_judged], is_passed[is_judged], options))
+        is_passed = table.where("status", "pass")
+        is_judged = is_passed | table.where("status", "fail")
+        for path in varied:
+            if path in numeric:
+                parts.append(_rates(path, table.numbers(path)[is_judged], is_passed[is_judged]))
+            else:
+                options = sorted(table[path].unique().to_pylist())
+                places = np.select([table.where(path, one) for one in options], np.arange(float(len(options))))
+                parts.append(_rates(path, places[is_judged], is_passed[is_judged], [_text(one) for one in options]))
     step = max(1, math.ceil(len(table) / POINTS))
+    shown = table["status"].take(np.arange(0, len(table), step)).to_pylist()
     parts.append("<h2>Metrics by parameter</h2>")
     for path in numeric:
         for name in campaign.metric_names:
-            x, y = column(table, path)[::step], column(table, name)[::step]
-            parts.append(_scatter(path, name, x, y, status[::step]))
+            x, y = table.numbers(path)[::step], table.numbers(name)[::step]
+            parts.append(_scatter(path, name, x, y, shown))
     return "\n".join(parts)
 
 

@@ -84,9 +84,9 @@ def run_campaign(
     cache = (cache or RowCache()) if uses_cache else None
     observer, progress = observer or Observer(), Progress(len(campaign))
     batch: list[tuple[str, Result]] = []
-    known = {row["run"]: row for row in table.earlier() if not row["error"]}
-    table.start()
+    earlier = table.start()
     keys, key_of = Keys(campaign), dict[int, tuple[Run, str]]()
+    numbers = iter(range(len(campaign)))
 
     def add(run: Run, key: str, result: Result, *, is_new: bool) -> None:
         row = table.add(run, key, result)
@@ -107,9 +107,11 @@ def run_campaign(
         batch.clear()
 
     def reused(run: Run, key: str) -> Result | None:
-        result = _result(known[run.number], campaign) if known.get(run.number, {}).get("key") == key else None
-        if result is None and cache is not None:
-            result = cache.get(key, run.number)
+        row = earlier.get(run.number)
+        if row is not None and row["key"] == key and not row["error"]:
+            result = _result(row, campaign)
+        else:
+            result = None if cache is None else cache.get(key, run.number)
         file = folder / "recordings" / recording_name(run.number)
         if result is None or not _is_recorded(campaign, result):
             return result
@@ -119,7 +121,9 @@ def run_campaign(
 
     def new_runs() -> Iterator[Run]:
         """The runs that must run; those that are known are added."""
-        for number in range(len(campaign)):
+        for number in numbers:
+            if is_stopped and earlier.get(number) is None:
+                continue
             run = campaign.run(number)
             if campaign.spec.record != "none":
                 file = folder / "recordings" / recording_name(number)
@@ -131,7 +135,7 @@ def run_campaign(
                 key_of[number] = run, key
                 yield run
 
-    is_complete, runs = False, new_runs()
+    is_complete, is_stopped, runs = False, False, new_runs()
     try:
         first = next(runs, None)
         if first is not None:
@@ -147,6 +151,9 @@ def run_campaign(
     finally:
         if executor is not None:
             executor.cancel()
+        is_stopped = True
+        for _ in new_runs():  # rows of an earlier campaign that it had not come to stay in the table
+            pass
         flush()
         if cache is not None:
             cache.close()

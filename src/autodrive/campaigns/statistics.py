@@ -10,9 +10,8 @@ import numpy as np
 from autodrive.campaigns.campaign import Campaign
 
 if TYPE_CHECKING:
-    import pyarrow
-
     from autodrive.arrays import Floats
+    from autodrive.campaigns.table import Columns
 
 CONFIDENCE = 0.95
 Z = 1.959963984540054
@@ -41,23 +40,18 @@ def mean_interval(values: Floats) -> tuple[float, float]:
     return mean - half, mean + half
 
 
-def summary(campaign: Campaign, table: pyarrow.Table) -> dict[str, Any]:
+def summary(campaign: Campaign, table: Columns) -> dict[str, Any]:
     """The numbers of a campaign; JSON."""
-    status = table["status"].to_pylist()
-    counts = {name: status.count(name) for name in ("pass", "fail", "done", "error") if name in status}
-    found: dict[str, Any] = {"campaign": campaign.name, "runs": len(campaign), "rows": len(status), "counts": counts}
+    counted = {one["values"]: one["counts"] for one in table["status"].value_counts().to_pylist()}
+    counts = {name: counted[name] for name in ("pass", "fail", "done", "error") if name in counted}
+    found: dict[str, Any] = {"campaign": campaign.name, "runs": len(campaign), "rows": len(table), "counts": counts}
     if campaign.criterion is not None:
         judged = counts.get("pass", 0) + counts.get("fail", 0)
         low, high = wilson(counts.get("pass", 0), judged)
         rate = counts.get("pass", 0) / judged if judged else None
         found["pass"] = {"criterion": campaign.spec.pass_, "runs": judged, "rate": rate, "low": low, "high": high}
-    found["metrics"] = {name: _metric(column(table, name)) for name in campaign.metric_names}
+    found["metrics"] = {name: _metric(table.numbers(name)) for name in campaign.metric_names}
     return found
-
-
-def column(table: pyarrow.Table, name: str) -> Floats:
-    """A column of numbers; nan where there is none."""
-    return np.array([math.nan if value is None else value for value in table[name].to_pylist()], dtype=np.float64)
 
 
 def _metric(values: Floats) -> dict[str, Any]:

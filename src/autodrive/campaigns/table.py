@@ -2,73 +2,74 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import shutil
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from autodrive.cache import make_folder, write_file
+from autodrive.cache import make_folder, new_file
 from autodrive.campaigns.campaign import Campaign, Run
 from autodrive.campaigns.runner import Result
 from autodrive.campaigns.sampling import missing
 from autodrive.errors import AutodriveError
 
 if TYPE_CHECKING:
+    import numpy as np
     import pyarrow
+    from numpy.typing import NDArray
+
+    from autodrive.arrays import Floats
 
 PART_TIME, PART_ROWS = 5.0, 5000
 """A part is written after that time [s], or with so many rows."""
+BLOCK, ROW_GROUP = 2**16, 2**20
+"""Runs whose rows are in memory at a time: as dictionaries, and as columns."""
 FIRST = ("run", "sample", "seed", "status", "margin", "end", "time", "error", "recording", "key")
 """Columns before those of metrics and parameters."""
 
 
 class Table:
-    """Rows of a campaign in a folder: `parts/*.parquet` while it runs, `table.parquet` when it has ended."""
+    """Rows of a campaign in a folder: `parts/*.parquet` while it runs, `table.parquet` when it has ended.
+
+    Memory does not grow with the number of rows.
+    """
 
     def __init__(self, folder: Path, campaign: Campaign) -> None:
         """Raises `AutodriveError` if pyarrow is not installed."""
         self._parquet = _parquet()
         self._campaign = campaign
         self.path = folder / "table.parquet"
-        self._parts = folder / "parts"
+        self._parts, self._earlier = folder / "parts", folder / "earlier"
         self._schema = schema(campaign)
         self._rows: list[dict[str, Any]] = []
         self._written = time.monotonic()
         self._count = 0
 
-    def earlier(self) -> Iterator[dict[str, Any]]:
-        """Rows of an earlier, also a broken, campaign in this folder. Raises `AutodriveError` for another file."""
-        for path in (self.path, *sorted(self._parts.glob("*.parquet"))):
-            if path.is_file():
-                try:
-                    table = self._parquet.read_table(path)
-                    table.schema.field("key")
-                except (ValueError, KeyError):  # pyarrow's errors of wrong files are ValueErrors
-                    raise AutodriveError(
-                        f"{path} is not a table of a campaign; delete it, or choose another folder (--output)"
-                    ) from None
-                yield from table.to_pylist()
-
     def run(self, number: int) -> Run | None:
         """The run of that number, with the parameters in the table; None if it is not there."""
         kinds, types = _kinds(self._campaign), self._campaign.spec.parameters
-        for row in self.earlier():
-            if row["run"] == number and row.keys() >= kinds.keys():
-                values = {path: row[path] for path in kinds}
-                for path, kind in kinds.items():
-                    if kind is str and not all(isinstance(one, str) for one in types[path].values):
-                        values[path] = json.loads(row[path])
-                return Run(number, row["sample"], row["seed"], values)
-        return None
+        row = self._stored().get(number)
+        if row is None or not row.keys() >= kinds.keys():
+            return None
+        values = {path: row[path] for path in kinds}
+        for path, kind in kinds.items():
+            if kind is str and not all(isinstance(one, str) for one in types[path].values):
+                values[path] = json.loads(row[path])
+        return Run(number, row["sample"], row["seed"], values)
 
-    def start(self) -> None:
-        """Begin with an empty table: rows of earlier campaigns that still hold are added again."""
-        shutil.rmtree(self._parts, ignore_errors=True)
+    def start(self) -> Stored:
+        """Begin with an empty table. Returns the rows of earlier, also broken, campaigns in this folder.
+
+        Those that still hold are to be added again. Raises `AutodriveError` if a file is not a table of a campaign.
+        """
+        self._stored()
+        make_folder(self._earlier)
+        for number, path in enumerate(_files(self._parts), len(_files(self._earlier))):
+            path.replace(self._earlier / f"{number:06d}.parquet")
         make_folder(self._parts)
+        return self._stored()
 
     def add(self, run: Run, key: str, result: Result) -> dict[str, Any]:
         """Add a row; returns it."""
@@ -84,26 +85,111 @@ class Table:
     def write_part(self) -> None:
         """Write the rows that are not written yet."""
         if self._rows:
+            import pyarrow as pa  # noqa: PLC0415  an extra
+
             self._count += 1
-            self._write(_table(self._rows, self._schema), self._parts / f"{self._count:06d}.parquet")
+            with new_file(self._parts / f"{self._count:06d}.parquet") as file:
+                self._parquet.write_table(pa.Table.from_pylist(self._rows, schema=self._schema), file)
         self._rows, self._written = [], time.monotonic()
 
-    def finish(self) -> pyarrow.Table:
+    def finish(self) -> Columns:
         """Write the sorted table; the same rows give the same bytes."""
+        self.write_part()
+        parts = Stored(_files(self._parts))
+        with new_file(self.path) as file, self._parquet.ParquetWriter(file, self._schema) as writer:
+            for first in range(0, parts.end, ROW_GROUP):
+                writer.write_table(parts.between(first, first + ROW_GROUP).sort_by("run"), ROW_GROUP)
+        shutil.rmtree(self._parts, ignore_errors=True)
+        shutil.rmtree(self._earlier, ignore_errors=True)
+        return Columns(self.path)
+
+    def _stored(self) -> Stored:
+        """All rows in the folder; of a run that is there twice, the later row counts."""
+        table = [self.path] if self.path.is_file() else []
+        return Stored([*table, *_files(self._earlier), *_files(self._parts)])
+
+
+class Stored:
+    """Rows in Parquet files, of which only those of some neighbouring runs are in memory."""
+
+    def __init__(self, paths: list[Path]) -> None:
+        """Raises `AutodriveError` if a file is not a table of a campaign."""
+        self._parquet = _parquet()
+        self._files = [(path, *self._range(path)) for path in paths]
+        self.end = max((end for _, _, end in self._files), default=0)
+        """One more than the greatest number of a run."""
+        self._block = -1
+        self._rows: dict[int, dict[str, Any]] = {}
+
+    def get(self, number: int) -> dict[str, Any] | None:
+        """The row of a run; fast if runs are asked for in their order."""
+        if self._block != number // BLOCK:
+            self._block = number // BLOCK
+            first = self._block * BLOCK
+            self._rows = {row["run"]: row for one in self._tables(first, first + BLOCK) for row in one.to_pylist()}
+        return self._rows.get(number)
+
+    def between(self, first: int, end: int) -> pyarrow.Table:
+        """The rows of the runs from `first` to before `end`, of files with the same columns."""
         import pyarrow as pa  # noqa: PLC0415  an extra
 
-        self.write_part()
-        parts = [self._parquet.read_table(path) for path in sorted(self._parts.glob("*.parquet"))]
-        table = pa.concat_tables(parts) if parts else self._schema.empty_table()
-        table = table.sort_by("run").combine_chunks().replace_schema_metadata(None)
-        self._write(table, self.path)
-        shutil.rmtree(self._parts, ignore_errors=True)
-        return table
+        return pa.concat_tables(self._tables(first, end)).combine_chunks()
 
-    def _write(self, table: pyarrow.Table, path: Path) -> None:
-        data = io.BytesIO()
-        self._parquet.write_table(table, data)
-        write_file(path, data.getvalue())
+    def _tables(self, first: int, end: int) -> list[pyarrow.Table]:
+        filters = [("run", ">=", first), ("run", "<", end)]
+        return [
+            self._parquet.read_table(path, filters=filters)
+            for path, low, high in self._files
+            if low < end and first < high
+        ]
+
+    def _range(self, path: Path) -> tuple[int, int]:
+        """The least number of a run in a file, and one more than the greatest one."""
+        try:
+            with self._parquet.ParquetFile(path) as file:
+                columns = file.schema_arrow.names
+                groups = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
+                ranges = [one.column(columns.index("run")).statistics for one in groups]
+                columns.index("key")
+        except ValueError:  # a column that is not there, and all of pyarrow's errors of wrong files
+            raise AutodriveError(
+                f"{path} is not a table of a campaign; delete it, or choose another folder (--output)"
+            ) from None
+        return min((one.min for one in ranges), default=0), max((one.max + 1 for one in ranges), default=0)
+
+
+class Columns:
+    """The columns of a table; each is read when it is asked for, so that never all of them are in memory."""
+
+    def __init__(self, path: Path) -> None:
+        from pyarrow import compute  # noqa: PLC0415  an extra
+
+        self._path, self._parquet, self._compute = path, _parquet(), cast(Any, compute)
+
+    def __len__(self) -> int:
+        return self._parquet.read_metadata(self._path).num_rows
+
+    def __getitem__(self, name: str) -> pyarrow.ChunkedArray:
+        with self._parquet.ParquetFile(self._path) as file:
+            return file.read(columns=[name]).column(name)
+
+    def numbers(self, name: str) -> Floats:
+        """A column of numbers; nan where there is none."""
+        return self[name].cast("float64").to_numpy()
+
+    def where(self, name: str, value: Any) -> NDArray[np.bool_]:
+        """The places of a column that have this value, as truth values."""
+        return self._compute.equal(self[name], value).to_numpy()
+
+    def varies(self, name: str) -> bool:
+        """Whether a column has more than one value."""
+        least, greatest = self._compute.min_max(self[name]).as_py().values()
+        return least != greatest
+
+    def rows(self, runs: list[int]) -> list[dict[str, Any]]:
+        """The rows of these runs, in this order."""
+        found = self._parquet.read_table(self._path, filters=[("run", "in", runs)]).to_pylist() if runs else []
+        return sorted(found, key=lambda row: runs.index(row["run"]))
 
 
 def row_of(campaign: Campaign, run: Run, key: str, result: Result) -> dict[str, Any]:
@@ -160,10 +246,8 @@ def _as(kind: type, value: Any) -> Any:
     return value if type(value) is kind else float(value) if kind is float else json.dumps(value)
 
 
-def _table(rows: list[dict[str, Any]], columns: pyarrow.Schema) -> pyarrow.Table:
-    import pyarrow as pa  # noqa: PLC0415  an extra
-
-    return pa.Table.from_pylist(rows, schema=columns)
+def _files(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.parquet"))
 
 
 def _parquet() -> Any:
