@@ -19,6 +19,12 @@ from autodrive.errors import SpecError
 Make = Callable[..., Campaign]
 
 
+@pytest.mark.parametrize("driver", ["race.npz", "python script.py {port}"])
+def test_only_a_class_has_arguments(campaign: Make, driver: str) -> None:
+    with pytest.raises(SpecError, match=r"line \d+\): only a class 'FILE.py:CLASS' has arguments"):
+        campaign(driver=driver, parameters={"driver.throttle": [0.5]}, samples={})
+
+
 def test_all_faults_are_reported_at_once(campaign: Make, tmp_path: Path) -> None:
     with pytest.raises(SpecError) as caught:
         campaign(

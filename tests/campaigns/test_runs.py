@@ -120,6 +120,13 @@ def test_the_table_does_not_depend_on_workers_kills_resumes_or_the_cache(campaig
     assert cached.table.read_bytes() == expected
 
 
+def test_latency_and_arguments_of_the_driver_need_no_other_world(campaign: Make) -> None:
+    one = campaign(parameters={"latency": [0.0, 0.1], "driver.throttle": [0.3, 0.6], "vehicles.V1.x": [0.0, 0.1]})
+    runner = Runner(one)
+    worlds = {id(runner._world(one.run(number).values)) for number in range(16)}
+    assert len(worlds) == 1
+
+
 def test_what_decides_a_result_is_in_its_key(campaign: Make, tmp_path: Path) -> None:
     small: dict[str, Any] = {"samples": {"method": "sobol", "count": 1}, "seeds": 1}
     run_campaign(campaign(**small), tmp_path / "one", workers=0)

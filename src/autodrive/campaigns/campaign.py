@@ -234,6 +234,9 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
     if not seeds or min(seeds) < 0 or max(seeds) >= 2**63 or len(set(seeds)) < len(seeds):
         yield ("seeds",), "must be a number of seeds from 1 on, or a list of different seeds from 0 on"
     method, ranges = spec.samples.method, spec.parameters
+    for name in ranges:
+        if parameters.DRIVER.fullmatch(name) and not FUNCTION.fullmatch(spec.driver):
+            yield ("parameters", name), "only a class 'FILE.py:CLASS' has arguments; another driver would ignore it"
     if method == "grid":
         for name, one in ranges.items():
             if one.is_continuous:

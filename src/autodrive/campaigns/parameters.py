@@ -52,13 +52,18 @@ def errors(scenario: ScenarioSpec, path: str, values: Range) -> list[str]:
     return found
 
 
+def is_compiled(path: str) -> bool:
+    """Whether another value needs another compiled world."""
+    return not (path == LATENCY or DRIVER.fullmatch(path) or WARM.fullmatch(path))
+
+
 def structural(scenario: ScenarioSpec, values: Mapping[str, Value]) -> ScenarioSpec:
     """The scenario with the values that need another compiled world. Raises `SpecError`.
 
     Factors that are parameters are 1: the world takes them afterwards.
     """
     neutral = {path: 1.0 for path in values if path.endswith("_factor") and WARM.fullmatch(path)}
-    return applied(scenario, neutral | {path: value for path, value in values.items() if not WARM.fullmatch(path)})
+    return applied(scenario, neutral | {path: value for path, value in values.items() if is_compiled(path)})
 
 
 def applied(scenario: ScenarioSpec, values: Mapping[str, Value]) -> ScenarioSpec:

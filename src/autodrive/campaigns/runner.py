@@ -76,7 +76,7 @@ class Runner:
 
     def _world(self, values: Mapping[str, Value]) -> World:
         """The compiled world for these values; poses and factors are set by `_drive`."""
-        key = json.dumps({path: value for path, value in values.items() if not parameters.WARM.fullmatch(path)})
+        key = json.dumps({path: value for path, value in values.items() if parameters.is_compiled(path)})
         if key in self._worlds:
             self._worlds.move_to_end(key)
         else:
