@@ -1,22 +1,30 @@
-"""Campaigns: time per run beside the simulation, throughput of several workers, and memory over many short runs.
+"""Campaigns: time per run beside the simulation, throughput of several workers, and memory of many runs and rows.
 
-    uv run benchmarks/campaign.py [--runs N] [--workers N]
+    uv run benchmarks/campaign.py [--runs N] [--workers N] [--rows N]
 
-The overhead is the time of a run of one tick in a warm world, with a new grip, a new pose and a new seed.
+The overhead is the time of a run of one tick in a warm world, with a new grip, a new pose and a new seed. `--rows`: of
+a table of results that were not simulated, which is written, sorted, summarized and drawn.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import resource
 import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from autodrive.campaigns import Campaign, LocalExecutor, Observer, run_campaign
-from autodrive.campaigns.runner import Runner
+from autodrive.campaigns.keys import Keys
+from autodrive.campaigns.report import report
+from autodrive.campaigns.runner import Result, Runner
 from autodrive.campaigns.runs import Progress
+from autodrive.campaigns.statistics import summary
+from autodrive.campaigns.table import Table
 
 FILE = """
 scenario: mini_map
@@ -139,14 +147,47 @@ def measure(folder: Path, runs: int, duration: float, workers: int) -> float:
     return watch.rate(runs)
 
 
+def many_rows(folder: Path, count: int) -> None:
+    """Prints time and memory of a table of that many rows, with its summary and its report."""
+    one = campaign(folder, count, 1.0)
+    numbers = np.random.default_rng(0).random((count, 3))
+    assert one.design[0]  # all samples are drawn before memory is measured
+    start, before = time.process_time(), resident(os.getpid())
+    table, keys = Table(folder / "rows", one), Keys(one)
+    table.start()
+    for number, (distance, collides, speed) in enumerate(numbers.tolist()):
+        run = one.run(number)
+        metrics = {"distance": distance, "collisions": round(collides), "max_speed": speed}
+        table.add(run, keys.of(run), Result(number, metrics, "time", 1.0))
+        if table.is_due:
+            table.write_part()
+    added, most = time.process_time(), resident(os.getpid())
+    columns = table.finish()
+    finished = time.process_time()
+    text = report(one, columns, summary(one, columns))
+    end, peak = time.process_time(), peak_memory()
+    print(
+        f"{count} rows: {1e6 * (added - start) / count:.0f} us of CPU time each until they are in parts, memory "
+        f"{before} -> {most} MiB; sorted in {finished - added:.1f} s, {table.path.stat().st_size / count:.0f} bytes "
+        f"each; summary and report of {len(text) / 1e6:.1f} MB in {end - finished:.1f} s; largest memory {peak} MiB"
+    )
+
+
+def peak_memory() -> int:
+    """The most memory that this process has had [MiB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+
+
 def main() -> None:
     """Prints all figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--rows", type=int, default=1_000_000)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        many_rows(folder, options.rows)
         overhead(folder)
         one, many = (measure(folder, 400, 2.0, workers) for workers in (1, options.workers))
         print(f"{options.workers} workers: {many / one:.2f} times one worker")
