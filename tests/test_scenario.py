@@ -129,6 +129,13 @@ def test_realistic_sensors_have_errors_and_ideal_ones_have_none() -> None:
     assert len(set(real)) > 10  # each reading has its own noise, rounded to the resolution
 
 
+@pytest.mark.parametrize("vehicle", names("vehicle"))
+def test_each_vehicle_can_have_realistic_sensors(vehicle: str) -> None:
+    spec = ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=vehicle, has_realistic_sensors=True)})
+    world = autodrive.make(spec)
+    assert len({float(world.step().vehicles["V1"].imu.angular_velocity[2]) for _ in range(50)}) > 10
+
+
 @pytest.mark.parametrize("name", ["", 'q"<&', "a/b", "two words"])
 def test_box_whose_name_is_not_plain_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="a name is letters, digits and '_'"):

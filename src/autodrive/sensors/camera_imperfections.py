@@ -1,4 +1,4 @@
-"""Imperfections of lens, shutter and sensor of a camera, with presets of two real cameras."""
+"""Imperfections of lens, shutter and sensor of a camera, with presets of real cameras."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from autodrive.sensors.camera_optics import NO_DISTORTION
 from autodrive.specs import Spec, suggest
 
-Hardware: TypeAlias = Literal["raspberry_pi_v1", "raspberry_pi_v2"]
+Hardware: TypeAlias = Literal["raspberry_pi_v1", "raspberry_pi_v2", "rectified"]
 
 Coefficient: TypeAlias = Annotated[float, Field(ge=-1e3, le=1e3)]
 
@@ -60,7 +60,7 @@ class CameraImperfections(Spec):
         return self.exposure_time + self.readout_time
 
 
-PRESETS = {
+PRESETS: dict[Hardware, CameraImperfections] = {
     # Raspberry Pi Camera V1.3. Lens: a published calibration (camerav1_1280x720.yaml of raspicam_node by Ubiquity
     # Robotics). Sensor OV5647 (data sheet by OmniVision): full well 4300 electrons and dynamic range 67 dB at gain 8,
     # hence read noise 4300 / 10^(67/20) = 1.9 electrons. At twice the base gain (ISO 200, as in the original) white is
@@ -87,4 +87,6 @@ PRESETS = {
         readout_time=0.0136,
     ),
 }
+# A camera whose driver removes the distortion of the lens, as that of the ZED does; sensor as above.
+PRESETS["rectified"] = PRESETS["raspberry_pi_v1"].model_copy(update={"distortion": NO_DISTORTION})
 """Imperfections by the name of the hardware."""
