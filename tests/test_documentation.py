@@ -55,6 +55,7 @@ NOT_RUN = {"text", ""}
 
 FOREIGN = (
     "ray",
+    "export",
     "sudo",
     "apt-get",
     "pip",
