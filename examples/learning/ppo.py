@@ -67,10 +67,10 @@ PROBLEMS = {
         discount=0.99,
         reward=0.2,
         settings={
-            "tracks": 16,
+            "tracks": 32,
             "track_width": (0.9, 1.4),
-            "track_length": (48.0, 70.0),
-            "track_radius": (0.8, 1.0),
+            "track_length": (58.0, 70.0),
+            "track_radius": (0.75, 0.9),
             "noise": 1.0,
             "friction": (0.8, 1.2),
             "mass": (0.8, 1.2),
@@ -302,24 +302,29 @@ def main() -> None:
             curve.writerow(["steps", "seconds", "mean_return"])
         before = time.monotonic() - trainer.seconds
         checked = trainer.seconds
-        while trainer.seconds < 60.0 * options.minutes and trainer.steps < options.steps:
-            trainer.improve()
-            trainer.seconds = time.monotonic() - before
-            mean = float(np.mean(trainer.returns[-100:] or [0.0]))
-            curve.writerow([trainer.steps, round(trainer.seconds, 1), round(mean, 3)])
-            rate = trainer.steps / trainer.seconds
-            text = f"{trainer.steps} steps, {rate:.0f} steps/s, mean return {mean:.2f}"
-            progress.update(bar, completed=trainer.seconds / 60.0, description=text)
-            if trainer.seconds - checked > CHECK_INTERVAL:
-                checked = trainer.seconds
-                trainer.save(options.output)
-                file.flush()
-                if options.until_clean and len(clean_tracks(trainer.policy())) == len(names("track")):
-                    print(f"clean laps on all tracks after {trainer.seconds / 60.0:.1f} min, {trainer.steps} steps")
-                    break
+        is_stopped = False
+        try:
+            while trainer.seconds < 60.0 * options.minutes and trainer.steps < options.steps:
+                trainer.improve()
+                trainer.seconds = time.monotonic() - before
+                mean = float(np.mean(trainer.returns[-100:] or [0.0]))
+                curve.writerow([trainer.steps, round(trainer.seconds, 1), round(mean, 3)])
+                rate = trainer.steps / trainer.seconds
+                text = f"{trainer.steps} steps, {rate:.0f} steps/s, mean return {mean:.2f}"
+                progress.update(bar, completed=trainer.seconds / 60.0, description=text)
+                if trainer.seconds - checked > CHECK_INTERVAL:
+                    checked = trainer.seconds
+                    trainer.save(options.output)
+                    file.flush()
+                    if options.until_clean and len(clean_tracks(trainer.policy())) == len(names("track")):
+                        print(f"clean laps on all tracks after {trainer.seconds / 60.0:.1f} min, {trainer.steps} steps")
+                        break
+        except KeyboardInterrupt:
+            print("stopped; --resume goes on")
+            is_stopped = True
     trainer.save(options.output)
     draw_curve(options.output)
-    if options.problem == "race":
+    if options.problem == "race" and not is_stopped:
         clean_tracks(trainer.policy())
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from autodrive.campaigns.campaign import Campaign, CampaignSpec
 from autodrive.campaigns.metrics import METRICS
+from autodrive.campaigns.runner import Runner
 from autodrive.campaigns.runs import run_campaign
 
 ROOT = Path(__file__).parents[2]
@@ -33,6 +34,17 @@ def test_a_small_version_of_the_example_runs(tmp_path: Path) -> None:
     assert outcome.summary["counts"].get("error", 0) == 0
     assert outcome.summary["pass"]["runs"] == 8
     assert outcome.summary["metrics"]["distance"]["mean"] > 0.5
+
+
+def test_the_campaign_of_the_race_policy_runs() -> None:
+    full = Campaign.load(ROOT / "examples/learning/robustness.yaml")
+    assert len(full) == 144
+    stop = full.spec.stop.model_copy(update={"time": 2.0})
+    runner = Runner(replace(full, spec=full.spec.model_copy(update={"stop": stop, "metrics": ("distance",)})))
+    for number in (0, 143):  # `fast` without noise; `technical` with latency, another grip and another mass
+        result = runner.run(full.run(number))
+        assert (result.error, result.end) == ("", "time")
+        assert result.metrics["distance"] > 1.0
 
 
 def test_the_programs_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import warnings
 from typing import Any
@@ -16,10 +17,11 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 from autodrive.envs.conditions import Conditions
 from autodrive.envs.episodes import observed
 from autodrive.envs.race_env import RaceParallelEnv
-from autodrive.envs.race_tracks import AREA, RaceTracks
+from autodrive.envs.race_tracks import APART, AREA, ROWS, RaceTracks
 from autodrive.envs.roboracer_env import RoboRacerEnv, RoboRacerVectorEnv
 from autodrive.envs.time_trial import FAILURE, TRACK
 from autodrive.errors import SpecError
+from autodrive.maps.map import load_map
 from autodrive.tracks.generate import generate_track
 from tests.envs.test_driving_vector_env import equal
 
@@ -169,6 +171,14 @@ def test_tracks_have_curves_of_the_radius_that_was_asked_for() -> None:
             assert 0.98 * radius < least < 1.6 * radius
 
 
+def test_tracks_lie_apart_in_rows_and_columns() -> None:
+    tracks = RaceTracks(ROWS + 1, 0, (1.4, 1.4), (40.0, 40.0), None)
+    corners = [(line[:count, :2].min(0), line[:count, :2].max(0)) for line, count in zip(tracks.lines, tracks.count)]  # noqa: B905
+    for (low, high), (other_low, other_high) in itertools.combinations(corners, 2):
+        assert np.maximum(other_low - high, low - other_high).max() > APART
+    assert load_map(tracks.file).track is not None  # it is not too large
+
+
 def test_a_length_that_does_not_fit_is_drawn_again() -> None:
     """Of seed 10, the first draw has no track on its ground."""
     tracks = RaceTracks(1, 10, (0.9, 1.3), (45.0, 70.0), None)
@@ -186,7 +196,7 @@ def test_a_length_that_does_not_fit_is_drawn_again() -> None:
         ({"mass": (1, 2, 3)}, "mass: "),
         ({"track_radius": 0.1}, "track_radius: must be a number from 0.6 to 4"),
         ({"track_radius": (1.2, 0.8)}, "track_radius: .* the lesser one first"),
-        ({"tracks": 0}, "tracks: must be a whole number from 1 to 16, not 0"),
+        ({"tracks": 0}, "tracks: must be a whole number from 1 to 32, not 0"),
         ({"render_mode": "human"}, "render_mode: 'human' is not known. Known: rgb_array"),
     ],
 )

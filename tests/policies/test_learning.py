@@ -20,7 +20,7 @@ def test_the_return_of_races_rises_and_a_run_can_be_repeated_and_resumed(tmp_pat
     import jax.numpy as jnp  # here: each worker collects this file, and the import takes a second
 
     example: Any = runpy.run_path(EXAMPLE)
-    easy = {"track_width": (0.9, 1.6), "track_length": (35.0, 60.0), "track_radius": None}
+    easy = {"tracks": 16, "track_width": (0.9, 1.6), "track_length": (35.0, 60.0), "track_radius": None}
     example["PROBLEMS"]["race"].settings.update(easy)
     trainer = example["Trainer"]
     first = trainer("race", 1)
@@ -50,13 +50,24 @@ def test_the_return_of_races_rises_and_a_run_can_be_repeated_and_resumed(tmp_pat
 
 
 @pytest.mark.slow
-def test_the_return_of_lane_keeping_rises(tmp_path: Path) -> None:
-    trainer: Any = runpy.run_path(EXAMPLE)["Trainer"]
-    learner = trainer("lane", 1)
-    learner.improve()
-    early = np.mean(learner.returns)
-    for _ in range(5):
-        learner.improve()
-    assert np.mean(learner.returns[-100:]) > early + 0.2
-    learner.save(tmp_path)
+def test_the_return_of_lane_keeping_rises_and_ctrl_c_keeps_what_was_learnt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    example: Any = runpy.run_path(EXAMPLE)
+    improve = example["Trainer"].improve
+
+    def improve_six_times(trainer: Any) -> None:
+        if trainer.steps == 6 * 64 * 128:
+            raise KeyboardInterrupt
+        improve(trainer)
+
+    monkeypatch.setattr(example["Trainer"], "improve", improve_six_times)
+    monkeypatch.setattr("sys.argv", ["ppo.py", "lane", "--output", str(tmp_path)])
+    example["main"]()
+    steps, _, mean = np.loadtxt(tmp_path / "curve.csv", delimiter=",", skiprows=1).T
+    assert mean[-1] > mean[0] + 0.2
+    learner = example["Trainer"]("lane", 1)
+    learner.resume(tmp_path)
+    assert learner.steps == steps[-1] == 6 * 64 * 128
     assert Policy.load(tmp_path / "policy.npz").task == "lane_keeping"
+    assert (tmp_path / "curve.svg").is_file()

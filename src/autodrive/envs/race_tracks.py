@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,6 +20,8 @@ AREA = 20.0, 10.0
 """Of the ground of each track [m]. A longer track on it has more and tighter curves."""
 APART = 12.0
 """Between the grounds of two tracks [m]: farther than a LIDAR of the car sees."""
+ROWS = 16
+"""Tracks above each other; the next ones are beside them."""
 DRAWS = 5
 """Of width, length and radius of a track, until one fits on its ground."""
 SPACING = 0.05
@@ -70,7 +73,8 @@ def _write(count: int, seed: int, ranges: Sequence[tuple[float, float]], folder:
     tracks: list[Track] = []
     for k in range(count):
         one = _track(seed + k, ranges)
-        aside = np.array([0.0, round(k * (AREA[1] + APART), 3)])
+        column, row = divmod(k, ROWS)
+        aside = np.array([column * (AREA[0] + APART), row * (AREA[1] + APART)])
         line = one.centre_line + np.array([*aside, 0.0, 0.0])
         moved = Track(one.name, line, walls=tuple(wall + aside for wall in one.walls), barrier=one.barrier)
         write_file(folder / f"track_{k}.yaml", moved.text())
@@ -85,11 +89,12 @@ def _write(count: int, seed: int, ranges: Sequence[tuple[float, float]], folder:
 def _track(seed: int, ranges: Sequence[tuple[float, float]]) -> Track:
     """The first that fits on its ground of those whose width, length and radius are drawn from the ranges."""
     rng = np.random.default_rng([seed, 0, 1])
-    for draws_left in reversed(range(DRAWS)):
+
+    def drawn() -> Track:
         width, length, *radius = (round(least + rng.random() * (most - least), 3) for least, most in ranges)
-        try:
-            return generate_track(seed, width=width, length=length, area=AREA, min_radius=next(iter(radius), None))
-        except SpecError:
-            if not draws_left:
-                raise
-    raise AssertionError("unreachable")
+        return generate_track(seed, width=width, length=length, area=AREA, min_radius=next(iter(radius), None))
+
+    for _ in range(DRAWS - 1):
+        with contextlib.suppress(SpecError):
+            return drawn()
+    return drawn()
