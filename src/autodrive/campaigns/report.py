@@ -22,7 +22,7 @@ WORST = 25
 POINTS = 2000
 """Points of a plot at most, at equal distances in the table."""
 BINS = 10
-WIDTH, HEIGHT, LEFT, RIGHT, BOTTOM, TOP = 340, 200, 48, 24, 34, 10
+WIDTH, HEIGHT, LEFT, RIGHT, BOTTOM, TOP = 340, 200, 54, 24, 34, 10
 """Of a plot and its margins [pixels]."""
 COLOURS = {"pass": "#2a8a4a", "fail": "#c8372d", "done": "#2b6cb0", "error": "#777"}
 
@@ -213,17 +213,22 @@ def _figure(
         f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{floor}" y2="{floor}" stroke="#999"/>'
         f'<line x1="{LEFT}" x2="{LEFT}" y1="{TOP}" y2="{floor}" stroke="#999"/>'
     ]
-    places = enumerate(options) if options else ((value, f"{value:.3g}") for value in _ticks(xs))
+    places = enumerate(options) if options else ((value, _label(value)) for value in _ticks(xs))
     for place, text in places:
         marks.append(f'<text x="{x(float(place)):.1f}" y="{floor + 14}" text-anchor="middle">{escape(text)}</text>')
     for value in _ticks(ys):
-        marks.append(f'<text x="{LEFT - 4}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.3g}</text>')
+        marks.append(f'<text x="{LEFT - 4}" y="{y(value) + 4:.1f}" text-anchor="end">{_label(value)}</text>')
     marks.append(f'<text x="{(LEFT + WIDTH) / 2}" y="{HEIGHT - 4}" text-anchor="middle">{escape(label)}</text>')
     name = escape(f"{vertical} by {label}")
     return (
         f'<figure><figcaption>{escape(vertical)}</figcaption><svg role="img" aria-label="{name}" width="{WIDTH}" '
         f'height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}">{content}{"".join(marks)}</svg></figure>'
     )
+
+
+def _label(value: float) -> str:
+    """Of a tick: short, also where three digits would need an exponent."""
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
 def _ticks(values: Floats) -> list[float]:
