@@ -9,8 +9,11 @@ import pytest
 
 import autodrive
 from autodrive.physics.tick import observe, place
+from autodrive.policies import Policy
+from autodrive.policies.racer import PERIOD, PolicyRacer
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.specs import names
 from autodrive.transforms import quaternion_from_euler
 from autodrive.world import World
 from tests.support.frames import digest
@@ -55,8 +58,27 @@ def test_a_drive_without_contact_agrees_with_the_engine_in_every_substep(map_: s
         assert not any(isinstance(event, autodrive.Collision) for event in (*events[0], *events[1]))
         without_engine += not engine_is_at(auto)
     assert without_engine > 4000
+    assert_same_state(auto, always)
+
+
+@pytest.mark.parametrize("track", names("track"))
+def test_a_race_drive_without_contact_agrees_with_the_engine(track: str) -> None:
+    """A minute with up to 9 m/s; the included policy drives both cars by the readings of the first one."""
+    spec = ScenarioSpec(map=track, vehicles={"V1": VehiclePlacement(type="roboracer")}, tick=PERIOD)
+    auto, always = autodrive.make(spec), autodrive.make(spec, engine="always")
+    racer = PolicyRacer(Policy.find("race"))
+    for _ in range(2400):
+        command = {"V1": racer.act(auto.frame.vehicles["V1"])}
+        auto.step(command)
+        always.step(command)
+        assert not engine_is_at(auto)
+    assert auto.frame.vehicles["V1"].collision_count == always.frame.vehicles["V1"].collision_count == 0
+    assert_same_state(auto, always)
+
+
+def assert_same_state(one: World, other: World) -> None:
     for name in ("qpos", "qvel", "vehicle_acceleration", "wheel_normal_load", "wheel_rotation"):
-        difference = np.abs(getattr(auto._compiled.state, name) - getattr(always._compiled.state, name)).max()
+        difference = np.abs(getattr(one._compiled.state, name) - getattr(other._compiled.state, name)).max()
         assert difference < (1e-12 if name == "qpos" else 1e-9), name
 
 
