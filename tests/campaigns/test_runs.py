@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow
 import pytest
 from pyarrow import parquet
 
 from autodrive import CommandError, SnapshotError, make
 from autodrive.campaigns import Campaign, LocalExecutor, run_campaign
 from autodrive.campaigns.luggage import Luggage
-from autodrive.campaigns.runner import Runner
+from autodrive.campaigns.runner import Result, Runner
 from autodrive.campaigns.runs import Observer, Progress
+from autodrive.campaigns.table import Table
 from autodrive.compile import on_grid
 from autodrive.errors import AutodriveError, SpecError
 from autodrive.maps.map import load_map
@@ -300,6 +302,22 @@ def test_rows_of_a_killed_campaign_are_there_again(campaign: Make, tmp_path: Pat
     assert not (broken / "earlier").exists()
 
 
+def test_a_table_with_gaps_and_rows_in_any_order_is_sorted(
+    campaign: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("autodrive.campaigns.table.ROW_GROUP", 2)
+    one = campaign()
+    table = Table(tmp_path, one)
+    table.start()
+    for number in (15, 3, 2, 9):
+        table.add(one.run(number), "key", Result(number, dict.fromkeys(one.metric_names, 1.0)))
+        table.write_part()
+    columns = table.finish()
+    assert columns["run"].to_pylist() == [2, 3, 9, 15]
+    assert [row["run"] for row in columns.rows([9, 2])] == [9, 2]
+    assert columns.numbers("distance").tolist() == [1.0] * 4
+
+
 @pytest.mark.parametrize("group", [1, 3, 2**20])
 def test_summary_and_report_do_not_depend_on_how_much_of_the_table_is_in_memory(
     campaign: Make, tmp_path: Path, group: int, monkeypatch: pytest.MonkeyPatch
@@ -316,7 +334,9 @@ def test_summary_and_report_do_not_depend_on_how_much_of_the_table_is_in_memory(
 
 
 def test_another_file_in_the_place_of_the_table_is_one_line(campaign: Make, tmp_path: Path) -> None:
-    for content in (b"", b"no table"):
+    other = tmp_path / "other.parquet"
+    parquet.write_table(pyarrow.table({"run": ["first"], "key": [1]}), other)
+    for content in (b"", b"no table", other.read_bytes()):
         (tmp_path / "table.parquet").write_bytes(content)
         with pytest.raises(AutodriveError, match=r"table\.parquet is not a table of a campaign; delete it"):
             run_campaign(campaign(), tmp_path, workers=0)

@@ -98,7 +98,8 @@ class Table:
         parts = Stored(_files(self._parts))
         with new_file(self.path) as file, self._parquet.ParquetWriter(file, self._schema) as writer:
             for first in range(0, parts.end, ROW_GROUP):
-                writer.write_table(parts.between(first, first + ROW_GROUP).sort_by("run"), ROW_GROUP)
+                if rows := parts.between(first, first + ROW_GROUP):
+                    writer.write_table(rows.sort_by("run"), ROW_GROUP)
         shutil.rmtree(self._parts, ignore_errors=True)
         shutil.rmtree(self._earlier, ignore_errors=True)
         return Columns(self.path)
@@ -129,11 +130,12 @@ class Stored:
             self._rows = {row["run"]: row for one in self._tables(first, first + BLOCK) for row in one.to_pylist()}
         return self._rows.get(number)
 
-    def between(self, first: int, end: int) -> pyarrow.Table:
-        """The rows of the runs from `first` to before `end`, of files with the same columns."""
+    def between(self, first: int, end: int) -> pyarrow.Table | None:
+        """The rows of the runs from `first` to before `end`, if there are any, of files with the same columns."""
         import pyarrow as pa  # noqa: PLC0415  an extra
 
-        return pa.concat_tables(self._tables(first, end)).combine_chunks()
+        tables = [one for one in self._tables(first, end) if len(one)]
+        return pa.concat_tables(tables).combine_chunks() if tables else None
 
     def _tables(self, first: int, end: int) -> list[pyarrow.Table]:
         filters = [("run", ">=", first), ("run", "<", end)]
@@ -151,11 +153,11 @@ class Stored:
                 groups = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
                 ranges = [one.column(columns.index("run")).statistics for one in groups]
                 columns.index("key")
-        except ValueError:  # a column that is not there, and all of pyarrow's errors of wrong files
+                return min((one.min for one in ranges), default=0), max((one.max + 1 for one in ranges), default=0)
+        except (ValueError, TypeError, AttributeError):  # pyarrow's errors of wrong files, and other columns
             raise AutodriveError(
                 f"{path} is not a table of a campaign; delete it, or choose another folder (--output)"
             ) from None
-        return min((one.min for one in ranges), default=0), max((one.max + 1 for one in ranges), default=0)
 
 
 class Columns:
