@@ -1,6 +1,6 @@
 """Campaigns: time per run beside the simulation, throughput of several workers, and memory of many runs and rows.
 
-    uv run benchmarks/campaign.py [--runs N] [--workers N] [--rows N]
+    uv run benchmarks/campaign.py [--runs N] [--workers N] [--rows N] [--ray]
 
 The overhead is the time of a run of one tick in a warm world, with a new grip, a new pose and a new seed. `--rows`: of
 a table of results that were not simulated, which is written, sorted, summarized and drawn.
@@ -13,6 +13,7 @@ import os
 import resource
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,11 +21,13 @@ import numpy as np
 
 from autodrive.campaigns import Campaign, LocalExecutor, Observer, run_campaign
 from autodrive.campaigns.keys import Keys
+from autodrive.campaigns.ray_executor import RayExecutor
 from autodrive.campaigns.report import report
 from autodrive.campaigns.runner import Result, Runner
 from autodrive.campaigns.runs import Progress
 from autodrive.campaigns.statistics import summary
 from autodrive.campaigns.table import Table
+from autodrive.campaigns.worker import Worker
 
 FILE = """
 scenario: mini_map
@@ -80,8 +83,8 @@ def overhead(folder: Path) -> None:
 class Watch(Observer):
     """Times after the first rows, when all workers are warm, and the memory of the workers."""
 
-    def __init__(self, executor: LocalExecutor) -> None:
-        self.executor = executor
+    def __init__(self, workers: Sequence[Worker] = ()) -> None:
+        self.workers = workers
         self.start, self.first, self.end = 0.0, 0, 0.0
         self.memory: list[tuple[int, int, int]] = []
         self.before = self.after = (0.0, 0.0)
@@ -90,7 +93,7 @@ class Watch(Observer):
     @property
     def pids(self) -> list[int]:
         """Of the workers."""
-        return [worker.pid for worker in self.executor._workers if worker.pid]
+        return [worker.pid for worker in self.workers if worker.pid]
 
     def progress(self, progress: Progress) -> None:
         """Look at the clock; at the memory each tenth of the runs."""
@@ -132,7 +135,7 @@ def measure(folder: Path, runs: int, duration: float, workers: int) -> float:
     """Prints and returns runs per second."""
     one = campaign(folder, runs, duration)
     executor = LocalExecutor(one, workers)
-    watch = Watch(executor)
+    watch = Watch(executor._workers)
     output = folder / f"out_{runs}_{duration:g}_{workers}"
     outcome = run_campaign(one, output, executor=executor, uses_cache=False, observer=watch)
     assert outcome.summary["rows"] == runs
@@ -145,6 +148,14 @@ def measure(folder: Path, runs: int, duration: float, workers: int) -> float:
         f"of the workers and of the main process [MiB]: {memory}; load of the machine: {os.getloadavg()[0]:.1f}"
     )
     return watch.rate(runs)
+
+
+def with_ray(folder: Path, runs: int) -> None:
+    """Prints what Ray adds to a run in this process."""
+    one, watch = campaign(folder, runs, 0.05), Watch()
+    run_campaign(one, folder / "ray", executor=RayExecutor(one, "local", 2), uses_cache=False, observer=watch)
+    here, _ = watch.costs(runs)
+    print(f"{runs} runs of 0.05 s with Ray, 2 actors: {watch.rate(runs):.1f} runs/s, {here:.2f} ms in the main process")
 
 
 def many_rows(folder: Path, count: int) -> None:
@@ -183,6 +194,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--ray", action="store_true", help="also a cluster of this machine alone")
     parser.add_argument("--rows", type=int, default=1_000_000)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -192,6 +204,8 @@ def main() -> None:
         one, many = (measure(folder, 400, 2.0, workers) for workers in (1, options.workers))
         print(f"{options.workers} workers: {many / one:.2f} times one worker")
         measure(folder, options.runs, 0.05, 1)
+        if options.ray:
+            with_ray(folder, 4000)
 
 
 if __name__ == "__main__":
