@@ -44,7 +44,7 @@ class RaceTracks:
         radius: tuple[float, float] | None,
     ) -> None:
         ranges = (width, length) if radius is None else (width, length, radius)
-        folder = cache_folder("race_tracks", "tracks", also=f"{count} {seed} {ranges} {AREA} {APART}")
+        folder = cache_folder("race_tracks", "tracks", also=f"{count} {seed} {ranges} {AREA} {APART} {ROWS}")
         self.file = folder / "tracks.yaml"
         """The map. Its road and its start line are those of the first track; it has the barriers of all."""
         files = [folder / f"track_{k}.yaml" for k in range(count)]
