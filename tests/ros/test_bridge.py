@@ -96,7 +96,12 @@ def after_drive(simulation: Simulation, node: Recorder, command: autodrive.Comma
     for _ in range(3):
         simulation.request(Step(10, {"V1": command})).result(LIMIT)
     frame = simulation.request(Step(10, {"V1": command})).result(LIMIT)
-    wait_until(lambda: seconds(node.last("odom")["header"]["stamp"]) == pytest.approx(frame.time, abs=1e-9))
+
+    def stamp() -> float:
+        """Of the transforms, which are published after all other states."""
+        return seconds(node.last("/tf")["transforms"][0].fields["header"]["stamp"])
+
+    wait_until(lambda: stamp() == pytest.approx(frame.time, abs=1e-9))
     return frame, frame.vehicles["V1"]
 
 
