@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+import zstandard
 
 import autodrive
 from autodrive import Command, Simulation
@@ -96,6 +97,26 @@ def test_a_full_disk_ends_the_recording_but_not_the_simulation(
         frames = list(recording.frames())
         assert [frame.tick for frame in frames] == list(range(len(frames)))
         assert len(frames) > 100
+
+
+def test_chunks_that_are_mostly_images_get_little_compression(tmp_path: Path) -> None:
+    path, data = tmp_path / "a.mcap", [bytes(i * k % 251 for k in range(3000)) for i in range(1, 30)]
+    contents: list[bytes] = []
+    with path.open("wb") as file:
+        writer = mcap.Writer(file, "")
+        for share in (0, 10, 20):  # of the messages
+            chunk = mcap.Chunk()
+            for i, one in enumerate(data):
+                chunk.add(mcap.Message(1, i, i, 0, one), is_packed=i < share)
+            contents.append(bytes(chunk.data))
+            writer.chunk(chunk)
+        writer.finish()
+    written = path.read_bytes()
+    for content, level in zip(contents, (mcap.LEVEL, mcap.LEVEL, mcap.PACKED_LEVEL), strict=True):
+        assert zstandard.ZstdCompressor(level=level).compress(content) in written
+    reader = mcap.Reader(path)
+    assert [[one.data for one in reader.messages(i)] for i in range(3)] == [data] * 3
+    reader.close()
 
 
 class SlowDisk:

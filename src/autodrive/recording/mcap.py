@@ -33,8 +33,8 @@ MAX_CHUNK = 2**28
 """Largest size of a chunk that is read [bytes]."""
 CACHED_CHUNKS = 8
 """Chunks that a reader keeps in memory."""
-LEVEL = 3
-"""Of the compression."""
+LEVEL, PACKED_LEVEL = 3, -1
+"""Of the compression; the second for chunks that are mostly JPEG: a quarter of the time, 2 % more bytes."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
@@ -119,16 +119,21 @@ class Chunk:
     """Times and offsets of the messages of each channel."""
     counts: dict[int, int] = field(default_factory=dict)
     """Messages of each channel."""
+    packed: int = 0
+    """Bytes of data that were compressed before, such as JPEG."""
 
-    def add(self, message: Message) -> None:
-        """Add a message."""
+    def add(self, message: Message, *, is_packed: bool = False) -> None:
+        """Add a message. `is_packed`: its data are compressed already."""
         if not self.data:
             self.start = self.end = message.log_time
         self.start, self.end = min(self.start, message.log_time), max(self.end, message.log_time)
         self.index.setdefault(message.channel, bytearray()).extend(struct.pack("<QQ", message.log_time, len(self.data)))
         self.counts[message.channel] = self.counts.get(message.channel, 0) + 1
         channel, sequence, log_time, publish_time, data = message
-        self.data += _MESSAGE.pack(MESSAGE, 22 + len(data), channel, sequence, log_time, publish_time) + data
+        self.data += _MESSAGE.pack(MESSAGE, 22 + len(data), channel, sequence, log_time, publish_time)
+        self.data += data
+        if is_packed:
+            self.packed += len(data)
 
 
 class Writer:
@@ -136,7 +141,9 @@ class Writer:
 
     def __init__(self, file: BinaryIO, library: str) -> None:
         self._file = file
-        self._compress = _zstandard().ZstdCompressor(level=LEVEL).compress
+        zstandard = _zstandard()
+        self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
+        self._compress_packed = zstandard.ZstdCompressor(level=PACKED_LEVEL).compress
         self._offset = 0
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
@@ -173,9 +180,10 @@ class Writer:
         """Write a chunk with its indexes, and pass all to the operating system."""
         if not chunk.data:
             return
-        data = self._compress(bytes(chunk.data))
+        compress = self._compress_packed if 2 * chunk.packed > len(chunk.data) else self._compress
+        data = compress(chunk.data)
         head = _CHUNK_HEAD.pack(chunk.start, chunk.end, len(chunk.data), zlib.crc32(chunk.data))
-        record = _record(CHUNK, head + _text("zstd") + struct.pack("<Q", len(data)) + data)
+        record = _record(CHUNK, head + _text("zstd") + struct.pack("<Q", len(data)), data)
         offsets: dict[int, int] = {}
         indexes = b""
         for channel, entries in chunk.index.items():
@@ -262,8 +270,8 @@ def _chunk_index(index: ChunkIndex, length: int, indexes: int, compressed: int, 
     )
 
 
-def _record(kind: int, content: bytes) -> bytes:
-    return _RECORD_HEAD.pack(kind, len(content)) + content
+def _record(kind: int, content: bytes, more: bytes = b"") -> bytes:
+    return b"".join((_RECORD_HEAD.pack(kind, len(content) + len(more)), content, more))
 
 
 def _text(text: str) -> bytes:

@@ -490,6 +490,7 @@ class _Encoding:
             tick,
             foxglove.COMPRESSED_IMAGE.encode(message),
             foxglove.COMPRESSED_IMAGE,
+            is_packed=True,
         )
         return image.time
 
@@ -573,12 +574,22 @@ class _Output:
     def abandon(self) -> None:
         """Close the file after an error."""
 
-    def add(self, topic: str, now: int, simulated: int, tick: int, data: bytes, layout: Layout | None = None) -> None:
-        """Add a message: in JSON, or with that layout."""
+    def add(
+        self,
+        topic: str,
+        now: int,
+        simulated: int,
+        tick: int,
+        data: bytes,
+        layout: Layout | None = None,
+        *,
+        is_packed: bool = False,
+    ) -> None:
+        """Add a message: in JSON, or with that layout. `is_packed`: its data are compressed already."""
         channel = self._channels.get(topic) or self._register(topic, layout)
         if not self._chunk.data:
             self._chunk_began = time.monotonic()
-        self._chunk.add(Message(channel.id, tick & 0xFFFFFFFF, now, max(simulated, 0), data))
+        self._chunk.add(Message(channel.id, tick & 0xFFFFFFFF, now, max(simulated, 0), data), is_packed=is_packed)
 
     def end_frame(self, now: int) -> None:
         """A Frame is complete: a chunk may end here."""
@@ -693,8 +704,18 @@ class _RingOutput(_Output):
     def registered(self, schema: Schema | None, channel: Channel) -> None:
         pass  # they are written with each file
 
-    def add(self, topic: str, now: int, simulated: int, tick: int, data: bytes, layout: Layout | None = None) -> None:
-        super().add(topic, now, simulated, tick, data, layout)
+    def add(
+        self,
+        topic: str,
+        now: int,
+        simulated: int,
+        tick: int,
+        data: bytes,
+        layout: Layout | None = None,
+        *,
+        is_packed: bool = False,
+    ) -> None:
+        super().add(topic, now, simulated, tick, data, layout, is_packed=is_packed)
         if topic == records.SCENARIO:
             self._scenario = tick, data
 
