@@ -60,20 +60,22 @@ class CameraImperfections(Spec):
         return self.exposure_time + self.readout_time
 
 
+# Raspberry Pi Camera V1.3. Lens: a published calibration (camerav1_1280x720.yaml of raspicam_node by Ubiquity
+# Robotics). Sensor OV5647 (data sheet by OmniVision): full well 4300 electrons and dynamic range 67 dB at gain 8,
+# hence read noise 4300 / 10^(67/20) = 1.9 electrons. At twice the base gain (ISO 200, as in the original) white is
+# half the full well. A row of the 640 x 480 mode takes 1852 periods of a 58.333 MHz clock (Linux, ov5647.c): 480
+# rows take 15.2 ms. Exposure: 1/200 s, as in the original. Vignetting: the natural cos^4 law.
+_RASPBERRY_PI_V1 = CameraImperfections(
+    distortion=(0.03034574724223343, -0.1510961279565394, 0.005326365853523378, -0.003855361950537075, 0.0),
+    vignetting=1.0,
+    white_electrons=2150.0,
+    read_noise=1.9,
+    exposure_time=0.005,
+    readout_time=0.0152,
+)
+
 PRESETS: dict[Hardware, CameraImperfections] = {
-    # Raspberry Pi Camera V1.3. Lens: a published calibration (camerav1_1280x720.yaml of raspicam_node by Ubiquity
-    # Robotics). Sensor OV5647 (data sheet by OmniVision): full well 4300 electrons and dynamic range 67 dB at gain 8,
-    # hence read noise 4300 / 10^(67/20) = 1.9 electrons. At twice the base gain (ISO 200, as in the original) white is
-    # half the full well. A row of the 640 x 480 mode takes 1852 periods of a 58.333 MHz clock (Linux, ov5647.c): 480
-    # rows take 15.2 ms. Exposure: 1/200 s, as in the original. Vignetting: the natural cos^4 law.
-    "raspberry_pi_v1": CameraImperfections(
-        distortion=(0.03034574724223343, -0.1510961279565394, 0.005326365853523378, -0.003855361950537075, 0.0),
-        vignetting=1.0,
-        white_electrons=2150.0,
-        read_noise=1.9,
-        exposure_time=0.005,
-        readout_time=0.0152,
-    ),
+    "raspberry_pi_v1": _RASPBERRY_PI_V1,
     # Raspberry Pi Camera V2. Lens: camerav2_1280x720.yaml of the same package. Sensor IMX219: full well and read noise
     # are not published; these are measurements of its successor IMX477 (3400 electrons/um^2, 3 electrons;
     # strollswithmydog.com) for pixels of 1.12 um, also at twice the base gain. A row takes 3448 periods of a 182.4 MHz
@@ -86,7 +88,7 @@ PRESETS: dict[Hardware, CameraImperfections] = {
         exposure_time=0.005,
         readout_time=0.0136,
     ),
+    # A camera whose driver removes the distortion of the lens, as that of the ZED does, with the first sensor.
+    "rectified": _RASPBERRY_PI_V1.model_copy(update={"distortion": NO_DISTORTION}),
 }
-# A camera whose driver removes the distortion of the lens, as that of the ZED does; sensor as above.
-PRESETS["rectified"] = PRESETS["raspberry_pi_v1"].model_copy(update={"distortion": NO_DISTORTION})
 """Imperfections by the name of the hardware."""
