@@ -2,12 +2,7 @@
 import type { Connection } from '../connection'
 import type { Headlights, Indicators } from '../messages'
 import type { Store } from '../store'
-
-/** State of one input device, each value in [-1, 1]: throttle is positive forward, steering is positive to the left. */
-export interface DriveInput {
-  throttle: number
-  steering: number
-}
+import type { DriveInput } from '../worker/port'
 
 export class Driver {
   /** Keys are -1, 0 or 1 and are ramped; gamepad and touch values are used directly. Call `change` after a change. */

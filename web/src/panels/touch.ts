@@ -1,9 +1,10 @@
 // Touch controls: a pad for steering, a pad for throttle, and lamp buttons; shown on touch screens.
 
-import type { DriveInput, Driver } from '../driving/driver'
+import type { Driver } from '../driving/driver'
 import type { Lights } from '../messages'
 import { Headlights, Indicators } from '../messages'
 import type { Store } from '../store'
+import type { DriveInput } from '../worker/port'
 import { h, icon } from './element'
 import { HAZARD, HIGH_BEAM, LEFT_INDICATOR, LOW_BEAM, RIGHT_INDICATOR } from './icons'
 

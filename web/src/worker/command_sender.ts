@@ -1,8 +1,8 @@
 // Makes Drive messages from the inputs of the user: one at each change, then at a constant rate until they are at rest.
 import { Axis } from '../driving/axis'
-import type { DriveInput } from '../driving/driver'
 import { LampCommands } from '../driving/lamp_commands'
 import type { ClientMessage, Frame, Headlights, Indicators, VehicleFrame } from '../messages'
+import type { DriveInput } from './port'
 
 /** Period of the messages while an input is active [ms]. */
 const PERIOD = 16

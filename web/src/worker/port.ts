@@ -1,6 +1,11 @@
 // The messages between the page and its worker. The worker has the connection and sends the commands of the user.
-import type { DriveInput } from '../driving/driver'
 import type { Headlights, Indicators, Request, ServerMessage, Subscribe } from '../messages'
+
+/** State of one input device, each value in [-1, 1]: throttle is positive forward, steering is positive to the left. */
+export interface DriveInput {
+  throttle: number
+  steering: number
+}
 
 /** What the page tells the worker. */
 export type PageMessage =
