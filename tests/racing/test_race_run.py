@@ -17,8 +17,9 @@ import numpy as np
 import pytest
 import yaml
 
+from autodrive import Client, Command
 from autodrive.devkit import RoboRacer, Server
-from autodrive.errors import AutodriveError, SpecError
+from autodrive.errors import AutodriveError, CommandError, SpecError
 from autodrive.protocol.messages import Frame
 from autodrive.run.race import RaceOptions, race
 from autodrive.run.runner import Run, RunObserver, StopRequest
@@ -160,6 +161,56 @@ def test_a_script_that_never_connects_and_a_race_that_is_stopped(tmp_path: Path)
         options = RaceOptions("practice", (("127.0.0.1", server.port),), has_page=False, is_lockstep=True)
         result = race(options, stop=stop, observer=Stopping())
     assert (result.ended_by, result.standings[0].status) == ("SIGINT", "racing")
+
+
+class Viewer(RunObserver):
+    """A client of the native protocol that tries to change the race, once; `texts` are the answers."""
+
+    def __init__(self, is_lockstep: bool) -> None:
+        self.texts: list[str] = []
+        self._is_lockstep = is_lockstep
+
+    def running(self, run: Run) -> None:
+        if self.texts or run.simulation.frame.time < 0.2:
+            return
+        assert run.server is not None
+        with Client(run.server.address) as client:
+            forbidden: list[Callable[[], object]] = [
+                lambda: client.load_scenario("mini_map"),
+                client.reset,
+                lambda: client.set_speed(2.0),
+                lambda: client.teleport("V1", 1.0, 0.0),
+                lambda: client.set_driving_mode("V1", False),
+                lambda: client.add_box("box", 1.0, 0.0),
+            ]
+            for change in forbidden if not self._is_lockstep else [*forbidden, client.pause, client.resume]:
+                with pytest.raises(CommandError) as refused:
+                    change()
+                self.texts.append(str(refused.value))
+            client.drive("V1", Command(throttle=-1.0))
+            client.set_scene_light(True)  # the answer to a drive comes before the answer to this
+            with pytest.raises(CommandError, match="the scripts of the race drive"):
+                client.set_scene_light(False)
+            if not self._is_lockstep:
+                client.pause()
+                time.sleep(1.5)
+                client.resume()
+
+
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("is_lockstep", [False, True])
+def test_a_viewer_cannot_change_a_race_and_the_race_goes_on(tmp_path: Path, is_lockstep: bool) -> None:
+    """Wall clock: the pause of a marshal is longer than the silence for which a script retires."""
+    viewer = Viewer(is_lockstep)
+    rules = ruleset(tmp_path, time_limit=6.0, silence_limit=10.0 if is_lockstep else 1.0)
+    with Server(Script().respond, port=0) as server:
+        options = RaceOptions(
+            "practice", (("127.0.0.1", server.port),), rules=rules, is_lockstep=is_lockstep, has_page=True, port=0
+        )
+        result = race(options, observer=viewer)
+    assert [one.reason for one in result.standings] == ["not finished after 6 s"]
+    assert viewer.texts[0].startswith("a race is in progress: it takes no LoadScenario")
+    assert len(viewer.texts) == (8 if is_lockstep else 6)
 
 
 def test_options_that_are_no_race_are_refused() -> None:

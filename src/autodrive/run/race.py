@@ -18,7 +18,18 @@ from autodrive.compile import on_grid
 from autodrive.errors import AutodriveError
 from autodrive.jit import compiling
 from autodrive.maps.map import load_map
-from autodrive.protocol.messages import Pause, RaceStatus, Resume, Retire, Step
+from autodrive.protocol.messages import (
+    Pause,
+    RaceStatus,
+    Resume,
+    Retire,
+    SaveScenario,
+    SetSceneLight,
+    SetTimeOfDay,
+    Step,
+)
+from autodrive.protocol.native import Drive, SetCamera
+from autodrive.protocol.replay import PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.racing.results import RaceRecorder, RaceResult, write_results
 from autodrive.racing.rules import RaceRules, load_rules
 from autodrive.run.options import RunOptions
@@ -34,12 +45,18 @@ from autodrive.simulation import Simulation
 if TYPE_CHECKING:
     from autodrive.cameras.jpeg import JpegEncoder
     from autodrive.protocol.messages import Frame
+    from autodrive.protocol.native import ServerOperation
 
 MAX_VEHICLES = 8
 TICK = 0.025
 """Time between Frames [s]: the period of a LIDAR of 40 Hz."""
 CHECK_INTERVAL = 0.2
 """Wall time between two looks at the scripts [s]."""
+ALLOWED = (
+    *(Pause, Resume, Retire, SetSceneLight, SetTimeOfDay, SaveScenario),
+    *(SetCamera, StartRecording, StopRecording, SaveRecording, PlotRecording),
+)
+"""Operations of viewers that a race takes: those of a marshal, and what only changes the view."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +129,22 @@ class Grid:
     simulation: Simulation
     rules: RaceRules
     seats: list[Seat]
+    is_lockstep: bool
     bridges: list[DevkitBridge] = field(default_factory=list)
+    is_started: bool = False
+
+    def refusal(self, message: ServerOperation | Drive) -> str:
+        """Why viewers of the race may not have that operation or Drive now; empty if they may."""
+        if isinstance(message, Drive):
+            return "the scripts of the race drive its vehicles"
+        name = type(message).__name__
+        if isinstance(message, Pause | Resume) and self.is_lockstep:
+            return f"a race in lock-step waits for its scripts: it takes no {name}"
+        if isinstance(message, Pause | Resume) and not self.is_started:
+            return f"the race waits for the first command of each script: it takes no {name} before that"
+        if not isinstance(message, ALLOWED):
+            return f"a race is in progress: it takes no {name}, which would change it; end the race first"
+        return ""
 
     def is_racing(self, seat: Seat) -> bool:
         """Whether the vehicle of the seat waits or races."""
@@ -152,6 +184,9 @@ class Grid:
 
     def retire_the_silent(self) -> None:
         """In real time: take the scripts out that have sent no command for too long."""
+        if self.simulation.is_paused:  # by a marshal: the scripts have nothing to answer
+            for seat in self.seats:
+                seat.answered_at = time.monotonic()
         for seat in self.seats:
             if self.is_racing(seat) and time.monotonic() - seat.answered_at > self.rules.silence_limit:
                 self.retire(seat, f"no command for {self.rules.silence_limit:g} s")
@@ -182,7 +217,7 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
         recorder, odometer = RaceRecorder(), Odometer(simulation)
         for sink in (recorder, odometer, loader):
             simulation.add_sink(sink)
-        grid = Grid(simulation, rules, [Seat(simulation, name, rules) for name in options.names])
+        grid = Grid(simulation, rules, [Seat(simulation, name, rules) for name in options.names], options.is_lockstep)
         encoder = image_encoder(run_options)
         # A script that only is slow must not receive a Frame twice: its second answer would drive the next tick.
         resend_delay = 0.5 * rules.silence_limit if options.is_lockstep else RESEND_DELAY
@@ -197,7 +232,9 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
             bridge=lambda: first.status,
         )
         stack.callback(recordings.stop_now)
-        server = page_server(simulation, loader, run_options, first, encoder, recordings) if options.has_page else None
+        server = None
+        if options.has_page:
+            server = page_server(simulation, loader, run_options, first, encoder, recordings, refusal=grid.refusal)
         simulation.start()
         stack.callback(simulation.stop)
         if server is not None:
@@ -244,6 +281,7 @@ def _drive(
             seat.answered_at = seen
             simulation.add_sink(seat)
         simulation.request(Resume()).result()
+    grid.is_started = True
     while not recorder.is_over and not stop.is_set():
         if options.is_lockstep:
             grid.step(stop)

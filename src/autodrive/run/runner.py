@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -22,6 +23,7 @@ from autodrive.simulation import Simulation
 if TYPE_CHECKING:
     from autodrive.cameras.jpeg import JpegEncoder
     from autodrive.protocol.devkit import ImageSizes
+    from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.recording import Recorder
     from autodrive.server.server import Server
 
@@ -250,8 +252,13 @@ def page_server(
     bridge: DevkitBridge,
     encoder: JpegEncoder | None,
     recordings: Recordings,
+    *,
+    refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
 ) -> Server:
-    """The server of the page and of the native protocol, which is not started yet."""
+    """The server of the page and of the native protocol, which is not started yet.
+
+    `refusal`: why clients may not have an operation or Drive now; empty if they may.
+    """
     from autodrive.server.server import Server, scene_renderer_factory
 
     return Server(
@@ -269,4 +276,5 @@ def page_server(
         cameras_error=lambda: loader.cameras_error,
         want_pictures=loader.set_viewed,
         renderer_factory=scene_renderer_factory(options.camera_quality),
+        refusal=refusal,
     )

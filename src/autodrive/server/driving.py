@@ -29,9 +29,9 @@ class Driving:
         on_change: Callable[[], None],
         clock: Callable[[], float],
         *,
-        refusal: str = "",
+        refusal: Callable[[Drive], str] = lambda _: "",
     ) -> None:
-        """`refusal`: why nobody can drive; empty if clients can."""
+        """`refusal`: why clients may not drive; empty if they may."""
         self._refusal = refusal
         self._simulation = simulation
         self._leases = leases
@@ -41,8 +41,8 @@ class Driving:
 
     def drive(self, client: ConnectedClient, drive: Drive) -> None:
         """Submit a command if this client may drive that vehicle; otherwise send an Error."""
-        if self._refusal:
-            self._refuse(client, Error("request", self._refusal))
+        if error := self._refusal(drive):
+            self._refuse(client, Error("request", error))
             return
         vehicle = self._simulation.frame.vehicles.get(drive.vehicle)
         if vehicle is None:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
     from autodrive.cameras.jpeg import JpegEncoder
     from autodrive.cameras.scene_process import SceneProcess
+    from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.server.scene_files import SceneFiles
     from autodrive.world import World
 
@@ -70,6 +71,7 @@ class Hub:
         renderer_factory: Callable[[World], SceneProcess],
         recording: RecordingControl | None = None,
         replay: Replayed | None = None,
+        refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
     ) -> None:
         self._simulation = simulation
         self._scenarios = scenarios
@@ -89,7 +91,11 @@ class Hub:
         self._leases = DriverLeases()
         self._bridge = BridgeControl(bridge)
         self._driving = Driving(
-            simulation, self._leases, self._send_status_soon, self._now, refusal=replay.refusal if replay else ""
+            simulation,
+            self._leases,
+            self._send_status_soon,
+            self._now,
+            refusal=(lambda _: replay.refusal) if replay else refusal,
         )
         self._requests = Requests(
             simulation,
@@ -100,6 +106,7 @@ class Hub:
             scenarios=scenarios,
             recording=self._recording,
             replay=replay,
+            refusal=refusal,
             on_change=self._send_status_soon,
             clock=self._now,
         )

@@ -20,6 +20,7 @@ from autodrive.server.request_queue import MAX_PENDING, SHARE, Entry, RequestQue
 from autodrive.specs import suggest
 
 if TYPE_CHECKING:
+    from autodrive.protocol.native import ServerOperation
     from autodrive.server.bridge_control import BridgeControl
     from autodrive.server.connected_client import ConnectedClient
     from autodrive.server.driver_lease import DriverLeases
@@ -74,6 +75,7 @@ class Requests:
         scenarios: dict[str, str],
         recording: RecordingControl,
         replay: Replayed | None,
+        refusal: Callable[[ServerOperation], str],
         on_change: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
@@ -87,6 +89,7 @@ class Requests:
         self._scenarios = scenarios
         self._recording = recording
         self._replay = replay
+        self._refusal = refusal
         self._recording_lock = asyncio.Lock()
         self._on_change = on_change
         self._clock = clock
@@ -105,7 +108,7 @@ class Requests:
         """
         queue = self._queues.setdefault(client, RequestQueue())
         was_idle = queue.is_idle
-        if isinstance(request.operation, LoadScenario) and (error := self._unknown(request.operation.name)):
+        if error := self._refusal(request.operation) or self._unknown(request.operation):
             client.send_error(Error("request", error, request.id))
         elif not queue.add(request):
             text = f"more than {MAX_PENDING} requests are pending: wait for a Response"
@@ -199,10 +202,11 @@ class Requests:
             self._is_busy = False
         self._execute_soon()
 
-    def _unknown(self, name: str) -> str:
-        """The error for a scenario that is not known; empty if it is."""
-        known = list(self._scenarios)
-        return "" if name in known else f"scenario '{name}' is not known. {suggest(name, known)}"
+    def _unknown(self, operation: ServerOperation) -> str:
+        """The error for a scenario that is not known; empty if it is, or if none is to be loaded."""
+        if not isinstance(operation, LoadScenario) or operation.name in self._scenarios:
+            return ""
+        return f"scenario '{operation.name}' is not known. {suggest(operation.name, list(self._scenarios))}"
 
     def _submit(self, client: ConnectedClient, queue: RequestQueue, entry: Entry, operation: Operation) -> None:
         """Pass an operation to the simulation."""

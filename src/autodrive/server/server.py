@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from autodrive.bridge.devkit import DevkitBridge
     from autodrive.cameras.jpeg import JpegEncoder
     from autodrive.cameras.scene_process import SceneProcess
+    from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.server.frame_source import FrameSource, RecordingControl, Replayed
     from autodrive.server.scene_files import SceneFiles
     from autodrive.world import World
@@ -61,6 +62,7 @@ class Server:
     - `recording`: makes recordings on request; None: such requests are refused.
     - `replay`: the recording that `simulation`, a Player, shows; None: it is a Simulation.
     - `renderer_factory(world)`: starts the process that renders scene cameras; None: `scene_renderer_factory()`.
+    - `refusal(message)`: why clients may not have that operation or Drive now; empty if they may.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Server:
         renderer_factory: Callable[[World], SceneProcess] | None = None,
         recording: RecordingControl | None = None,
         replay: Replayed | None = None,
+        refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
     ) -> None:
         self.host = host
         if token is not None:
@@ -101,6 +104,7 @@ class Server:
             renderer_factory=renderer_factory or scene_renderer_factory(),
             recording=recording,
             replay=replay,
+            refusal=refusal,
         )
         self._thread: threading.Thread | None = None
         self._server: uvicorn.Server | None = None
