@@ -92,8 +92,8 @@ def camera(gl: str, compiled: Compiled) -> BatchCamera:
 class SingleCameras:
     """The cameras of a World, with small images; each is drawn alone."""
 
-    def __init__(self, compiled: Compiled) -> None:
-        rig = camera_rig(compiled, "small")
+    def __init__(self, compiled: Compiled, quality: str = "small") -> None:
+        rig = camera_rig(compiled, quality)
         edges = {"width": SIZE[0], "height": SIZE[1]}
         small = tuple(slot._replace(spec=slot.spec.model_copy(update=edges)) for slot in rig.slots)
         self._names = [(slot.vehicle, slot.camera) for slot in small]
@@ -171,6 +171,16 @@ def test_the_rear_camera_shows_what_is_behind(world: World, single: SingleCamera
     frames = driven(world)
     rear = BatchCamera(compiled, "V1", "rear", size=SIZE)
     assert_alike(rear.render(states_of(frames)), single.images(frames, "rear"))
+
+
+def test_edges_are_smoothed_as_in_a_single_world(world: World, compiled: Compiled) -> None:
+    frames = driven(world)[:2]
+    plain, smooth = (
+        BatchCamera(compiled, "V1", "front", size=SIZE, quality=f"software{kind}") for kind in ("", "-fxaa")
+    )
+    images = smooth.render(states_of(frames))
+    assert_alike(images, SingleCameras(compiled, "software-fxaa").images(frames, "front"))
+    assert (images != plain.render(states_of(frames))).mean() > 0.02
 
 
 def test_an_image_does_not_depend_on_the_other_worlds_nor_on_its_place(

@@ -17,6 +17,7 @@ from autodrive.render.draw_list import (
     filled,
     shadow_distances,
 )
+from autodrive.render.fxaa import smoothed
 from autodrive.render.lighting import reach, strength
 from autodrive.render.render_state import VEHICLE
 from autodrive.render.renderer import IndexRange, Renderer, clip_from_optical, in_sight, sight_planes
@@ -119,6 +120,10 @@ class BatchRenderer(Renderer):
             for numbers in np.split(order, range(PART, n, PART)):
                 part = self._prepared(vehicles[numbers], objects[numbers])
                 images[numbers] = self._draw_part(part, look, is_day).reshape(-1, *images.shape[1:])
+        if self.quality.antialiasing == "fxaa":
+            opaque = np.full((k.height, k.width, 1), 255, np.uint8)
+            for image in images:
+                image[...] = smoothed(np.dstack([image, opaque]))[..., :3]
         return images
 
     # -- preparation ------------------------------------------------------------------------------------------------

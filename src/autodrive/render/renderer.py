@@ -288,9 +288,6 @@ class Renderer:
 
     def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
         joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
-        # FXAA reads the brightness of a pixel from its alpha
-        luma = "dot(c, vec3(0.299, 0.587, 0.114))" if self.quality.antialiasing == "fxaa" else "1.0"
-        definitions["ALPHA(c)"] = luma
         program = self._context.program(source(vertex, **joints, **definitions), source(fragment, **definitions))
         for name, binding in (("Frame", 0), ("Camera", 1)):
             block = program.get(name, None)

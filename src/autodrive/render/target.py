@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from autodrive.render.gl import moderngl, source
+from autodrive.render.fxaa import smoothed
 
 if TYPE_CHECKING:
+    import moderngl
     from numpy.typing import NDArray
 
     from autodrive.render.quality import Antialiasing
@@ -25,18 +26,11 @@ class RenderTarget:
     def __init__(self, context: moderngl.Context, width: int, height: int, antialiasing: Antialiasing) -> None:
         size = width, height
         self._context, self._size, self._antialiasing = context, size, antialiasing
-        self._color = context.texture(size, 4)
-        self._color.repeat_x = self._color.repeat_y = False
-        self._plain = context.framebuffer([self._color], context.depth_renderbuffer(size))
-        self._last = self._frame = self._plain
+        self._plain = context.framebuffer([context.renderbuffer(size, 4)], context.depth_renderbuffer(size))
+        self._frame = self._plain
         if antialiasing == "msaa":
             many = context.renderbuffer(size, 4, samples=SAMPLES), context.depth_renderbuffer(size, samples=SAMPLES)
             self._frame = context.framebuffer([many[0]], many[1])
-        if antialiasing == "fxaa":
-            self._smooth = context.program(source("corner.vert"), source("fxaa.frag"))
-            self._smooth["texel"] = 1.0 / width, 1.0 / height
-            self._corners = context.vertex_array(self._smooth, [])
-            self._last = context.framebuffer([context.renderbuffer(size, 4)])
 
     def begin(self) -> None:
         """Clear this target and draw to it from now on."""
@@ -44,26 +38,20 @@ class RenderTarget:
         self._frame.clear(depth=1.0)
 
     def finish(self) -> None:
-        """Apply antialiasing."""
+        """Average the samples of each pixel, if there are several."""
         if self._antialiasing == "msaa":
             self._context.copy_framebuffer(self._plain, self._frame)
-        if self._antialiasing == "fxaa":
-            self._context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-            self._last.use()
-            self._color.use(0)
-            self._corners.render(moderngl.TRIANGLES, 3)
-            self._context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
 
     def read(self) -> NDArray[np.uint8]:
         """The finished image, shape (height, width, 4)."""
         width, height = self._size
         pixels = np.empty((height, width, 4), np.uint8)
-        self._last.read_into(pixels, components=4)
-        return pixels
+        self._plain.read_into(pixels, components=4)
+        return smoothed(pixels) if self._antialiasing == "fxaa" else pixels
 
     def read_rgb_into(self, pixels: moderngl.Buffer, offset: int) -> None:
-        """Copy the finished image to a buffer, from that byte on: rows of 3 bytes a pixel, without a wait on a GPU."""
-        self._last.read_into(pixels, components=3, alignment=1, write_offset=offset)
+        """Copy the image to a buffer, from that byte on: rows of 3 bytes a pixel, without FXAA and a wait on a GPU."""
+        self._plain.read_into(pixels, components=3, alignment=1, write_offset=offset)
 
 
 class DepthLabelTarget:

@@ -171,6 +171,5 @@ void main() {
         vec3 arriving = lamp_light(lamp_numbers[i], l);
         light += lamp_reflected(f, n, v, l) * arriving;
     }
-    vec3 c = shown(light * exposure.x + own_emission * exposure.y);
-    pixel = vec4(c, ALPHA(c));
+    pixel = vec4(shown(light * exposure.x + own_emission * exposure.y), 1.0);
 }

@@ -4,6 +4,5 @@ flat in vec3 low, high;
 out vec4 pixel;
 void main() {
     float up = clamp(ray.z * inversesqrt(dot(ray, ray)), 0.0, 1.0);
-    vec3 c = mix(low, high, sqrt(up));
-    pixel = vec4(c, ALPHA(c));
+    pixel = vec4(mix(low, high, sqrt(up)), 1.0);
 }
