@@ -246,14 +246,16 @@ def test_a_vehicle_that_stands_or_is_too_slow_retires_and_is_parked_beside_the_t
     assert drive.race.is_over
 
 
-def test_after_restore_the_same_motion_gives_the_same_events() -> None:
-    drive = Drive(load_rules("league_2026"), 0.0, -0.2)
+@pytest.mark.parametrize("rules", ["league_2026", "head_to_head"])
+def test_after_restore_the_same_motion_gives_the_same_events(rules: str) -> None:
+    drive = Drive(load_rules(rules), 0.0, -0.2)
     drive.run(9.0, 4.0, 4.5, happened=(hit("V1"),))
     saved, angle, tick = drive.race.save(), list(drive.angle), drive.tick
     results = []
     for _ in range(2):
         drive.race.restore(saved)
         drive.angle, drive.tick, drive.events = list(angle), tick, []
+        drive.run(0.1, 4.0, 4.5, happened=(hit("V1", "V2"), hit("V2", "V1")))
         drive.run(30.0, 4.0, 4.5, happened=(hit("V2"),))
         results.append((repr(drive.events), repr(drive.race.states(drive.time))))
     assert results[0] == results[1]

@@ -28,6 +28,8 @@ class Progress(NamedTuple):
     y: Floats
     s: Floats
     """Distance of its nearest point along the centre line, from 0 to the length [m]."""
+    lateral: Floats
+    """How far it is to the left of that point [m]."""
     travelled: Floats
     """Sum of all changes of `s`, without jumps at the start line [m]."""
     farthest: Floats
@@ -77,7 +79,7 @@ def _direction(track: Track, s: float) -> tuple[float, float]:
 def start(line: Line, positions: Floats, i: int, p: Progress) -> None:
     """Let vehicle i be where it is now, without having moved there."""
     p.x[i], p.y[i] = positions[i, 0], positions[i, 1]
-    p.s[i], _ = nearest_on_line(line, p.x[i], p.y[i])
+    p.s[i], p.lateral[i] = nearest_on_line(line, p.x[i], p.y[i])
     p.farthest[i] = p.backmost[i] = p.travelled[i]
     p.is_wrong_way[i] = p.has_turned[i] = 0
     p.passed[i] = nan
@@ -100,7 +102,7 @@ def advance(line: Line, gates: Floats, positions: Floats, tick: float, p: Progre
         if hypot(x1 - x0, y1 - y0) > MAX_SPEED * tick:
             start(line, positions, i, p)
             continue
-        s, _ = nearest_on_line(line, x1, y1)
+        s, p.lateral[i] = nearest_on_line(line, x1, y1)
         change = s - p.s[i]
         p.travelled[i] += change - length * np.round(change / length)
         p.x[i], p.y[i], p.s[i] = x1, y1, s

@@ -24,14 +24,13 @@ from autodrive.protocol.messages import (
     WrongWay,
 )
 from autodrive.racing.checkpoints import advance, gates, progress, start
+from autodrive.racing.contacts import SIDE_BY_SIDE, Contacts
 from autodrive.racing.rules import RaceRules
 from autodrive.tracks import Track
 
 Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m], heading [rad]."""
 
-SIDE_BY_SIDE = 0.25
-"""Two vehicles that touch are side by side if they are at most this far apart along the track [m]."""
 SET_BACK_STEP, SET_BACK_SIDE = 0.7, 0.35
 """If its place is taken, a vehicle is set back that much farther, or beside the centre line [m]."""
 SET_BACK_PLACES = 10
@@ -89,6 +88,9 @@ class Race:
         self._starts: list[Pose] = []
         self._entries = [Entry() for _ in names]
         self._progress = progress(len(self._names))
+        self._contacts: Contacts | None = None
+        if rules.vehicle_contact == "judged" and len(names) > 1:
+            self._contacts = Contacts(track, len(names), tick)
         self._first_at: dict[tuple[int, int], float] = {}
         """When the first vehicle passed a checkpoint, by lap and checkpoint."""
         line, positions = track.line, np.zeros((len(self._names), 3))
@@ -120,6 +122,8 @@ class Race:
         for column in self._progress:
             column[:] = 0
         self._progress.next_gate[:] = 1
+        if self._contacts is not None:
+            self._contacts.reset()
         for i in range(len(self._names)):
             self.moved(i, positions)
         if self.rules.start_delay == 0.0:
@@ -130,15 +134,18 @@ class Race:
     def save(self) -> Any:
         """Everything that the future depends on, for `restore`."""
         columns = tuple(column.copy() for column in self._progress)
-        return list(self._starts), [replace(entry) for entry in self._entries], columns, dict(self._first_at)
+        contacts = self._contacts and self._contacts.save()
+        return list(self._starts), [replace(entry) for entry in self._entries], columns, dict(self._first_at), contacts
 
     def restore(self, saved: Any) -> None:
         """Go back to the state of `save`."""
-        starts, entries, columns, first_at = saved
+        starts, entries, columns, first_at, contacts = saved
         self._starts, self._first_at = list(starts), dict(first_at)
         self._entries = [replace(entry) for entry in entries]
         for column, kept in zip(self._progress, columns, strict=True):
             column[:] = kept
+        if self._contacts is not None:
+            self._contacts.restore(contacts)
 
     # -- the tick -----------------------------------------------------------------------------------------------
 
@@ -160,6 +167,8 @@ class Race:
             events += self._begin(time, positions)
         if self._advance(self.track.line, self._gates, positions, self._tick, self._progress):
             events += self._passed(time, positions)
+        if self._contacts is not None:
+            self._contacts.note(time, self._progress.s, self._progress.lateral)
         if happened:
             self._collide(time, positions, happened, events, moves)
         self._check_limits(time, positions, events, moves)
@@ -168,6 +177,8 @@ class Race:
     def moved(self, i: int, positions: Floats) -> None:
         """Vehicle i has been placed elsewhere."""
         self._start(self.track.line, positions, i, self._progress)
+        if self._contacts is not None:
+            self._contacts.placed(i)
         self._entries[i].travelled = float(self._progress.travelled[i]) - self._ahead(i)
 
     def end(self, i: int, status: RaceStatus, reason: str, time: float, positions: Floats) -> tuple[Event, list[Move]]:
@@ -278,19 +289,23 @@ class Race:
         for event in happened:
             if isinstance(event, Collision):
                 i = self._names.index(event.vehicle)
-                if self._entries[i].status == RaceStatus.RACING and self._is_at_fault(i, event.other):
-                    reasons.setdefault(i, f"collision with {event.other}")
+                if self._entries[i].status == RaceStatus.RACING and (fault := self._fault(i, event.other)):
+                    reasons.setdefault(i, f"{fault} with {event.other}")
         for i, reason in reasons.items():
             self._penalise(i, reason, time, positions, events, moves)
 
-    def _is_at_fault(self, i: int, other: str) -> bool:
-        """Whether vehicle i pays for its contact with `other`."""
+    def _fault(self, i: int, other: str) -> str:
+        """What vehicle i pays for in its contact with `other`; empty if it does not pay."""
         if other not in self._names:
-            return True
-        ahead = self._distance_along(self._names.index(other)) - self._distance_along(i)
+            return "collision"
+        j = self._names.index(other)
+        if self._contacts is not None:
+            name, guilty = self._contacts.fault(i, j)
+            return f"{name}: contact" if i in guilty else ""
+        ahead = self._distance_along(j) - self._distance_along(i)
         ahead -= self.track.length * round(ahead / self.track.length)
         rule = self.rules.vehicle_contact
-        return rule == "both" or (rule == "behind" and ahead > -SIDE_BY_SIDE)
+        return "collision" if rule == "both" or (rule == "behind" and ahead > -SIDE_BY_SIDE) else ""
 
     def _penalise(
         self, i: int, reason: str, time: float, positions: Floats, events: list[Event], moves: list[Move]
@@ -310,6 +325,8 @@ class Race:
         if rules.is_set_back:
             events.append(SetBack(time, name, self._checkpoint(i), _place(positions, i)))
             entry.held_until = time + rules.restart_delay
+            if self._contacts is not None:
+                self._contacts.set_back(i, entry.held_until)
             moves.append(Move(i, self._set_back_poses(i)))
 
     def _check_limits(self, time: float, positions: Floats, events: list[Event], moves: list[Move]) -> None:

@@ -36,8 +36,9 @@ class RaceRules(Spec):
     """Whether a collision sets a vehicle back, at rest, to the checkpoint that it passed last."""
     restart_delay: Seconds = 0.0
     """Time for which a vehicle stands after it was set back [s]."""
-    vehicle_contact: Literal["none", "behind", "both"] = "behind"
-    """Who pays for a contact of two vehicles: nobody, the one behind (both if they are side by side), or both."""
+    vehicle_contact: Literal["none", "behind", "both", "judged"] = "behind"
+    """Who pays for a contact of two vehicles: nobody, the one behind (both if they are side by side), both, or whom the
+    six penalties of a head to head name (`contacts.py`)."""
     start_delay: Seconds = 0.0
     """Time for which all vehicles stand before the start [s]."""
     time_limit: Seconds | None = None
