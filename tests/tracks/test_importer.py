@@ -86,6 +86,35 @@ def test_the_centre_line_of_a_map_alone_is_found(bean: Track, folder: Path) -> N
     assert abs(math.remainder(reverse.start_pose[2], 2.0 * math.pi)) < 0.3  # at the top, clockwise: along +x
 
 
+def test_a_folder_in_the_older_layout_of_f1tenth_racetracks_is_read(bean: Track, folder: Path) -> None:
+    """As its `Spielberg`: no centre line, another file name of the image, psi from +y, more race lines."""
+    (folder / "bean_centerline.csv").unlink()
+    edit(folder / "bean_map.yaml", "image: .*", "image: mapBean.pgm")
+    assert bean.race_line is not None
+    race = np.roll(bean.race_line[::-1], -30, axis=0)  # clockwise
+    race[:, 3] = (race[:, 3] + 0.5 * math.pi) % (2.0 * math.pi)
+    rows = ["; ".join(f"{value:.7f}" for value in row) for row in race.tolist()]
+    header = "# 17b4\n# 603f\n# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n"
+    for name in ("bean_raceline.csv", "bean_map_raceline.csv", "bean_raceline_newconv.csv"):
+        (folder / name).write_text(header + "\n".join(rows if name == "bean_raceline.csv" else rows[:9]))
+    track, warnings = import_track(folder)
+    assert track.name == "bean"
+    x, y, heading = track.start_pose
+    assert math.hypot(x - race[0, 1], y - race[0, 2]) < 0.2
+    assert math.cos(heading - math.atan2(*(race[1, 1:3] - race[0, 1:3])[::-1])) > 0.95
+    assert track.race_line is not None
+    assert len(track.race_line) == len(race)
+    texts = ("'bean_map.png' is read instead", "direction and start line are those of the race line", "psi is computed")
+    assert [any(text in warning for warning in warnings) for text in texts] == [True] * 3
+    assert len(warnings) == 3
+
+
+def test_a_map_without_its_image_is_refused(folder: Path) -> None:
+    (folder / "bean_map.png").unlink()
+    with pytest.raises(SpecError, match=r"the file 'bean_map\.png' does not exist"):
+        import_track(folder)
+
+
 def test_the_yaw_of_a_map_turns_its_walls(bean: Track, folder: Path) -> None:
     yaw = 0.3
     c, s = math.cos(yaw), math.sin(yaw)
@@ -129,7 +158,6 @@ def test_gaps_between_barriers_are_closed_on_request(bean: Track, folder: Path) 
 @pytest.mark.parametrize(
     ("file", "pattern", "text", "message"),
     [
-        ("map.yaml", "image: .*", "image: other.png", "image: the file 'other.png' does not exist"),
         ("map.yaml", "resolution: .*", "resolution: 0", r"resolution \(line 2\): must be greater than 0"),
         ("map.yaml", "resolution: .*", "", "resolution: is required"),
         ("map.yaml", "free_thresh: .*", "free_thresh: 0.9", "occupied_thresh 0.45 must be above free_thresh 0.9"),

@@ -62,7 +62,9 @@ def find_sources(path: Path) -> Sources:
         def one(*patterns: str) -> Path | None:
             found = [file for pattern in patterns for file in sorted(path.glob(pattern))]
             if len(found) > 1 and len({*found}) > 1:
-                same = [file for file in found if file.name.startswith(f"{path.resolve().name}_")]
+                name = path.resolve().name
+                same = [file for file in found if file.name in [pattern.replace("*", name) for pattern in patterns]]
+                same = same or [file for file in found if file.name.startswith(f"{name}_")]
                 if len({*same}) != 1:
                     names = ", ".join(file.name for file in found)
                     raise SpecError([f"the folder has several tracks: {names}. Name one of the files"], str(path))
@@ -95,21 +97,25 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
     rows: Floats | None = None
     if sources.centre_line:
         rows = _cleaned(read_centre_line(sources.centre_line, options.width), sources.centre_line, warnings)
+    race = _race_line(sources.race_line, warnings) if sources.race_line else None
     walls: tuple[Floats, ...] = ()
     if ros_map is not None:
+        if ros_map.warning:
+            warnings.append(ros_map.warning)
         if ros_map.spec.origin[2:] and ros_map.spec.origin[2]:
             warnings.append(
                 f"the map is turned by {math.degrees(ros_map.spec.origin[2]):.4g} degrees, as origin states"
             )
-        inside = (float(rows[0, 0]), float(rows[0, 1])) if rows is not None else options.start
+        known = rows[0] if rows is not None else race[0, 1:] if race is not None else None
+        inside = options.start if known is None else (float(known[0]), float(known[1]))
         walls = _walls(ros_map, inside, options, path)
     if rows is None:
         rows = _middle_line(walls, path)
-        warnings.append(
-            "the file has no centre line: it is the middle between the walls; direction and start line are guesses"
-        )
+        text = "direction and start line are guesses"
+        if race is not None:
+            rows, text = _along(rows, race), "direction and start line are those of the race line"
+        warnings.append(f"the file has no centre line: it is the middle between the walls; {text}")
     rows = _turned(rows, options)
-    race = _race_line(sources.race_line, warnings) if sources.race_line else None
     name = options.name or sources.name
     if not walls:
         walls = walls_along(rows, min(options.tolerance, 0.01))
@@ -194,6 +200,16 @@ def _turned(rows: Floats, options: ImportOptions) -> Floats:
         first = int(np.argmin(np.hypot(rows[:, 0] - options.start[0], rows[:, 1] - options.start[1])))
         rows = np.roll(rows, -first, axis=0)
     return rows
+
+
+def _along(rows: Floats, race: Floats) -> Floats:
+    """The centre line in the direction of a race line, from its first point on."""
+    points, race_points = rows[:, :2], race[:, 1:3]
+    nearest = np.array([int(np.argmin(np.hypot(*(points - point).T))) for point in race_points])
+    steps = np.diff(nearest)
+    forward = np.sum(steps - len(rows) * np.round(steps / len(rows)))
+    start = float(race_points[0, 0]), float(race_points[0, 1])
+    return _turned(rows, ImportOptions(start=start, is_reversed=bool(forward < 0)))
 
 
 def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:

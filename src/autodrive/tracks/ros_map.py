@@ -52,6 +52,8 @@ class RosMap:
     spec: RosMapSpec
     occupancy: Floats
     """Probability that a pixel is occupied, shape (rows, columns), first row at the top."""
+    warning: str = ""
+    """What is probably a mistake in the file; empty if nothing is."""
 
     def metres(self, pixels: Floats) -> Floats:
         """Positions in the map frame [m] of positions in the image from its lower left corner [pixel], shape (n, 2)."""
@@ -81,12 +83,18 @@ def read_ros_map(path: Path) -> RosMap:
         raise SpecError([text], str(path))
     if spec.mode == "raw":
         raise SpecError(["mode raw has no fixed meaning of grey values; save the map as trinary or scale"], str(path))
-    image = path.parent / spec.image
+    image, warning = path.parent / spec.image, ""
     if not image.is_file():
-        raise SpecError([f"image: the file '{spec.image}' does not exist in {path.parent}"], str(path))
+        warning = f"image: the file '{spec.image}' does not exist in {path.parent}"
+        # files of f1tenth_racetracks name images that were renamed since
+        others = [other for kind in (".png", ".pgm") if (other := path.with_suffix(kind)).is_file()]
+        if not others:
+            raise SpecError([warning], str(path))
+        image = others[0]
+        warning += f"; '{image.name}' is read instead"
     grey = read_grey(image)
     occupancy = grey / 255.0 if spec.negate else (255.0 - grey) / 255.0
-    return RosMap(spec, occupancy)
+    return RosMap(spec, occupancy, warning)
 
 
 def write_ros_map(
