@@ -6,14 +6,18 @@ import json
 import signal
 import subprocess
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from autodrive import Frame
+from autodrive.run.race import RaceOptions, race
+from autodrive.run.runner import Run, RunObserver
 from tests.ros.test_league import ALLOWED, CAR, COMMANDS, RESET, RESTRICTED
 from tests.support.ros.processes import Probe, Program, client, simulator
 from tests.support.ros.ros2 import bridge, probe
-from tests.support.waiting import free_port, wait_until
+from tests.support.waiting import LIMIT, free_port, wait_until
 
 SCENARIO = "vehicles: {V1: {type: roboracer}, V2: {type: roboracer, y: 2.0}}\ntick: 0.025\n"
 QOS = """
@@ -23,6 +27,16 @@ from rclpy.qos import QoSProfile
 one = QOS["league"]
 print(json.dumps([one.reliability.name, one.history.name, one.depth, one.durability.name]))
 """
+
+
+class Watcher(RunObserver):
+    """Keeps Frames of a run."""
+
+    def __init__(self, frames: list[Frame]) -> None:
+        self._frames = frames
+
+    def running(self, run: Run) -> None:
+        self._frames.append(run.simulation.frame)
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +132,27 @@ def test_at_race_time_a_team_sees_what_it_may_use(
         ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", {"data": 0.05})
         wait_until(lambda: sim.wait().vehicles["V1"].speed > 0.5)
         ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", None)
+
+
+def test_a_team_races_with_its_ros_2_nodes(ros2_environment: dict[str, str], folder: Path, ros: Probe) -> None:
+    """The node stands for the bridge of the league's devkit: a server that the simulator of the race connects to."""
+    wait_until(lambda: not ros.publishers(f"/{CAR}/lidar"))  # the node of the other test has left
+    port, rules = free_port(), folder / "rules.yaml"
+    rules.write_text("{race_laps: 1, time_limit: 8.0, withheld: [position, velocity, laps, collisions]}")
+    options = RaceOptions("practice", (("127.0.0.1", port),), rules=str(rules), has_page=False)
+    with (
+        bridge(ros2_environment, folder, port=port, mode="devkit", profile="roboracer", race=True),
+        ThreadPoolExecutor() as pool,
+    ):
+        wait_until(lambda: ros.subscribers(f"/{CAR}/throttle_command"))
+        ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", {"data": 0.04})
+        seen: list[Frame] = []
+        running = pool.submit(race, options, observer=Watcher(seen))
+        ros.subscribe(f"/{CAR}/lidar", "sensor_msgs/LaserScan", "RELIABLE")
+        assert len(ros.latest(f"/{CAR}/lidar")["message"]["ranges"]) == 1080
+        names = {name for name in ros.topics() if ros.publishers(name) and name.startswith(f"/{CAR}/")}
+        (standing,) = running.result(LIMIT).standings
+        ros.publish(f"/{CAR}/throttle_command", "std_msgs/Float32", None)
+    assert names - {f"/{name}" for name in COMMANDS} == {f"/{CAR}/{name}" for name in ALLOWED}
+    assert standing.reason == "not finished after 8 s"
+    assert max(frame.vehicles["V1"].speed for frame in seen) > 0.5

@@ -1,8 +1,11 @@
 """Reads and writes files in the format MCAP (https://mcap.dev/spec): messages with a time, in compressed chunks.
 
-We have our own reader and writer, and not those of the package `mcap`, for two reasons: a chunk is written after a
-given time and not only at a given size, so that a killed process loses little; and a truncated or damaged file is
-read as far as it is whole, with a text that says what is missing.
+We have our own reader and writer instead of those of the package `mcap` (measured with 1.6.0), whose `Writer.flush` can
+end a chunk at any time, too. Its writer compresses all chunks with one level, which costs another 0.4 % of a core with
+two cameras, and writes schemas and channels only inside chunks: if one chunk of a file that was cut off is damaged, all
+later messages can lose their topic. Its reader ends at the first damaged record: of 13,000 mutated recordings it gave
+a quarter fewer messages. It does not check the checksums of summary and attachments, and asks for as much memory as a
+damaged length says (more than 6 GB for 12 of these files). Most of our reader would remain around its records.
 """
 
 from __future__ import annotations
