@@ -5,7 +5,7 @@ end a chunk at any time, too. Its writer compresses all chunks with one level, w
 two cameras, and writes schemas and channels only inside chunks: if one chunk of a file that was cut off is damaged, all
 later messages can lose their topic. Its reader ends at the first damaged record: of 13,000 mutated recordings it gave
 a quarter fewer messages. It does not check the checksums of summary and attachments, and asks for as much memory as a
-damaged length says (more than 6 GB for 12 of these files). Most of our reader would remain around its records.
+damaged length says (gigabytes for 12 of these files). Most of our reader would remain around its records.
 """
 
 from __future__ import annotations
