@@ -76,10 +76,7 @@ class Controls:
         """Write what the vehicles obey at that tick into `throttle` and `steering`: clamped, 0 after the time-out."""
         for i, controls in enumerate(self.vehicles):
             command = controls.command if tick - controls.since <= self._timeout else NO_COMMAND
-            if command is not self._obeyed[i]:
-                self._obeyed[i] = command
-                self.throttle[i] = min(1.0, max(-1.0, command.throttle))
-                self.steering[i] = min(1.0, max(-1.0, command.steering))
+            self.throttle[i], self.steering[i] = _clamped(command.throttle), _clamped(command.steering)
 
     def save(self) -> Sequence[VehicleControls]:
         """Everything that the future depends on, for `restore`."""
@@ -88,5 +85,7 @@ class Controls:
     def restore(self, saved: Sequence[VehicleControls]) -> None:
         """Go back to the state of `save`."""
         self.vehicles = [replace(controls) for controls in saved]
-        self._obeyed: list[Command | None] = [None] * len(saved)
-        """The commands in `throttle` and `steering`."""
+
+
+def _clamped(value: float) -> float:
+    return 1.0 if value > 1.0 else -1.0 if value < -1.0 else value

@@ -125,6 +125,17 @@ def test_after_a_set_back_a_car_waits_for_its_restart_and_laps_are_timed_on_ever
     assert state.lap_total == 0
 
 
+def test_a_car_whose_command_stays_the_same_drives_off_after_the_start() -> None:
+    world = autodrive.make(spec(rules="head_to_head"))
+    command = {"V1": Command(throttle=0.2)}
+    while world.time < 3.0 - 1e-9:
+        world.step(command)  # the car stands before the start
+    assert abs(world.frame.vehicles["V1"].speed) < 0.01
+    for _ in range(20):
+        world.step(command)
+    assert world.frame.vehicles["V1"].speed > 0.5
+
+
 def test_wrong_races_are_refused() -> None:
     with pytest.raises(SpecError, match=r"race: map 'plane' is no track"):
         autodrive.make(ScenarioSpec(race=RaceSpec()))
