@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 
@@ -76,18 +77,18 @@ class FrameBuilder:
     ) -> VehicleFrame:
         """`blinks`: periods of the indicators since they were switched on."""
         values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
-        values.setflags(write=False)
-        numbers = values.tolist()
-        throttle = numbers[0]
-        is_reversing = throttle < 0.0 or 0.5 * (numbers[REAR_LEFT_SPIN] + numbers[REAR_RIGHT_SPIN]) < REVERSE_SPEED
+        values.setflags(False)
+        throttle, steering, rear_left_spin, rear_right_spin = values[SCALARS].tolist()
+        is_reversing = throttle < 0.0 or 0.5 * (rear_left_spin + rear_right_spin) < REVERSE_SPEED
+        position, orientation, velocity, angular_velocity, *wheels = _arrays_of(values)
         return VehicleFrame(
-            pose=Pose(values[POSITION], values[ORIENTATION]),
-            velocity=values[VELOCITY],
-            angular_velocity=values[ANGULAR_VELOCITY],
+            pose=Pose(position, orientation),
+            velocity=velocity,
+            angular_velocity=angular_velocity,
             throttle=throttle,
-            steering=numbers[1],
+            steering=steering,
             lights=self._lit_lamps(i, controls, blinks % 1.0, throttle == 0.0, is_reversing),
-            wheels=WheelsReading(*[values[four] for four in WHEELS]),
+            wheels=WheelsReading(*wheels),
             is_autonomous=controls.is_autonomous,
             collision_count=collision_count,
             race=race,
@@ -105,10 +106,11 @@ class FrameBuilder:
         return lights
 
 
-POSITION, ORIENTATION, VELOCITY, ANGULAR_VELOCITY = slice(2, 5), slice(5, 9), slice(9, 12), slice(12, 15)
-WHEELS = tuple(slice(first, first + 4) for first in range(15, 43, 4))
-REAR_LEFT_SPIN, REAR_RIGHT_SPIN = 25, 26
-"""Where the parts of a vehicle are in `_places_of`; throttle and steering come first."""
+SCALARS = slice(0, 4)
+"""Where throttle, steering and the spin of the rear wheels are in `_places_of`."""
+ARRAYS = (slice(4, 7), slice(7, 11), slice(11, 14), slice(14, 17), *(slice(k, k + 4) for k in range(17, 45, 4)))
+"""Where position, orientation, both velocities and the fields of `WheelsReading` are."""
+_arrays_of = itemgetter(*ARRAYS)
 
 
 def _places_of(where: State, i: int) -> Integers:
@@ -117,6 +119,7 @@ def _places_of(where: State, i: int) -> Integers:
     parts = (
         where.throttle[i : i + 1],
         where.steering_angle[i : i + 1],
+        where.wheel_angular_velocity[4 * i + 2 : 4 * i + 4],
         where.vehicle_position[i],
         where.vehicle_orientation[i],
         where.vehicle_velocity[i],

@@ -37,6 +37,9 @@ SET_BACK_PLACES = 10
 PARKING_STEP = 0.8
 """Vehicles that are out of the race are parked beside the track, this far apart [m]."""
 
+WAITING, RACING, FINISHED, DISQUALIFIED, RETIRED = RaceStatus
+"""Names of a module are found faster than those of an enumeration."""
+
 
 class Move(NamedTuple):
     """A vehicle that the rules place, at rest, at the first of these poses that is free."""
@@ -49,7 +52,7 @@ class Move(NamedTuple):
 class Entry:
     """The race of one vehicle."""
 
-    status: RaceStatus = RaceStatus.WAITING
+    status: RaceStatus = WAITING
     laps: int = 0
     lap_start: float = 0.0
     """When the present lap began [s], as the times below."""
@@ -85,6 +88,8 @@ class Race:
         limits = rules.time_limit, rules.standstill_limit, rules.wrong_way_limit
         self._has_limits = any(limit is not None for limit in limits)
         self._gates = gates(track, rules.checkpoint_distance)
+        self._step = track.length / len(self._gates)
+        """Distance of neighbouring checkpoints [m]."""
         self._starts: list[Pose] = []
         self._entries = [Entry() for _ in names]
         self._progress = progress(len(self._names))
@@ -110,7 +115,7 @@ class Race:
     @property
     def is_over(self) -> bool:
         """Whether no vehicle waits or races any more."""
-        return all(entry.status not in (RaceStatus.WAITING, RaceStatus.RACING) for entry in self._entries)
+        return all(entry.status not in (WAITING, RACING) for entry in self._entries)
 
     # -- state --------------------------------------------------------------------------------------------------
 
@@ -128,7 +133,7 @@ class Race:
             self.moved(i, positions)
         if self.rules.start_delay == 0.0:
             for entry in self._entries:
-                entry.status = RaceStatus.RACING
+                entry.status = RACING
                 entry.count_start = 0.0 if self.rules.warm_up_laps == 0 else math.nan
 
     def save(self) -> Any:
@@ -152,8 +157,7 @@ class Race:
     def restrain(self, time: float, throttle: Floats) -> None:
         """Let the vehicles brake that must stand at that time [s]: writes their `throttle`."""
         for i, entry in enumerate(self._entries):
-            is_out = entry.status in (RaceStatus.WAITING, RaceStatus.DISQUALIFIED, RaceStatus.RETIRED)
-            if is_out or time < entry.held_until:
+            if entry.status in (WAITING, DISQUALIFIED, RETIRED) or time < entry.held_until:
                 throttle[i] = 0.0
 
     def judge(self, time: float, positions: Floats, happened: Sequence[Event]) -> tuple[list[Event], list[Move]]:
@@ -163,7 +167,7 @@ class Race:
         """
         events: list[Event] = []
         moves: list[Move] = []
-        if self._entries[0].status == RaceStatus.WAITING and time >= self.rules.start_delay:
+        if self._entries[0].status == WAITING and time >= self.rules.start_delay:
             events += self._begin(time, positions)
         if self._advance(self.track.line, self._gates, positions, self._tick, self._progress):
             events += self._passed(time, positions)
@@ -188,7 +192,7 @@ class Race:
             entry.race_time = time - entry.count_start
         entry.status = status
         event = RaceStatusChanged(time, self._names[i], status, reason, _place(positions, i))
-        is_parked = status != RaceStatus.FINISHED and len(self._names) > 1
+        is_parked = status != FINISHED and len(self._names) > 1
         return event, [Move(i, (self._parking(i),))] if is_parked else []
 
     def status(self, i: int) -> RaceStatus:
@@ -197,32 +201,29 @@ class Race:
 
     def states(self, time: float) -> list[RaceState]:
         """The state of each vehicle at that time [s], for a Frame."""
-        p, gates = self._progress, len(self._gates)
+        p, gates, lap_total = self._progress, len(self._gates), self.rules.lap_total
         checkpoints = [(gate - 1) % gates for gate in p.next_gate.tolist()]
-        distances = [
-            self._distance(entry, passed, travelled)
-            for entry, passed, travelled in zip(self._entries, checkpoints, p.travelled.tolist(), strict=True)
-        ]
-        order = sorted(range(len(self._names)), key=lambda i: self._order(i, distances[i]))
-        ranks = {i: place for place, i in enumerate(order, start=1)}
+        distances = list(map(self._distance, self._entries, checkpoints, p.travelled.tolist()))
         return [
             RaceState(
                 status=entry.status,
                 lap_count=entry.laps,
-                lap_total=self.rules.lap_total,
-                lap_time=time - entry.lap_start if entry.status == RaceStatus.RACING else 0.0,
+                lap_total=lap_total,
+                lap_time=time - entry.lap_start if entry.status == RACING else 0.0,
                 last_lap_time=entry.last_lap,
                 best_lap_time=entry.best_lap,
                 race_time=self._race_time(entry, time),
                 penalty=entry.penalty,
                 collision_count=entry.collisions,
-                checkpoint=checkpoints[i],
-                distance=distances[i],
-                rank=ranks[i],
-                gap=0.0 if ranks[i] == 1 else entry.gap,
-                is_wrong_way=bool(is_wrong_way),
+                checkpoint=passed,
+                distance=distance,
+                rank=rank,
+                gap=0.0 if rank == 1 else entry.gap,
+                is_wrong_way=is_wrong_way == 1,
             )
-            for (i, entry), is_wrong_way in zip(enumerate(self._entries), p.is_wrong_way.tolist(), strict=True)
+            for entry, passed, distance, rank, is_wrong_way in zip(
+                self._entries, checkpoints, distances, self._ranks(distances), p.is_wrong_way.tolist(), strict=True
+            )
         ]
 
     # -- parts of a tick ----------------------------------------------------------------------------------------
@@ -230,7 +231,7 @@ class Race:
     def _begin(self, time: float, positions: Floats) -> list[Event]:
         events: list[Event] = []
         for i, entry in enumerate(self._entries):
-            entry.status = RaceStatus.RACING
+            entry.status = RACING
             entry.lap_start = entry.split_start = self.rules.start_delay
             if self.rules.warm_up_laps == 0:
                 entry.count_start = self.rules.start_delay
@@ -242,7 +243,7 @@ class Race:
         events: list[Event] = []
         p = self._progress
         for i, entry in enumerate(self._entries):
-            if entry.status != RaceStatus.RACING:
+            if entry.status != RACING:
                 continue
             fraction = float(p.passed[i])
             if not math.isnan(fraction):
@@ -278,7 +279,7 @@ class Race:
         if entry.laps == rules.warm_up_laps:
             entry.count_start = time
         if rules.lap_total and entry.laps == rules.lap_total:
-            event, _ = self.end(i, RaceStatus.FINISHED, "", time, positions)
+            event, _ = self.end(i, FINISHED, "", time, positions)
             events.append(event)
         return events
 
@@ -289,7 +290,7 @@ class Race:
         for event in happened:
             if isinstance(event, Collision):
                 i = self._names.index(event.vehicle)
-                if self._entries[i].status == RaceStatus.RACING and (fault := self._fault(i, event.other)):
+                if self._entries[i].status == RACING and (fault := self._fault(i, event.other)):
                     reasons.setdefault(i, f"{fault} with {event.other}")
         for i, reason in reasons.items():
             self._penalise(i, reason, time, positions, events, moves)
@@ -318,7 +319,7 @@ class Race:
                 events.append(RacePenalty(time, name, reason, rules.collision_penalty, _place(positions, i)))
             if rules.is_disqualified_by(entry.collisions):
                 why = f"more than {rules.collision_limit} collisions"
-                event, parked = self.end(i, RaceStatus.DISQUALIFIED, why, time, positions)
+                event, parked = self.end(i, DISQUALIFIED, why, time, positions)
                 events.append(event)
                 moves += parked
                 return
@@ -334,15 +335,15 @@ class Race:
         if not self._has_limits:
             return
         for i, entry in enumerate(self._entries):
-            if entry.status != RaceStatus.RACING:
+            if entry.status != RACING:
                 continue
-            status, reason = RaceStatus.RETIRED, ""
+            status, reason = RETIRED, ""
             if rules.time_limit is not None and time >= rules.time_limit:
                 reason = f"not finished after {rules.time_limit:g} s"
             elif rules.standstill_limit is not None and time - entry.split_start >= rules.standstill_limit:
                 reason = f"no checkpoint for {rules.standstill_limit:g} s"
             elif rules.wrong_way_limit is not None and p.farthest[i] - p.backmost[i] > rules.wrong_way_limit:
-                status, reason = RaceStatus.DISQUALIFIED, f"more than {rules.wrong_way_limit:g} m the wrong way"
+                status, reason = DISQUALIFIED, f"more than {rules.wrong_way_limit:g} m the wrong way"
             if reason:
                 event, parked = self.end(i, status, reason, time, positions)
                 events.append(event)
@@ -359,7 +360,7 @@ class Race:
 
     def _distance(self, entry: Entry, passed: int, travelled: float) -> float:
         """Distance along the track since the start line [m]; a checkpoint that was missed holds it."""
-        length, step = self.track.length, self.track.length / len(self._gates)
+        length, step = self.track.length, self._step
         return entry.laps * length + passed * step + min(travelled - entry.travelled, step)
 
     def _ahead(self, i: int) -> float:
@@ -368,15 +369,25 @@ class Race:
         ahead = self._distance_along(i) - length * self._checkpoint(i) / len(self._gates)
         return ahead - length * round(ahead / length)
 
+    def _ranks(self, distances: Sequence[float]) -> list[int]:
+        """Place of each vehicle, from 1."""
+        if len(distances) == 1:
+            return [1]
+        order = sorted(range(len(distances)), key=lambda i: self._order(i, distances[i]))
+        ranks = [0] * len(order)
+        for place, i in enumerate(order, start=1):
+            ranks[i] = place
+        return ranks
+
     def _order(self, i: int, distance: float) -> tuple[int, float, float]:
         """Sorts the vehicles: those that have finished by time, ties by best lap; the others by distance."""
         entry = self._entries[i]
-        if entry.status == RaceStatus.FINISHED:
+        if entry.status == FINISHED:
             return 0, entry.race_time + entry.penalty, entry.best_lap
-        return {RaceStatus.RETIRED: 2, RaceStatus.DISQUALIFIED: 3}.get(entry.status, 1), -distance, 0.0
+        return (2 if entry.status == RETIRED else 3 if entry.status == DISQUALIFIED else 1), -distance, 0.0
 
     def _race_time(self, entry: Entry, time: float) -> float:
-        if entry.status != RaceStatus.RACING:
+        if entry.status != RACING:
             return entry.race_time
         return 0.0 if math.isnan(entry.count_start) else time - entry.count_start
 

@@ -23,8 +23,8 @@ ANGLES = slice(0, 2)
 """Places of the encoder angles [rad] in `ReadingColumns.values`."""
 POSITION = slice(2, 5)
 """Likewise, of the IPS [m]."""
-MOTION = slice(5, 18)
-"""Likewise, of the IMU: orientation (4), Euler angles (3), angular velocity (3), linear acceleration (3)."""
+MOTION = (slice(5, 9), slice(9, 12), slice(12, 15), slice(15, 18))
+"""Likewise, of the IMU: orientation, Euler angles, angular velocity, linear acceleration."""
 DISTANCE = 18
 """Likewise, of the range sensor [m]."""
 

@@ -90,20 +90,20 @@ class LidarSpec(Spec):
         return abs(self.angle_increment) / (2.0 * math.pi * self.rate) if self.is_rolling else 0.0
 
 
-def scan_constants(spec: LidarSpec) -> dict[str, Any]:
-    """The fields of a `LidarScan` that are the same in every scan."""
+def scan_constants(spec: LidarSpec) -> tuple[Any, ...]:
+    """The fields of a `LidarScan` that are the same in every scan: all after `ranges`."""
     intensities = np.full(spec.rays, spec.intensity)
     intensities.flags.writeable = False
-    return {
-        "intensities": intensities,
-        "angle_min": spec.angle_min,
-        "angle_increment": spec.angle_increment,
-        "range_min": spec.range_min,
-        "range_max": spec.range_max,
-        "scan_rate": spec.rate,
-        "scan_time": 1.0 / spec.rate,
-        "time_increment": spec.time_increment,
-    }
+    return (
+        intensities,
+        spec.angle_min,
+        spec.angle_increment,
+        spec.range_min,
+        spec.range_max,
+        spec.rate,
+        1.0 / spec.rate,
+        spec.time_increment,
+    )
 
 
 @jit_uncounted

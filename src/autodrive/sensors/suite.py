@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from operator import itemgetter
 from typing import Any
 
 from numpy.typing import NDArray
@@ -36,6 +37,8 @@ from autodrive.state import State
 
 Reader = Callable[[float, Floats], Any]
 """Makes the reading of a sensor from its time [s] and the vehicle's row of `ReadingColumns.values`."""
+
+_parts_of_motion = itemgetter(*MOTION)
 
 NEVER = [math.nan] * len(SENSORS)
 """Times of the readings of a vehicle before the first."""
@@ -151,10 +154,11 @@ class SensorSuite:
             for before, pose in zip(self._working.before, poses, strict=True):
                 before[:] = pose
         before, self._times = self._times, self._columns.time[0].tolist()
+        copies = read_only_copy(self._columns.values[0])
         for i, readers in enumerate(self._readers):
-            values, latest = read_only_copy(self._columns.values[0, i]), self._latest[i]
+            values, latest, times, times_before = copies[i], self._latest[i], self._times[i], before[i]
             for s, name, read in readers:
-                if (time := self._times[i][s]) != before[i][s]:
+                if (time := times[s]) != times_before[s]:
                     latest[name] = read(time, values)
 
     def _copy(self, before: SensorSuite, i: int, s: int, name: str) -> None:
@@ -178,7 +182,7 @@ class SensorSuite:
         match spec:
             case LidarSpec():
                 ranges, constants = self._columns.lidar_ranges[0, i, : spec.rays], scan_constants(spec)
-                return lambda time, values: LidarScan(time=time, ranges=read_only_copy(ranges), **constants)
+                return lambda time, values: LidarScan(time, read_only_copy(ranges), *constants)
             case RangeSpec():
                 field_of_view = math.radians(spec.field_of_view_deg)
                 rest = field_of_view, spec.range_min, spec.range_max, spec.radiation
@@ -192,5 +196,4 @@ class SensorSuite:
 
 
 def _imu_reading(time: float, values: Floats) -> ImuReading:
-    motion = values[MOTION]
-    return ImuReading(time, motion[:4], motion[4:7], motion[7:10], motion[10:])
+    return ImuReading(time, *_parts_of_motion(values))

@@ -140,12 +140,12 @@ class World(OneThread):
         finite; nothing has moved then. Raises `EngineError` if the physics cannot continue; after that, call `reset`
         or `restore`.
         """
-        c, controls = self._compiled, self._controls
+        c, controls, race = self._compiled, self._controls, self.race
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
-        if self.race is not None:
-            self.race.restrain(self.time, controls.throttle)
+        if race is not None:
+            race.restrain(self.time, controls.throttle)
         is_sound = self._advance(
             c.model,
             c.state,
@@ -159,17 +159,18 @@ class World(OneThread):
             self._always_engine,
         )
         self._tick += 1
+        time = self.time
         if self._poses.held:
             self._poses.apply_held()
         if not is_sound:
             raise EngineError(
-                f"the physics became unstable at {self.time:.3f} s; reset the world, and use a shorter substep or "
+                f"the physics became unstable at {time:.3f} s; reset the world, and use a shorter substep or "
                 "a vehicle with softer springs"
             )
-        events = self._referee.judge(self._tick, self.time, c.model, c.state, c.contacts)
+        events = self._referee.judge(self._tick, time, c.model, c.state, c.contacts)
         is_moved = False
-        if self.race is not None:
-            news, moves = self.race.judge(self.time, c.state.vehicle_position, events)
+        if race is not None:
+            news, moves = race.judge(time, c.state.vehicle_position, events)
             events += tuple(news)
             is_moved = self._move(moves)
         self._sample()
