@@ -32,7 +32,7 @@ from autodrive.physics.buffers import Scratch, VehicleContacts, scratch
 from autodrive.physics.clearance import find_nearby
 from autodrive.physics.engine import has_diverged, load
 from autodrive.physics.free_body import rotation_at, step_free_body
-from autodrive.physics.vehicle_forces import apply_forces
+from autodrive.physics.vehicle_forces import apply_forces, steer_wheels
 from autodrive.physics.wheel_edge import edge_support
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.sensors import fan, lidar, outline, sweep
@@ -224,6 +224,7 @@ def count_step(model: Model, state: State, views: NoEngine, contacts: VehicleCon
 def forces(model: Model, state: State, scratch: Scratch) -> None:
     """Contacts and forces of the first car."""
     find_nearby(0, model, state, scratch, model.dt)
+    steer_wheels(0, model, state)
     apply_forces(0, rotation_at(state.qpos, model.vehicles[0]["qpos"] + 3), model, state, scratch)
 
 
@@ -403,6 +404,7 @@ def lidar_arguments(seed: int) -> dict[str, Any]:
         "first": rays // 10,
         "time_before": 3.0 / TIMING.rate - 0.9 * rays * TIMING.time_increment,
         "time": 3.0 / TIMING.rate - 0.1 * rays * TIMING.time_increment,
+        "views": np.full((len(shapes.kind), 10), math.inf),
         "inverse_range": np.full(rays, -math.inf),
     }
 

@@ -16,7 +16,7 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 def read_only_copy(array: AnyArray) -> AnyArray:
     """A copy of the array that cannot be written to."""
     copy = array.copy()
-    copy.setflags(False)
+    copy.setflags(write=False)
     return copy
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import itemgetter
 
 import numpy as np
@@ -77,7 +77,7 @@ class FrameBuilder:
     ) -> VehicleFrame:
         """`blinks`: periods of the indicators since they were switched on."""
         values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
-        values.setflags(False)
+        values.setflags(write=False)
         throttle, steering, rear_left_spin, rear_right_spin = values[SCALARS].tolist()
         is_reversing = throttle < 0.0 or 0.5 * (rear_left_spin + rear_right_spin) < REVERSE_SPEED
         position, orientation, velocity, angular_velocity, *wheels = _arrays_of(values)
@@ -110,7 +110,7 @@ SCALARS = slice(0, 4)
 """Where throttle, steering and the spin of the rear wheels are in `_places_of`."""
 ARRAYS = (slice(4, 7), slice(7, 11), slice(11, 14), slice(14, 17), *(slice(k, k + 4) for k in range(17, 45, 4)))
 """Where position, orientation, both velocities and the fields of `WheelsReading` are."""
-_arrays_of = itemgetter(*ARRAYS)
+_arrays_of: Callable[[Floats], tuple[Floats, ...]] = itemgetter(*ARRAYS)
 
 
 def _places_of(where: State, i: int) -> Integers:

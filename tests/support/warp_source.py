@@ -664,7 +664,7 @@ class _Translation:
     def _builtin(self, function: Any, arguments: list[Value]) -> Value | None:
         """The call of a function of Python or of its module math; None for others."""
         types = [argument.type for argument in arguments]
-        if function in (float, int):
+        if function in (float, int, np.uint64):
             return self._converted(arguments[0], "f" if function is float else "i", exact=False)
         if function is len:
             return Value("i", (f"wp.int64({arguments[0].codes[0]}.shape[{types[0][3]}])",))

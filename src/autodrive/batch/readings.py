@@ -90,7 +90,7 @@ class Readings(NamedTuple):
 def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
     """Views of the arrays of `worlds`; `time` [s] is kept by the caller."""
     s, r = worlds.state, worlds.readings
-    motion = r.values[..., MOTION]
+    orientation, euler, angular_velocity, linear_acceleration = (r.values[..., part] for part in MOTION)
     n, v = worlds.throttle.shape
     wheels = {
         "wheel_steering_angle": s.wheel_steering_angle,
@@ -119,10 +119,10 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
         ips_time=r.time[..., IPS],
         ips_position=r.values[..., POSITION],
         imu_time=r.time[..., IMU],
-        imu_orientation=motion[..., :4],
-        imu_euler=motion[..., 4:7],
-        imu_angular_velocity=motion[..., 7:10],
-        imu_linear_acceleration=motion[..., 10:],
+        imu_orientation=orientation,
+        imu_euler=euler,
+        imu_angular_velocity=angular_velocity,
+        imu_linear_acceleration=linear_acceleration,
         lidar_ranges=r.lidar_ranges,
         lidar_time=r.time[..., LIDAR],
         range_distance=r.values[..., DISTANCE],

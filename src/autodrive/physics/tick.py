@@ -28,7 +28,7 @@ from autodrive.physics.engine import (
 )
 from autodrive.physics.formulas import drive_level, steered
 from autodrive.physics.free_body import rotation_at, step_free_body
-from autodrive.physics.vehicle_forces import apply_forces
+from autodrive.physics.vehicle_forces import apply_forces, steer_wheels
 from autodrive.state import State
 from autodrive.transforms import Vector
 
@@ -71,7 +71,10 @@ def advance(
         scratch.applied[:] = 0.0
         for i in range(n):
             v = model.vehicles[i]
+            angle = state.steering_angle[i]
             _actuate(i, model, state, throttle[i], steering[i], k)
+            if k == first or state.steering_angle[i] != angle:  # it is often constant
+                steer_wheels(i, model, state)
             apply_forces(i, rotation_at(state.qpos, v["qpos"] + 3), model, state, scratch)
             for axis in range(3):
                 scratch.velocity[i, axis] = state.qvel[v["dof"] + axis]

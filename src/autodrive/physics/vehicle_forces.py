@@ -41,10 +41,20 @@ AT_REST = 1.0
 
 
 @inlined
+def steer_wheels(i: int, model: Model, state: State) -> None:
+    """Sets the angles of the wheels of vehicle i from that of its steering actuator."""
+    for w in range(4):
+        wheel, angle = model.wheels[4 * i + w], 0.0
+        if wheel["is_steered"]:
+            angle = ackermann_angle(state.steering_angle[i], model.vehicles[i]["wheelbase"], wheel["hub"][1])
+        state.wheel_steering_angle[4 * i + w] = angle
+
+
+@inlined
 def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch: Scratch) -> None:
     """Adds the forces of ground and air on vehicle i, and their reactions on the bodies below its wheels, to `scratch`.
 
-    `rotation` is that of the vehicle. Sets steering angle, spin, rotation, slip and force of its wheels in the state.
+    `rotation` is that of the vehicle. Sets spin, rotation, slip and force of its wheels in the state.
     """
     v = model.vehicles[i]
     dt = model.dt
@@ -54,11 +64,7 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
     for w in range(4):
         wheel = model.wheels[4 * i + w]
         row = 4 * i + w
-        angle = 0.0
-        if wheel["is_steered"]:
-            angle = ackermann_angle(state.steering_angle[i], v["wheelbase"], wheel["hub"][1])
-        state.wheel_steering_angle[row] = angle
-        find_contact(i, w, angle, rotation, turn, model, state, scratch)
+        find_contact(i, w, state.wheel_steering_angle[row], rotation, turn, model, state, scratch)
         contact = scratch.wheel_contacts[w]
         v_long = contact["longitudinal_velocity"]
         spin = state.wheel_angular_velocity[row]

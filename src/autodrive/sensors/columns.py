@@ -109,6 +109,8 @@ class Working(NamedTuple):
     """At the start of the tick; only with a rolling LIDAR."""
     near: Integers
     """Shapes near a sensor, shape (n_shape,)."""
+    views: Floats
+    """Outlines of these shapes, shape (n_shape, 10); without a LIDAR, shape (0, 10)."""
     inverse_range: Floats
     """[1/m], shape (most rays of a LIDAR,)."""
     values: Floats
@@ -151,6 +153,7 @@ def working_memory(shapes: Shapes, v: int, rays: int) -> Working:
             shape_rotation=shapes.rotation.copy(),
         ),
         near=np.zeros(len(shapes.kind), np.int64),
+        views=np.zeros((len(shapes.kind) if rays else 0, 10)),
         inverse_range=np.zeros(rays),
         values=np.zeros(9),
     )

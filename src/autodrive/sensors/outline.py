@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-from autodrive.jit import jit
+from autodrive.jit import inlined
 from autodrive.transforms import Vector
 
 HIDDEN, SEEN, AROUND, PARTLY = 0, 1, 2, 3
@@ -26,7 +26,7 @@ View: TypeAlias = tuple[int, float, float, float, float, float, float, float, fl
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@jit
+@inlined
 def view_of_box(s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> View:
     """View of a box with half sizes s; a simple cross-section cuts four parallel edges and is a parallelogram.
 
@@ -73,7 +73,7 @@ def view_of_box(s: Vector, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> Vie
     return SEEN, start, width, pu, pv, qu, qv, a0, b0, a1, b1
 
 
-@jit
+@inlined
 def view_of_sphere(u: float, v: float, radius_squared: float) -> View:
     """View of a sphere, whose cross-section is a circle about u, v; the numbers are those of a cylinder."""
     c = u * u + v * v - radius_squared
@@ -83,7 +83,7 @@ def view_of_sphere(u: float, v: float, radius_squared: float) -> View:
     return SEEN, start, width, u / c, v / c, radius_squared / (c * c), -v / c, u / c, 0.0, 0.0, 0.0
 
 
-@jit
+@inlined
 def view_of_cylinder(radius: float, half_height: float, o: Vector, ex: Vector, ey: Vector, ez: Vector) -> View:
     """View of a cylinder about z; a simple cross-section is an ellipse.
 
@@ -112,7 +112,7 @@ def view_of_cylinder(radius: float, half_height: float, o: Vector, ex: Vector, e
     return SEEN, start, width, -a * q, -b * q, k * k, m0 * q, m1 * q, k * ex[2], k * ey[2], 0.0
 
 
-@jit
+@inlined
 def bearings(pu: float, pv: float, qu: float, qv: float) -> tuple[float, float]:
     """Bearing of p, and the angle from p to the left to q, less than pi [rad]; the error is below BEARING_ERROR."""
     start = approximate_bearing(pu, pv)
@@ -121,7 +121,7 @@ def bearings(pu: float, pv: float, qu: float, qv: float) -> tuple[float, float]:
     return start, width + 2.0 * math.pi if width < -1.0 else width
 
 
-@jit
+@inlined
 def bearings_of_disc(u: float, v: float, radius: float) -> tuple[float, float]:
     """`bearings` of the two tangents to a disc; the whole circle if the sensor is inside."""
     distance_squared, radius_squared = u * u + v * v, radius * radius * (1.0 + 1e-9)
@@ -132,7 +132,7 @@ def bearings_of_disc(u: float, v: float, radius: float) -> tuple[float, float]:
     return bearings(u + t * v, v - t * u, u - t * v, v + t * u)
 
 
-@jit
+@inlined
 def approximate_bearing(x: float, y: float) -> float:
     """atan2(y, x) to 1e-5 rad. Abramowitz & Stegun, Handbook of Mathematical Functions (4.4.47)."""
     ax, ay = abs(x), abs(y)
@@ -144,11 +144,11 @@ def approximate_bearing(x: float, y: float) -> float:
     return math.copysign(angle, y)
 
 
-@jit
+@inlined
 def _in_plane(x: float, y: float, z: float, ex: Vector, ey: Vector) -> tuple[float, float]:
     return x * ex[0] + y * ex[1] + z * ex[2], x * ey[0] + y * ey[1] + z * ey[2]
 
 
-@jit
+@inlined
 def _cycle(v: Vector) -> Vector:
     return v[1], v[2], v[0]

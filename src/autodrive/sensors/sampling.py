@@ -117,6 +117,7 @@ def sample(
                 motion.shape_position,
                 motion.shape_rotation,
                 working.near,
+                working.views,
                 inverse_range,
             )
             if row["is_clockwise"]:

@@ -38,7 +38,7 @@ from autodrive.state import State
 Reader = Callable[[float, Floats], Any]
 """Makes the reading of a sensor from its time [s] and the vehicle's row of `ReadingColumns.values`."""
 
-_parts_of_motion = itemgetter(*MOTION)
+_motion_of: Callable[[Floats], tuple[Floats, ...]] = itemgetter(*MOTION)
 
 NEVER = [math.nan] * len(SENSORS)
 """Times of the readings of a vehicle before the first."""
@@ -196,4 +196,4 @@ class SensorSuite:
 
 
 def _imu_reading(time: float, values: Floats) -> ImuReading:
-    return ImuReading(time, *_parts_of_motion(values))
+    return ImuReading(time, *_motion_of(values))
