@@ -19,8 +19,9 @@ from autodrive.render.draw_list import (
 )
 from autodrive.render.fxaa import smoothed
 from autodrive.render.lighting import reach, strength
+from autodrive.render.parts import in_sight, sight_planes
 from autodrive.render.render_state import VEHICLE
-from autodrive.render.renderer import IndexRange, Renderer, clip_from_optical, in_sight, sight_planes
+from autodrive.render.renderer import IndexRange, Renderer, clip_from_optical
 from autodrive.render.scene import rigid, rigid_all, signals_of
 from autodrive.render.shadows import BEAMS, BONES
 

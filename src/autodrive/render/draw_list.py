@@ -111,6 +111,8 @@ class DrawList:
         self.posed: list[PosedMesh] = []
         self.static_lit: list[Illumination] = []
         """For each range of the static mesh."""
+        self.static_groups = np.zeros(0, np.intp)
+        """The same as numbers: equal ones are equal."""
 
     def set(self, state: RenderState, views: Sequence[View]) -> None:
         """Prepare that state for these views; draws the shadow maps."""
@@ -144,6 +146,12 @@ class DrawList:
             for i in (*np.nonzero(self._is_shaded)[0].tolist(), *range(n, len(reached))):
                 reached[i] = SHADED if reached[i] is UNREACHED else reached[i]._replace(is_shaded=True)
         self.static_lit = reached[:n]
+        groups: dict[Illumination, int] = {}
+        known = {id(lit): groups.setdefault(lit, len(groups)) for lit in (UNREACHED, SHADED)}
+        self.static_groups = np.array(
+            [known[id(lit)] if id(lit) in known else groups.setdefault(lit, len(groups)) for lit in self.static_lit],
+            np.intp,
+        )
         levels = np.concatenate([np.ones((len(roots), 1)), state.vehicles["lamps"]], axis=1).astype(np.float32)
         glow = [row.tobytes() for row in levels]
         dark = np.eye(1, 1 + len(LAMPS), dtype=np.float32).tobytes()

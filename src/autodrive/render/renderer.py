@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -12,6 +13,7 @@ from autodrive.render import texture_arrays
 from autodrive.render.draw_list import FRAME, DrawList, Illumination
 from autodrive.render.gl import moderngl, open_context, source, write
 from autodrive.render.gpu_mesh import GpuMesh
+from autodrive.render.parts import Parts, in_sight, sight_planes
 from autodrive.render.quality import quality
 from autodrive.render.scene import Kind, Skeleton, geometry, rigid
 from autodrive.render.shadows import BONES, Shadows, columns
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
     from autodrive.render.render_state import RenderState
     from autodrive.render.scene import RenderScene
     from autodrive.transforms import Vector
+
+PART_SIZE = 0.06
+"""Of the parts of a vehicle [m]."""
 
 TEXTURES, STILL, CASTER, BEAM = range(4)
 """Texture units."""
@@ -90,6 +95,19 @@ class Renderer:
         self._draw_list = DrawList(
             scene, self.quality, self._skeletons, self._static, self._vehicles, self._objects, self._shadows
         )
+        ranges = self._static.geometry.ranges
+        looks = sorted({(r.kind == "flat", r.kind, r.textures) for r in ranges})
+        self._looks = np.array([looks.index((r.kind == "flat", r.kind, r.textures)) for r in ranges], np.intp)
+        """For each range of the static mesh; level ground has the highest numbers."""
+        self._parts = {id(mesh): Parts.of(mesh.geometry, PART_SIZE) for mesh in self._vehicles}
+        self._parts[id(self._static)] = Parts.of(self._static.geometry, math.inf)
+        """Of each mesh that is drawn in parts, by its id."""
+        size = sum(mesh.geometry.indices.nbytes for mesh in (self._static, *self._vehicles))
+        self._view_indices = context.buffer(reserve=max(size, 4), dynamic=True)
+        self._meshes = {id(mesh): mesh.with_indices(self._view_indices) for mesh in (self._static, *self._vehicles)}
+        """The same meshes, with the triangles that a view draws."""
+        self._chosen: list[NDArray[np.uint32]] = []
+        """Indices of those triangles."""
         self._frame = context.buffer(reserve=FRAME.itemsize)
         self._camera = context.buffer(reserve=80)
         self._programs: dict[ShaderVariant, moderngl.Program] = {}
@@ -157,7 +175,7 @@ class Renderer:
 
     def _draw_colors(self, view: View, is_day: bool) -> None:
         clip = self._look(view)
-        self._draw_calls(list(self._seen(clip)), is_day)
+        self._draw_calls(self._seen(clip), is_day)
         self._draw_sky(clip)
 
     def _draw_calls(self, calls: list[DrawCall], is_day: bool) -> None:
@@ -215,46 +233,52 @@ class Renderer:
     def _write_camera(self, clip: Floats, eye: Vector | Floats) -> None:
         self._camera.write(columns(clip) + np.array([*eye, 1.0], np.float32).tobytes())
 
-    def _seen(self, clip: Floats) -> Iterator[DrawCall]:
+    def _seen(self, clip: Floats) -> list[DrawCall]:
         """Visible meshes: first those that move, which are near, then the static ones, the ground last."""
-        planes = sight_planes(clip)
-        draw_list = self._draw_list
-        if draw_list.posed:
-            centers, radii = (
-                np.array([p.center for p in draw_list.posed]),
-                np.array([p.radius for p in draw_list.posed]),
-            )
-            for i in np.nonzero(in_sight(planes, centers, radii))[0].tolist():
-                posed = draw_list.posed[i]
-                for r in posed.model.geometry.ranges:
-                    yield (
-                        posed.model,
-                        (r.first, r.length, r.kind, r.textures),
-                        posed.bones,
-                        posed.glow,
-                        posed.lit,
-                    )
-        ranges = self._static.geometry.ranges
-        seen = np.nonzero(in_sight(planes, *self._static.geometry.spheres))[0].tolist()
-        yield from self._runs([i for i in seen if ranges[i].kind != "flat"])
-        yield from self._runs([i for i in seen if ranges[i].kind == "flat"])
+        self._chosen = []
+        calls = [*self._seen_posed(clip), *self._seen_ranges(clip)]
+        if self._chosen:
+            self._view_indices.orphan()
+            self._view_indices.write(np.concatenate(self._chosen).tobytes())
+        return calls
 
-    def _runs(self, numbers: list[int]) -> Iterator[DrawCall]:
-        """Ranges of the static mesh; consecutive ones that look alike are merged."""
-        ranges, lit = self._static.geometry.ranges, self._draw_list.static_lit
-        first = count = 0
-        last: tuple[Kind, str, Illumination] | None = None
-        for i in numbers:
-            r = ranges[i]
-            alike = r.kind, r.textures, lit[i]
-            if alike == last and first + count == r.first:
-                count += r.length
+    def _seen_posed(self, clip: Floats) -> Iterator[DrawCall]:
+        posed = self._draw_list.posed
+        if not posed:
+            return
+        centers, radii = np.array([p.center for p in posed]), np.array([p.radius for p in posed])
+        seen = np.flatnonzero(in_sight(sight_planes(clip), centers, radii))
+        for i in seen[np.argsort(centers[seen] @ clip[3, :3], kind="stable")].tolist():
+            mesh, bones, glow, _, _, lit = posed[i]
+            ranges = mesh.geometry.ranges
+            parts = self._parts.get(id(mesh))
+            if parts is None:
+                yield from ((mesh, (r.first, r.length, r.kind, r.textures), bones, glow, lit) for r in ranges)
                 continue
-            if last is not None:
-                yield self._static, (first, count, last[0], last[1]), None, None, last[2]
-            first, count, last = r.first, r.length, alike
-        if last is not None:
-            yield self._static, (first, count, last[0], last[1]), None, None, last[2]
+            places = np.swapaxes(np.frombuffer(bones, np.float32).reshape(-1, 4, 4), -1, -2).astype(np.float64)
+            numbers = parts.in_sight(clip, places)
+            for number, r in enumerate(ranges):
+                own = numbers[parts.range[numbers] == number]
+                if len(own):
+                    yield self._meshes[id(mesh)], (*self._choose(parts, own), r.kind, r.textures), bones, glow, lit
+
+    def _seen_ranges(self, clip: Floats) -> Iterator[DrawCall]:
+        """Ranges that look alike and have the same light are drawn at once."""
+        parts, ranges, draws = self._parts[id(self._static)], self._static.geometry.ranges, self._draw_list
+        numbers = parts.in_sight(clip)
+        own_range = parts.range[numbers]
+        looks = self._looks[own_range] * (len(ranges) + 2) + draws.static_groups[own_range]
+        for look in np.unique(looks):
+            own = numbers[looks == look]
+            i = int(parts.range[own[0]])
+            place = (*self._choose(parts, own), ranges[i].kind, ranges[i].textures)
+            yield self._meshes[id(self._static)], place, None, None, draws.static_lit[i]
+
+    def _choose(self, parts: Parts, numbers: NDArray[np.intp]) -> tuple[int, int]:
+        """Draw these parts in the present view: first of their indices, and how many."""
+        first = sum(map(len, self._chosen))
+        self._chosen.append(parts.indices_of(numbers))
+        return first, len(self._chosen[-1])
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
@@ -307,23 +331,3 @@ def clip_from_optical(view: View) -> Floats:
             [0.0, 0.0, 1.0, 0.0],
         ]
     )
-
-
-def sight_planes(clip: Floats) -> Floats:
-    """Left, right, bottom, top and near plane of what is seen, shape (..., 5, 4): inward normal, and offset [m].
-
-    `clip`: clip space from map axes, shape (..., 4, 4).
-    """
-    x, y, z, w = (clip[..., i, :] for i in range(4))
-    planes = np.stack([w + x, w - x, w + y, w - y, w + z], axis=-2)
-    planes /= np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)
-    return planes
-
-
-def in_sight(planes: Floats, centers: Floats, radii: Floats) -> np.ndarray:
-    """Whether each sphere intersects the space inside all planes, shape (..., n).
-
-    `centers`: shape (n, 3) or (..., n, 3); `radii`: shape (n,).
-    """
-    inside = centers @ np.swapaxes(planes[..., :3], -1, -2) + planes[..., None, :, 3]
-    return np.all(inside > -radii[:, None], axis=-1)
