@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from autodrive.arrays import Floats, Integers
-from autodrive.jit import jit
+from autodrive.jit import jit_uncounted
 from autodrive.tracks import Track
 from autodrive.tracks.line import Line, nearest_on_line
 
@@ -75,7 +75,7 @@ def _direction(track: Track, s: float) -> tuple[float, float]:
     return (xb - xa) / length, (yb - ya) / length
 
 
-@jit
+@jit_uncounted
 def start(line: Line, positions: Floats, i: int, p: Progress) -> None:
     """Let vehicle i be where it is now, without having moved there."""
     p.x[i], p.y[i] = positions[i, 0], positions[i, 1]
@@ -85,7 +85,7 @@ def start(line: Line, positions: Floats, i: int, p: Progress) -> None:
     p.passed[i] = nan
 
 
-@jit
+@jit_uncounted
 def advance(line: Line, gates: Floats, positions: Floats, tick: float, p: Progress) -> bool:
     """Update the progress at the end of a tick; whether a vehicle passed a checkpoint or turned the wrong way.
 
@@ -121,7 +121,7 @@ def advance(line: Line, gates: Floats, positions: Floats, tick: float, p: Progre
     return has_news
 
 
-@jit
+@jit_uncounted
 def _update_direction(p: Progress, i: int) -> None:
     """Update `is_wrong_way` and `has_turned` of vehicle i."""
     travelled = p.travelled[i]

@@ -88,6 +88,7 @@ class Race:
         limits = rules.time_limit, rules.standstill_limit, rules.wrong_way_limit
         self._has_limits = any(limit is not None for limit in limits)
         self._gates = gates(track, rules.checkpoint_distance)
+        self._lap_total = rules.lap_total
         self._step = track.length / len(self._gates)
         """Distance of neighbouring checkpoints [m]."""
         self._starts: list[Pose] = []
@@ -201,30 +202,35 @@ class Race:
 
     def states(self, time: float) -> list[RaceState]:
         """The state of each vehicle at that time [s], for a Frame."""
-        p, gates, lap_total = self._progress, len(self._gates), self.rules.lap_total
+        p, gates = self._progress, len(self._gates)
         checkpoints = [(gate - 1) % gates for gate in p.next_gate.tolist()]
         distances = list(map(self._distance, self._entries, checkpoints, p.travelled.tolist()))
-        return [
-            RaceState(
-                status=entry.status,
-                lap_count=entry.laps,
-                lap_total=lap_total,
-                lap_time=time - entry.lap_start if entry.status == RACING else 0.0,
-                last_lap_time=entry.last_lap,
-                best_lap_time=entry.best_lap,
-                race_time=self._race_time(entry, time),
-                penalty=entry.penalty,
-                collision_count=entry.collisions,
-                checkpoint=passed,
-                distance=distance,
-                rank=rank,
-                gap=0.0 if rank == 1 else entry.gap,
-                is_wrong_way=is_wrong_way == 1,
+        ranks, is_wrong_way = self._ranks(distances), p.is_wrong_way.tolist()
+        states: list[RaceState] = []
+        for i, entry in enumerate(self._entries):
+            lap_time, race_time, rank = 0.0, entry.race_time, ranks[i]
+            if entry.status == RACING:
+                lap_time, since = time - entry.lap_start, entry.count_start
+                race_time = 0.0 if math.isnan(since) else time - since
+            states.append(
+                RaceState(
+                    status=entry.status,
+                    lap_count=entry.laps,
+                    lap_total=self._lap_total,
+                    lap_time=lap_time,
+                    last_lap_time=entry.last_lap,
+                    best_lap_time=entry.best_lap,
+                    race_time=race_time,
+                    penalty=entry.penalty,
+                    collision_count=entry.collisions,
+                    checkpoint=checkpoints[i],
+                    distance=distances[i],
+                    rank=rank,
+                    gap=0.0 if rank == 1 else entry.gap,
+                    is_wrong_way=is_wrong_way[i] == 1,
+                )
             )
-            for entry, passed, distance, rank, is_wrong_way in zip(
-                self._entries, checkpoints, distances, self._ranks(distances), p.is_wrong_way.tolist(), strict=True
-            )
-        ]
+        return states
 
     # -- parts of a tick ----------------------------------------------------------------------------------------
 
@@ -385,11 +391,6 @@ class Race:
         if entry.status == FINISHED:
             return 0, entry.race_time + entry.penalty, entry.best_lap
         return (2 if entry.status == RETIRED else 3 if entry.status == DISQUALIFIED else 1), -distance, 0.0
-
-    def _race_time(self, entry: Entry, time: float) -> float:
-        if entry.status != RACING:
-            return entry.race_time
-        return 0.0 if math.isnan(entry.count_start) else time - entry.count_start
 
     def _set_back_poses(self, i: int) -> tuple[Pose, ...]:
         """The checkpoint that vehicle i passed last, or its place at the start; then places behind and beside that."""

@@ -70,6 +70,7 @@ class SensorSuite:
         self._rays, self._rolling_rays = most_rays(self._tables)
         self._noise = noise_columns(1, len(vehicles))
         self._columns = reading_columns(1, len(vehicles), self._rays, self._rolling_rays)
+        self._time_column, self._values_column = self._columns.time[0], self._columns.values[0]
         self._working = working_memory(shapes, len(vehicles), self._rays)
         self._motion = motion_of(state)
         self._ratio = substep.numerator, substep.denominator
@@ -153,8 +154,8 @@ class SensorSuite:
             poses = m.vehicle_position, m.vehicle_orientation, m.shape_position, m.shape_rotation
             for before, pose in zip(self._working.before, poses, strict=True):
                 before[:] = pose
-        before, self._times = self._times, self._columns.time[0].tolist()
-        copies = read_only_copy(self._columns.values[0])
+        before, self._times = self._times, self._time_column.tolist()
+        copies = read_only_copy(self._values_column)
         for i, readers in enumerate(self._readers):
             values, latest, times, times_before = copies[i], self._latest[i], self._times[i], before[i]
             for s, name, read in readers:

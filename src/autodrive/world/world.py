@@ -172,7 +172,7 @@ class World(OneThread):
         if race is not None:
             news, moves = race.judge(time, c.state.vehicle_position, events)
             events += tuple(news)
-            is_moved = self._move(moves)
+            is_moved = bool(moves) and self._move(moves)
         self._sample()
         return self._show(events, is_moved=is_moved)
 
