@@ -34,7 +34,7 @@ def noise(seed: int, low: float, high: float) -> Floats:
     spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal((SIZE, SIZE), np.float32))
     waves = np.hypot(np.fft.fftfreq(SIZE, 1.0 / SIZE)[:, None], np.fft.rfftfreq(SIZE, 1.0 / SIZE))
     field = np.fft.irfft2(spectrum * (np.exp(-((waves / high) ** 2)) - np.exp(-((waves / low) ** 2))), s=(SIZE, SIZE))
-    return field / field.std()
+    return np.asarray(field / field.std(), np.float64)
 
 
 def _shades(color: tuple[float, float, float], *layers: tuple[Floats, tuple[float, float, float]]) -> Floats:

@@ -73,7 +73,7 @@ def _png(data: bytes) -> Floats:
         alpha[: len(transparent)] = np.frombuffer(transparent, np.uint8)[: len(table)]
         return np.where(alpha < 128, 255.0, table)[values[..., 0]]
     scaled = values * (255.0 / (2**depth - 1))
-    grey = scaled[..., : min(channels, 3) if channels > 2 else 1].mean(axis=2)
+    grey = scaled[..., : min(channels, 3) if channels > 2 else 1].mean(axis=2, dtype=np.float64)
     return np.where(scaled[..., -1] < 127.5, 255.0, grey) if colour_type in (4, 6) else grey
 
 
