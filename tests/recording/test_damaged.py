@@ -7,12 +7,14 @@ import random
 from pathlib import Path
 
 import pytest
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.writer import Writer
 
 import autodrive
 from autodrive import AutodriveError, Command
 from autodrive.recording import Recorder, RecordingError, records
 from autodrive.recording import open as open_recording
+from autodrive.recording.wire import pool_of
 from tests.recording.compare import assert_same
 
 MUTATIONS = 40
@@ -143,19 +145,23 @@ def test_a_foreign_file_is_named(tmp_path: Path) -> None:
 
 def test_a_file_of_a_newer_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "newer.mcap"
-    monkeypatch.setattr(records, "FORMAT", 2)
+    monkeypatch.setattr(records, "FORMAT", 3)
     Recorder(path, autodrive.make("plane"), has_meshes=False).close()
     monkeypatch.undo()
-    with pytest.raises(RecordingError, match="in format 2; this version reads formats up to 1: install a newer"):
+    with pytest.raises(RecordingError, match="in format 3; this version reads formats up to 2: install a newer"):
         open_recording(path)
 
 
 def test_an_older_file_without_a_field_has_its_default(small: Path) -> None:
     """Field numbers come from the schema in the file, so that a later version may add fields anywhere."""
     with open_recording(small) as recording:
-        numbers = dict(recording._numbers())
-        older = {name: number for name, number in numbers["autodrive.VehicleFrame"].items() if name != "range"}
-        states = records.States({**numbers, "autodrive.VehicleFrame": older})
+        name = "autodrive.VehicleFrame"
+        schema = next(one.data for one in recording._file.schemas.values() if one.name == name)
+        older = FileDescriptorSet.FromString(schema)
+        (frame,) = (one for file in older.file for one in file.message_type if one.name == "VehicleFrame")
+        (place,) = (i for i, one in enumerate(frame.field) if one.name == "range")
+        del frame.field[place]
+        states = records.States({name: pool_of(older.SerializeToString())})
         (data, *_) = recording.messages_of(records.state_topic("V1"))
         values = states.decode_vehicle(data)
     assert values["range"] is None

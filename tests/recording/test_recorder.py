@@ -177,8 +177,11 @@ def test_a_killed_process_leaves_a_readable_file(tmp_path: Path) -> None:
         assert len(frames) > last - 150  # at 1 s of wall time at most; half a second more for a busy machine
 
 
-def test_without_the_package_the_error_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "zstandard", None)
+@pytest.mark.parametrize("package", ["zstandard", "google.protobuf"])
+def test_without_a_package_the_error_says_how_to_install_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, package: str
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(RecordingError, match=r"pip install .*'autodrive-simulator\[recording\]'"):
         simulate(RunOptions(duration=0.1, speed=None, has_page=False, record=tmp_path / "a.mcap"))
 

@@ -17,7 +17,7 @@ import autodrive
 from autodrive import Command
 from autodrive.meshes.urdf import PACKAGE
 from autodrive.protocol.messages import Reset, SetSceneLight
-from autodrive.recording import Recorder, Recording, RecordingError, foxglove
+from autodrive.recording import Recorder, Recording, RecordingError
 from autodrive.recording import open as open_recording
 from tests.recording.compare import assert_same
 from tests.recording.conftest import Drive
@@ -111,15 +111,6 @@ def test_the_reader_of_mcap_reads_everything(drive: Drive) -> None:
     assert len(scan.ranges) == 360
     assert scan.end_angle == pytest.approx(scan.start_angle + 359 * scan.angle_increment)
     assert {one.child_frame_id for one in found["/tf"][0].transforms} >= {"V1", "V4", "V1/lidar"}
-
-
-def test_poses_for_other_programs_are_those_of_the_schema(drive: Drive) -> None:
-    frame = drive.frames[20]
-    poses = [("map", name, one.pose) for name, one in frame.objects.items()]
-    slow = foxglove.FrameTransforms(
-        tuple(foxglove.transform(pose, 1_500_000_000, "map", name) for _, name, pose in poses)
-    )
-    assert foxglove.transforms_message(poses, 1_500_000_000) == foxglove.FRAME_TRANSFORMS.encode(slow)
 
 
 def test_images_are_decoded_when_they_are_read(tmp_path: Path) -> None:

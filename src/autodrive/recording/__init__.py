@@ -1,7 +1,7 @@
 """Recordings: what a World did, in one MCAP file that is read, replayed, compared, and simulated again.
 
-`Recorder` writes, `open` reads; `autodrive run --record FILE.mcap` records a run. The package zstandard is needed: the
-extra `recording`. The file is a standard MCAP file (https://mcap.dev), which Foxglove, Lichtblick and Rerun open.
+`Recorder` writes, `open` reads; `autodrive run --record FILE.mcap` records a run. The packages of the extra
+`recording` are needed. The file is a standard MCAP file (https://mcap.dev), which Foxglove, Lichtblick and Rerun open.
 
 Time. `log_time` of a message is the simulated time since the start of the recording [ns]; a reset does not set it
 back, so it never decreases. `publish_time` is the simulated time of the Frame, which a reset sets back. `sequence` is
@@ -26,8 +26,8 @@ chunk has at most 0.5 MB, or 0.8 s of wall time, so that a killed process loses 
 | `/tf` | `foxglove.FrameTransforms` | Protobuf | poses of vehicles, objects, LIDARs and cameras, at most 10 Hz |
 
 The Protobuf messages of a Frame and of a vehicle derive from the structs in `protocol.messages`: field names are the
-same, arrays are `repeated double`, whole numbers are `sfixed64`. The schema in the file says which number a field has.
-JSON has each number with all its digits, so that commands are the same bits again.
+same, arrays are `repeated double`, whole numbers are `sfixed64`; a number that is missing is 0. The schema in the file
+says which number a field has. JSON has each number with all its digits, so that commands are the same bits again.
 
 Metadata `autodrive`: format (`records.FORMAT`), versions of AutoDRIVE, MuJoCo, numpy and Python, platform, scenario,
 seed, tick, JPEG quality. Attachments: the .glb files of map, vehicles and boxes; a scenario message names them by part

@@ -6,16 +6,14 @@ numbers from 101 hold the rest of our reading, so that the same message gives ba
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable
-from functools import cache
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
 
 from autodrive.protocol.messages import Array, CameraImage, CameraIntrinsics, LidarScan, Pose
 from autodrive.recording import wire
-from autodrive.recording.wire import Message, WireInteger, varint
+from autodrive.recording.wire import Message, WireInteger
 
 NANOSECONDS = 1_000_000_000
 
@@ -216,32 +214,10 @@ def transform(pose: Any, time: int, parent: str, child: str) -> FrameTransform:
     return FrameTransform(timestamp(time), parent, child, Vector3(x, y, z), Quaternion(qx, qy, qz, qw))
 
 
-_TRANSLATION, _ROTATION = struct.Struct("<BBBdBdBd"), struct.Struct("<BBBdBdBdBd")
-
-
-def transforms_message(poses: Iterable[tuple[str, str, Any]], time: int) -> bytes:
-    """The message `FrameTransforms` of poses in the frame of a parent: (parent, child, pose).
-
-    As `FRAME_TRANSFORMS.encode`, ten times as fast: there are many of them.
-    """
-    stamp = TIMESTAMP.encode(timestamp(time))
-    head = b"\x0a" + varint(len(stamp)) + stamp
-    parts: list[bytes] = []
-    for parent, child, pose in poses:
-        x, y, z = pose.position
-        qw, qx, qy, qz = pose.orientation
-        data = head + _names(parent, child) + _TRANSLATION.pack(0x22, 27, 9, x, 17, y, 25, z)
-        data += _ROTATION.pack(0x2A, 36, 9, qx, 17, qy, 25, qz, 33, qw)
-        parts += (b"\x0a", varint(len(data)), data)
-    return b"".join(parts)
-
-
-@cache
-def _names(parent: str, child: str) -> bytes:
-    first, second = parent.encode(), child.encode()
-    return b"\x12" + varint(len(first)) + first + b"\x1a" + varint(len(second)) + second
+def transforms_message(poses: Iterable[tuple[str, str, Any]], time: int) -> FrameTransforms:
+    """The message of poses in the frame of a parent: (parent, child, pose)."""
+    return FrameTransforms(tuple(transform(pose, time, parent, child) for parent, child, pose in poses))
 
 
 LASER_SCAN, COMPRESSED_IMAGE = Message(LaserScan), Message(CompressedImage)
 CAMERA_CALIBRATION, FRAME_TRANSFORMS = Message(CameraCalibration), Message(FrameTransforms)
-TIMESTAMP = Message(Timestamp)

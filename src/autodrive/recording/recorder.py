@@ -49,7 +49,7 @@ from autodrive.recording.records import (
 )
 from autodrive.recording.scenario_files import files_of
 from autodrive.recording.wire import Message as Layout
-from autodrive.recording.wire import descriptor
+from autodrive.recording.wire import check_installed, descriptor
 from autodrive.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -115,6 +115,7 @@ class Recorder:
         `encoder`: shared with other receivers of the images. `status`: state of the connection to a devkit script.
         """
         mcap.check_installed()
+        check_installed()
         self.path = Path(path)
         self.error = ""
         """Why the recording ended early; empty if it did not."""
@@ -442,12 +443,12 @@ class _Encoding:
                 if written is not None:
                     times[camera] = written
             data = self._states.encode_vehicle(vehicle, None if scan is None else scan.time, times)
-            output.add(records.state_topic(name), now, simulated, tick, data, self._states.vehicle.message)
+            output.add(records.state_topic(name), now, simulated, tick, data, self._states.vehicle)
         if now >= self._next_transforms:
             self._next_transforms = now + TRANSFORM_PERIOD
             self._transforms(output, frame, now, simulated, tick)
         data = self._states.encode_frame(frame)
-        output.add(records.FRAME, now, simulated, tick, data, self._states.frame.message)
+        output.add(records.FRAME, now, simulated, tick, data, self._states.frame)
         output.end_frame(now)
 
     def _image(
@@ -504,7 +505,7 @@ class _Encoding:
         for name, vehicle in frame.vehicles.items():
             for camera, image in vehicle.cameras.items():
                 poses.append(("map", f"{name}/{camera}_optical_frame", image.pose))
-        data = foxglove.transforms_message(poses, now)
+        data = foxglove.FRAME_TRANSFORMS.encode(foxglove.transforms_message(poses, now))
         output.add(records.TRANSFORMS, now, simulated, tick, data, foxglove.FRAME_TRANSFORMS)
 
 

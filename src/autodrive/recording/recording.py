@@ -21,7 +21,7 @@ from autodrive.recording.foxglove import NANOSECONDS, CompressedImage, LaserScan
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, States, StatusRecord
 from autodrive.recording.scenario_files import scenario_from
 from autodrive.recording.signals import Signals
-from autodrive.recording.wire import Message, Numbers, numbers_of
+from autodrive.recording.wire import Message, Schemas, check_installed, pool_of
 from autodrive.scenario import ScenarioSpec
 
 
@@ -49,6 +49,7 @@ class Recording:
 
     def __init__(self, path: Path) -> None:
         """Raises `RecordingError`."""
+        check_installed()
         self.path = path
         self._file = mcap.Reader(path)
         try:
@@ -58,10 +59,10 @@ class Recording:
             raise
         self._ids = {channel.topic: channel.id for channel in self._file.channels.values()}
         self._topics = {channel.id: channel.topic for channel in self._file.channels.values()}
-        numbers = self._numbers()
-        self._states = States(numbers)
-        self.scan_message = Message(LaserScan, numbers=numbers)
-        self._image = Message(CompressedImage, numbers=numbers)
+        schemas = self._schemas()
+        self._states = States(schemas)
+        self.scan_message = Message(LaserScan, schemas=schemas)
+        self._image = Message(CompressedImage, schemas=schemas)
         self._frame_channel = self._ids.get(records.FRAME, -1)
         self._reported: set[str] = set()
 
@@ -81,12 +82,9 @@ class Recording:
                 f"this version reads formats up to {records.FORMAT}: install a newer version  ({self.path})"
             )
 
-    def _numbers(self) -> Numbers:
-        found: dict[str, Mapping[str, int]] = {}
-        for schema in self._file.schemas.values():
-            if schema.encoding == "protobuf":
-                found |= numbers_of(schema.data)
-        return found
+    def _schemas(self) -> Schemas:
+        schemas = self._file.schemas.values()
+        return {one.name: pool_of(one.data) for one in schemas if one.encoding == "protobuf"}
 
     def close(self) -> None:
         """Close the file."""

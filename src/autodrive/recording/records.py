@@ -10,11 +10,13 @@ import numpy as np
 
 from autodrive.protocol.messages import Command, Event, Frame, Operation, VehicleFrame
 from autodrive.recording.errors import RecordingError
-from autodrive.recording.layout import FastMessage
-from autodrive.recording.wire import Message, Numbers
+from autodrive.recording.wire import Message, Schemas
 
-FORMAT = 1
-"""Version of the format. A reader refuses files of a newer version. New topics and new fields do not change it."""
+FORMAT = 2
+"""Version of the format: in 1, all numbers are written; in 2, messages are without those that are zero.
+
+A reader refuses files of a newer version. New topics and new fields do not change it.
+"""
 
 PROFILE = "autodrive"
 """Name of the metadata record by which a reader recognises a recording."""
@@ -170,16 +172,14 @@ def json_schema(topic: str) -> bytes:
 class States:
     """The messages of a Frame: one of the Frame itself and one for each vehicle; see `autodrive.recording`.
 
-    Both follow from the structs: a new field of `Frame` or `VehicleFrame` is recorded without a change here. `numbers`:
-    field numbers of the file that is read.
+    Both follow from the structs: a new field of `Frame` or `VehicleFrame` is recorded without a change here. `schemas`:
+    those of the file that is read.
     """
 
-    def __init__(self, numbers: Numbers | None = None) -> None:
-        self.frame = FastMessage(
-            Message(Frame, replaced={"vehicles": tuple[str, ...], "events": tuple[str, ...]}, numbers=numbers)
-        )
-        self.vehicle = FastMessage(
-            Message(VehicleFrame, replaced={"lidar": float | None, "cameras": dict[str, float]}, numbers=numbers)
+    def __init__(self, schemas: Schemas | None = None) -> None:
+        self.frame = Message(Frame, replaced={"vehicles": tuple[str, ...], "events": tuple[str, ...]}, schemas=schemas)
+        self.vehicle = Message(
+            VehicleFrame, replaced={"lidar": float | None, "cameras": dict[str, float]}, schemas=schemas
         )
 
     def encode_frame(self, frame: Frame) -> bytes:
@@ -192,11 +192,11 @@ class States:
 
     def decode_frame(self, data: bytes) -> dict[str, Any]:
         """Fields of the Frame. Raises `RecordingError`."""
-        return _required(self.frame.message, self.frame.decode(data))
+        return _required(self.frame, self.frame.decode(data))
 
     def decode_vehicle(self, data: bytes) -> dict[str, Any]:
         """Fields of the vehicle. Raises `RecordingError`."""
-        return _required(self.vehicle.message, self.vehicle.decode(data))
+        return _required(self.vehicle, self.vehicle.decode(data))
 
 
 def _required(message: Message, values: dict[str, Any]) -> dict[str, Any]:

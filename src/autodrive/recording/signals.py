@@ -88,9 +88,10 @@ class Signals(Mapping[str, NDArray[Any]]):
             for topic, of in messages.items():
                 times = np.array([one.log_time for one in of]) / NANOSECONDS
                 message = self._message(next(iter(topics[topic])))
-                for places, values in wire.same_layout(message, topics[topic], [one.data for one in of]):
-                    own = times[places]
-                    yield {name: (own, array) for name, array in values.items()}
+                columns = message.columns(list(topics[topic].values()), [one.data for one in of])
+                for name, column in zip(topics[topic], columns, strict=True):
+                    for places, values in _arrays(column):
+                        yield {name: (times[places], values)}
 
     def _topic(self, name: str) -> str:
         vehicle, signal = self._found(name)
@@ -107,9 +108,7 @@ class Signals(Mapping[str, NDArray[Any]]):
         topic = self._topic(name)
         if topic not in self._data:
             self._data[topic] = self._recording.messages_of(topic)
-        found = wire.columns(self._message(name), self._path(name), self._data[topic])
-        if isinstance(found, np.ndarray):
-            return found.astype(signal.dtype) if found.dtype == np.uint8 else found
+        (found,) = self._message(name).columns([self._path(name)], self._data[topic])
         if signal.dtype.kind == "f" or any(one is None for one in found):
             shape: tuple[int, ...] = next((np.shape(one) for one in found if one is not None), ())
             filled = [np.full(shape, np.nan) if one is None else one for one in found]
@@ -121,8 +120,18 @@ class Signals(Mapping[str, NDArray[Any]]):
     def _message(self, name: str) -> wire.Message:
         """The message that contains a signal."""
         is_scan = self._found(name)[1].name.startswith("lidar.")
-        return self._recording.scan_message if is_scan else self._states.vehicle.message
+        return self._recording.scan_message if is_scan else self._states.vehicle
 
     def _path(self, name: str) -> list[str]:
         """Fields of the message, down to a signal."""
         return self._found(name)[1].name.removeprefix("lidar.").split(".")
+
+
+def _arrays(values: Sequence[Any]) -> Iterator[tuple[list[int], NDArray[Any]]]:
+    """Places and values of each shape; without those that are missing."""
+    places: dict[tuple[int, ...], list[int]] = {}
+    for i, value in enumerate(values):
+        if value is not None:
+            places.setdefault(np.shape(value), []).append(i)
+    for found in places.values():
+        yield found, np.array([values[i] for i in found])
