@@ -499,13 +499,15 @@ class World(OneThread):
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""
         time = self.time
+        scene_light, time_of_day = self._light.at(time)
         frame = self._frames.build(
             self._tick,
             time,
             self._controls.vehicles,
             self._referee.collision_counts,
             events,
-            *self._light.at(time),
+            scene_light,
+            time_of_day,
             races=self.race and self.race.states(time),
         )
         self.frame = frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved)
