@@ -383,8 +383,9 @@ def test_each_ray_of_a_rolling_scan_has_the_position_of_a_moving_box_at_its_time
         )
 
 
+@pytest.mark.parametrize("degrees", [359.5, 270.0, 180.0, 40.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_rolling_scan_at_rest_equals_the_instantaneous_scan(seed: int) -> None:
+def test_rolling_scan_at_rest_equals_the_instantaneous_scan(seed: int, degrees: float) -> None:
     # two implementations: outlines in a fan, and rays cast one by one
     rng = np.random.default_rng(seed)
     solids = [t for t in (random_solid(rng) for _ in range(30)) if np.linalg.norm(t.position) > t.bounding_radius + 0.3]
@@ -392,8 +393,9 @@ def test_rolling_scan_at_rest_equals_the_instantaneous_scan(seed: int) -> None:
         quaternion_from_yaw(rng.uniform(-3, 3)),
         quaternion_from_euler(rng.uniform(-0.05, 0.05), rng.uniform(-0.05, 0.05), 0.0),
     )
-    rolling = drive(LidarSpec(is_rolling=True, rays=720), solids, lambda t: ((0.0, 0.0, HEIGHT), q), 10)[0]
-    instant = scan(solids, LidarSpec(rays=720), orientation=q)
+    fan: dict[str, Any] = {"rays": 720, "angle_min_deg": -0.4 * degrees, "angle_max_deg": 0.6 * degrees}
+    rolling = drive(LidarSpec(is_rolling=True, **fan), solids, lambda t: ((0.0, 0.0, HEIGHT), q), 10)[0]
+    instant = scan(solids, LidarSpec(**fan), orientation=q)
     np.testing.assert_allclose(rolling.ranges, instant.ranges, rtol=0.0, atol=EXACT)
 
 
