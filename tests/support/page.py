@@ -142,9 +142,15 @@ class Tab:
     def wait_for_state(self, server: PageServer) -> Tab:
         """Wait until the page shows the present state of the world; simulated time stands still meanwhile."""
         frame = server.request(messages.Pause())
-        self.wait_until(lambda: self.value("store.frame.value.time") == frame.time)
+        self.wait_until(lambda: self.value("store.frame.value.time") == frame.time and self._is_paused)
         server.request(messages.Resume())
+        self.wait_until(lambda: not self._is_paused)
         return self
+
+    @property
+    def _is_paused(self) -> bool:
+        """Whether the page shows a paused simulation: its button then resumes."""
+        return bool(self.value("store.status.value?.is_paused"))
 
     def wait_for_image(self) -> None:
         """Wait until the 3D view has drawn an image."""
