@@ -81,7 +81,6 @@ class FrameBuilder:
         throttle, steering, rear_left_spin, rear_right_spin = values[SCALARS].tolist()
         is_reversing = throttle < 0.0 or 0.5 * (rear_left_spin + rear_right_spin) < REVERSE_SPEED
         position, orientation, velocity, angular_velocity, *wheels = _arrays_of(values)
-        readings = self._sensors.readings(i)
         return VehicleFrame(
             pose=Pose(position, orientation),
             velocity=velocity,
@@ -93,11 +92,7 @@ class FrameBuilder:
             is_autonomous=controls.is_autonomous,
             collision_count=collision_count,
             race=race,
-            encoders=readings["encoders"],
-            ips=readings["ips"],
-            imu=readings["imu"],
-            lidar=readings["lidar"],
-            range=readings["range"],
+            **self._sensors.readings(i),
         )
 
     def _lit_lamps(
