@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -256,7 +257,13 @@ def test_the_bridge_connects_reports_its_error_and_disconnects(one: NativeClient
 
 def test_a_new_scenario_starts_with_its_scene(one_world: World) -> None:
     one_world.reset(0)
-    simulation = Simulation(one_world, load=autodrive.make)
+    is_note_seen = threading.Event()  # a quick load would leave no time for a Status with its note
+
+    def load(scenario: str) -> World:
+        is_note_seen.wait()
+        return autodrive.make(scenario)
+
+    simulation = Simulation(one_world, load=load)
     with (
         Server(simulation, scene_files=scene_files, scenarios={"two_cars": "Two cars"}, port=free_port()) as server,
         simulation,
@@ -266,7 +273,10 @@ def test_a_new_scenario_starts_with_its_scene(one_world: World) -> None:
         it.until("Frame")
         watcher.until("Frame")
         id = it.begin("LoadScenario", name="two_cars")
-        it.until(lambda message: message["type"] == "Status" and "Two cars" in message["note"])
+        try:
+            it.until(lambda message: message["type"] == "Status" and "Two cars" in message["note"])
+        finally:
+            is_note_seen.set()
         for each in (it, watcher):
             has_scene = False
             while True:
