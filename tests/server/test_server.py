@@ -16,6 +16,7 @@ import autodrive
 from autodrive import Command, Simulation
 from autodrive.bridge.devkit import DevkitBridge
 from autodrive.protocol.messages import Collision, Frame, Pause, SetSpeed
+from autodrive.scenario import ScenarioSpec
 from autodrive.server.server import Server
 from autodrive.world import World
 from tests.support.frames import bytes_of
@@ -259,7 +260,7 @@ def test_a_new_scenario_starts_with_its_scene(one_world: World) -> None:
     one_world.reset(0)
     is_note_seen = threading.Event()  # a quick load would leave no time for a Status with its note
 
-    def load(scenario: str) -> World:
+    def load(scenario: str | ScenarioSpec) -> World:
         is_note_seen.wait()
         return autodrive.make(scenario)
 
