@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import resource
 import signal
 import subprocess
@@ -9,17 +10,20 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import zstandard
+from msgspec.structs import replace
 
 import autodrive
 from autodrive import Command, Simulation
-from autodrive.protocol.messages import Collision
+from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Collision, Pose
 from autodrive.recording import Recorder, RecordingError, mcap
 from autodrive.recording import open as open_recording
 from autodrive.recording.resimulation import resimulate
 from autodrive.run import RunOptions, simulate
 from tests.recording.compare import assert_same
+from tests.support.waiting import wait_until
 
 
 def test_a_run_is_recorded_and_simulated_again(tmp_path: Path) -> None:
@@ -148,6 +152,51 @@ def test_a_slow_disk_drops_images_and_frames_but_no_commands(tmp_path: Path, mon
         assert len(list(recording.commands)) == 300
         assert len(recording.times) == 301 - recorder.dropped_frames
         assert str(resimulate(recording)) == "identical"
+
+
+def test_an_image_waits_once_for_the_disk_and_after_left_out_images_others_are_recorded(tmp_path: Path) -> None:
+    """In real time: several Frames show the same image, and eight images of a camera may wait."""
+    simulation = Simulation(autodrive.make("plane"), speed=1.0)
+    first = simulation.world.frame
+    ticks = itertools.count(1)
+
+    def publish(number: int) -> None:
+        """Three Frames with a new image."""
+        image = CameraImage(
+            0.03 * number,
+            Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])),
+            CameraIntrinsics(64, 48, 50.0, 50.0, 32.0, 24.0),
+            np.full((48, 64, 4), 255, np.uint8),
+        )
+        vehicle = replace(first.vehicles["V1"], cameras={"front": image})
+        for tick in itertools.islice(ticks, 3):
+            recorder.publish(replace(first, tick=tick, time=0.01 * tick, vehicles={"V1": vehicle}))
+
+    with Recorder(tmp_path / "images.mcap", simulation, has_meshes=False) as recorder:
+        for number in range(8):
+            publish(number)
+        assert recorder.dropped_images == 0
+        number = 8
+        while number < 100:
+            publish(number)
+            number += 1
+        left_out = recorder.dropped_images
+        assert left_out > 0
+
+        def is_recorded_again() -> bool:
+            nonlocal number, left_out
+            before = left_out
+            publish(number)
+            number += 1
+            left_out = recorder.dropped_images
+            return left_out == before
+
+        wait_until(is_recorded_again)
+    with open_recording(tmp_path / "images.mcap") as recording:
+        times = [picture.time for _, picture in recording.pictures("V1", "front")]
+    assert times[:8] == pytest.approx(0.03 * np.arange(8.0))
+    assert times[-1] == pytest.approx(0.03 * (number - 1))
+    assert len(times) == number - left_out
 
 
 @pytest.mark.process

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from autodrive import __version__
 from autodrive.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import (
+    CameraImage,
     Collision,
     Command,
     Frame,
@@ -133,7 +134,10 @@ class Recorder:
         self._status = status
         self._is_threaded = self._simulation is not None and self._simulation.speed is not None
         self._queue: deque[Callable[[], None]] = deque()
-        self._images_waiting = 0
+        self._latest_images: dict[tuple[str, str], CameraImage] = {}
+        """Of each camera, by vehicle and camera."""
+        self._queued_images = self._written_images = 0
+        self._are_images_dropped = False
         self._next_status = 0
         self._output: _Output
         if last is None:
@@ -224,25 +228,38 @@ class Recorder:
         if is_new:
             scenario = self._scenario(world, frame)
             self._add(lambda: self._encoding.scenario(self._output, world, scenario, now))
-        if self._is_threaded:
-            images = [image for vehicle in frame.vehicles.values() for image in vehicle.cameras.values()]
-            new = sum(not self._encoding.is_known(image) for image in images)
+        new = 0
+        if self._is_threaded and is_due:
             if len(self._queue) > MAX_QUEUE:
                 self.dropped_frames += 1
                 is_due = False
-            elif new and self._images_waiting > MAX_WAITING_IMAGES * len(images):
+            else:
+                new = self._count_new_images(frame)
+        if new:
+            waiting = self._queued_images - self._written_images
+            self._are_images_dropped = waiting >= MAX_WAITING_IMAGES * len(self._latest_images)
+            if self._are_images_dropped:
                 self.dropped_images += new
-                self._add(lambda: self._encoding.frame(self._output, frame, now, is_due=is_due, has_new_images=False))
-                self._add_status(frame, now)
-                return
-            self._images_waiting += new
+                new = 0
+        self._queued_images += new
         if is_due or frame.events:
-            self._add(lambda: self._encode(frame, now, is_due))
+            has_new_images = not self._are_images_dropped
+            self._add(lambda: self._encode(frame, now, is_due, has_new_images, new))
         self._add_status(frame, now)
 
-    def _encode(self, frame: Frame, now: int, is_due: bool) -> None:
-        self._encoding.frame(self._output, frame, now, is_due=is_due)
-        self._images_waiting = 0 if not self._queue else self._images_waiting
+    def _encode(self, frame: Frame, now: int, is_due: bool, has_new_images: bool, new: int) -> None:
+        self._encoding.frame(self._output, frame, now, is_due=is_due, has_new_images=has_new_images)
+        self._written_images += new
+
+    def _count_new_images(self, frame: Frame) -> int:
+        """How many images are not in the Frame before."""
+        latest = {
+            (name, camera): image
+            for name, vehicle in frame.vehicles.items()
+            for camera, image in vehicle.cameras.items()
+        }
+        before, self._latest_images = self._latest_images, latest
+        return sum(before.get(key) is not image for key, image in latest.items())
 
     def _add_status(self, frame: Frame, now: int) -> None:
         if now < self._next_status or self._simulation is None:
@@ -372,10 +389,6 @@ class _Encoding:
         self._next_transforms = 0
         self._mounts: dict[str, Any] = {}
         self.about: dict[str, str] = {}
-
-    def is_known(self, image: Any) -> bool:
-        """Whether that image is in the recording already."""
-        return any(one.image is image for one in list(self._images.values()))
 
     def json(self, output: _Output, topic: str, record: Any, now: int, tick: int) -> None:
         """Write a record."""
