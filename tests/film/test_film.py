@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +18,7 @@ from autodrive.errors import AutodriveError
 from autodrive.film import FilmOptions, film
 from autodrive.film.film import image_times
 from autodrive.film.overlay import with_overlay
-from autodrive.film.video import Video
+from autodrive.film.video import CODECS, Video
 from autodrive.replay.tape import Tape
 from tests.recording.conftest import drive
 
@@ -53,6 +56,35 @@ def test_a_film_has_the_images_of_its_time_in_a_free_codec(
     assert {image.shape for image in found[2]} == {(180, 320, 3)}
     assert found[2][0].std() > 20
     assert [path.name for path in tmp_path.iterdir()] == [name]  # no temporary file stays
+
+
+def scheduling() -> set[tuple[int, int, int]]:
+    """Policy, real-time priority and nice value of all threads of this process."""
+    found: set[tuple[int, int, int]] = set()
+    for name in os.listdir("/proc/self/task"):
+        with contextlib.suppress(ProcessLookupError):  # the thread has just ended
+            thread = int(name)
+            policy, priority = os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority
+            found.add((policy, priority, os.getpriority(os.PRIO_PROCESS, thread)))
+    return found
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+@pytest.mark.parametrize("codec", [*CODECS])
+def test_an_encoder_changes_the_scheduling_of_no_thread(tmp_path: Path, codec: str) -> None:
+    """The encoder of AV1 does so for root, as whom tests run in containers; other users cannot get such a policy."""
+    before = scheduling()
+    capabilities = Path("/proc/thread-self/status").read_text(encoding="ascii")
+    with Video(tmp_path / "noise.mkv", SMALL, 25.0, codec) as video:
+        assert scheduling() == before
+        for image in np.random.default_rng(1).integers(0, 255, (60, SMALL[1], SMALL[0], 3), np.uint8):
+            video.write(image)
+            assert scheduling() == before
+    assert scheduling() == before
+    after = Path("/proc/thread-self/status").read_text(encoding="ascii")
+    assert [line for line in after.splitlines() if line.startswith("Cap")] == [
+        line for line in capabilities.splitlines() if line.startswith("Cap")
+    ]
 
 
 def test_a_film_can_have_another_light_and_an_overlay(gl: str, tape: Tape, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ import pyarrow.parquet as pq
 from autodrive.cache import make_folder, write_file
 from autodrive.exports.learning import ACTION, STATE, Step, checked, steps
 from autodrive.exports.options import ExportOptions
+from autodrive.film.encoder import open_stream
 from autodrive.recording import Recording
 from autodrive.recording.recording import decoded
 
@@ -104,8 +105,7 @@ def _write_video(path: Path, camera: str, found: Sequence[Step], rate: int) -> d
     pixels = np.zeros((height, width, 3), np.uint8)
     known = -1.0
     with av.open(str(target / "file-000.mp4"), "w") as container:
-        stream: Any = container.add_stream(codec, rate=Fraction(rate))
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream = open_stream(container, codec, (width, height), Fraction(rate))
         for one in found:
             if one.images.times.get(camera, known) != known and (picture := one.images.picture(camera)) is not None:
                 known, pixels = picture.time, np.ascontiguousarray(decoded(picture).rgb)

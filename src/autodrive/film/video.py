@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.errors import AutodriveError
+from autodrive.film.encoder import open_stream
 from autodrive.installation import pip
 from autodrive.specs import suggest
 
@@ -58,11 +59,9 @@ class Video:
         self._part = path.with_name(f".{path.stem}{PART}{path.suffix}")
         with self._writing():
             self._container = av.open(str(self._part), "w")
-        encoder = CODECS[chosen]
-        self._stream = self._container.add_stream(encoder.encoder, rate=Fraction(rate).limit_denominator(1001))
-        self._stream.width, self._stream.height = size
-        self._stream.pix_fmt = "yuv420p"
-        self._stream.options = dict(encoder.options)
+            encoder = CODECS[chosen]
+            rounded = Fraction(rate).limit_denominator(1001)
+            self._stream = open_stream(self._container, encoder.encoder, size, rounded, dict(encoder.options))
         self.images = 0
         """Number of images written."""
 
