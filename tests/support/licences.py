@@ -54,8 +54,6 @@ EXTRAS = {
     "ruamel-yaml": ("export", "MIT"),
     "rerun-sdk": ("rerun", "MIT OR Apache-2.0"),
     "rosbags": ("export", "Apache-2.0"),
-    "protobuf": ("recording", "BSD-3-Clause"),
-    "zstandard": ("recording", "BSD-3-Clause"),
     "certifi": ("ray", "MPL-2.0"),
     "charset-normalizer": ("ray", "MIT"),
     "filelock": ("ray", "MIT"),
@@ -85,7 +83,6 @@ EXTRAS = {
     "optuna": ("search", "MIT"),
     "sqlalchemy": ("search", "MIT"),
     "tqdm": ("search", "MPL-2.0 AND MIT"),
-    "warp-lang": ("gpu", "Apache-2.0"),
 }
 """Package -> the extra that installs it, and its licence. These packages are not installed with the simulator."""
 
@@ -101,9 +98,8 @@ versions.
 
 EXTRAS_HEAD = """## Extras
 
-`pip install "autodrive-simulator[EXTRA]"` adds these packages. The wheels of warp-lang for Linux and Windows also
-contain parts of NVIDIA's CUDA toolkit under NVIDIA's own licence, which is in the wheel. The wheels of av also contain
-FFmpeg under the LGPL, and x264 and x265 under the GPL; the simulator uses only the encoders SVT-AV1 and libvpx.
+`pip install "autodrive-simulator[EXTRA]"` adds these packages. The wheels of av also contain FFmpeg under
+the LGPL, and x264 and x265 under the GPL; the simulator uses only the encoders SVT-AV1 and libvpx.
 
 """
 

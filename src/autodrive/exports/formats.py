@@ -82,5 +82,5 @@ def _writer(form: Format) -> Callable[[Recording, Path, ExportOptions, str], Non
             raise
         raise RecordingError(
             f"this export needs the package {error.name}. Install it:  "
-            f"{pip('install')} 'autodrive-simulator[recording,{form.extra}]'"
+            f"{pip('install')} 'autodrive-simulator[{form.extra}]'"
         ) from None

@@ -1,26 +1,23 @@
 """Formulas of the wheel, after Unity's WheelCollider, and the magic formula as a second law of the tyre force.
 
-Plain Python functions of scalars, so that Numba (and later Warp, on a GPU) can compile the same source.
-Unity's WheelCollider is NVIDIA's PhysX 4.1 `PxVehicleNoDrive`; "PhysX" below means its published source,
-`physxvehicle/src/PxVehicleUpdate.cpp`. Values that Unity does not publish are parameters of `WheelSpec`.
+Plain Python functions of scalars, which Numba compiles. Unity's WheelCollider is NVIDIA's PhysX 4.1
+`PxVehicleNoDrive`; "PhysX" below means its published source, `physxvehicle/src/PxVehicleUpdate.cpp`. Values that Unity
+does not publish are parameters of `WheelSpec`.
 """
 
 from math import sqrt
 
 from autodrive.elementary import atan, sin, tan
 
-Real = float
-"""The number type; a compiler for the GPU replaces it with its own."""
-
 
 def friction_coefficient(
-    slip: Real,
-    extremum_slip: Real,
-    extremum_value: Real,
-    asymptote_slip: Real,
-    asymptote_value: Real,
-    initial_slope: Real,
-) -> Real:
+    slip: float,
+    extremum_slip: float,
+    extremum_value: float,
+    asymptote_slip: float,
+    asymptote_value: float,
+    initial_slope: float,
+) -> float:
     """Force divided by load at a slip >= 0, as Unity's WheelFrictionCurve.
 
     Two cubic pieces, from (0, 0) to the extremum and on to the asymptote, with zero slope at both; constant beyond.
@@ -29,24 +26,24 @@ def friction_coefficient(
     coefficient = asymptote_value
     if slip < extremum_slip:
         t = slip / extremum_slip
-        rest = Real(1.0) - t
-        coefficient = extremum_value * (t * t * (Real(3.0) - Real(2.0) * t) + initial_slope * t * rest * rest)
+        rest = 1.0 - t
+        coefficient = extremum_value * (t * t * (3.0 - 2.0 * t) + initial_slope * t * rest * rest)
     elif slip < asymptote_slip:
         t = (slip - extremum_slip) / (asymptote_slip - extremum_slip)
-        coefficient = extremum_value + (asymptote_value - extremum_value) * t * t * (Real(3.0) - Real(2.0) * t)
+        coefficient = extremum_value + (asymptote_value - extremum_value) * t * t * (3.0 - 2.0 * t)
     return coefficient
 
 
 def suspension_force(
-    compression: Real,
-    compression_speed: Real,
-    static_load: Real,
-    stiffness: Real,
-    damping: Real,
-    compression_max: Real,
-    bump_stiffness: Real,
-    look_ahead: Real,
-) -> Real:
+    compression: float,
+    compression_speed: float,
+    static_load: float,
+    stiffness: float,
+    damping: float,
+    compression_max: float,
+    bump_stiffness: float,
+    look_ahead: float,
+) -> float:
     """Force of the suspension [N] along its axis, never negative.
 
     At compression 0 the force is the static load for any stiffness (PhysX). Beyond `compression_max` [m] a stop with
@@ -55,51 +52,51 @@ def suspension_force(
     constant stiffness * look_ahead, the only damping of a car without dampers.
     """
     travel = min(compression + look_ahead * compression_speed, compression_max)
-    spring = max(Real(0.0), static_load + stiffness * travel)
-    stop = bump_stiffness * max(Real(0.0), compression - compression_max)
-    return max(Real(0.0), spring + damping * compression_speed + stop)
+    spring = max(0.0, static_load + stiffness * travel)
+    stop = bump_stiffness * max(0.0, compression - compression_max)
+    return max(0.0, spring + damping * compression_speed + stop)
 
 
-def not_zero(speed: Real) -> Real:
+def not_zero(speed: float) -> float:
     """The speed [m/s], or 1e-30 m/s instead of 0: the stiffness of a tyre, force / slip speed, then has its limit.
 
     Otherwise a rounding error of the speed would decide whether a tyre at rest is stiff.
     """
-    return speed if speed != Real(0.0) else Real(1.0e-30)
+    return speed if speed != 0.0 else 1.0e-30
 
 
 def slip_ratio_denominator(
-    longitudinal_velocity: Real,
-    tread_speed: Real,
+    longitudinal_velocity: float,
+    tread_speed: float,
     is_active: bool,
-    active_offset: Real,
-    passive_minimum: Real,
-) -> Real:
+    active_offset: float,
+    passive_minimum: float,
+) -> float:
     """Divisor of the slip speed in PhysX [m/s], never zero. `is_active`: the wheel is driven or braked."""
     speed = max(abs(longitudinal_velocity), abs(tread_speed))
     return speed + active_offset if is_active else max(passive_minimum, speed)
 
 
-def slip_angle(lateral_velocity: Real, longitudinal_velocity: Real, lateral_offset: Real) -> Real:
+def slip_angle(lateral_velocity: float, longitudinal_velocity: float, lateral_offset: float) -> float:
     """Slip angle [rad], positive if the wheel moves to its left; the offset [m/s] avoids a division by zero."""
     return atan(lateral_velocity / (abs(longitudinal_velocity) + lateral_offset))
 
 
 def tyre_force(
-    ratio: Real,
-    angle: Real,
-    load: Real,
-    forward_extremum_slip: Real,
-    forward_extremum_value: Real,
-    forward_asymptote_slip: Real,
-    forward_asymptote_value: Real,
-    forward_initial_slope: Real,
-    sideways_extremum_slip: Real,
-    sideways_extremum_value: Real,
-    sideways_asymptote_slip: Real,
-    sideways_asymptote_value: Real,
-    sideways_initial_slope: Real,
-) -> tuple[Real, Real]:
+    ratio: float,
+    angle: float,
+    load: float,
+    forward_extremum_slip: float,
+    forward_extremum_value: float,
+    forward_asymptote_slip: float,
+    forward_asymptote_value: float,
+    forward_initial_slope: float,
+    sideways_extremum_slip: float,
+    sideways_extremum_value: float,
+    sideways_asymptote_slip: float,
+    sideways_asymptote_value: float,
+    sideways_initial_slope: float,
+) -> tuple[float, float]:
     """Longitudinal and lateral force [N] for a slip ratio and a slip angle [rad].
 
     Combined slip by the similarity method (Pacejka, Tyre and Vehicle Dynamics, section 4.3.1) with the extremum slips
@@ -108,7 +105,7 @@ def tyre_force(
     """
     nx = ratio / forward_extremum_slip
     ny = angle / sideways_extremum_slip
-    length = sqrt(nx * nx + ny * ny + Real(1.0e-18))
+    length = sqrt(nx * nx + ny * ny + 1.0e-18)
     fx = friction_coefficient(
         length * forward_extremum_slip,
         forward_extremum_slip,
@@ -128,7 +125,7 @@ def tyre_force(
     return load * fx * nx / length, -load * fy * ny / length
 
 
-def magic_shape(slip: Real, shape: Real, curvature: Real) -> Real:
+def magic_shape(slip: float, shape: float, curvature: float) -> float:
     """Force as a share of its peak at a normalised slip, which is slip times stiffness divided by peak force.
 
     The magic formula (Pacejka, Tyre and Vehicle Dynamics (4.6)) with B = stiffness / (shape * peak), without shifts.
@@ -137,33 +134,33 @@ def magic_shape(slip: Real, shape: Real, curvature: Real) -> Real:
     return sin(shape * atan(x - curvature * (x - atan(x))))
 
 
-def peak_friction(friction: Real, load: Real, nominal_load: Real, load_sensitivity: Real) -> Real:
+def peak_friction(friction: float, load: float, nominal_load: float, load_sensitivity: float) -> float:
     """Peak force divided by load; it falls linearly with the load (Pacejka (4.E23)), to a tenth at least."""
-    return friction * max(Real(0.1), Real(1.0) - load_sensitivity * (load / nominal_load - Real(1.0)))
+    return friction * max(0.1, 1.0 - load_sensitivity * (load / nominal_load - 1.0))
 
 
-def cornering_stiffness(stiffness: Real, load: Real, nominal_load: Real, degression: Real) -> Real:
+def cornering_stiffness(stiffness: float, load: float, nominal_load: float, degression: float) -> float:
     """Lateral force per slip and load [1/rad]; `stiffness` at the nominal load, `degression` 1 / p_Ky2^2.
 
     Pacejka (4.E25), K = p_Ky1 F_z0 sin(2 atan(F_z / (p_Ky2 F_z0))), where sin(2 atan x) = 2 x / (1 + x^2).
     """
     share = load / nominal_load
-    return stiffness * (Real(1.0) + degression) / (Real(1.0) + degression * share * share)
+    return stiffness * (1.0 + degression) / (1.0 + degression * share * share)
 
 
 def magic_stiffness(
-    ratio: Real,
-    lateral_slip: Real,
-    load: Real,
-    forward_friction: Real,
-    forward_stiffness: Real,
-    forward_shape: Real,
-    forward_curvature: Real,
-    sideways_friction: Real,
-    sideways_stiffness: Real,
-    sideways_shape: Real,
-    sideways_curvature: Real,
-) -> tuple[Real, Real]:
+    ratio: float,
+    lateral_slip: float,
+    load: float,
+    forward_friction: float,
+    forward_stiffness: float,
+    forward_shape: float,
+    forward_curvature: float,
+    sideways_friction: float,
+    sideways_stiffness: float,
+    sideways_shape: float,
+    sideways_curvature: float,
+) -> tuple[float, float]:
     """Longitudinal and lateral force per slip [N] at that slip; peaks and stiffnesses are per load.
 
     Combined slip by the similarity method (Pacejka, section 4.3.1): each curve is evaluated at the length of the
@@ -171,13 +168,13 @@ def magic_stiffness(
     """
     nx = ratio * forward_stiffness / forward_friction
     ny = lateral_slip * sideways_stiffness / sideways_friction
-    length = sqrt(nx * nx + ny * ny + Real(1.0e-18))
+    length = sqrt(nx * nx + ny * ny + 1.0e-18)
     along = magic_shape(length, forward_shape, forward_curvature) / length
     aside = magic_shape(length, sideways_shape, sideways_curvature) / length
     return load * forward_stiffness * along, load * sideways_stiffness * aside
 
 
-def lagged_slip(slip: Real, slip_velocity: Real, transport: Real, relaxation_length: Real, dt: Real) -> Real:
+def lagged_slip(slip: float, slip_velocity: float, transport: float, relaxation_length: float, dt: float) -> float:
     """Slip after `dt` of a tyre that follows a change of slip over its relaxation length [m], implicit Euler.
 
     sigma ds/dt + |V| s = V_s with the transport speed |V| of the tread through the contact and the slip velocity V_s
@@ -186,7 +183,7 @@ def lagged_slip(slip: Real, slip_velocity: Real, transport: Real, relaxation_len
     return (relaxation_length * slip + dt * slip_velocity) / (relaxation_length + dt * transport)
 
 
-def bounded_slip(slip: Real, slip_velocity: Real, transport: Real, offset: Real, peak: Real) -> Real:
+def bounded_slip(slip: float, slip_velocity: float, transport: float, offset: float, peak: float) -> float:
     """A lagged slip of at most `peak`, where the tyre slides, or its steady value if that is greater.
 
     Otherwise a wheel that slides sideways would deform its tyre without limit. `offset` [m/s] as in `slip_angle`.
@@ -195,21 +192,21 @@ def bounded_slip(slip: Real, slip_velocity: Real, transport: Real, offset: Real,
     return max(-most, min(most, slip))
 
 
-def secant_stiffness(force: Real, slip_speed: Real) -> Real:
+def secant_stiffness(force: float, slip_speed: float) -> float:
     """Force per slip speed [N s/m], 0 at rest and never negative."""
-    stiffness = force / slip_speed if slip_speed != Real(0.0) else Real(0.0)
-    return max(Real(0.0), stiffness)
+    stiffness = force / slip_speed if slip_speed != 0.0 else 0.0
+    return max(0.0, stiffness)
 
 
 def coasting_spin(
-    angular_velocity: Real,
-    longitudinal_force: Real,
-    stiffness: Real,
-    radius: Real,
-    inertia: Real,
-    damping_rate: Real,
-    dt: Real,
-) -> tuple[Real, Real]:
+    angular_velocity: float,
+    longitudinal_force: float,
+    stiffness: float,
+    radius: float,
+    inertia: float,
+    damping_rate: float,
+    dt: float,
+) -> tuple[float, float]:
     """Spin after `dt` without drive and brake [rad/s], and its change per torque [rad/s per N m].
 
     Linearly implicit in damping and tyre, with the `stiffness` of the tyre (force / slip speed). An explicit step
@@ -220,38 +217,38 @@ def coasting_spin(
 
 
 def motor_torque(
-    mean_coasting: Real,
-    mean_gain: Real,
-    target: Real,
-    servo_gain: Real,
-    torque_max: Real,
-) -> Real:
+    mean_coasting: float,
+    mean_gain: float,
+    target: float,
+    servo_gain: float,
+    torque_max: float,
+) -> float:
     """Torque [N m] of each motor of a vehicle with one motor for each driven wheel, at most `torque_max`.
 
     `mean_coasting` [rad/s] and `mean_gain` [rad/s per N m] are the means of `coasting_spin` over the driven wheels. A
     servo of `servo_gain` [N m s/rad] brings the mean spin to `target` [rad/s] at the end of the step (implicit, so it
     does not oscillate). All torques are equal, so that the wheels can turn at different speeds in a curve.
     """
-    torque = servo_gain * (target - mean_coasting) / (Real(1.0) + servo_gain * mean_gain)
+    torque = servo_gain * (target - mean_coasting) / (1.0 + servo_gain * mean_gain)
     return max(-torque_max, min(torque_max, torque))
 
 
 def shaft_spin(
-    coasting: Real, gain: Real, other_coasting: Real, other_gain: Real, is_coupled: bool
-) -> tuple[Real, Real]:
+    coasting: float, gain: float, other_coasting: float, other_gain: float, is_coupled: bool
+) -> tuple[float, float]:
     """`coasting_spin` of the input shaft of a differential, for a torque that is the mean of those of its two outputs.
 
     An open differential averages the spins; a coupled one (locked or limited slip) keeps both equal.
     """
     if is_coupled:
         total = gain + other_gain
-        return (coasting * other_gain + other_coasting * gain) / total, Real(2.0) * gain * other_gain / total
-    return Real(0.5) * (coasting + other_coasting), Real(0.5) * (gain + other_gain)
+        return (coasting * other_gain + other_coasting * gain) / total, 2.0 * gain * other_gain / total
+    return 0.5 * (coasting + other_coasting), 0.5 * (gain + other_gain)
 
 
 def transferred_torque(
-    coasting: Real, gain: Real, other_coasting: Real, other_gain: Real, torque: Real, limit: Real
-) -> Real:
+    coasting: float, gain: float, other_coasting: float, other_gain: float, torque: float, limit: float
+) -> float:
     """Torque [N m] that a differential takes from one output and gives to the other, at most `limit`.
 
     Without the limit both have the same spin at the end of the step. `torque` is what each gets from an open one.
@@ -260,27 +257,27 @@ def transferred_torque(
     return max(-limit, min(limit, needed))
 
 
-def braked_spin(angular_velocity: Real, brake_torque: Real, gain: Real) -> Real:
+def braked_spin(angular_velocity: float, brake_torque: float, gain: float) -> float:
     """Spin after the torque of the brake, which can stop the wheel but not reverse it (PhysX)."""
     change = gain * brake_torque
     if angular_velocity > change:
         return angular_velocity - change
     if angular_velocity < -change:
         return angular_velocity + change
-    return angular_velocity * Real(0.0)
+    return angular_velocity * 0.0
 
 
-def relaxed(previous_force: Real, force: Real, slip_velocity: Real, effective_mass: Real, dt: Real) -> Real:
+def relaxed(previous_force: float, force: float, slip_velocity: float, effective_mass: float, dt: float) -> float:
     """Force on the chassis [N], relaxed so that a stiff tyre does not overshoot within one step.
 
     Linearly implicit in the velocity; the other forces are assumed to balance the previous force. Exact in steady
     state, and without effect if dt * stiffness is much smaller than `effective_mass` [kg].
     """
-    stiffness = abs(force / slip_velocity) if slip_velocity != Real(0.0) else Real(0.0)
-    return previous_force + (force - previous_force) / (Real(1.0) + stiffness * dt / effective_mass)
+    stiffness = abs(force / slip_velocity) if slip_velocity != 0.0 else 0.0
+    return previous_force + (force - previous_force) / (1.0 + stiffness * dt / effective_mass)
 
 
-def ackermann_angle(steering_angle: Real, wheelbase: Real, left_of_centre: Real) -> Real:
+def ackermann_angle(steering_angle: float, wheelbase: float, left_of_centre: float) -> float:
     """Angle [rad] of a wheel `left_of_centre` [m] of the steered axle's centre (Rajamani (2.5), (2.6), any angle)."""
     t = tan(steering_angle)
     return atan(wheelbase * t / (wheelbase - left_of_centre * t))

@@ -16,15 +16,15 @@ import mmap
 import struct
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, overload
 
 import numpy as np
+import zstandard
 from numpy.typing import NDArray
 
-from autodrive.installation import pip
 from autodrive.recording.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -144,7 +144,6 @@ class Writer:
 
     def __init__(self, file: BinaryIO, library: str) -> None:
         self._file = file
-        zstandard = _zstandard()
         self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
         self._compress_packed = zstandard.ZstdCompressor(level=PACKED_LEVEL).compress
         self._offset = 0
@@ -496,7 +495,6 @@ class Reader:
 
 def _decompressed(compression: str, data: bytes, size: int) -> bytes:
     if compression == "zstd":
-        zstandard = _zstandard()
         try:
             return zstandard.ZstdDecompressor().decompressobj().decompress(data)[: size + 1] if size else b""
         except (zstandard.ZstdError, MemoryError) as error:
@@ -614,24 +612,3 @@ class _Cursor:
             key = inner.text()
             found[key] = inner.text()
         return found
-
-
-def _zstandard() -> Any:
-    """The package. Raises `RecordingError` if it is not installed."""
-    try:
-        import zstandard  # noqa: PLC0415  an optional package
-    except ImportError:
-        raise RecordingError(
-            f"recordings need the package zstandard. Install it:  {pip('install')} 'autodrive-simulator[recording]'"
-        ) from None
-    return zstandard
-
-
-def check_installed() -> None:
-    """Raises `RecordingError` if a package that recordings need is not installed; the message says how."""
-    _zstandard()
-
-
-def topics(channels: Iterable[Channel]) -> dict[str, Channel]:
-    """The channels by topic."""
-    return {channel.topic: channel for channel in channels}

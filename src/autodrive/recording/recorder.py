@@ -50,7 +50,7 @@ from autodrive.recording.records import (
 )
 from autodrive.recording.scenario_files import files_of
 from autodrive.recording.wire import Message as Layout
-from autodrive.recording.wire import check_installed, descriptor
+from autodrive.recording.wire import descriptor
 from autodrive.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -115,8 +115,6 @@ class Recorder:
 
         `encoder`: shared with other receivers of the images. `status`: state of the connection to a devkit script.
         """
-        mcap.check_installed()
-        check_installed()
         self.path = Path(path)
         self.error = ""
         """Why the recording ended early; empty if it did not."""

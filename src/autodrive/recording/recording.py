@@ -21,7 +21,7 @@ from autodrive.recording.foxglove import NANOSECONDS, CompressedImage, LaserScan
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, States, StatusRecord
 from autodrive.recording.scenario_files import scenario_from
 from autodrive.recording.signals import Signals
-from autodrive.recording.wire import Message, Schemas, check_installed, pool_of
+from autodrive.recording.wire import Message, Schemas, pool_of
 from autodrive.scenario import ScenarioSpec
 
 
@@ -49,7 +49,6 @@ class Recording:
 
     def __init__(self, path: Path) -> None:
         """Raises `RecordingError`."""
-        check_installed()
         self.path = path
         self._file = mcap.Reader(path)
         try:

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal, TypeAlias, Union, get_args, get_orig
 
 import msgspec
 import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.message import DecodeError
 
 from autodrive.arrays import element_type
-from autodrive.installation import pip
 from autodrive.recording.errors import RecordingError
 
 _SCALARS: dict[type, str] = {
@@ -119,7 +120,6 @@ class Message:
         return [list(column) for column in zip(*rows, strict=True)] or [[] for _ in paths]
 
     def _parsed(self, messages: Sequence[bytes], read: Callable[[Any], Any]) -> list[Any]:
-        from google.protobuf.message import DecodeError  # noqa: PLC0415  an optional package
 
         parse = self._class.FromString
         try:
@@ -160,8 +160,6 @@ class Message:
     @cached_property
     def _class(self) -> Any:
         """The class of its messages, from the schema of the file, or else from the struct."""
-        from google.protobuf import message_factory  # noqa: PLC0415  an optional package
-
         pool = self._schemas.get(self.name) or pool_of(descriptor(self))
         return message_factory.GetMessageClass(pool.FindMessageTypeByName(self.name))
 
@@ -171,9 +169,6 @@ class Message:
 
 def pool_of(schema: bytes) -> Any:
     """The pool of the descriptors of a `google.protobuf.FileDescriptorSet`. Raises `RecordingError`."""
-    from google.protobuf import descriptor_pb2, descriptor_pool  # noqa: PLC0415  an optional package
-    from google.protobuf.message import DecodeError  # noqa: PLC0415  likewise
-
     pool = descriptor_pool.DescriptorPool()
     try:
         for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
@@ -188,8 +183,6 @@ def pool_of(schema: bytes) -> Any:
 
 def descriptor(message: Message) -> bytes:
     """The schema of a message: a serialized `google.protobuf.FileDescriptorSet` with all messages that it contains."""
-    from google.protobuf import descriptor_pb2  # noqa: PLC0415  an optional package
-
     files: dict[str, Any] = {}
     _describe(message, files, set())
     for package, file in files.items():
@@ -201,8 +194,6 @@ def descriptor(message: Message) -> bytes:
 
 def _describe(message: Message, files: dict[str, Any], seen: set[str]) -> None:
     """Add a message, and those that it contains, to the file of its package."""
-    from google.protobuf import descriptor_pb2  # noqa: PLC0415  an optional package
-
     package, _, name = message.name.rpartition(".")
     if message.name in seen:
         return
@@ -214,14 +205,13 @@ def _describe(message: Message, files: dict[str, Any], seen: set[str]) -> None:
 
 
 def _describe_field(described: Any, field: Field, parent: str, files: dict[str, Any], seen: set[str]) -> None:
-    from google.protobuf.descriptor_pb2 import FieldDescriptorProto  # noqa: PLC0415  an optional package
 
     label = "LABEL_REPEATED" if field.is_repeated else "LABEL_OPTIONAL"
     added = described.field.add(
         name=field.name,
         number=field.number,
-        label=FieldDescriptorProto.Label.Value(label),
-        type=FieldDescriptorProto.Type.Value(field.type),
+        label=descriptor_pb2.FieldDescriptorProto.Label.Value(label),
+        type=descriptor_pb2.FieldDescriptorProto.Type.Value(field.type),
     )
     if field.is_map:
         assert field.message is not None
@@ -246,7 +236,6 @@ def _describe_field(described: Any, field: Field, parent: str, files: dict[str, 
 
 
 def _file(package: str, files: dict[str, Any]) -> Any:
-    from google.protobuf import descriptor_pb2  # noqa: PLC0415  an optional package
 
     if package not in files:
         name = f"{package.replace('.', '/')}.proto"
@@ -369,13 +358,3 @@ def _default(field: Any) -> Any:
 
 def _copied(default: Any) -> Any:
     return dict(default) if isinstance(default, dict) else default
-
-
-def check_installed() -> None:
-    """Raises `RecordingError` if the package protobuf is not installed; the message says how."""
-    try:
-        import google.protobuf  # noqa: F401, PLC0415  an optional package
-    except ImportError:
-        raise RecordingError(
-            f"recordings need the package protobuf. Install it:  {pip('install')} 'autodrive-simulator[recording]'"
-        ) from None

@@ -130,10 +130,6 @@ def simulate(
     options, stop, observer = options or RunOptions(), stop or StopRequest(), observer or RunObserver()
     if options.summary is not None:
         check_writable(options.summary)  # before a long run, not after it
-    if options.record is not None:
-        from autodrive.recording.mcap import check_installed
-
-        check_installed()
     loader = WorldLoader(options)
     with compiling(observer.compiled):
         world = loader.load(options.scenario)
