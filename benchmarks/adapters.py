@@ -32,7 +32,7 @@ def mean_return(act: Any) -> float:
 def stable_baselines3(steps: int) -> tuple[Any, Any, Any]:
     from stable_baselines3 import PPO  # noqa: PLC0415  # pyright: ignore[reportMissingImports]
 
-    from autodrive.envs.adapters.stable_baselines3 import NigelVecEnv  # noqa: PLC0415
+    from autodrive.experiments.envs.adapters.stable_baselines3 import NigelVecEnv  # noqa: PLC0415
 
     model = PPO("MlpPolicy", NigelVecEnv(ID, COUNT), n_steps=64, batch_size=1024, seed=1, device="cpu")
     model.set_random_seed(1)
@@ -48,7 +48,7 @@ def rsl_rl(steps: int) -> tuple[Any, Any, Any]:
     from rsl_rl.runners import OnPolicyRunner  # noqa: PLC0415  # pyright: ignore[reportMissingImports]
     from tensordict import TensorDict  # noqa: PLC0415  # pyright: ignore[reportMissingImports]
 
-    from autodrive.envs.adapters.rsl_rl import NigelVecEnv  # noqa: PLC0415
+    from autodrive.experiments.envs.adapters.rsl_rl import NigelVecEnv  # noqa: PLC0415
 
     network = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "tanh"}
     gaussian = {"class_name": "GaussianDistribution", "init_std": 1.0}
@@ -74,7 +74,7 @@ def rsl_rl(steps: int) -> tuple[Any, Any, Any]:
 def rllib(steps: int) -> tuple[Any, Any, Any]:
     from ray.rllib.algorithms.ppo import PPOConfig  # noqa: PLC0415  # pyright: ignore[reportMissingImports]
 
-    from autodrive.envs.adapters.rllib import register  # noqa: PLC0415
+    from autodrive.experiments.envs.adapters.rllib import register  # noqa: PLC0415
 
     register()
     config = PPOConfig().environment(ID).env_runners(num_env_runners=0, num_envs_per_env_runner=4)
@@ -91,7 +91,7 @@ def rllib(steps: int) -> tuple[Any, Any, Any]:
 def pufferlib(steps: int) -> tuple[Any, Any, Any]:
     import pufferlib.vector  # noqa: PLC0415  # pyright: ignore[reportMissingImports]
 
-    from autodrive.envs.adapters.pufferlib import NigelPufferEnv  # noqa: PLC0415
+    from autodrive.experiments.envs.adapters.pufferlib import NigelPufferEnv  # noqa: PLC0415
 
     settings = {"id_": ID, "num_envs": COUNT}
     env = pufferlib.vector.make(NigelPufferEnv, env_kwargs=settings, backend=pufferlib.PufferEnv)

@@ -22,8 +22,8 @@ import numpy as np
 from step import PEER, with_fast_lidar
 
 import autodrive
-from autodrive.batch import BatchWorld
 from autodrive.scenario import ScenarioSpec, load_scenario
+from autodrive.world.batch import BatchWorld
 
 N, ROUNDS, TICKS = 256, 31, 5
 

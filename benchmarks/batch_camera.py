@@ -19,13 +19,14 @@ from typing import Any
 import numpy as np
 
 import autodrive
-from autodrive.cameras.batch_camera import BatchCamera
-from autodrive.cameras.rig import CameraArray, camera_rig
-from autodrive.compile import compile_scenario
+from autodrive.graphics.cameras.rig import CameraArray
+from autodrive.graphics.render.render_state import RenderState
+from autodrive.graphics.render.renderer import Renderer
 from autodrive.protocol.messages import Frame
-from autodrive.render.render_state import RenderState
-from autodrive.render.renderer import Renderer
 from autodrive.scenario import load_scenario
+from autodrive.world.batch_camera import BatchCamera
+from autodrive.world.cameras import camera_rig
+from autodrive.world.compile import compile_scenario
 
 COUNTS = (1, 16, 64, 256)
 ROUNDS, SINGLES, SETTLING = 7, 16, 150

@@ -16,14 +16,14 @@ import time
 from pathlib import Path
 
 import autodrive
-from autodrive.cameras.rig import camera_rig
-from autodrive.compile import compile_scenario
-from autodrive.meshes.store import scene_of
-from autodrive.render.render_state import RenderState
-from autodrive.render.renderer import Renderer
+from autodrive.graphics.meshes.store import scene_of
+from autodrive.graphics.render.render_state import RenderState
+from autodrive.graphics.render.renderer import Renderer
+from autodrive.physics.sensors.camera import Camera
+from autodrive.physics.sensors.camera_view import View
 from autodrive.scenario import load_scenario
-from autodrive.sensors.camera import Camera
-from autodrive.sensors.camera_view import View
+from autodrive.world.cameras import camera_rig
+from autodrive.world.compile import compile_scenario
 
 ROUNDS, WARM = 60, 6
 LIMITS = {

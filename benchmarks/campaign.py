@@ -19,15 +19,15 @@ from pathlib import Path
 
 import numpy as np
 
-from autodrive.campaigns import Campaign, LocalExecutor, Observer, run_campaign
-from autodrive.campaigns.keys import Keys
-from autodrive.campaigns.ray_executor import RayExecutor
-from autodrive.campaigns.report import report
-from autodrive.campaigns.runner import Result, Runner
-from autodrive.campaigns.runs import Progress
-from autodrive.campaigns.statistics import summary
-from autodrive.campaigns.table import Table
-from autodrive.campaigns.worker import Worker
+from autodrive.experiments.campaigns import Campaign, LocalExecutor, Observer, run_campaign
+from autodrive.experiments.campaigns.keys import Keys
+from autodrive.experiments.campaigns.ray_executor import RayExecutor
+from autodrive.experiments.campaigns.report import report
+from autodrive.experiments.campaigns.runner import Result, Runner
+from autodrive.experiments.campaigns.runs import Progress
+from autodrive.experiments.campaigns.statistics import summary
+from autodrive.experiments.campaigns.table import Table
+from autodrive.experiments.campaigns.worker import Worker
 
 FILE = """
 scenario: mini_map

@@ -19,12 +19,12 @@ import numpy as np
 from msgspec.structs import replace
 
 import autodrive
+from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Frame, LidarScan, Pose
 from autodrive.protocol.native import Scene
-from autodrive.server.scene_files import SceneFiles
-from autodrive.server.server import Server
-from autodrive.simulation import Simulation
 from autodrive.world import World
+from autodrive.world.scene_files import SceneFiles
+from autodrive.world.simulation import Simulation
 
 TURNS = 20
 COMMANDS = {"V1": Command(0.3, 0.1)}

@@ -21,8 +21,8 @@ from websockets.sync.client import connect
 
 import autodrive
 from autodrive import Simulation
-from autodrive.bridge.devkit import DevkitBridge
-from autodrive.devkit import Nigel, Server
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.devkit import Nigel, Server
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
 

@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from autodrive.client import Client
+from autodrive.connect.client import Client
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))

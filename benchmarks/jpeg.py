@@ -13,7 +13,7 @@ import sys
 import time
 
 import autodrive
-from autodrive.cameras.jpeg import JpegEncoder, images_of
+from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 
 ROUNDS = 201
 KINDS = [(None, 75), (None, 90), ((320, 240), 75), ((1280, 720), 75)]

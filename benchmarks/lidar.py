@@ -18,13 +18,13 @@ import mujoco
 import numpy as np
 
 import autodrive
-from autodrive.compile import Compiled
+from autodrive.base.transforms import compose, rotate, rotation_from_quaternion
+from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.settings import ConfiguredSensor
+from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.protocol.messages import LidarScan
 from autodrive.scenario import load_scenario
-from autodrive.sensors.lidar import LidarSpec
-from autodrive.sensors.settings import ConfiguredSensor
-from autodrive.sensors.suite import SensorSuite
-from autodrive.transforms import compose, rotate, rotation_from_quaternion
+from autodrive.world.compile import Compiled
 
 ROUNDS, CALLS = 21, 200
 RAYS = (360, 1080)

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 
 import autodrive
+from autodrive.base.specs import names
 from autodrive.protocol.messages import Command, Frame, VehicleFrame
-from autodrive.racing.results import RaceRecorder
 from autodrive.run.race import TICK
 from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
-from autodrive.specs import names
-from autodrive.tracks import Track
+from autodrive.scenario.tracks import Track
 from autodrive.world import World
+from autodrive.world.racing.results import RaceRecorder
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "racing"
 ANGLES = np.radians(np.linspace(-135.0, 135.0, 1080))

@@ -29,11 +29,11 @@ import numpy as np
 
 import autodrive
 from autodrive import Command, Simulation
-from autodrive.cameras.jpeg import JpegEncoder
+from autodrive.connect.server.server import Server
+from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Frame, Pose
-from autodrive.server.scene_files import SceneFiles
-from autodrive.server.server import Server
 from autodrive.world import World
+from autodrive.world.scene_files import SceneFiles
 
 SCENARIO = "boxes"
 MEASURE = 10.0

@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 
 import autodrive
-from autodrive.arrays import Floats
-from autodrive.jit import resolved
-from autodrive.model import BOX, Model, Shapes
+from autodrive.base.arrays import Floats
+from autodrive.base.jit import resolved
 from autodrive.physics.buffers import scratch
 from autodrive.physics.grid import fixed_grid
+from autodrive.physics.model import BOX, Model, Shapes
+from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.settings import ConfiguredSensor
+from autodrive.physics.sensors.suite import SensorSuite
+from autodrive.physics.state import State, empty_state
 from autodrive.physics.tick import advance
-from autodrive.sensors.lidar import LidarSpec
-from autodrive.sensors.settings import ConfiguredSensor
-from autodrive.sensors.suite import SensorSuite
-from autodrive.state import State, empty_state
 from autodrive.world import World
 
 COUNTS = (60, 500, 2_000, 10_000)

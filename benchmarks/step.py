@@ -18,8 +18,8 @@ from pathlib import Path
 import yaml
 
 import autodrive
+from autodrive.base.specs import find
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.specs import find
 
 ROUNDS, TICKS = 15, 200
 

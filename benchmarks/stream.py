@@ -16,9 +16,9 @@ import time
 from pathlib import Path
 
 import autodrive
+from autodrive.connect.server.server import scene_renderer_factory
+from autodrive.graphics.render.quality import NAMES
 from autodrive.protocol.native import SetCamera
-from autodrive.render.quality import NAMES
-from autodrive.server.server import scene_renderer_factory
 
 WARM = 30
 """Pictures before the first that counts: by then it is decided whether smooth edges can be afforded."""

@@ -20,12 +20,12 @@ from typing import Literal
 import numpy as np
 
 import autodrive
-from autodrive.arrays import Floats
+from autodrive.base.arrays import Floats
+from autodrive.base.specs import names
+from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.scenario import VehiclePlacement
-from autodrive.sensors.suite import SensorSuite
-from autodrive.specs import names
-from autodrive.tracks.shape import resampled, walls_along
-from autodrive.tracks.track import DUCT, Track
+from autodrive.scenario.tracks.shape import resampled, walls_along
+from autodrive.scenario.tracks.track import DUCT, Track
 
 LENGTHS = (100.0, 400.0, 1600.0)
 

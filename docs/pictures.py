@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 import autodrive
-from autodrive.cameras.viewpoints import orbit
+from autodrive.base.png import encode_png
 from autodrive.cli.preview import render_preview
-from autodrive.compile import compile_scenario
-from autodrive.meshes.store import scene_of
-from autodrive.protocol.png import encode_png
-from autodrive.render.render_state import RenderState
-from autodrive.render.renderer import Renderer
+from autodrive.graphics.cameras.viewpoints import orbit
+from autodrive.graphics.meshes.store import scene_of
+from autodrive.graphics.render.render_state import RenderState
+from autodrive.graphics.render.renderer import Renderer
+from autodrive.physics.sensors.camera_view import View
 from autodrive.scenario import load_scenario
-from autodrive.sensors.camera_view import View
+from autodrive.world.compile import compile_scenario
 
 HERE = Path(__file__).parent
 SIZE = 960, 540

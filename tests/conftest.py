@@ -10,7 +10,7 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
-from autodrive.render.gl import GlUnavailable, probe
+from autodrive.graphics.render.gl import GlUnavailable, probe
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)  # a first call may compile
@@ -25,26 +25,26 @@ FAILED = TESTS.parent / ".venv" / "failed-tests"
 
 MARKERS = {
     "page": "browser",
-    "ros": "toolchain",
+    "connect/ros": "toolchain",
     "clients": "toolchain",
     "hardening": "slow",
-    "exports": "slow",
-    "film": "slow",
-    "cameras/test_batch_camera.py": "slow",
-    "cameras/test_tick_cameras.py": "slow",
-    "campaigns/test_campaign_document.py": "slow",
-    "campaigns/test_search.py": "slow",
-    "envs/test_document.py": "slow",
-    "envs/test_driving_vector_env.py": "slow",
-    "envs/test_roboracer_env.py": "slow",
+    "recording/exports": "slow",
+    "recording/film": "slow",
+    "graphics/cameras/test_batch_camera.py": "slow",
+    "graphics/cameras/test_tick_cameras.py": "slow",
+    "experiments/campaigns/test_campaign_document.py": "slow",
+    "experiments/campaigns/test_search.py": "slow",
+    "experiments/envs/test_document.py": "slow",
+    "experiments/envs/test_driving_vector_env.py": "slow",
+    "experiments/envs/test_roboracer_env.py": "slow",
     "physics/test_contact_engine.py": "slow",
-    "racing/test_race_run.py": "slow",
-    "render/test_goldens.py": "slow",
+    "world/racing/test_race_run.py": "slow",
+    "graphics/render/test_goldens.py": "slow",
 }
 """Directory or file -> marker of all its tests."""
 
 WITHOUT_TOOLCHAIN = {
-    f"ros/{name}.py" for name in ("test_bridge", "test_readings", "test_command_input", "test_dead_reckoning")
+    f"connect/ros/{name}.py" for name in ("test_bridge", "test_readings", "test_command_input", "test_dead_reckoning")
 }
 """Files of these directories that need nothing but Python."""
 
@@ -56,24 +56,24 @@ SLOWEST_FIRST = (
     "second browser",
     "ros1",
     "ros2",
-    "policies/test_learning.py",
-    "bridge/test_devkit_scripts.py",
+    "experiments/policies/test_learning.py",
+    "connect/bridge/test_devkit_scripts.py",
     "hardening/test_files.py",
     "hardening/test_processes.py",
     "hardening/test_disk.py",
     "clients",
     "test_documentation.py",
     "hardening/test_bridge.py",
-    "devkit/test_python_examples.py",
-    "racing/test_race_run.py",
-    "cameras/test_process.py",
+    "connect/devkit/test_python_examples.py",
+    "world/racing/test_race_run.py",
+    "graphics/cameras/test_process.py",
     "test_processors.py",
-    "bridge/test_devkit_bridge.py",
+    "connect/bridge/test_devkit_bridge.py",
     "cli/test_cli.py",
     "cli/test_cli_cameras.py",
-    "batch/test_batch_world.py",
-    "cameras/test_batch_camera.py",
-    "cameras/test_tick_cameras.py",
+    "world/batch/test_batch_world.py",
+    "graphics/cameras/test_batch_camera.py",
+    "graphics/cameras/test_tick_cameras.py",
     "hardening/test_crowd.py",
     "hardening/test_machine.py",
     "hardening/test_long_drive.py",
@@ -94,8 +94,8 @@ def group_of(file: str) -> str:
 
     Tests of a group run in one worker and share its session fixtures: a browser, a ROS master, a build.
     """
-    directory, _, name = file.partition("/")
-    if directory == "ros":
+    directory, _, name = file.rpartition("/")
+    if directory == "connect/ros":
         return "ros1" if "ros1" in name else "ros2" if "ros2" in name else "ros"
     if directory == "page":
         return "second browser" if name in SECOND_BROWSER else directory
@@ -123,9 +123,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return order.get(group_of(item.path.relative_to(TESTS).as_posix()), len(order))
 
     for item in items:
-        file = item.path.relative_to(TESTS)
-        marker = MARKERS.get(file.parts[0]) or MARKERS.get(file.as_posix())
-        if marker is not None and file.as_posix() not in WITHOUT_TOOLCHAIN:
+        file = item.path.relative_to(TESTS).as_posix()
+        marker = MARKERS.get(file) or MARKERS.get(file.rpartition("/")[0])
+        if marker is not None and file not in WITHOUT_TOOLCHAIN:
             item.add_marker(marker)
     items.sort(key=rank)
 

@@ -19,9 +19,9 @@ from typing import Any
 import pytest
 
 import autodrive
-from autodrive.run.runner import PAGE
-from autodrive.server.server import Server
-from tests.client.conftest import bare
+from autodrive.base.cache import PACKAGE
+from autodrive.connect.server.server import Server
+from tests.connect.client.conftest import bare
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src/autodrive"
@@ -30,7 +30,9 @@ CLIENT = tomllib.loads((ROOT / "clients/python/pyproject.toml").read_text(encodi
 UV = shutil.which("uv") or (str(path) if (path := ROOT / ".venv-uv/bin/uv").is_file() else None)
 
 needs_uv = pytest.mark.skipif(UV is None, reason="uv is not on PATH")
-needs_page = pytest.mark.skipif(not (PAGE / "built-from").is_file(), reason="the page is not built: scripts/page")
+needs_page = pytest.mark.skipif(
+    not (PACKAGE / "page" / "built-from").is_file(), reason="the page is not built: scripts/page"
+)
 
 
 def uv(*arguments: str | Path) -> None:

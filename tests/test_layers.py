@@ -1,4 +1,4 @@
-"""Imports go down the layers, never up, and the table in ARCHITECTURE.md is what the code imports."""
+"""Imports go down the groups, never up; table and picture in ARCHITECTURE.md are what the code imports."""
 
 from __future__ import annotations
 
@@ -7,68 +7,71 @@ from pathlib import Path
 import pytest
 
 from tests.support import layers
-from tests.support.layers import ALONE, EDGES, LEVEL, distributions_imported, member_of, members_imported, name_of
+from tests.support.layers import GROUPS, LEVEL, PACKAGE, distributions_imported, group_of, modules_imported, name_of
 
 FILES = layers.files()
 REAL_TIME = {
-    "cameras/camera_worker.py",
-    "cameras/jpeg.py",
-    "cameras/process.py",
-    "cameras/scene_process.py",
-    "cameras/scene_worker.py",
-    "cameras/worker.py",
-    "physics/one_thread.py",
-    "protocol/tcp_options.py",
+    "base/tcp_options.py",
+    "graphics/cameras/camera_worker.py",
+    "graphics/cameras/jpeg.py",
+    "graphics/cameras/process.py",
+    "graphics/cameras/scene_process.py",
+    "graphics/cameras/scene_worker.py",
+    "graphics/cameras/worker.py",
+    "world/batch/batch_world.py",
+    "world/one_thread.py",
 }
-"""They render and encode images asynchronously, set options of connections, or refuse a second thread."""
+"""They render and encode images asynchronously, set options of connections, step worlds in several threads, or refuse a
+second thread."""
 IN_THE_TICK = [
-    path for path in FILES if LEVEL.get(member_of(path), 9) < LEVEL["simulation"] and name_of(path) not in REAL_TIME
+    path
+    for path in FILES
+    if LEVEL[group_of(path)] <= LEVEL["world"]
+    and name_of(path) not in REAL_TIME
+    and not name_of(path).startswith("world/simulation/")
 ]
+ALONE = [path for path in FILES if name_of(path).startswith(("connect/client/", "connect/devkit/", "connect/ros/"))]
+"""They run where no simulator is installed."""
 
 
-def test_every_module_has_its_layer() -> None:
-    assert {member_of(path) for path in FILES} <= set(LEVEL) | ALONE
+def test_the_first_level_has_the_groups_and_two_faces() -> None:
+    assert {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()} == {*GROUPS}
+    assert {path.stem for path in PACKAGE.glob("*.py")} == {"__init__", *layers.FACES}
 
 
 def test_imports_go_down() -> None:
     for path in FILES:
-        member = member_of(path)
-        if member not in ALONE:
-            known = members_imported(path, typing_too=True)
-            upward = {other for other in known if LEVEL.get(other, LEVEL["server"] + 1) > LEVEL[member]}
-            assert not upward, f"{name_of(path)} imports from above: {upward}"
+        upward = {other for other in layers.groups_imported(path) if LEVEL[other] > LEVEL[group_of(path)]}
+        assert not upward, f"{name_of(path)} imports from above: {upward}"
 
 
-def test_what_runs_without_a_simulator_imports_none() -> None:
-    for path in FILES:
-        member = member_of(path)
-        if member in ALONE:
-            others = {"client", "devkit"} if member == "ros" else set()
-            known = members_imported(path, typing_too=True)
-            assert known <= {member} | layers.ALLOWED_ALONE | others, name_of(path)
+def test_there_are_few_arrows_between_groups() -> None:
+    assert len(layers.arrows()) <= 53
 
 
-def test_there_is_no_import_cycle() -> None:
+def test_there_is_no_circle_of_files() -> None:
     assert layers.cycle_in(layers.import_graph()) == []
 
 
-def test_the_root_stays_small() -> None:
-    assert len(list(layers.PACKAGE.glob("*.py"))) <= 20
+def test_no_group_has_more_than_a_fifth_of_the_lines() -> None:
+    lines = {group: layers.lines_of(group) for group in GROUPS}
+    assert {group: count for group, count in lines.items() if count > sum(lines.values()) / 5} == {}
 
 
-def test_no_package_holds_more_than_a_tenth_of_the_lines() -> None:
-    lines = {member: layers.lines_of(member) for member in {member_of(path) for path in FILES}}
-    total = sum(lines.values())
-    assert {member: count for member, count in lines.items() if count > total / 10} == {}
+def test_what_runs_without_a_simulator_imports_none() -> None:
+    allowed = ("base.", "protocol.", "connect.client.", "connect.devkit.", "connect.ros.")
+    for path in ALONE:
+        others = {name for name in modules_imported(path) if not f"{name}.".startswith(allowed)}
+        assert not others, f"{name_of(path)} imports {others}"
 
 
-def test_below_the_simulation_nothing_uses_threads_or_the_wall_clock() -> None:
+def test_in_a_tick_nothing_uses_threads_or_the_wall_clock() -> None:
     known = {"threading", "time", "datetime", "asyncio", "concurrent", "multiprocessing", "queue", "_thread"}
     for path in IN_THE_TICK:
         assert not distributions_imported(path) & known, name_of(path)
 
 
-def test_below_the_simulation_nothing_opens_a_socket_or_starts_a_program() -> None:
+def test_in_a_tick_nothing_opens_a_socket_or_starts_a_program() -> None:
     known = {"socket", "ssl", "http", "urllib", "websockets", "subprocess", "signal", "select"}
     for path in IN_THE_TICK:
         assert not distributions_imported(path) & known, name_of(path)
@@ -82,24 +85,19 @@ def test_only_the_engine_and_the_mjcf_modules_import_mujoco() -> None:
 
 def test_only_few_modules_import_numba() -> None:
     for path in FILES:
-        if name_of(path) not in {"jit.py", "elementary.py", "physics/engine.py"}:
+        if name_of(path) not in {"base/jit.py", "base/elementary.py", "physics/engine.py"}:
             assert "numba" not in distributions_imported(path), name_of(path)
 
 
-@pytest.mark.parametrize("edge", sorted(EDGES))
-def test_edges_do_not_import_each_other_or_the_state(edge: str) -> None:
-    for path in (path for path in FILES if member_of(path) == edge):
-        known = members_imported(
-            path, typing_too=edge != "server"
-        )  # the server starts and stops the bridge it is given
-        assert not known & (EDGES - {edge} | {"run", "cli", "state", "model", "physics"}), name_of(path)
-
-
-def test_parts_do_not_import_the_world() -> None:
-    for path in FILES:
-        if member_of(path) in {"actuators", "physics", "render", "sensors"}:
-            known = members_imported(path, typing_too=True)
-            assert not known & {"world", "compile", "referee", "simulation"}, name_of(path)
+@pytest.mark.parametrize("edge", ["connect/server/", "connect/bridge/", "recording/"])
+def test_edges_read_frames_and_not_the_state(edge: str) -> None:
+    for path in (path for path in FILES if name_of(path).startswith(edge)):
+        inner = {
+            name
+            for name in modules_imported(path)
+            if name.startswith("physics.") and not name.startswith(("physics.actuators.", "physics.sensors."))
+        }
+        assert not inner, f"{name_of(path)} imports {inner}"
 
 
 def test_there_is_no_module_called_utils() -> None:
@@ -107,14 +105,15 @@ def test_there_is_no_module_called_utils() -> None:
         assert not any(word in path.stem for word in ("util", "helper", "manager", "common", "misc")), name_of(path)
 
 
-def test_the_table_in_the_architecture_is_that_of_the_code() -> None:
+def test_table_and_picture_in_the_architecture_are_those_of_the_code() -> None:
     text = layers.ARCHITECTURE.read_text(encoding="utf-8")
     assert layers.BEGIN + layers.table() + layers.END in text, "run: python -m tests.support.layers"
+    assert layers.picture() == layers.PICTURE.read_text(encoding="utf-8"), "run: python -m tests.support.layers"
 
 
 def test_a_violation_is_found(tmp_path: Path) -> None:
     bad = tmp_path / "bad.py"
     bad.write_text("import time\nfrom autodrive.world import World\nfrom autodrive import cli\n")
-    assert members_imported(bad, typing_too=False) == {"world", "cli"}
+    assert layers.groups_imported(bad) == {"world", "cli"}
     assert distributions_imported(bad) == {"time", "autodrive"}
     assert sorted(layers.cycle_in({"a": {"b"}, "b": {"c"}, "c": {"a"}})[:-1]) == ["a", "b", "c"]

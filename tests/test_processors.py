@@ -28,12 +28,12 @@ from numpy._core._multiarray_umath import (  # pyright: ignore[reportMissingImpo
 )
 
 import autodrive
-from autodrive.jit import jit_uncounted
-from autodrive.model import model_digest
+from autodrive.base.jit import jit_uncounted
+from autodrive.physics.model import model_digest
+from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.physics.tick import advance
 from autodrive.protocol.messages import Command
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.sensors.settings import SensorSettings
 from autodrive.world import World
 from tests.support.cars import car_file
 from tests.support.frames import bytes_of

@@ -60,7 +60,7 @@ def test_import_loads_no_other_module_and_a_command_no_physics() -> None:
     assert not {"mujoco", "numba"} & second
 
 
-@pytest.mark.parametrize("missing", ["autodrive.factory", "mujoco", "numba.core"])
+@pytest.mark.parametrize("missing", ["autodrive.world.factory", "mujoco", "numba.core"])
 def test_a_missing_simulator_is_reported_as_a_client_without_the_simulator(
     monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
@@ -69,9 +69,9 @@ def test_a_missing_simulator_is_reported_as_a_client_without_the_simulator(
 
 
 def test_a_missing_package_is_reported_as_a_client_without_the_simulator(monkeypatch: pytest.MonkeyPatch) -> None:
-    # without autodrive/maps, the import of autodrive.maps.map fails with the name of the package
+    # without autodrive/maps, the import of autodrive.scenario.maps.map fails with the name of the package
     with pytest.raises(ImportError, match=r"autodrive\.load_map needs the simulator"):
-        make_without(monkeypatch, "autodrive.maps", "load_map")
+        make_without(monkeypatch, "autodrive.scenario.maps", "load_map")
 
 
 @pytest.mark.parametrize("missing", ["autodrive.wings", "autodrive.factory_parts", "some_package"])

@@ -47,9 +47,9 @@ def test_the_commands_for_a_scenario_of_your_own_run(tmp_path: Path) -> None:
 
 
 ELSEWHERE = {
-    ".venv/bin/python examples/python/4_stop_before_box.py": "tests/devkit/test_python_examples.py",
+    ".venv/bin/python examples/python/4_stop_before_box.py": "tests/connect/devkit/test_python_examples.py",
     "scripts/cpp": "scripts/test",
-    "scripts/ros1 roslaunch autodrive_ros simulator_bringup_headless.launch": "tests/ros/test_ros1.py",
+    "scripts/ros1 roslaunch autodrive_ros simulator_bringup_headless.launch": "tests/connect/ros/test_ros1.py",
     "scripts/ros2": "scripts/test",
     "scripts/run race practice --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
     "scripts/run run mini_map --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",

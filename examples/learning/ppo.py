@@ -29,12 +29,12 @@ import optax
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import autodrive
-from autodrive.envs.episodes import observed
-from autodrive.envs.task import Observation
-from autodrive.policies import Policy
-from autodrive.policies.racer import INPUTS, drive_laps
+from autodrive.base.specs import names
+from autodrive.experiments.envs.episodes import observed
+from autodrive.experiments.envs.task import Observation
+from autodrive.experiments.policies import Policy
+from autodrive.experiments.policies.racer import INPUTS, drive_laps
 from autodrive.recording.plot import HEIGHT, Curves, panel, write_panels
-from autodrive.specs import names
 
 ENVS, HORIZON = 64, 128
 EPOCHS, MINIBATCHES = 4, 8

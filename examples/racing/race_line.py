@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from autodrive.devkit import RoboRacer, drive
-from autodrive.tracks import Track
+from autodrive.scenario.tracks import Track
 
 TOP_SPEED = 22.88  # speed of throttle 1 [m/s]
 STEERING_LIMIT = 0.5236  # [rad]

@@ -14,23 +14,19 @@ if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
-    from autodrive.batch import BatchWorld as BatchWorld
-    from autodrive.client import Client as Client
-    from autodrive.client import NoSimulatorError as NoSimulatorError
-    from autodrive.errors import AutodriveError as AutodriveError
-    from autodrive.errors import CommandError as CommandError
-    from autodrive.errors import EngineError as EngineError
-    from autodrive.errors import NoImageError as NoImageError
-    from autodrive.errors import SnapshotError as SnapshotError
-    from autodrive.errors import SpecError as SpecError
-    from autodrive.errors import WorldInUseError as WorldInUseError
-    from autodrive.factory import make as make
-    from autodrive.identification import Identification as Identification
-    from autodrive.identification import IdentificationError as IdentificationError
-    from autodrive.identification import identify as identify
-    from autodrive.maps.map import Map as Map
-    from autodrive.maps.map import MapSpec as MapSpec
-    from autodrive.maps.map import load_map as load_map
+    from autodrive.base.errors import AutodriveError as AutodriveError
+    from autodrive.base.errors import CommandError as CommandError
+    from autodrive.base.errors import EngineError as EngineError
+    from autodrive.base.errors import NoImageError as NoImageError
+    from autodrive.base.errors import SnapshotError as SnapshotError
+    from autodrive.base.errors import SpecError as SpecError
+    from autodrive.base.errors import WorldInUseError as WorldInUseError
+    from autodrive.connect.client import Client as Client
+    from autodrive.connect.client import NoSimulatorError as NoSimulatorError
+    from autodrive.experiments.identification import Identification as Identification
+    from autodrive.experiments.identification import IdentificationError as IdentificationError
+    from autodrive.experiments.identification import identify as identify
+    from autodrive.graphics.render.gl import GlUnavailable as GlUnavailable
     from autodrive.protocol.messages import BackOnRoad as BackOnRoad
     from autodrive.protocol.messages import CameraImage as CameraImage
     from autodrive.protocol.messages import CameraIntrinsics as CameraIntrinsics
@@ -59,22 +55,26 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import VehicleFrame as VehicleFrame
     from autodrive.protocol.messages import WheelsReading as WheelsReading
     from autodrive.protocol.messages import WrongWay as WrongWay
-    from autodrive.render.gl import GlUnavailable as GlUnavailable
     from autodrive.scenario import BoxSpec as BoxSpec
     from autodrive.scenario import Scenario as Scenario
     from autodrive.scenario import ScenarioSpec as ScenarioSpec
     from autodrive.scenario import VehiclePlacement as VehiclePlacement
     from autodrive.scenario import load_scenario as load_scenario
-    from autodrive.simulation import Simulation as Simulation
-    from autodrive.simulation import Sink as Sink
-    from autodrive.vehicles.spec import VehicleSpec as VehicleSpec
-    from autodrive.vehicles.spec import load_vehicle as load_vehicle
+    from autodrive.scenario.maps.map import Map as Map
+    from autodrive.scenario.maps.map import MapSpec as MapSpec
+    from autodrive.scenario.maps.map import load_map as load_map
+    from autodrive.scenario.vehicles.spec import VehicleSpec as VehicleSpec
+    from autodrive.scenario.vehicles.spec import load_vehicle as load_vehicle
     from autodrive.world import World as World
+    from autodrive.world.batch import BatchWorld as BatchWorld
+    from autodrive.world.factory import make as make
+    from autodrive.world.simulation import Simulation as Simulation
+    from autodrive.world.simulation import Sink as Sink
 
 _HOME = {
-    "batch": ("BatchWorld",),
-    "client": ("Client", "NoSimulatorError"),
-    "errors": (
+    "world.batch": ("BatchWorld",),
+    "connect.client": ("Client", "NoSimulatorError"),
+    "base.errors": (
         "AutodriveError",
         "CommandError",
         "EngineError",
@@ -113,13 +113,13 @@ _HOME = {
         "WheelsReading",
         "WrongWay",
     ),
-    "identification": ("Identification", "IdentificationError", "identify"),
-    "maps.map": ("Map", "MapSpec", "load_map"),
-    "render.gl": ("GlUnavailable",),
+    "experiments.identification": ("Identification", "IdentificationError", "identify"),
+    "scenario.maps.map": ("Map", "MapSpec", "load_map"),
+    "graphics.render.gl": ("GlUnavailable",),
     "scenario": ("BoxSpec", "Scenario", "ScenarioSpec", "VehiclePlacement", "load_scenario"),
-    "simulation": ("Simulation", "Sink"),
-    "vehicles.spec": ("VehicleSpec", "load_vehicle"),
-    "factory": ("make",),
+    "world.simulation": ("Simulation", "Sink"),
+    "scenario.vehicles.spec": ("VehicleSpec", "load_vehicle"),
+    "world.factory": ("make",),
     "world": ("World",),
 }
 """Module of this package -> the public names that it defines."""
@@ -210,9 +210,9 @@ class _WhenGymnasiumIsImported:
 
 def _register_environments() -> None:
     try:
-        registration = importlib.import_module("autodrive.envs.registration")
+        registration = importlib.import_module("autodrive.experiments.envs.registration")
     except ModuleNotFoundError as error:
-        if error.name != "autodrive.envs":  # autodrive-client has none
+        if error.name != "autodrive.experiments.envs":  # autodrive-client has none
             raise
     else:
         registration.register()

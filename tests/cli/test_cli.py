@@ -20,15 +20,15 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
 import autodrive
+from autodrive.base.cache import PACKAGE
+from autodrive.base.png import decode_png
 from autodrive.cli import preview
-from autodrive.protocol.png import decode_png
-from autodrive.run.runner import PAGE
 from tests.support.command_line import AUTODRIVE, Started, call, interrupted_when, refused
 from tests.support.scenes import needs_gl
 from tests.support.waiting import LIMIT
 
-DATA = Path(autodrive.__file__).parent / "data"
-NOT_BUILT = [] if (PAGE / "index.html").is_file() else ["page"]
+DATA = Path(autodrive.__file__).parent / "scenario" / "data"
+NOT_BUILT = [] if (PACKAGE / "page" / "index.html").is_file() else ["page"]
 """The check of doctor that fails in a checkout whose page is not built."""
 
 

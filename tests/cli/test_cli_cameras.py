@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import simplejpeg
 
-from autodrive.vehicles.spec import load_vehicle
+from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.support.command_line import AUTODRIVE, call, interrupted_when, refused
 from tests.support.waiting import LIMIT
 

@@ -23,6 +23,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from autodrive.base.cache import PACKAGE
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import Command, LoadScenario
 from autodrive.protocol.native import (
@@ -39,11 +40,12 @@ from autodrive.protocol.native import (
 )
 from autodrive.run import Run, RunObserver, RunOptions, StopRequest, Summary, simulate
 from autodrive.run.browser import has_screen, tunnel
-from autodrive.run.runner import PAGE
 from tests.support.command_line import Started, call, refused
 from tests.support.waiting import LIMIT, wait_until
 
-needs_page = pytest.mark.skipif(not (PAGE / "index.html").is_file(), reason="the page is not built: scripts/page")
+needs_page = pytest.mark.skipif(
+    not (PACKAGE / "page" / "index.html").is_file(), reason="the page is not built: scripts/page"
+)
 
 
 def link_of(run: Started) -> str:
@@ -114,7 +116,7 @@ def test_autodrive_without_a_command_runs_the_default_scenario_with_its_page(tmp
     try:
         link = link_of(run)
         with urllib.request.urlopen(link, timeout=LIMIT) as answer:
-            assert answer.read() == (PAGE / "index.html").read_bytes()
+            assert answer.read() == (PACKAGE / "page" / "index.html").read_bytes()
         with viewer(link) as one:
             assert await_message(one, Scene).scenario == "mini_map"
             assert not await_message(one, Frame).vehicles["V1"].is_autonomous  # a person may drive

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from autodrive.maps.map import load_map
-from autodrive.tracks.generate import generate_track
-from autodrive.tracks.track import DUCT, Track
+from autodrive.scenario.maps.map import load_map
+from autodrive.scenario.tracks.generate import generate_track
+from autodrive.scenario.tracks.track import DUCT, Track
 from tests.support.command_line import call, refused
 
 OPTIONS = ("--seed", "7", "--length", "30", "--width", "1.0", "--area", "14x8")

@@ -17,11 +17,11 @@ from websockets.sync.client import ClientConnection, connect
 
 import autodrive
 from autodrive import Command, Simulation
-from autodrive.bridge.devkit import DevkitBridge
-from autodrive.devkit import Nigel
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.devkit import Nigel
+from autodrive.connect.server.server import Server
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
-from autodrive.server.server import Server
 from tests.clients.conftest import program
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.builds import run

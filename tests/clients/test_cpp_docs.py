@@ -11,8 +11,8 @@ import pytest
 
 import autodrive
 from autodrive import Simulation
-from autodrive.bridge.devkit import DevkitBridge
-from autodrive.server.server import Server
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server.server import Server
 from tests.clients.conftest import PACKAGE, PAGE, ROOT
 from tests.support.builds import run
 from tests.support.native_clients import scene_files

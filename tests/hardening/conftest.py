@@ -1,5 +1,5 @@
 """Fixtures of the hardening tests."""
 
-from tests.bridge.conftest import one_world, simulation
+from tests.connect.bridge.conftest import one_world, simulation
 
 __all__ = ["one_world", "simulation"]

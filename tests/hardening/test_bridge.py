@@ -18,10 +18,10 @@ from websockets.server import ServerProtocol
 from websockets.sync.server import ServerConnection
 
 from autodrive import Simulation
-from autodrive.bridge import devkit
-from autodrive.bridge.devkit import DevkitBridge
-from autodrive.bridge.engineio import Connection, ConnectionEnd, PacketError
-from tests.bridge.conftest import peer
+from autodrive.connect.bridge import devkit
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.bridge.engineio import Connection, ConnectionEnd, PacketError
+from tests.connect.bridge.conftest import peer
 from tests.support.command_line import Started
 from tests.support.waiting import LIMIT, wait_until
 
@@ -178,7 +178,8 @@ def test_a_redirect_is_not_followed(simulation: Simulation) -> None:
 def test_what_a_script_says_cannot_write_to_the_terminal(
     simulation: Simulation, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, *, is_reason: bool
 ) -> None:
-    monkeypatch.setattr("autodrive.bridge.metrics.WARNING_INTERVAL", 0.0)  # no other warning suppresses this one
+    # No other warning suppresses this one.
+    monkeypatch.setattr("autodrive.connect.bridge.metrics.WARNING_INTERVAL", 0.0)
     text = "\x1b[2J\x1b]0;title\x07\nautodrive: all is well\r" + 30 * "x"
 
     def refuse(connection: ServerConnection) -> None:
@@ -190,7 +191,7 @@ def test_what_a_script_says_cannot_write_to_the_terminal(
     with peer(refuse) as port, DevkitBridge(simulation, port=port) as bridge:
         wait_until(lambda: "all is well" in bridge.error)
         assert bridge.error.isprintable()
-    lines = [record.getMessage() for record in caplog.records if record.name.startswith("autodrive.bridge")]
+    lines = [record.getMessage() for record in caplog.records if record.name.startswith("autodrive.connect.bridge")]
     assert [line for line in lines if "all is well" in line]
     assert all(line.isprintable() and len(line) < 600 for line in lines)
 
@@ -198,7 +199,7 @@ def test_what_a_script_says_cannot_write_to_the_terminal(
 STUCK = """
 import sys, time
 from autodrive.cli import main
-from autodrive.simulation import Simulation
+from autodrive.world.simulation import Simulation
 Simulation.stop = lambda self: time.sleep(1000)
 sys.argv = ["autodrive", "run", "plane", "--headless", "--summary", sys.argv[1]]
 main()

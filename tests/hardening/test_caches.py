@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from autodrive import jit
+from autodrive.base import jit
 from tests.support.hardening import cases, fill, small_disk
 from tests.support.waiting import LIMIT
 
@@ -92,7 +92,7 @@ def test_on_a_full_disk_functions_are_compiled_with_one_line(
 
 START = """
 import sys
-from autodrive.jit import compiling
+from autodrive.base.jit import compiling
 from autodrive.physics.ray import _slab
 compiled = []
 with compiling(compiled.append):

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
 import autodrive
-from autodrive.errors import AutodriveError, CommandError, EngineError
+from autodrive.base.errors import AutodriveError, CommandError, EngineError
 from autodrive.protocol.messages import Command
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import World

@@ -14,11 +14,11 @@ import pytest
 
 import autodrive
 from autodrive import Command, Simulation
-from autodrive.bridge.devkit import DevkitBridge
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server import hub
+from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
-from autodrive.server import hub
-from autodrive.server.server import Server
 from tests.support.attackers import CROWD, POWERLESS
 from tests.support.command_line import Started
 from tests.support.frames import bytes_of

@@ -22,31 +22,32 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive import jit, recording
-from autodrive.cache import PACKAGE, check_writable, write_file
-from autodrive.cameras.process import CameraProcess
-from autodrive.cameras.rig import camera_rig
-from autodrive.cameras.shared_memory import FileMemory
-from autodrive.campaigns import Campaign, ray_executor, run_campaign
-from autodrive.campaigns.runner import Result
-from autodrive.campaigns.table import Table
+from autodrive import recording
+from autodrive.base import jit
+from autodrive.base.cache import PACKAGE, check_writable, write_file
+from autodrive.base.errors import AutodriveError, EngineError
 from autodrive.cli import generate, messages, preview
-from autodrive.compile import Compiled
-from autodrive.envs import race_tracks
-from autodrive.errors import AutodriveError, EngineError
-from autodrive.exports import FORMATS, export
-from autodrive.exports.options import ExportOptions
-from autodrive.film.video import Video
-from autodrive.identification.result import Identification
-from autodrive.meshes import store
-from autodrive.policies import Policy
-from autodrive.racing.results import RaceRecorder, RaceResult, write_results
+from autodrive.experiments.campaigns import Campaign, ray_executor, run_campaign
+from autodrive.experiments.campaigns.runner import Result
+from autodrive.experiments.campaigns.table import Table
+from autodrive.experiments.envs import race_tracks
+from autodrive.experiments.identification.result import Identification
+from autodrive.experiments.policies import Policy
+from autodrive.graphics.cameras.process import CameraProcess
+from autodrive.graphics.cameras.shared_memory import FileMemory
+from autodrive.graphics.meshes import store
 from autodrive.recording import Recording
+from autodrive.recording.exports import FORMATS, export
+from autodrive.recording.exports.options import ExportOptions
+from autodrive.recording.film.video import Video
 from autodrive.recording.plot import plot
 from autodrive.run import RunOptions, simulate
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.tracks.tables import write_centre_line
-from autodrive.tracks.track import Track
+from autodrive.scenario.tracks.tables import write_centre_line
+from autodrive.scenario.tracks.track import Track
+from autodrive.world.cameras import camera_rig
+from autodrive.world.compile import Compiled
+from autodrive.world.racing.results import RaceRecorder, RaceResult, write_results
 from tests.support.command_line import AUTODRIVE, call, refused
 from tests.support.hardening import fill, make_read_only, small_disk
 from tests.support.waiting import LIMIT

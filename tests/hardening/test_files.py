@@ -21,18 +21,18 @@ import pytest
 import yaml
 
 import autodrive
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, Spec, find, names, parse
 from autodrive.cli.spec_files import SPECS, check
-from autodrive.errors import SpecError
-from autodrive.maps.map import MAX_EXTENT, MAX_PLACEMENTS, MAX_STATICS, load_map
-from autodrive.maps.module import ModuleSpec
-from autodrive.maps.shapes import Rectangle
-from autodrive.maps.solids import BlockSpec
-from autodrive.meshes import store
+from autodrive.graphics.meshes import store
+from autodrive.physics.sensors.camera import MAX_PIXELS, CameraSpec
+from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.scenario import MAX_BOXES, MAX_VEHICLES, BoxSpec, ScenarioSpec, VehiclePlacement
-from autodrive.sensors.camera import MAX_PIXELS, CameraSpec
-from autodrive.sensors.lidar import LidarSpec
-from autodrive.specs import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, Spec, find, names, parse
-from autodrive.vehicles.spec import RigidBodySpec, WheelSpec
+from autodrive.scenario.maps.map import MAX_EXTENT, MAX_PLACEMENTS, MAX_STATICS, load_map
+from autodrive.scenario.maps.module import ModuleSpec
+from autodrive.scenario.maps.shapes import Rectangle
+from autodrive.scenario.maps.solids import BlockSpec
+from autodrive.scenario.vehicles.spec import RigidBodySpec, WheelSpec
 from autodrive.world import World
 from tests.support.cars import car_file
 from tests.support.hardening import cases

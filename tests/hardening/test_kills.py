@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from autodrive import Simulation
-from autodrive.bridge import devkit
-from autodrive.bridge.devkit import DevkitBridge
-from tests.bridge.conftest import ROOT, script
+from autodrive.connect.bridge import devkit
+from autodrive.connect.bridge.devkit import DevkitBridge
+from tests.connect.bridge.conftest import ROOT, script
 from tests.support.hardening import cases, memory, open_files
 from tests.support.waiting import free_port, wait_until
 

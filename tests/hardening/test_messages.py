@@ -19,12 +19,12 @@ import pytest
 
 import autodrive
 from autodrive import AutodriveError, Simulation
-from autodrive.bridge.detection import Detection
-from autodrive.bridge.engineio import Acknowledgement, Connection, ConnectionEnd, Event, PacketError
-from autodrive.bridge.metrics import Metrics
-from autodrive.bridge.session import Session
+from autodrive.connect.bridge.detection import Detection
+from autodrive.connect.bridge.engineio import Acknowledgement, Connection, ConnectionEnd, Event, PacketError
+from autodrive.connect.bridge.metrics import Metrics
+from autodrive.connect.bridge.session import Session
+from autodrive.connect.server.hub import Hub
 from autodrive.protocol.devkit_profile import DevkitSettings
-from autodrive.server.hub import Hub
 from autodrive.world import World
 from tests.support.hardening import cases, memory
 from tests.support.native_clients import pack, scene_files
@@ -230,8 +230,8 @@ def no_renderer(_: World) -> Any:
 
 
 def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("autodrive.server.rate_limit.RATE", 1e9)
-    monkeypatch.setattr("autodrive.server.rate_limit.BYTES", 1e12)
+    monkeypatch.setattr("autodrive.connect.server.rate_limit.RATE", 1e9)
+    monkeypatch.setattr("autodrive.connect.server.rate_limit.BYTES", 1e12)
     simulation = Simulation(autodrive.make("plane"), load=autodrive.make, pause_on_error=True)
     hello = pack({"type": "Hello", "protocol": 2, "name": "x"})
     random_ = random.Random(7)

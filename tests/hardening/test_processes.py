@@ -14,17 +14,18 @@ from pathlib import Path
 import pytest
 
 import autodrive
-from autodrive.cameras import process as process_module
-from autodrive.cameras import scene_process as scene_process_module
-from autodrive.cameras import worker as worker_module
-from autodrive.cameras.process import CameraProcess
-from autodrive.cameras.scene_process import SceneProcess
-from autodrive.errors import AutodriveError
+from autodrive.base.errors import AutodriveError
+from autodrive.connect.server.server import scene_renderer_factory
+from autodrive.graphics.cameras import process as process_module
+from autodrive.graphics.cameras import scene_process as scene_process_module
+from autodrive.graphics.cameras import worker as worker_module
+from autodrive.graphics.cameras.process import CameraProcess
+from autodrive.graphics.cameras.scene_process import SceneProcess
 from autodrive.protocol.native import SetCamera
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.server.server import scene_renderer_factory
-from autodrive.simulation import Simulation
 from autodrive.world import World
+from autodrive.world.cameras import camera_process
+from autodrive.world.simulation import Simulation
 from tests.support.cars import car_file, small_images
 from tests.support.hardening import cases
 from tests.support.long_drive import resident
@@ -35,7 +36,7 @@ pytestmark = pytest.mark.process
 INSTANCES = cases(3, 26)
 """Each is killed `RESTARTS` + 1 times. The first two fill the caches of the process."""
 RESTARTS = cases(1, worker_module.RESTARTS)
-"""How often a process is started again here; tests/cameras tests that users have three times."""
+"""How often a process is started again here; tests/graphics/cameras tests that users have three times."""
 VIEW = SetCamera("Driver's Eye", width=160)
 
 
@@ -98,7 +99,7 @@ def lines(caplog: pytest.LogCaptureFixture, module: str) -> list[str]:
 
 
 def made(spec: ScenarioSpec) -> tuple[World, CameraProcess]:
-    world = autodrive.make(spec, cameras=CameraProcess.of)
+    world = autodrive.make(spec, cameras=camera_process)
     process = world._cameras
     assert isinstance(process, CameraProcess)
     return world, process

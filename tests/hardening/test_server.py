@@ -18,15 +18,15 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import autodrive
 from autodrive import AutodriveError, Simulation
-from autodrive.bridge.devkit import DevkitBridge
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server import connections, hub
+from autodrive.connect.server.bridge_control import BridgeControl
+from autodrive.connect.server.connections import HttpProtocol
+from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
+from autodrive.connect.server.request_queue import BURST, SHARE, TimeLimit
+from autodrive.connect.server.requests import Requests
+from autodrive.connect.server.server import Server, scene_renderer_factory
 from autodrive.protocol.messages import Collision, SetSpeed
-from autodrive.server import connections, hub
-from autodrive.server.bridge_control import BridgeControl
-from autodrive.server.connections import HttpProtocol
-from autodrive.server.frame_queue import FrameQueue, FrameUpdate
-from autodrive.server.request_queue import BURST, SHARE, TimeLimit
-from autodrive.server.requests import Requests
-from autodrive.server.server import Server, scene_renderer_factory
 from autodrive.world import World
 from tests.support.attackers import frame
 from tests.support.native_clients import native_client, pack, raw, scene_files
@@ -174,7 +174,7 @@ def test_all_requests_together_use_a_fifth_of_the_time() -> None:
 
 
 def test_many_refused_requests_end_the_connection(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("autodrive.server.rate_limit.MOST_DROPPED", 100)
+    monkeypatch.setattr("autodrive.connect.server.rate_limit.MOST_DROPPED", 100)
     with native_client(server, max_queue=None) as loud:
 
         def flood() -> None:
@@ -201,7 +201,7 @@ def test_a_request_that_fails_inside_is_answered_and_the_next_one_executed(
     def fail(_: object) -> str:
         raise ValueError("inside")
 
-    monkeypatch.setattr("autodrive.server.requests.scenario_text", fail)
+    monkeypatch.setattr("autodrive.connect.server.requests.scenario_text", fail)
     with native_client(server) as client:
         assert client.ask("SaveScenario")["text"] == "inside"
         assert client.ask("Resume")["type"] == "Response"
@@ -260,7 +260,7 @@ def test_requests_of_a_client_that_left_are_dropped(
 
 
 def test_a_client_above_the_byte_limit_is_disconnected(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("autodrive.server.rate_limit.MOST_DROPPED", 100)
+    monkeypatch.setattr("autodrive.connect.server.rate_limit.MOST_DROPPED", 100)
     monkeypatch.setattr(connections, "SHARE", 1.0)  # no long pauses
     with native_client(server) as loud:
         loud.send("Subscribe", frame_rate=0.0)

@@ -24,12 +24,12 @@ from hypothesis.stateful import (
 )
 
 import autodrive
-from autodrive.errors import AutodriveError, EngineError
+from autodrive.base.errors import AutodriveError, EngineError
 from autodrive.protocol import messages
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
-from autodrive.simulation import Simulation
 from autodrive.world import Snapshot, World
+from autodrive.world.simulation import Simulation
 from tests.hardening.test_callers import COMMANDS, FLAGS, NAMES, NUMBERS, QUATERNIONS, SEEDS, VECTORS
 from tests.support.cars import car_file, small_images
 from tests.support.frames import digest

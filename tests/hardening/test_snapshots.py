@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive.errors import SnapshotError
+from autodrive.base.errors import SnapshotError
+from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
-from autodrive.sensors.settings import SensorSettings
 from autodrive.world import Snapshot, World
 from tests.support.frames import digest, digests
 from tests.support.waiting import LIMIT
-from tests.test_world import arrays
+from tests.world.test_world import arrays
 
 SPEC = ScenarioSpec(
     vehicles={"V1": VehiclePlacement(has_realistic_sensors=True)}, boxes={"box": BoxSpec(x=0.36, y=0.0)}

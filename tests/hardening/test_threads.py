@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive.errors import WorldInUseError
+from autodrive.base.errors import WorldInUseError
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import ScenarioSpec
 from autodrive.world import World

@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from autodrive.bridge.devkit import DevkitBridge
-from autodrive.cameras.jpeg import JpegEncoder, images_of
+from autodrive.base.cache import PACKAGE
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server.server import Server
+from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.run.options import RunOptions
 from autodrive.run.recordings import Recordings
-from autodrive.run.runner import PAGE
 from autodrive.run.world_loader import WorldLoader
-from autodrive.server.server import Server
-from autodrive.simulation import Simulation
+from autodrive.world.simulation import Simulation
 from tests.support.page import ROOT, NewTab, PageServer, Tab, tabs
 
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -34,7 +34,7 @@ FLAGS = [
 def built() -> Path:
     """The built page, no older than its sources."""
     subprocess.run([ROOT / "scripts" / "page"], check=True, cwd=ROOT, timeout=300)
-    return PAGE
+    return PACKAGE / "page"
 
 
 @pytest.fixture(scope="package")

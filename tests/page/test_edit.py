@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import autodrive
+from autodrive.base.transforms import euler_from_quaternion
 from autodrive.protocol.messages import Pause, Resume, Step
-from autodrive.transforms import euler_from_quaternion
 from tests.page.test_driving import yaw
 from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, TEXTS, WRONG_TARGETS
 from tests.support.command_line import call

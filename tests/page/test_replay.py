@@ -1,4 +1,4 @@
-"""Recording and replay in the page. Rules of the timeline: web/tests/replay.test.ts; of the Player: tests/replay."""
+"""Recording and replay in the page. The rules of the timeline are tested in web/tests/replay.test.ts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from autodrive import recording
 from autodrive.protocol.messages import Teleport
-from autodrive.replay import Replay, ReplayOptions
+from autodrive.recording.replay import Replay, ReplayOptions
 from tests.page.test_view import COLOURS
 from tests.recording.conftest import Drive, drive
 from tests.support.page import NewTab, PageServer, Tab

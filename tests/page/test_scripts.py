@@ -7,7 +7,7 @@ import socket
 import numpy as np
 import pytest
 
-from tests.devkit.test_python_examples import example
+from tests.connect.devkit.test_python_examples import example
 from tests.support.page import PageServer, Tab
 from tests.support.waiting import free_port
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from autodrive.base.png import decode_png
 from autodrive.protocol.messages import Pause
-from autodrive.protocol.png import decode_png
 from tests.support.page import NewTab, PageServer, Tab
 
 IMAGES = """() => new Promise((done) =>

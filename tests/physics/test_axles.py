@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from autodrive import Command, Frame
-from autodrive.errors import SpecError
-from autodrive.specs import parse
-from autodrive.vehicles.spec import AxlesSpec
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import parse
+from autodrive.scenario.vehicles.spec import AxlesSpec
 from autodrive.world import World
 from tests.support.cars import OBEYS_AT_ONCE
 from tests.support.physics import ROLLS_FREELY, WorldWith

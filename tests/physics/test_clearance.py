@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive.arrays import Floats
-from autodrive.model import BOX, COVER
+from autodrive.base.arrays import Floats
+from autodrive.base.specs import names
+from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import scratch
 from autodrive.physics.clearance import HORIZON, MARGIN, can_any_touch, find_nearby
 from autodrive.physics.engine import Geom
+from autodrive.physics.model import BOX, COVER
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.specs import names
-from autodrive.tracks import Track
-from autodrive.transforms import rotation_from_quaternion
-from autodrive.vehicles.parameters import cover
+from autodrive.scenario.tracks import Track
+from autodrive.scenario.vehicles.parameters import cover
 from tests.physics.test_contact_engine import TRACK, YARD, engine_is_at, random_start
 
 CASES = 40

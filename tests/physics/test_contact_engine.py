@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import autodrive
+from autodrive.base.specs import names
+from autodrive.base.transforms import quaternion_from_euler
+from autodrive.experiments.policies import Policy
+from autodrive.experiments.policies.racer import PERIOD, PolicyRacer
 from autodrive.physics.tick import observe, place
-from autodrive.policies import Policy
-from autodrive.policies.racer import PERIOD, PolicyRacer
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
-from autodrive.specs import names
-from autodrive.transforms import quaternion_from_euler
 from autodrive.world import World
 from tests.support.frames import digest
 

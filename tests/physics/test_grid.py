@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from autodrive.model import BOX, CYLINDER, SPHERE, Shapes
 from autodrive.physics.grid import shapes_near
-from autodrive.sensors.lidar import LidarSpec
-from autodrive.sensors.range import RangeSpec
+from autodrive.physics.model import BOX, CYLINDER, SPHERE, Shapes
+from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.range import RangeSpec
 from tests.support.one_sensor import OneSensor
 from tests.support.sensor_scenes import Solid, scene, shapes_of
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from autodrive import Command, EngineError, Frame
+from autodrive.base.transforms import rotate
 from autodrive.physics.tick import observe
 from autodrive.scenario import BoxSpec
-from autodrive.transforms import rotate
 from autodrive.world import World
 from tests.support.cars import OBEYS_AT_ONCE
 from tests.support.physics import ROLLS_FREELY, WorldWith

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autodrive.actuators.drivetrain import DifferentialSpec, DrivetrainSpec
-from autodrive.errors import SpecError
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import parse
 from autodrive.physics import wheel
+from autodrive.physics.actuators.drivetrain import DifferentialSpec, DrivetrainSpec
 from autodrive.protocol.messages import Command
-from autodrive.specs import parse
-from autodrive.vehicles.spec import WheelSpec, load_vehicle
+from autodrive.scenario.vehicles.spec import WheelSpec, load_vehicle
 from autodrive.world import World
 from tests.support.physics import WorldWith, world_with_car
 

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from autodrive.arrays import Floats
-from autodrive.model import BOX, CYLINDER, SPHERE
+from autodrive.base.arrays import Floats
+from autodrive.physics.model import BOX, CYLINDER, SPHERE
 from autodrive.physics.ray import MISS, cast_ray, inverse_distance
 
 TYPES = {BOX: "box", CYLINDER: "cylinder", SPHERE: "sphere"}

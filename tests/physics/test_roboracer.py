@@ -12,9 +12,9 @@ import pytest
 
 import autodrive
 from autodrive import Command
+from autodrive.base.transforms import euler_from_quaternion
+from autodrive.physics.state import State
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.state import State
-from autodrive.transforms import euler_from_quaternion
 from autodrive.world import World
 from tests.support.cars import car_file
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from autodrive import Command
-from autodrive.model import BOX
+from autodrive.base.transforms import rotate
+from autodrive.physics.model import BOX
 from autodrive.physics.ray import MISS, cast_ray
 from autodrive.physics.wheel_edge import CLIMBABLE, edge_support
 from autodrive.scenario import BoxSpec
-from autodrive.transforms import rotate
 from tests.support.cars import OBEYS_AT_ONCE
 from tests.support.physics import ROLLS_FREELY, WorldWith
 

@@ -14,7 +14,7 @@ from autodrive.protocol.channels import CHANNELS, SIGNALS
 from autodrive.protocol.messages import RaceState, RaceStatus, VehicleFrame
 from autodrive.protocol.typescript import signal_tables
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.vehicles.spec import VehicleSpec, load_vehicle
+from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
 from tests.support import signal_table
 from tests.support.cars import car_file
 

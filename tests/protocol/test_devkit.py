@@ -17,13 +17,13 @@ import simplejpeg
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autodrive.errors import AutodriveError, SpecError
+from autodrive.base.errors import AutodriveError, SpecError
+from autodrive.base.specs import find
 from autodrive.protocol import devkit
 from autodrive.protocol.devkit import ENVIRONMENT, initial_telemetry, read_commands, telemetry
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, detect_profile, is_ambiguous
 from autodrive.protocol.messages import Command, Headlights, Hold, Indicators, RaceState, RaceStatus
-from autodrive.specs import find
-from autodrive.vehicles.spec import load_vehicle
+from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.protocol.devkit_frames import frame, scan, vehicle
 
 RECORDED = json.loads((Path(__file__).parent / "data" / "devkit_2023.json").read_text())

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import autodrive
+from autodrive.base.png import decode_png
+from autodrive.base.transforms import quaternion_from_euler
 from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import CameraIntrinsics, Images
-from autodrive.protocol.png import decode_png
-from autodrive.transforms import quaternion_from_euler
 
 LINE = 300
 """Largest length of a text [characters]."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import resvg_py
 
-from autodrive.protocol.png import decode_png, encode_png
+from autodrive.base.png import decode_png, encode_png
 
 
 def chunks(data: bytes) -> dict[bytes, bytes]:

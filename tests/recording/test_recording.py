@@ -15,7 +15,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import autodrive
 from autodrive import Command
-from autodrive.meshes.urdf import PACKAGE
+from autodrive.graphics.meshes.urdf import PACKAGE
 from autodrive.protocol.messages import Reset, SetSceneLight
 from autodrive.recording import Recorder, Recording, RecordingError
 from autodrive.recording import open as open_recording

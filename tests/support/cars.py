@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from autodrive.specs import find
+from autodrive.base.specs import find
 
 OBEYS_AT_ONCE = {
     "steering.dead_time": 0.0,

@@ -8,8 +8,8 @@ from typing import BinaryIO
 
 import msgspec
 
-from autodrive.cameras.worker import Ready, serve
-from autodrive.errors import AutodriveError
+from autodrive.base.errors import AutodriveError
+from autodrive.graphics.cameras.worker import Ready, serve
 
 
 def _work(requests: BinaryIO) -> Iterator[msgspec.Struct]:

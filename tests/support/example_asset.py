@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from autodrive.assets.asset import Asset, AssetNode, Label, Material, MeshSurface, NodeJoint
+from autodrive.graphics.assets.asset import Asset, AssetNode, Material, MeshSurface, NodeJoint
+from autodrive.protocol.labels import Label
 
 CHECKS = Material("checks", (0.5, 0.25, 0.125), roughness=0.7, metallic=0.1, texture="checks")
 GLASS = Material("glass", (0.9, 0.1, 0.05), roughness=0.1, emission=(5.7, 0.3, 0.1))

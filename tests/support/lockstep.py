@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from autodrive import Frame, Simulation
-from autodrive.bridge.devkit import DevkitBridge
+from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.protocol.messages import Step
 from tests.support.waiting import wait_until
 

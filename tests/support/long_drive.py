@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import autodrive
-from autodrive.errors import CommandError
+from autodrive.base.errors import CommandError
 from autodrive.protocol.messages import Collision, Command, Headlights, Indicators
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import Snapshot, World

@@ -12,10 +12,10 @@ import msgspec
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
+from autodrive.connect.server.server import Server
 from autodrive.protocol.native import Scene
-from autodrive.server.scene_files import SceneFiles
-from autodrive.server.server import Server
 from autodrive.world import World
+from autodrive.world.scene_files import SceneFiles
 from tests.support.waiting import LIMIT, wait_until
 
 pack = msgspec.msgpack.encode

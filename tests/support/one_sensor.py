@@ -5,12 +5,12 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from autodrive.sensors.encoder import EncoderSpec
-from autodrive.sensors.imu import ImuSpec
-from autodrive.sensors.ips import IpsSpec
-from autodrive.sensors.lidar import LidarSpec
-from autodrive.sensors.settings import ConfiguredSensor, SensorSpecs
-from autodrive.sensors.suite import SensorSuite
+from autodrive.physics.sensors.encoder import EncoderSpec
+from autodrive.physics.sensors.imu import ImuSpec
+from autodrive.physics.sensors.ips import IpsSpec
+from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.settings import ConfiguredSensor, SensorSpecs
+from autodrive.physics.sensors.suite import SensorSuite
 from tests.support.sensor_scenes import SensorScene
 
 NAMES = {EncoderSpec: "encoders", IpsSpec: "ips", ImuSpec: "imu", LidarSpec: "lidar"}

@@ -16,11 +16,11 @@ import simplejpeg
 from numpy.typing import NDArray
 from playwright.sync_api import Browser, ConsoleMessage, Locator, Page, Request, ViewportSize
 
-from autodrive.bridge.devkit import DevkitBridge
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server.server import Server
 from autodrive.protocol import messages
 from autodrive.protocol.messages import Frame, VehicleFrame
-from autodrive.server.server import Server
-from autodrive.simulation import Simulation
+from autodrive.world.simulation import Simulation
 
 ROOT = Path(__file__).parents[2]
 TIMEOUT = 180.0

@@ -7,14 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from autodrive.actuators.lights import LampSpec, LightsSpec
-from autodrive.assets.asset import Asset, AssetNode, Label, Material, MeshSurface
+from autodrive.base.transforms import compose, quaternion_from_euler
+from autodrive.graphics.assets.asset import Asset, AssetNode, Material, MeshSurface
+from autodrive.graphics.render.gl import GlUnavailable, probe
+from autodrive.graphics.render.render_state import RenderState
+from autodrive.graphics.render.scene import RenderScene
+from autodrive.physics.actuators.lights import LampSpec, LightsSpec
+from autodrive.physics.sensors.camera_view import View
+from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import CameraIntrinsics
-from autodrive.render.gl import GlUnavailable, probe
-from autodrive.render.render_state import RenderState
-from autodrive.render.scene import RenderScene
-from autodrive.sensors.camera_view import View
-from autodrive.transforms import compose, quaternion_from_euler
 
 OPTICAL = (0.5, -0.5, 0.5, -0.5)
 """Body axes (x forward) from the optical frame (z forward)."""

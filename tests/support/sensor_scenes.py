@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from autodrive.arrays import Floats
-from autodrive.model import BOX, CYLINDER, SPHERE, Shapes
+from autodrive.base.arrays import Floats
 from autodrive.physics.grid import fixed_grid
-from autodrive.state import State
+from autodrive.physics.model import BOX, CYLINDER, SPHERE, Shapes
+from autodrive.physics.state import State
 
 
 def state_of(vehicles: int = 1, **columns: ArrayLike) -> State:

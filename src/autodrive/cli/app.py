@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from autodrive import __version__
+from autodrive.base.errors import AutodriveError
 from autodrive.cli import browse, recordings, tracks
 from autodrive.cli.campaign import CampaignCommand, campaign
 from autodrive.cli.doctor import doctor
@@ -25,7 +26,6 @@ from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
 from autodrive.cli.urdf import urdf
-from autodrive.errors import AutodriveError
 
 app = typer.Typer(name="autodrive", add_completion=True, rich_markup_mode=None, pretty_exceptions_enable=False)
 

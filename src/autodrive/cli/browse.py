@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 if TYPE_CHECKING:
-    from autodrive.specs import Kind
+    from autodrive.base.specs import Kind
 
 
 class Collection(StrEnum):
@@ -36,8 +36,8 @@ class KindName(StrEnum):
 
 def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")]) -> None:
     """List the scenarios, maps, tracks, vehicles, modules or rules of races of the package."""
+    from autodrive.base.specs import titles
     from autodrive.cli.spec_files import SPECS
-    from autodrive.specs import titles
 
     kind = cast("Kind", collection.value.removesuffix("s"))
     for name, title in titles(kind, SPECS[kind]).items():

@@ -9,8 +9,8 @@ import typer
 import typer.core
 
 if TYPE_CHECKING:
-    from autodrive.campaigns.campaign import Campaign
-    from autodrive.campaigns.runs import Outcome
+    from autodrive.experiments.campaigns.campaign import Campaign
+    from autodrive.experiments.campaigns.runs import Outcome
 
 
 class CampaignCommand(typer.core.TyperCommand):
@@ -66,7 +66,7 @@ def campaign(
 
     Writes table.parquet, summary.json and report.html. Ctrl-C keeps what is done; the same command goes on.
     """
-    from autodrive.campaigns.campaign import Campaign
+    from autodrive.experiments.campaigns.campaign import Campaign
 
     loaded = Campaign.load(file)
     if replay is not None:
@@ -90,7 +90,7 @@ def _run(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from autodrive.campaigns import runs
+    from autodrive.experiments.campaigns import runs
 
     columns = (
         TextColumn("{task.description}"),
@@ -101,7 +101,7 @@ def _run(
     )
     executor = None
     if ray is not None:
-        from autodrive.campaigns.ray_executor import RayExecutor
+        from autodrive.experiments.campaigns.ray_executor import RayExecutor
 
         executor = RayExecutor(loaded, ray, workers)
     console = Console(stderr=True, highlight=False)
@@ -143,10 +143,10 @@ def _print(loaded: Campaign, outcome: Outcome) -> None:
 def _replay(loaded: Campaign, number: int, output: Path | None) -> None:
     from dataclasses import replace
 
-    from autodrive.campaigns.runner import Runner
-    from autodrive.campaigns.runs import recording_name
-    from autodrive.campaigns.table import Table
-    from autodrive.errors import AutodriveError
+    from autodrive.base.errors import AutodriveError
+    from autodrive.experiments.campaigns.runner import Runner
+    from autodrive.experiments.campaigns.runs import recording_name
+    from autodrive.experiments.campaigns.table import Table
 
     folder = output or Path(f"{loaded.name}_results")
     known = Table(folder, loaded).run(number)

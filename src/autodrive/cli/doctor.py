@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import typer
 
-from autodrive.cache import PACKAGE
-from autodrive.installation import checkout, mujoco_error, mujoco_fix, pip, version_of
+from autodrive.base.cache import PACKAGE
+from autodrive.base.installation import checkout, mujoco_error, mujoco_fix, pip, version_of
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 DISTRIBUTION = "autodrive-simulator"
@@ -121,7 +121,7 @@ def _package(name: str, requirement: str) -> Check:
 
 
 def _data() -> Check:
-    folder = PACKAGE / "data"
+    folder = PACKAGE / "scenario" / "data"
     found = {kind: len(list((folder / kind).glob("*.yaml"))) for kind in ("vehicles", "modules", "maps", "scenarios")}
     text = ", ".join(f"{count} {kind}" for kind, count in found.items())
     return Check("spec files", all(found.values()), text, f"{pip('install')} --force-reinstall {DISTRIBUTION}")
@@ -130,7 +130,7 @@ def _data() -> Check:
 def _cache() -> Check:
     """Cache of compiled code; without it every start compiles for 20 to 70 s."""
     try:
-        from autodrive import jit
+        from autodrive.base import jit
 
         folder = jit.CACHE
     except ImportError as error:
@@ -150,7 +150,7 @@ def _cache() -> Check:
 
 def _opengl() -> Check:
     """Optional: without OpenGL the simulator runs without camera images."""
-    from autodrive.render.gl import BUILD_MODERNGL, PACKAGES, GlUnavailable, is_software, moderngl, probe
+    from autodrive.graphics.render.gl import BUILD_MODERNGL, PACKAGES, GlUnavailable, is_software, moderngl, probe
 
     if moderngl is None:
         return Check("OpenGL", False, "moderngl cannot be imported; cameras are unavailable", BUILD_MODERNGL)

@@ -49,12 +49,12 @@ def film(
     from rich.console import Console
     from rich.progress import Progress
 
+    from autodrive.base.units import DEGREE
     from autodrive.cli.run import size_of
-    from autodrive.film import FilmOptions
-    from autodrive.film import film as make_film
     from autodrive.protocol.native import SetCamera
-    from autodrive.replay.tape import Tape
-    from autodrive.units import DEGREE
+    from autodrive.recording.film import FilmOptions
+    from autodrive.recording.film import film as make_film
+    from autodrive.recording.replay.tape import Tape
 
     options = FilmOptions(
         camera=camera,

@@ -11,16 +11,16 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from autodrive.assets.asset import Asset, Detail
-from autodrive.assets.glb import write_glb
-from autodrive.cache import make_folder, write_file
-from autodrive.errors import AutodriveError
-from autodrive.maps.draw import module_alone
-from autodrive.maps.map import Map, load_map
-from autodrive.meshes import store
-from autodrive.render.look import light_table
-from autodrive.specs import names
-from autodrive.vehicles.spec import load_vehicle
+from autodrive.base.cache import make_folder, write_file
+from autodrive.base.errors import AutodriveError
+from autodrive.base.specs import names
+from autodrive.graphics.assets.asset import Asset, Detail
+from autodrive.graphics.assets.glb import write_glb
+from autodrive.graphics.meshes import store
+from autodrive.graphics.render.look import light_table
+from autodrive.scenario.maps.draw import module_alone
+from autodrive.scenario.maps.map import Map, load_map
+from autodrive.scenario.vehicles.spec import load_vehicle
 
 FOLDER = Path("build/assets")
 DETAILS: tuple[Detail, ...] = ("full", "reduced", "shadow")

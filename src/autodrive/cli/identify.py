@@ -36,7 +36,7 @@ def identify(
     threads: Annotated[int | None, typer.Option(metavar="N", min=1, help="[default: as many as processors]")] = None,
 ) -> None:
     """Fit parameters of a vehicle to a recorded drive; write the vehicle as a file, and a plot."""
-    from autodrive.identification import identify as fit
+    from autodrive.experiments.identification import identify as fit
     from autodrive.recording.plot import check_suffix
 
     output = output or Path(f"{Path(vehicle).stem}_fitted.yaml")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from autodrive.cache import write_file
-from autodrive.errors import AutodriveError
+from autodrive.base.cache import write_file
+from autodrive.base.errors import AutodriveError
 from autodrive.protocol.typescript import declarations, signal_tables
 
 

@@ -11,7 +11,7 @@ import typer
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
-    from autodrive.policies import Policy
+    from autodrive.experiments.policies import Policy
 
 
 def play(
@@ -43,8 +43,8 @@ def play(
     With a track the car RoboRacer drives some laps in the page; prints the laps and collisions. Without one the policy
     is a devkit script for `autodrive race --devkit`. A policy for another task drives in its environment, in the page.
     """
-    from autodrive.envs.time_trial import TimeTrial
-    from autodrive.policies import Policy
+    from autodrive.experiments.envs.time_trial import TimeTrial
+    from autodrive.experiments.policies import Policy
 
     chosen = Policy.find(policy)
     if chosen.task != TimeTrial.name:
@@ -53,7 +53,7 @@ def play(
         _as_script(chosen, DEVKIT_PORT if port is None else port)
     else:
         from autodrive.cli.race import show_race
-        from autodrive.policies.play import race
+        from autodrive.run.play import race
         from autodrive.run.race import RaceOptions
 
         options = RaceOptions(
@@ -74,8 +74,8 @@ def play(
 
 def _as_script(policy: Policy, port: int) -> None:
     """Serve as a devkit script until Ctrl-C."""
-    from autodrive.devkit import Server
-    from autodrive.policies.play import responder
+    from autodrive.connect.devkit import Server
+    from autodrive.run.play import responder
 
     with Server(responder(policy), port=port) as server:
         typer.echo(f"start the race with: --devkit 127.0.0.1:{server.port}  (Ctrl-C to stop)")
@@ -84,6 +84,6 @@ def _as_script(policy: Policy, port: int) -> None:
 
 def _in_environment(policy: Policy) -> None:
     """Drive in the environment of its task until Ctrl-C."""
-    from autodrive.policies.play import play_environment
+    from autodrive.run.play import play_environment
 
     play_environment(policy)

@@ -9,23 +9,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from autodrive.assets.asset import Asset, AssetNode, Label, Material, MeshSurface
-from autodrive.cache import write_file
-from autodrive.cameras.viewpoints import orbit
-from autodrive.compile import Compiled, compile_scenario
-from autodrive.maps.draw import module_alone
-from autodrive.maps.map import Map, load_map
-from autodrive.maps.solids import BoxPlacement
-from autodrive.meshes import store
-from autodrive.protocol.png import encode_png
-from autodrive.render.render_state import RenderState
-from autodrive.render.renderer import Renderer
-from autodrive.render.scene import RenderScene
+from autodrive.base.cache import write_file
+from autodrive.base.png import encode_png
+from autodrive.base.specs import Kind
+from autodrive.base.transforms import quaternion_from_yaw, rotation_from_quaternion
+from autodrive.graphics.assets.asset import Asset, AssetNode, Material, MeshSurface
+from autodrive.graphics.cameras.viewpoints import orbit
+from autodrive.graphics.meshes import store
+from autodrive.graphics.render.render_state import RenderState
+from autodrive.graphics.render.renderer import Renderer
+from autodrive.graphics.render.scene import RenderScene
+from autodrive.physics.sensors.camera_view import View
+from autodrive.protocol.labels import Label
 from autodrive.scenario import load_scenario
-from autodrive.sensors.camera_view import View
-from autodrive.specs import Kind
-from autodrive.transforms import quaternion_from_yaw, rotation_from_quaternion
-from autodrive.vehicles.spec import VehicleSpec, load_vehicle
+from autodrive.scenario.maps.draw import module_alone
+from autodrive.scenario.maps.map import Map, load_map
+from autodrive.scenario.maps.solids import BoxPlacement
+from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
+from autodrive.world.compile import Compiled, compile_scenario
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

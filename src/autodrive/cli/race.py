@@ -15,9 +15,9 @@ from autodrive.cli.options import Host, Port
 from autodrive.cli.run import address
 
 if TYPE_CHECKING:
-    from autodrive.racing.results import RaceResult
     from autodrive.run.race import RaceOptions
     from autodrive.run.runner import RunObserver, StopRequest
+    from autodrive.world.racing.results import RaceResult
 
 
 def race(

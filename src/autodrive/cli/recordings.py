@@ -72,10 +72,10 @@ def export(
     csv: tables of all signals. autodrive: data recorder of AutoDRIVE. rosbag2, rosbag1: bags with the topics of the ROS
     bridge. rerun: a file of Rerun with a view. lerobot, minari: datasets for learning.
     """
-    from autodrive.exports import FORMATS
-    from autodrive.exports import export as write
-    from autodrive.exports.options import ExportOptions
     from autodrive.recording import open as open_recording
+    from autodrive.recording.exports import FORMATS
+    from autodrive.recording.exports import export as write
+    from autodrive.recording.exports.options import ExportOptions
 
     with open_recording(file) as recording:
         path = write(recording, to.value, output, ExportOptions(vehicle, rate, start, end))
@@ -121,9 +121,9 @@ def compare(
     ] = None,
 ) -> None:
     """Simulate the commands of a drive, and print the errors of position, heading, speed and yaw rate."""
-    from autodrive.exports.comparison import compare_log, compare_recording
-    from autodrive.exports.recorder_layout import read
     from autodrive.recording import open as open_recording
+    from autodrive.recording.exports.comparison import compare_log, compare_recording
+    from autodrive.recording.exports.recorder_layout import read
     from autodrive.recording.plot import check_suffix
 
     if output is not None:

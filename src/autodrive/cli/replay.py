@@ -12,7 +12,7 @@ import typer
 from autodrive.cli.options import Browser, Host, Port, Token
 
 if TYPE_CHECKING:
-    from autodrive.replay import Replay
+    from autodrive.recording.replay import Replay
 
 
 def replay(
@@ -40,8 +40,8 @@ def replay(
         from autodrive.cli.recordings import simulate_again
 
         raise typer.Exit(simulate_again(file))
-    from autodrive.replay import ReplayOptions
-    from autodrive.replay import replay as show
+    from autodrive.recording.replay import ReplayOptions
+    from autodrive.recording.replay import replay as show
     from autodrive.run.browser import has_screen, open_page, tunnel
 
     stop = threading.Event()

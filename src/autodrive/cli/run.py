@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.cli.options import Browser, Host, Port, Token
-from autodrive.pace import MAX_SPEED, MIN_SPEED
 from autodrive.protocol.devkit_profile import Handshake, Keys, LidarFormat, Side
 from autodrive.protocol.ports import DEVKIT_PORT
 
@@ -190,7 +190,7 @@ def _run(options: RunOptions, *, opens_browser: bool) -> None:
     from rich.console import Console
     from rich.logging import RichHandler
 
-    from autodrive.cache import check_writable
+    from autodrive.base.cache import check_writable
     from autodrive.cli.status import StatusDisplay
     from autodrive.run.runner import StopRequest, simulate
 
@@ -214,7 +214,7 @@ def _run(options: RunOptions, *, opens_browser: bool) -> None:
 
 def _report(summary: Summary, path: Path | None) -> None:
     """Print the summary, then write it: what was printed stays if the disk is full."""
-    from autodrive.cache import write_file
+    from autodrive.base.cache import write_file
     from autodrive.cli.status import print_summary
 
     print_summary(summary)

@@ -7,17 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from autodrive import specs
-from autodrive.cache import make_folder, write_file
-from autodrive.errors import SpecError
-from autodrive.maps.map import Map, MapSpec, load_map
-from autodrive.maps.module import ModuleSpec, load_module
-from autodrive.racing import RaceRules
+from autodrive.base import specs
+from autodrive.base.cache import make_folder, write_file
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import Kind, Spec, find, names, read, suggest
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
-from autodrive.specs import Kind, Spec, find, names, read, suggest
-from autodrive.tracks.checks import track_errors
-from autodrive.tracks.track import Track, TrackSpec
-from autodrive.vehicles.spec import VehicleSpec
+from autodrive.scenario.maps.map import Map, MapSpec, load_map
+from autodrive.scenario.maps.module import ModuleSpec, load_module
+from autodrive.scenario.tracks.checks import track_errors
+from autodrive.scenario.tracks.track import Track, TrackSpec
+from autodrive.scenario.vehicles.spec import VehicleSpec
+from autodrive.world.racing import RaceRules
 
 KINDS: tuple[Kind, ...] = ("map", "track", "module", "vehicle", "scenario", "ruleset")
 """Search order for a name that is drawn."""
@@ -79,11 +79,11 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
         elif kind == "module" and not errors:
             load_module(path)
         elif kind == "vehicle" and not errors:
-            from autodrive.compile import compile_scenario
+            from autodrive.world.compile import compile_scenario
 
             compile_scenario(ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(path))}))
         elif isinstance(spec, ScenarioSpec):
-            from autodrive.compile import compile_scenario, placement_errors
+            from autodrive.world.compile import compile_scenario, placement_errors
 
             errors += placement_errors(spec, source)
             compile_scenario(spec, source)
@@ -99,8 +99,8 @@ def draw(kind: Kind, name: str, path: Path) -> None:
 
     For a scenario: its map, with an arrow at the start pose of each vehicle.
     """
-    from autodrive.compile import on_grid
-    from autodrive.maps.draw import to_png, to_svg
+    from autodrive.scenario.maps.draw import to_png, to_svg
+    from autodrive.world.compile import on_grid
 
     starts: list[tuple[float, float, float]] = []
     if kind == "scenario":
@@ -118,7 +118,7 @@ def draw(kind: Kind, name: str, path: Path) -> None:
 
 def write_occupancy(kind: Kind, name: str, folder: Path) -> Path:
     """Write the occupancy grid of a map, module or scenario; returns its YAML file. Raises `SpecError`."""
-    from autodrive.maps import raster
+    from autodrive.scenario.maps import raster
 
     map_ = _map(kind, name)
     make_folder(folder)
@@ -127,13 +127,13 @@ def write_occupancy(kind: Kind, name: str, folder: Path) -> Path:
 
 def write_labels(kind: Kind, name: str, path: Path) -> None:
     """Write the semantic label image of a map, module or scenario as PNG. Raises `SpecError`."""
-    from autodrive.maps import raster
+    from autodrive.scenario.maps import raster
 
     raster.write_labels(_map(kind, name), path)
 
 
 def _map(kind: Kind, name: str) -> Map:
-    from autodrive.maps.draw import module_alone
+    from autodrive.scenario.maps.draw import module_alone
 
     if kind == "scenario":
         return load_map(load_scenario(name).map)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from autodrive.tracks.track import BarrierSpec
+    from autodrive.scenario.tracks.track import BarrierSpec
 
 importing = typer.Typer(help="Import a file of another program.", no_args_is_help=True, add_completion=False)
 exporting = typer.Typer(help="Write a file for another program.", no_args_is_help=True, add_completion=False)
@@ -51,7 +51,7 @@ def import_track(
     race_line: RaceLine = False,
 ) -> None:
     """Import a race track: walls, centre line and race line, with checks."""
-    from autodrive.tracks import importer
+    from autodrive.scenario.tracks import importer
 
     options = importer.ImportOptions(
         name=name,
@@ -66,7 +66,7 @@ def import_track(
     for warning in warnings:
         typer.echo(f"autodrive: warning: {warning}", err=True)
     if race_line and track.race_line is None:
-        from autodrive.tracks.race_line import with_race_line
+        from autodrive.scenario.tracks.race_line import with_race_line
 
         track = with_race_line(track)
     file = output or Path(f"{track.name}.yaml")
@@ -85,8 +85,8 @@ def export_track(
     resolution: Annotated[float, typer.Option(metavar="M", help="Edge of a pixel [m].", min=0.001, max=1)] = 0.05,
 ) -> None:
     """Write a track as in f1tenth_racetracks: NAME_map.yaml, NAME_map.png, NAME_centerline.csv, NAME_raceline.csv."""
-    from autodrive.tracks import importer
-    from autodrive.tracks.track import Track
+    from autodrive.scenario.tracks import importer
+    from autodrive.scenario.tracks.track import Track
 
     track = Track.load(name)
     for path in importer.export_track(track, folder or Path(track.name), resolution=resolution):
@@ -109,7 +109,7 @@ def generate_track(
     output: Output = None,
 ) -> None:
     """Make a random closed track."""
-    from autodrive.tracks import generate
+    from autodrive.scenario.tracks import generate
 
     track = generate.generate_track(
         seed,
@@ -121,7 +121,7 @@ def generate_track(
         name=output.stem if output else "",
     )
     if race_line:
-        from autodrive.tracks.race_line import with_race_line
+        from autodrive.scenario.tracks.race_line import with_race_line
 
         track = with_race_line(track)
     file = output or Path(f"{track.name}.yaml")
@@ -130,7 +130,7 @@ def generate_track(
 
 
 def _barrier(kind: str, gap: float, length: float) -> BarrierSpec:
-    from autodrive.tracks.track import DUCT, BarrierSpec
+    from autodrive.scenario.tracks.track import DUCT, BarrierSpec
 
     if kind == "wall":
         return BarrierSpec()

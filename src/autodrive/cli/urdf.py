@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from autodrive.cache import make_folder, write_file
+from autodrive.base.cache import make_folder, write_file
 
 
 def urdf(
@@ -15,8 +15,8 @@ def urdf(
     output: Annotated[Path, typer.Option(help="Folder of a ROS package called autodrive_description.")],
 ) -> None:
     """Write the robot description of vehicles for ROS: URDF and meshes."""
-    from autodrive.meshes.urdf import package_files
-    from autodrive.vehicles.spec import load_vehicle
+    from autodrive.graphics.meshes.urdf import package_files
+    from autodrive.scenario.vehicles.spec import load_vehicle
 
     files = package_files({Path(name).stem: load_vehicle(name) for name in names})
     for path, content in files.items():

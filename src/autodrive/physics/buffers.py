@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.arrays import Floats, Integers
-from autodrive.model import Model, Table, columns
+from autodrive.base.arrays import Floats, Integers
+from autodrive.physics.model import Model, Table, columns
 
 WHEEL_CONTACT = columns(
     is_airborne=np.bool_,  # no ground within reach of the suspension; the load and both velocities are 0

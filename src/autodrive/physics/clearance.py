@@ -10,14 +10,14 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from autodrive.arrays import Floats
-from autodrive.jit import inlined
-from autodrive.model import BOX, COVER, CYLINDER, Model
+from autodrive.base.arrays import Floats
+from autodrive.base.jit import inlined
+from autodrive.base.transforms import Vector
 from autodrive.physics.buffers import Scratch
 from autodrive.physics.free_body import rotated, rotation_at
 from autodrive.physics.grid import shapes_near
-from autodrive.state import State
-from autodrive.transforms import Vector
+from autodrive.physics.model import BOX, COVER, CYLINDER, Model
+from autodrive.physics.state import State
 
 HORIZON = 0.25
 """Shapes that are farther from a vehicle than this [m], and twice the way that it makes in the tick, are ignored."""

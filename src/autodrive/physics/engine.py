@@ -22,12 +22,12 @@ import numpy as np
 from numba.core import config, types
 from numpy.typing import NDArray
 
-from autodrive.arrays import Floats, Integers
-from autodrive.errors import EngineError
-from autodrive.installation import mujoco_error, mujoco_fix
-from autodrive.jit import inlined
-from autodrive.model import Model
-from autodrive.state import State
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.errors import EngineError
+from autodrive.base.installation import mujoco_error, mujoco_fix
+from autodrive.base.jit import inlined
+from autodrive.physics.model import Model
+from autodrive.physics.state import State
 
 if _error := mujoco_error():
     raise EngineError(f"{_error}. Run:  {mujoco_fix()}")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import types
 from typing import Any
 
-from autodrive.actuators import drivetrain, steering
-from autodrive.jit import inlined
+from autodrive.base.jit import inlined
 from autodrive.physics import wheel
+from autodrive.physics.actuators import drivetrain, steering
 
 
 def _compiled(source: types.ModuleType) -> dict[str, Any]:

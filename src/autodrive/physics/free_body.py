@@ -9,11 +9,11 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from autodrive.arrays import Floats
-from autodrive.elementary import cos, sin
-from autodrive.jit import inlined
-from autodrive.state import State
-from autodrive.transforms import Rotation, Vector, rotation_from_quaternion
+from autodrive.base.arrays import Floats
+from autodrive.base.elementary import cos, sin
+from autodrive.base.jit import inlined
+from autodrive.base.transforms import Rotation, Vector, rotation_from_quaternion
+from autodrive.physics.state import State
 
 
 @inlined

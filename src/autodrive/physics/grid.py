@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from autodrive.arrays import Floats, Integers
-from autodrive.jit import inlined
-from autodrive.model import BOX, CYLINDER, Grid, Shapes
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.jit import inlined
+from autodrive.physics.model import BOX, CYLINDER, Grid, Shapes
 
 CELL_MIN = 1.0
 """Least side of a cell [m]; otherwise there are about as many cells as shapes."""

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from autodrive.arrays import Floats
-from autodrive.jit import inlined
-from autodrive.model import BOX, CYLINDER
-from autodrive.transforms import Vector
+from autodrive.base.arrays import Floats
+from autodrive.base.jit import inlined
+from autodrive.base.transforms import Vector
+from autodrive.physics.model import BOX, CYLINDER
 
 MISS = 1.0e30
 """Distance of a ray that hits nothing [m]."""

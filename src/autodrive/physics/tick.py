@@ -11,9 +11,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from autodrive.arrays import Floats
-from autodrive.jit import inlined, jit_uncounted
-from autodrive.model import Model
+from autodrive.base.arrays import Floats
+from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.base.transforms import Vector
 from autodrive.physics.buffers import Scratch, VehicleContacts
 from autodrive.physics.clearance import can_any_touch, find_nearby, path
 from autodrive.physics.engine import (
@@ -28,9 +28,9 @@ from autodrive.physics.engine import (
 )
 from autodrive.physics.formulas import drive_level, steered
 from autodrive.physics.free_body import rotation_at, step_free_body
+from autodrive.physics.model import Model
+from autodrive.physics.state import State
 from autodrive.physics.vehicle_forces import apply_forces, steer_wheels
-from autodrive.state import State
-from autodrive.transforms import Vector
 
 UNSOUND = 1.0e9
 """A position, velocity or force this large means that the simulation has diverged."""

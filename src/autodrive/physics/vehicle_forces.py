@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from autodrive.arrays import Floats
-from autodrive.elementary import atan
-from autodrive.jit import inlined
-from autodrive.model import Model
+from autodrive.base.arrays import Floats
+from autodrive.base.elementary import atan
+from autodrive.base.jit import inlined
+from autodrive.base.transforms import Rotation, Vector
 from autodrive.physics.buffers import Scratch
 from autodrive.physics.formulas import (
     ackermann_angle,
@@ -32,9 +32,9 @@ from autodrive.physics.formulas import (
     tyre_force,
 )
 from autodrive.physics.free_body import angular_velocity, apply_force, rotated, rotation_at
+from autodrive.physics.model import Model
+from autodrive.physics.state import State
 from autodrive.physics.wheel_contact import find_contact
-from autodrive.state import State
-from autodrive.transforms import Rotation, Vector
 
 AT_REST = 1.0
 """Transport speed [m/s] below which a tyre of the magic formula is damped: its relaxation alone is not, at rest."""

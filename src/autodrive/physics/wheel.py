@@ -7,7 +7,7 @@ does not publish are parameters of `WheelSpec`.
 
 from math import sqrt
 
-from autodrive.elementary import atan, sin, tan
+from autodrive.base.elementary import atan, sin, tan
 
 
 def friction_coefficient(

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from math import sqrt
 
-from autodrive.arrays import Floats
-from autodrive.elementary import cos, sin
-from autodrive.jit import inlined
-from autodrive.model import BOX, Model
+from autodrive.base.arrays import Floats
+from autodrive.base.elementary import cos, sin
+from autodrive.base.jit import inlined
+from autodrive.base.transforms import Rotation, Vector
 from autodrive.physics.buffers import Scratch
 from autodrive.physics.formulas import suspension_force
 from autodrive.physics.free_body import velocity_at
+from autodrive.physics.model import BOX, Model
 from autodrive.physics.ray import MISS, cast_ray
+from autodrive.physics.state import State
 from autodrive.physics.wheel_edge import edge_support
-from autodrive.state import State
-from autodrive.transforms import Rotation, Vector
 
 
 @inlined

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import sqrt
 
-from autodrive.arrays import Floats
-from autodrive.jit import inlined
+from autodrive.base.arrays import Floats
+from autodrive.base.jit import inlined
+from autodrive.base.transforms import Vector
 from autodrive.physics.ray import MISS
-from autodrive.transforms import Vector
 
 CLIMBABLE = 0.7
 """An edge that is less than this share of the radius below the axle is an obstacle for the wheel's collider."""

@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 import msgspec
 import numpy as np
 
-from autodrive.arrays import element_type
+from autodrive.base.arrays import element_type
 from autodrive.protocol.messages import WHEEL_NAMES, VehicleFrame
 
 EACH_TICK = ""

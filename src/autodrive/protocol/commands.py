@@ -13,7 +13,7 @@ from typing import Any, get_args, get_type_hints
 import msgspec
 import numpy as np
 
-from autodrive.errors import CommandError
+from autodrive.base.errors import CommandError
 from autodrive.protocol.messages import Command, Headlights, Indicators, Operation
 
 MAX_DISTANCE = 1e4

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from autodrive.base.transforms import rotate
 from autodrive.protocol.commands import MAX_DISTANCE
 from autodrive.protocol.devkit_profile import (
     COMMAND_KEYS,
@@ -35,7 +36,6 @@ from autodrive.protocol.devkit_profile import (
     Profile,
 )
 from autodrive.protocol.messages import Command, Headlights, Hold, Indicators, LidarScan
-from autodrive.transforms import rotate
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import Array, Frame, VehicleFrame

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Literal, TypeAlias, get_args
 
-from autodrive.errors import AutodriveError
+from autodrive.base.errors import AutodriveError
 
 Keys: TypeAlias = Literal["plain", "prefixed"]
 """'Throttle' of a single vehicle; 'V1 Throttle', with traffic lights."""

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from autodrive.arrays import read_only_copy
+from autodrive.base.arrays import read_only_copy
 
 Frame = VehicleFrame = LidarScan = Pose = Any
 """Messages of `messages`, which imports this module."""

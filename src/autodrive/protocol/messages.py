@@ -14,10 +14,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.errors import NoImageError
+from autodrive.base.errors import NoImageError
+from autodrive.base.png import encode_png
 from autodrive.protocol import display
 from autodrive.protocol.display import Displayed
-from autodrive.protocol.png import encode_png
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -359,7 +359,7 @@ class CameraImage(Displayed, frozen=True, gc=False):
     `pose` is the pose of the optical frame (x right, y down, z forward, REP 103) in the map frame. `rgba`
     uint8, shape (height, width, 4), first row on top, sRGB; alpha is 255. If configured: `depth` [m] float32,
     shape (height, width), along z of the optical frame, inf for no surface; `labels` uint8, same shape, see
-    `autodrive.assets.asset.Label`.
+    `autodrive.graphics.assets.asset.Label`.
     """
 
     time: float

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import fields
 
-from autodrive.arrays import element_type
+from autodrive.base.arrays import element_type
 from autodrive.protocol import channels, native
 from autodrive.protocol.channels import HudRow, Plot, Signal
 from autodrive.protocol.codec import CODES

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from autodrive.errors import AutodriveError
+from autodrive.base.errors import AutodriveError
 
 
 class RecordingError(AutodriveError):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from resvg_py import svg_to_bytes
 
-from autodrive.cache import write_file
+from autodrive.base.cache import write_file
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.recording import Recording
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from autodrive import __version__
-from autodrive.cameras.jpeg import JpegEncoder
+from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import (
     CameraImage,
     Collision,
@@ -51,10 +51,10 @@ from autodrive.recording.records import (
 from autodrive.recording.scenario_files import files_of
 from autodrive.recording.wire import Message as Layout
 from autodrive.recording.wire import descriptor
-from autodrive.simulation import Simulation
+from autodrive.world.simulation import Simulation
 
 if TYPE_CHECKING:
-    from autodrive.vehicles.spec import VehicleSpec
+    from autodrive.scenario.vehicles.spec import VehicleSpec
     from autodrive.world import World
 
 log = logging.getLogger(__name__)
@@ -527,7 +527,7 @@ class _WrittenImage:
 
 def _meshes(world: World) -> list[tuple[str, str, bytes]]:
     """Part of the scene, name and content of its .glb file."""
-    from autodrive.meshes import store  # noqa: PLC0415  what builds meshes waits until one is needed
+    from autodrive.graphics.meshes import store  # noqa: PLC0415  what builds meshes waits until one is needed
 
     return [
         ("map", *store.file("map", world.map)),
@@ -538,7 +538,7 @@ def _meshes(world: World) -> list[tuple[str, str, bytes]]:
 
 def _descriptions(world: World) -> Iterator[tuple[str, dict[str, bytes]]]:
     """Each vehicle and the files of its robot description, which begin with the URDF; equal vehicles have the same."""
-    from autodrive.meshes import store  # noqa: PLC0415  likewise
+    from autodrive.graphics.meshes import store  # noqa: PLC0415  likewise
 
     known: dict[str, VehicleSpec] = {}
     for vehicle, spec in world.vehicle_specs.items():

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from autodrive.factory import make
 from autodrive.protocol.messages import Command, Event, Frame, LoadScenario, Pause, Resume, SetSpeed
 from autodrive.recording import records
 from autodrive.recording.about import about_here
@@ -19,8 +18,9 @@ from autodrive.recording.errors import RecordingError
 from autodrive.recording.recording import Recording
 from autodrive.recording.records import CommandsRecord, Poses, Request, RequestRecord, ResetTo, Restored, ScenarioRecord
 from autodrive.scenario import ScenarioSpec
-from autodrive.simulation import Simulation
 from autodrive.world import World
+from autodrive.world.factory import make
+from autodrive.world.simulation import Simulation
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from typing import Any
 
 import yaml
 
-from autodrive import specs
-from autodrive.errors import SpecError
-from autodrive.maps.map import find_map
+from autodrive.base import specs
+from autodrive.base.errors import SpecError
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.records import ScenarioRecord
 from autodrive.scenario import RaceSpec, ScenarioSpec
+from autodrive.scenario.maps.map import find_map
 
 
 def files_of(spec: ScenarioSpec) -> dict[str, str]:

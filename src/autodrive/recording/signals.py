@@ -8,11 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.base.specs import suggest
 from autodrive.protocol.channels import CHANNELS, Signal
 from autodrive.recording import mcap, records, wire
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
-from autodrive.specs import suggest
 
 
 class Messages(Protocol):

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.installation import pip
+from autodrive.base.installation import pip
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.signals import Signals
 

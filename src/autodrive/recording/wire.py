@@ -14,7 +14,7 @@ import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError
 
-from autodrive.arrays import element_type
+from autodrive.base.arrays import element_type
 from autodrive.recording.errors import RecordingError
 
 _SCALARS: dict[type, str] = {

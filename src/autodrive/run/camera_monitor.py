@@ -6,17 +6,18 @@ import logging
 import math
 from typing import TYPE_CHECKING
 
-from autodrive.cameras.process import CameraProcess
-from autodrive.factory import make
-from autodrive.render.gl import GlUnavailable, probe
-from autodrive.render.quality import quality as checked_quality
+from autodrive.graphics.cameras.process import CameraProcess
+from autodrive.graphics.render.gl import GlUnavailable, probe
+from autodrive.graphics.render.quality import quality as checked_quality
 from autodrive.run.summary import CamerasSummary, ImageCount
 from autodrive.world import World
+from autodrive.world.cameras import camera_process
+from autodrive.world.factory import make
 
 if TYPE_CHECKING:
-    from autodrive.compile import Compiled
     from autodrive.protocol.messages import CameraImage, Frame
     from autodrive.scenario import ScenarioSpec
+    from autodrive.world.compile import Compiled
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +44,7 @@ def world_with_cameras(
     processes: list[CameraProcess] = []
 
     def start_process(compiled: Compiled) -> CameraProcess:
-        processes.append(CameraProcess.of(compiled, quality, is_wanted=is_wanted))
+        processes.append(camera_process(compiled, quality, is_wanted=is_wanted))
         return processes[0]
 
     world = make(scenario, cameras=start_process)

@@ -52,7 +52,7 @@ class RunOptions:
     """Whether each image is rendered in its tick, which waits for it; otherwise images are rendered asynchronously in
     another process. None: in the tick if `speed` is None."""
     camera_quality: str = "auto"
-    """One of `autodrive.render.quality.NAMES`."""
+    """One of `autodrive.graphics.render.quality.NAMES`."""
     image_size: tuple[int, int] | None = None
     """Width and height of the images that a devkit script receives [pixels]; None: those of the camera."""
     image_quality: int = 75

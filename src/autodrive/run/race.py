@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import autodrive
-from autodrive.bridge.devkit import DevkitBridge
-from autodrive.bridge.flow_control import RESEND_DELAY
-from autodrive.cache import check_writable, make_folder
-from autodrive.compile import on_grid
-from autodrive.errors import AutodriveError
-from autodrive.jit import compiling
-from autodrive.maps.map import load_map
+from autodrive.base.cache import check_writable, make_folder
+from autodrive.base.errors import AutodriveError
+from autodrive.base.jit import compiling
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.bridge.flow_control import RESEND_DELAY
+from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import (
     Pause,
     RaceStatus,
@@ -30,8 +29,6 @@ from autodrive.protocol.messages import (
 )
 from autodrive.protocol.native import Drive, SetCamera
 from autodrive.protocol.replay import PlotRecording, SaveRecording, StartRecording, StopRecording
-from autodrive.racing.results import RaceRecorder, RaceResult, write_results
-from autodrive.racing.rules import RaceRules, load_rules
 from autodrive.run.options import RunOptions
 from autodrive.run.race_seat import OWN, Seat
 from autodrive.run.recordings import Recordings
@@ -39,11 +36,14 @@ from autodrive.run.runner import Run, RunObserver, StopRequest, image_encoder, p
 from autodrive.run.summary import Odometer
 from autodrive.run.world_loader import WorldLoader
 from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement, scenario_text
-from autodrive.sensors.settings import SensorSettings
-from autodrive.simulation import Simulation
+from autodrive.scenario.maps.map import load_map
+from autodrive.scenario.race_rules import RaceRules, load_rules
+from autodrive.world.compile import on_grid
+from autodrive.world.racing.results import RaceRecorder, RaceResult, write_results
+from autodrive.world.simulation import Simulation
 
 if TYPE_CHECKING:
-    from autodrive.cameras.jpeg import JpegEncoder
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.protocol.messages import Frame
     from autodrive.protocol.native import ServerOperation
 
@@ -330,7 +330,7 @@ def _bridge(
     spec = simulation.world.vehicle_specs[seat.vehicle]
     images = None
     if encoder is not None:
-        from autodrive.cameras.jpeg import images_of
+        from autodrive.graphics.cameras.jpeg import images_of
 
         images = partial(images_of, encoder=encoder)
     sizes = {(OWN, name): (camera.width, camera.height) for name, camera in spec.cameras.items()}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from msgspec.structs import replace
 
-from autodrive.errors import CommandError
+from autodrive.base.errors import CommandError
 from autodrive.protocol.messages import (
     Command,
     Frame,
@@ -23,8 +23,8 @@ from autodrive.protocol.messages import (
 )
 
 if TYPE_CHECKING:
-    from autodrive.bridge.devkit import DevkitBridge
-    from autodrive.racing import RaceRules
+    from autodrive.connect.bridge.devkit import DevkitBridge
+    from autodrive.world.racing import RaceRules
 
 OWN = "V1"
 """Name of a vehicle for its script."""

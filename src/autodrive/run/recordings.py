@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from autodrive.errors import AutodriveError
+from autodrive.base.errors import AutodriveError
 from autodrive.protocol.replay import RecordingStatus
 
 if TYPE_CHECKING:
-    from autodrive.cameras.jpeg import JpegEncoder
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.recording import Recorder
-    from autodrive.simulation import Simulation
+    from autodrive.world.simulation import Simulation
 
 SAVE_TIMEOUT = 10.0
 """Wall time to wait for the file of the last seconds, which contains a second after the request [s]."""

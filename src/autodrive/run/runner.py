@@ -7,31 +7,28 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from autodrive.bridge.devkit import DevkitBridge
-from autodrive.cache import check_writable, write_file
-from autodrive.jit import compiling
+from autodrive.base.cache import check_writable, write_file
+from autodrive.base.jit import compiling
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server.files import built_page
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.run.options import RunOptions
 from autodrive.run.recordings import Recordings
 from autodrive.run.summary import Odometer, Summary, run_summary
 from autodrive.run.world_loader import WorldLoader
-from autodrive.simulation import Simulation
+from autodrive.world.simulation import Simulation
 
 if TYPE_CHECKING:
-    from autodrive.cameras.jpeg import JpegEncoder
+    from autodrive.connect.server.server import Server
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.protocol.devkit import ImageSizes
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.recording import Recorder
-    from autodrive.server.server import Server
 
 REFRESH_INTERVAL = 0.2
 """Wall time between two calls of `RunObserver.running` [s]; a stop request takes effect within that time."""
-
-PAGE = Path(__file__).parents[1] / "page"
-"""Folder of the built page."""
 
 
 class StopRequest:
@@ -180,7 +177,7 @@ def image_encoder(options: RunOptions) -> JpegEncoder | None:
     """The encoder of the images for scripts and clients; None if there are none."""
     if options.pictures == "never":
         return None
-    from autodrive.cameras.jpeg import JpegEncoder
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
 
     return JpegEncoder(options.image_size, options.image_quality)
 
@@ -190,7 +187,7 @@ def _bridge(simulation: Simulation, options: RunOptions, encoder: JpegEncoder | 
     host, port = options.devkit or ("127.0.0.1", DEVKIT_PORT)
     images = None
     if encoder is not None:
-        from autodrive.cameras.jpeg import images_of
+        from autodrive.graphics.cameras.jpeg import images_of
 
         images = partial(images_of, encoder=encoder)
     return DevkitBridge(
@@ -255,12 +252,12 @@ def page_server(
 
     `refusal`: why clients may not have an operation or Drive now; empty if they may.
     """
-    from autodrive.server.server import Server, scene_renderer_factory
+    from autodrive.connect.server.server import Server, scene_renderer_factory
 
     return Server(
         simulation,
         scene_files=loader.scenery,
-        page=PAGE if (PAGE / "index.html").is_file() else None,
+        page=built_page(),
         bridge=bridge,
         scenarios=loader.scenarios,
         host=options.host,

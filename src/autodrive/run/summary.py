@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import autodrive
+from autodrive.base.transforms import euler_from_quaternion
 from autodrive.protocol.messages import Collision, Frame, Pose
-from autodrive.transforms import euler_from_quaternion
 
 if TYPE_CHECKING:
-    from autodrive.bridge.devkit import DevkitBridge
+    from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.recording import Recorder
-    from autodrive.simulation import Simulation
+    from autodrive.world.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class CamerasSummary:
 
 @dataclass(frozen=True)
 class BridgeSummary:
-    """Counters of the devkit bridge; see `autodrive.bridge.metrics.Counters`."""
+    """Counters of the devkit bridge; see `autodrive.connect.bridge.metrics.Counters`."""
 
     address: str
     dialect: str | None

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import autodrive
+from autodrive.base.specs import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
-from autodrive.specs import titles
 
 if TYPE_CHECKING:
-    from autodrive.bridge.devkit import DevkitBridge
+    from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.protocol.messages import Frame
     from autodrive.run.camera_monitor import CameraMonitor
     from autodrive.run.options import RunOptions
     from autodrive.run.summary import CamerasSummary
-    from autodrive.server.scene_files import SceneFiles
     from autodrive.world import World
+    from autodrive.world.scene_files import SceneFiles
 
 WARM_UP = 0.5
 """Simulated time after which every sensor has sampled at least once [s]."""
@@ -60,7 +60,7 @@ class WorldLoader:
 
     def scenery(self, world: World) -> SceneFiles:
         """The scene files of a world that this loader made."""
-        from autodrive.server.scene_files import SceneFiles
+        from autodrive.world.scene_files import SceneFiles
 
         return SceneFiles.of(world, self._names[world])
 

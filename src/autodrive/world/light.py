@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from autodrive.errors import CommandError
+from autodrive.base.errors import CommandError
+from autodrive.graphics.render.look import DAY_LENGTH, is_day_at
 from autodrive.protocol.commands import MAX_TIME_SCALE, is_number
-from autodrive.render.look import DAY_LENGTH, is_day_at
 
 
 class SceneLight(NamedTuple):

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from autodrive.arrays import Floats
-from autodrive.compile import Compiled
-from autodrive.controls import Controls
-from autodrive.errors import CommandError
+from autodrive.base.arrays import Floats
+from autodrive.base.errors import CommandError
+from autodrive.base.transforms import Quaternion, Vector
 from autodrive.physics.tick import observe, place
 from autodrive.protocol.commands import MAX_DISTANCE, is_number
-from autodrive.transforms import Quaternion, Vector
+from autodrive.world.compile import Compiled
+from autodrive.world.controls import Controls
 
 
 class Poses:

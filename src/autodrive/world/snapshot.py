@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from autodrive.compile import Compiled
-from autodrive.controls import VehicleControls
-from autodrive.errors import SnapshotError
+from autodrive.base.errors import SnapshotError
+from autodrive.physics.state import State
 from autodrive.protocol.messages import Frame
-from autodrive.state import State
+from autodrive.world.compile import Compiled
+from autodrive.world.controls import VehicleControls
 from autodrive.world.light import SceneLight
 
 

@@ -14,28 +14,28 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from msgspec.structs import replace
 
-from autodrive.arrays import Floats
-from autodrive.compile import Compiled, set_factors
-from autodrive.controls import Controls
-from autodrive.errors import CommandError, EngineError
-from autodrive.frames import FrameBuilder
-from autodrive.jit import resolved
-from autodrive.physics.one_thread import OneThread, by_one_thread
+from autodrive.base.arrays import Floats
+from autodrive.base.errors import CommandError, EngineError
+from autodrive.base.jit import resolved
+from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion, quaternion_from_yaw
+from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, copied, numbers
 from autodrive.physics.tick import advance, place
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
 from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import Command, Event, Frame, RaceStatus
-from autodrive.racing import Move
-from autodrive.referee import Referee
 from autodrive.scenario import FACTOR_LIMITS
-from autodrive.state import BODY_COLUMNS, State, VehicleView, copied, numbers
-from autodrive.transforms import Quaternion, Vector, euler_from_quaternion, quaternion_from_yaw
+from autodrive.world.compile import Compiled, set_factors
+from autodrive.world.controls import Controls
+from autodrive.world.frames import FrameBuilder
 from autodrive.world.light import SceneLight
+from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import Poses
+from autodrive.world.racing import Move
+from autodrive.world.referee import Referee
 from autodrive.world.snapshot import Snapshot, check_snapshot, identity
 
 if TYPE_CHECKING:
-    from autodrive.cameras.backend import CameraBackend
+    from autodrive.graphics.cameras.backend import CameraBackend
 
 
 DRAWING_WIDTH = 400.0
@@ -115,7 +115,7 @@ class World(OneThread):
 
     def _repr_html_(self) -> str:
         """For a notebook: the map from above with vehicles and objects where they are now, and the Frame."""
-        from autodrive.maps.draw import to_svg  # noqa: PLC0415  its libraries are needed only here
+        from autodrive.scenario.maps.draw import to_svg  # noqa: PLC0415  its libraries are needed only here
 
         poses = self.frame.objects
         boxes = (

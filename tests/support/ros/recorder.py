@@ -6,11 +6,11 @@ import time
 from types import SimpleNamespace
 from typing import Any
 
-from autodrive.ros import Message, Subscription, Topic
+from autodrive.connect.ros import Message, Subscription, Topic
 
 
 class Recorder:
-    """Implements `autodrive.ros.Node`. Every topic has subscribers, except those with `unsubscribed` in the name."""
+    """Implements `ros.Node`. Every topic has subscribers, except those with `unsubscribed` in the name."""
 
     def __init__(self, unsubscribed: str = "?") -> None:
         self.topics: dict[str, Topic] = {}

@@ -8,8 +8,8 @@ import inspect
 import re
 from pathlib import Path
 
-from autodrive.ros import Bridge, Config
-from autodrive.ros.topics import WORLD_TOPICS
+from autodrive.connect.ros import Bridge, Config
+from autodrive.connect.ros.topics import WORLD_TOPICS
 from tests.support.ros.recorder import Recorder
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "ros1.md"

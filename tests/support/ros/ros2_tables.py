@@ -7,8 +7,8 @@ import re
 import subprocess
 from pathlib import Path
 
-from autodrive.ros import Bridge, Config
-from autodrive.ros.topics import WORLD_TOPICS
+from autodrive.connect.ros import Bridge, Config
+from autodrive.connect.ros.topics import WORLD_TOPICS
 from tests.support.ros.recorder import Recorder
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "ros2.md"

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.ros import Message
+from autodrive.connect.ros import Message
 
 Matrix = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from autodrive.connect.ros.message import Fields
 from autodrive.ros import Message
-from autodrive.ros.message import Fields
 
 CODES = {
     "float": "f",

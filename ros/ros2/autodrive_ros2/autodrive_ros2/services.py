@@ -12,10 +12,10 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
-from autodrive.errors import AutodriveError
+from autodrive.base.errors import AutodriveError
+from autodrive.base.transforms import rotate
 from autodrive.protocol.messages import Frame, LoadScenario, Pause, Pose, Reset, Resume, Step, Teleport
 from autodrive.ros import Bridge, Time
-from autodrive.transforms import rotate
 
 MAX_STEPS = 100
 """Ticks in one request: each request has a timeout."""

@@ -10,7 +10,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import Joy
 
-from autodrive.ros.cars import NIGEL
+from autodrive.connect.ros.cars import NIGEL
 
 
 class TeleopJoy(Node):

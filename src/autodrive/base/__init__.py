@@ -1,0 +1,1 @@
+"""General tools: arrays, rotations, errors, reading files, caches, compilation."""

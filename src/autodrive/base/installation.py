@@ -1,0 +1,68 @@
+"""The Python environment: its pip command, and a check for a mixed or incomplete installation of MuJoCo."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from autodrive.base.cache import PACKAGE
+
+MUJOCO = "mujoco-core>=4.0.0,<5"
+"""The requirement in pyproject.toml."""
+
+
+def version_of(distribution: str) -> str | None:
+    """Installed version of a distribution, or None."""
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def mujoco_error() -> str:
+    """What is wrong with the installed MuJoCo; empty if nothing is known to be wrong. Does not import it.
+
+    The distributions `mujoco` 3.x and `mujoco-core` 4.x both contain the import package `mujoco`, and pip installs one
+    over the other. The result either cannot be imported or mixes two versions of the library.
+    """
+    core, full = version_of("mujoco-core"), version_of("mujoco")
+    if core is None:
+        return "" if full is None else f"mujoco {full} is installed, but the simulator needs {MUJOCO}"
+    if full not in {None, core}:
+        return f"mujoco {full} and mujoco-core {core} are both installed, and one has overwritten files of the other"
+    spec = importlib.util.find_spec("mujoco")
+    if spec is None or spec.origin is None:
+        return f"files of mujoco-core {core} are missing"
+    names = [path.name for path in Path(spec.origin).parent.glob("libmujoco*")]
+    versions = {found[0] for name in names if (found := re.search(r"\d+\.\d+\.\d+", name))}
+    if versions and core not in versions:
+        return f"mujoco-core {core} is installed, but its files are of version {', '.join(sorted(versions))}"
+    return ""
+
+
+def mujoco_fix() -> str:
+    """The command that replaces every installed MuJoCo by the one that the simulator needs."""
+    installed = " ".join(name for name in ("mujoco", "mujoco-core") if version_of(name))
+    install = f"{pip('install')} '{MUJOCO}'"
+    return f"{pip('uninstall')} {installed} && {install}" if installed else install
+
+
+def pip(action: str) -> str:
+    """Start of the command that installs or uninstalls packages in this environment, with pip or else uv."""
+    if importlib.util.find_spec("pip") is not None:
+        return f"{sys.executable} -m pip {action}{' -y' if action == 'uninstall' else ''}"
+    uv = shutil.which("uv")
+    root = checkout()
+    if uv is None and root is not None and (root / ".venv-uv/bin/uv").is_file():
+        uv = str(root / ".venv-uv/bin/uv")
+    return f"{uv or 'uv'} pip {action} --python {sys.executable}"
+
+
+def checkout() -> Path | None:
+    """Root folder of the repository if the package runs from a checkout."""
+    root = PACKAGE.parents[1]
+    return root if (root / "uv.lock").is_file() else None

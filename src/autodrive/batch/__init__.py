@@ -1,6 +1,0 @@
-"""Many worlds of one scenario, which one compiled call steps: for learning and parameter sweeps."""
-
-from autodrive.batch.batch_world import BatchWorld as BatchWorld
-from autodrive.batch.readings import Readings as Readings
-
-__all__ = ["BatchWorld", "Readings"]

@@ -1,4 +1,0 @@
-"""The Python client of the native protocol; does not need the simulator to be installed."""
-
-from autodrive.client.client import Client as Client
-from autodrive.client.client_socket import NoSimulatorError as NoSimulatorError

@@ -1,0 +1,1 @@
+"""Connections to other software: the page server, the devkit bridge, clients, devkit scripts, ROS."""

@@ -1,0 +1,362 @@
+"""One connection to a devkit script: sends telemetry, receives commands."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import socket
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+from websockets.exceptions import WebSocketException
+
+from autodrive.base.errors import AutodriveError
+from autodrive.connect.bridge.detection import Detection
+from autodrive.connect.bridge.engineio import (
+    CLOSE_PACKETS,
+    Acknowledgement,
+    Connection,
+    ConnectionEnd,
+    Dialect,
+    Event,
+    PacketError,
+    event_packet,
+    padded,
+)
+from autodrive.connect.bridge.flow_control import RESEND_DELAY, FlowControl
+from autodrive.connect.bridge.metrics import Metrics
+from autodrive.protocol import devkit
+from autodrive.protocol.devkit_profile import PROFILES
+from autodrive.protocol.messages import Command, Hold, Reset, SetTimeOfDay
+
+if TYPE_CHECKING:
+    from websockets.asyncio.client import ClientConnection
+
+    from autodrive.protocol.messages import Frame, Operation
+
+log = logging.getLogger(__name__)
+
+EVENT = "Bridge"
+"""Event name of the devkits, in both directions."""
+
+QUALITY_FACTORS = (1.0, 0.7, 0.45, 0.25, 0.12)
+"""Factors of the image quality, tried in turn while a message is too long. At quality 75 the relative size of an
+image of a road by day becomes 1, 0.66, 0.5, 0.36 and 0.27 (measured)."""
+
+RESET_INTERVAL = 0.5
+"""Least simulated time between two resets [s], equal to the default time-out of commands. Without it, a script that
+sets and clears the key repeatedly would keep simulated time at 0."""
+
+CLOSE_TIMEOUT = 0.2
+"""Time to send the close packets [s]."""
+
+_WEATHER = {"Weather", "Clouds", "Fog", "Rain", "Snow"}
+_TIME_SCALE = 60.0
+"""Time scale of a script that sends none: the default of the devkit of 2025."""
+
+_CAN_ACK_AT_ONCE = hasattr(socket, "TCP_QUICKACK")
+"""True on Linux. Other systems request no acknowledgements: the server sends them in a second small packet after the
+command, which Nagle's algorithm and delayed TCP acknowledgements hold back for 40 to 200 ms."""
+
+
+class SimulationControl(Protocol):
+    """What a session needs of a Simulation; all members are thread-safe."""
+
+    @property
+    def frame(self) -> Frame:
+        """The latest Frame."""
+        ...
+
+    def submit(self, vehicle: str, command: Command) -> None:
+        """Set the command for the next tick; the latest one counts."""
+        ...
+
+    def request(self, request: Operation) -> object:
+        """Request an operation before the next tick."""
+        ...
+
+
+class Session:
+    """Sends the state of `simulation` to the script and applies its commands.
+
+    `detection` holds the devkit generation of the script. `traffic_lights` holds the states that scripts have set, by
+    number; telemetry reports them. `clock` gives monotonic time [s]; None: the time of the event loop.
+    `on_telemetry` is called after each telemetry message. `resend_delay` [s]: see `FlowControl`.
+    """
+
+    def __init__(
+        self,
+        socket: ClientConnection,
+        simulation: SimulationControl,
+        metrics: Metrics,
+        *,
+        detection: Detection,
+        traffic_lights: dict[int, int],
+        images: Callable[[Frame, float], devkit.Images] | None = None,
+        image_sizes: Callable[[], devkit.ImageSizes] | None = None,
+        clock: Callable[[], float] | None = None,
+        on_telemetry: Callable[[], None] = lambda: None,
+        resend_delay: float = RESEND_DELAY,
+    ) -> None:
+        self._clock = clock or asyncio.get_running_loop().time
+        self.flow_control = FlowControl(resend_delay)
+        self.awaits_frame = False
+        """Whether a new Frame must set `wake`."""
+        self.wake = asyncio.Event()
+        self.engineio = Connection(self._clock(), detection.settings.handshake)
+        self._socket = socket
+        self._simulation = simulation
+        self._metrics = metrics
+        self._detection = detection
+        self._traffic_lights = traffic_lights
+        self._images = images
+        self._image_sizes = image_sizes
+        self._on_telemetry = on_telemetry
+        self._size = 0
+        """Length of the longest message to a raw server [characters]."""
+        self._quality = 0
+        """Index in `QUALITY_FACTORS` of the latest images."""
+        self._commands: dict[str, Command] = {}
+        self._held_resets: dict[str, bool] = {}
+        self._holds: dict[str, Hold] = {}
+        self._requested_holds: dict[str, Hold] = {}
+        self._environment: dict[str, float] = {}
+        self._requested_environment: dict[str, float] = {}
+        self._is_reset_due = False
+        self._has_reset = False
+        self._requested_at: Frame | None = None
+        """The Frame at which operations were requested last: they are requested once a tick at most."""
+        self._was_open = False
+
+    async def receive_loop(self) -> None:
+        """Process packets until the connection ends. Raises `ConnectionEnd` or an error of the socket."""
+        tcp = self._socket.transport.get_extra_info("socket")
+        async for packet in self._socket:
+            if _CAN_ACK_AT_ONCE:
+                tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)  # Linux resets the option after each use
+            try:
+                self._process(packet)
+            except PacketError as error:
+                self._metrics.counters.bad_packets += 1
+                self._metrics.warn("packet", str(error))
+            self.wake.set()
+        raise ConnectionEnd("the server closed the connection")
+
+    async def send_loop(self) -> None:
+        """Send packets until the connection ends. Raises `ConnectionEnd` or an error of the socket."""
+        while True:
+            self.wake.clear()
+            now = self._clock()
+            self.engineio.check_timers(now)
+            await self._empty_outbox()
+            is_open = self.engineio.is_open
+            if is_open and not self._was_open:
+                self._note_opening()
+            # set before the latest Frame is read, so that none is missed
+            self.awaits_frame = is_open and self.flow_control.awaits_frame
+            frame = self._simulation.frame
+            if is_open and self.flow_control.should_send(frame, now):
+                await self._send_telemetry(frame, now)
+                continue
+            deadline = min(self.engineio.deadline, self.flow_control.deadline if is_open else math.inf)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(max(deadline - now, 0.0) if math.isfinite(deadline) else None):
+                    await self.wake.wait()
+
+    async def close(self) -> None:
+        """Send the close packets if the server still reads, and close the socket."""
+        with contextlib.suppress(TimeoutError, WebSocketException):
+            async with asyncio.timeout(CLOSE_TIMEOUT):
+                for packet in CLOSE_PACKETS:
+                    await self._socket.send(packet)
+        await self._socket.close()
+
+    # -- receive ------------------------------------------------------------------------------------------------
+
+    def _process(self, packet: str | bytes) -> None:
+        if isinstance(packet, bytes):
+            raise PacketError(f"{len(packet)} bytes of binary data")
+        match self.engineio.receive(packet, self._clock()):
+            case Event() as event:
+                if round_trip := self.flow_control.command_received(self._clock()):  # an empty command counts, too
+                    self._metrics.add_round_trip(round_trip)
+                self._apply(_commands_in(event))
+            case Acknowledgement(number=number):
+                self.flow_control.ack_received(number)
+            case None:
+                pass
+
+    def _apply(self, data: dict[str, Any]) -> None:
+        self._metrics.counters.commands_received += 1
+        if self._detection.observe(data):
+            self._note_detection()
+        vehicles = self._simulation.frame.vehicles
+        previous = {name: self._commands.get(name, Command()) for name in vehicles}
+        message = devkit.read_commands(data, self._detection.profile or PROFILES["2025"], previous)
+        self._traffic_lights.update(message.traffic_lights)
+        for vehicle, command in message.commands.items():
+            if vehicles[vehicle].is_autonomous:
+                self._commands[vehicle] = command
+                self._simulation.submit(vehicle, command)
+        resets = [name for name, is_held in message.resets.items() if is_held and not self._held_resets.get(name)]
+        self._held_resets |= message.resets
+        self._is_reset_due = self._is_reset_due or any(vehicles[name].is_autonomous for name in resets)
+        for hold in message.holds:
+            is_autonomous = vehicles[hold.vehicle].is_autonomous
+            self._holds[hold.vehicle] = hold if is_autonomous else Hold(hold.vehicle, None)
+        self._note_weather(message.environment)
+        self._environment |= message.environment
+        self._request_operations(self._simulation.frame)
+        for error in message.refused:
+            self._metrics.counters.refused_values += 1
+            self._metrics.warn("value", f"refused {error}")
+
+    def _request_operations(self, frame: Frame) -> None:
+        """Request, at most once in a tick, what the script has set since the last time."""
+        if frame is self._requested_at:
+            return
+        operations: list[Operation] = []
+        if self._is_reset_due and (not self._has_reset or frame.time >= RESET_INTERVAL):
+            self._is_reset_due, self._has_reset = False, True
+            operations.append(Reset())
+        for vehicle, hold in self._holds.items():
+            if self._requested_holds.get(vehicle, Hold(vehicle, None)) != hold:
+                self._requested_holds[vehicle] = hold
+                operations.append(hold)
+        operations += self._time_of_day()
+        for operation in operations:
+            try:
+                self._simulation.request(operation)
+            except AutodriveError as error:
+                self._metrics.warn("operation", f"refused: {error}")
+        if operations:
+            self._requested_at = frame
+
+    def _time_of_day(self) -> list[Operation]:
+        """The time of day, if the script has changed it."""
+        before, self._requested_environment = self._requested_environment, dict(self._environment)
+        auto, scale, time = (
+            [values.get(key) for values in (before, self._environment)] for key in ("Auto Time", "Time Scale", "Time")
+        )
+        if auto[1] and (auto[0] != auto[1] or scale[0] != scale[1]):
+            return [SetTimeOfDay(None, _TIME_SCALE if scale[1] is None else scale[1])]
+        if not auto[1] and time[1] is not None and (auto[0], time[0]) != (auto[1], time[1]):
+            return [SetTimeOfDay(60.0 * time[1])]
+        return []
+
+    def _note_weather(self, environment: dict[str, float]) -> None:
+        """Note once that there is no weather."""
+        if not _WEATHER & self._environment.keys() and _WEATHER & environment.keys():
+            log.info("devkit bridge: the script sets the weather; ignored, because this simulator has no weather")
+
+    def _note_detection(self) -> None:
+        counters, detection = self._metrics.counters, self._detection
+        counters.profile = detection.profile and detection.profile.name
+        counters.devkit, counters.note = str(detection), detection.note
+        log.info("devkit bridge: %s", detection)
+        if detection.note:
+            log.info("devkit bridge: %s", detection.note)
+
+    def _note_opening(self) -> None:
+        self._was_open = True
+        counters, dialect = self._metrics.counters, self.engineio.dialect
+        counters.dialect = dialect
+        self._detection.begin(dialect)
+        profile = self._detection.profile
+        counters.profile, counters.devkit, counters.note = profile and profile.name, str(self._detection), ""
+        counters.reconnects += counters.connections > 0
+        counters.connections += 1
+        log.info("devkit bridge: connected to a script (%s)", dialect)
+
+    # -- send ---------------------------------------------------------------------------------------------------
+
+    async def _empty_outbox(self) -> None:
+        packets, self.engineio.outbox = self.engineio.outbox, []
+        for packet in packets:
+            await self._socket.send(packet)
+
+    async def _send_telemetry(self, frame: Frame, now: float) -> None:
+        may_request_ack = _CAN_ACK_AT_ONCE and self.engineio.dialect is not Dialect.RAW
+        number = self.flow_control.begin_send(frame, now, may_request_ack=may_request_ack)
+        counters = self._metrics.counters
+        counters.resends += self.flow_control.is_resend
+        if self.flow_control.resends:
+            self._metrics.warn(
+                "silence",
+                "the script sends no commands; telemetry is resent (if the script raises an exception: set its devkit "
+                "profile)",
+            )
+        text = self._telemetry_packet(frame, number)
+        if text is None:
+            counters.oversized += 1
+            limit = self.engineio.max_payload
+            self._metrics.warn("size", f"telemetry exceeds the limit of {limit} characters and is not sent")
+            return
+        if self.engineio.dialect is Dialect.RAW:
+            text = self._padded(text, frame)
+        await self._socket.send(text)
+        self._on_telemetry()
+        counters.telemetry_sent += 1
+
+    def _telemetry_packet(self, frame: Frame, number: int | None) -> str | None:
+        """The packet with images in the best quality that fits; None if it is too long even without images."""
+        limit = self.engineio.max_payload
+        if self._images:
+            # start one step better than the last message: there may be room again
+            for quality in range(max(self._quality - 1, 0), len(QUALITY_FACTORS)):
+                packet = event_packet(EVENT, self._data(frame, self._images(frame, QUALITY_FACTORS[quality])), number)
+                if len(packet) < limit:
+                    self._note_quality(quality)
+                    return packet
+            self._note_quality(len(QUALITY_FACTORS))
+        packet = event_packet(EVENT, self._data(frame, None), number)
+        return packet if len(packet) < limit else None
+
+    def _padded(self, packet: str, frame: Frame) -> str:
+        """The packet for a raw server: none is shorter than an earlier one, the first is as long as any expected.
+
+        The published C++ devkit reads a message up to the end of what its receive buffer contains, so that the rest of
+        a longer message corrupts a shorter one.
+        """
+        sizes = self._image_sizes() if self._image_sizes else {}
+        expected = self._size or min(devkit.expected_size(frame, sizes), self.engineio.max_payload - 4)
+        self._size = max(expected, len(packet))
+        return padded(packet, self._size)
+
+    def _note_quality(self, number: int) -> None:
+        if number > self._quality:
+            is_sent = number < len(QUALITY_FACTORS)
+            change = f"sent at {QUALITY_FACTORS[number]:.0%} of their quality" if is_sent else "omitted"
+            limit = self.engineio.max_payload
+            self._metrics.warn("pictures", f"telemetry exceeds the limit of {limit} characters; images are {change}")
+        self._quality = number
+
+    def _data(self, frame: Frame, images: devkit.Images | None) -> dict[str, str]:
+        """Telemetry for the profile of the script; for all profiles while it is unknown, or if it is probably wrong."""
+        detection, attempt = self._detection, self.flow_control.resends
+        sizes = self._image_sizes() if self._image_sizes else None
+        lidar = detection.lidar(attempt)
+        profile = detection.profile
+        is_uncertain = detection.fixed is None and attempt > 1
+        lights = self._traffic_lights
+        if profile is None or is_uncertain:
+            return devkit.initial_telemetry(
+                frame,
+                settings=detection.settings,
+                lidar=lidar,
+                traffic_lights=lights,
+                images=images,
+                image_sizes=sizes,
+            )
+        profile = replace(profile, lidar=lidar)
+        return devkit.telemetry(frame, profile, traffic_lights=lights, images=images, image_sizes=sizes)
+
+
+def _commands_in(event: Event) -> dict[str, Any]:
+    match event:
+        case Event(name=name, arguments=[dict() as data, *_]) if name == EVENT:
+            return data
+    raise PacketError(f"event '{event.name[:40]}' without commands; expected '{EVENT}' with a dictionary")

@@ -1,0 +1,389 @@
+"""Client: reads Frames of a running simulator, drives its vehicles and steps it from a Python script."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.errors import AutodriveError, CommandError
+from autodrive.connect.client.client_socket import Address
+from autodrive.connect.client.connection import Connection
+from autodrive.connect.client.view import View
+from autodrive.protocol.commands import check_commands
+from autodrive.protocol.messages import (
+    AddBox,
+    Command,
+    Frame,
+    Headlights,
+    Indicators,
+    LoadScenario,
+    Operation,
+    Pause,
+    Place,
+    Redo,
+    RemoveBox,
+    Reset,
+    Resume,
+    SaveScenario,
+    SetDrivingMode,
+    SetSceneLight,
+    SetSensor,
+    SetSpeed,
+    Step,
+    Teleport,
+    Undo,
+)
+from autodrive.protocol.native import (
+    ConnectBridge,
+    DisconnectBridge,
+    Drive,
+    Picture,
+    Release,
+    Scene,
+    Status,
+    Subscribe,
+)
+from autodrive.protocol.ports import DEVKIT_PORT, PORT
+
+LOADING = 300.0
+"""Time limit for loading a scenario, which may build its meshes first [s]."""
+
+
+class Client:
+    """A connection to a running simulator: `with autodrive.Client() as sim: ...`. Use it in one thread only.
+
+    - `address`: 'host:port', or the link that the simulator prints. `token`: access token if it is not in the link.
+    - `name`: display name of the driver; None: the file name of the script.
+    - `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether to get scans.
+    - `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none. `picture_width` [pixels],
+      None: the width of the camera. `picture_quality` of the JPEG, 1 to 100.
+    - `timeout`: longest wait for an answer or a Frame [s]; then `TimeoutError`.
+    - `patience`: longest wait for a simulator that restarts [s]; then `NoSimulatorError`, a `ConnectionError`.
+
+    A refusal raises a `CommandError` with the simulator's text: of a request at once, of a `drive`, which does not wait
+    for an answer, at the next call.
+    """
+
+    def __init__(
+        self,
+        address: str = f"127.0.0.1:{PORT}",
+        *,
+        token: str | None = None,
+        name: str | None = None,
+        frame_rate: float | None = None,
+        scans: bool = True,
+        picture_rate: float = 0.0,
+        picture_width: int | None = None,
+        picture_quality: int = 75,
+        timeout: float = 10.0,
+        patience: float = 60.0,
+    ) -> None:
+        name = (Path(sys.argv[0]).name or "python") if name is None else name
+        wanted = Subscribe(frame_rate, scans, picture_rate, picture_width, picture_quality)
+        self._connection = Connection(Address.of(address, token), name, wanted, timeout, patience)
+        self._seen_updates = 0
+        self._images: dict[tuple[str, str], tuple[Picture, NDArray[np.uint8]]] = {}
+
+    def close(self) -> None:
+        """Disconnect; the simulation continues, or stays paused."""
+        self._connection.close()
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- reading ------------------------------------------------------------------------------------------------
+
+    @property
+    def frame(self) -> Frame:
+        """The latest Frame, with all events since the previous Frame that was read."""
+        self._connection.catch_up()
+        if self._connection.view.frame is None:
+            return self.wait()
+        return self._connection.view.read()
+
+    def wait(self, timeout: float | None = None) -> Frame:
+        """Wait for a Frame that was not read yet; returns the latest."""
+        self._connection.catch_up()
+        self._connection.until(lambda: self._connection.view.is_new, timeout, "Frame")
+        return self._connection.view.read()
+
+    def frames(self, rate: float | None = None) -> Iterator[Frame]:
+        """Yield each new Frame, without end; `rate`: largest rate in wall time [Hz], None: that of the Client.
+
+        A slow consumer gets the latest Frame, with the events of the Frames that were skipped.
+        """
+        usual = self._connection.subscription
+        if rate is not None:
+            self._connection.subscribe(msgspec.structs.replace(usual, frame_rate=rate))
+        try:
+            while True:
+                yield self.wait()
+        finally:
+            if rate is not None and not self._connection.is_closed:
+                self._connection.subscribe(usual)
+
+    @property
+    def pictures(self) -> dict[tuple[str, str], Picture]:
+        """The latest picture of each camera by (vehicle, camera), as JPEG; requires a `picture_rate`."""
+        self._connection.catch_up()
+        return dict(self._connection.view.pictures)
+
+    def image(self, vehicle: str, camera: str) -> NDArray[np.uint8]:
+        """The latest picture of that camera, uint8, shape (height, width, 3), sRGB; waits for the first."""
+        if not self._connection.subscription.picture_rate:
+            raise AutodriveError("no pictures are subscribed: create the Client with a picture_rate, for example 10")
+        self._connection.catch_up()
+        key = vehicle, camera
+        self._check_camera(vehicle, camera)
+        self._connection.until(
+            lambda: key in self._connection.view.pictures, None, f"picture of camera '{camera}' of vehicle '{vehicle}'"
+        )
+        picture = self._connection.view.pictures[key]
+        known = self._images.get(key)
+        if known is None or known[0] is not picture:
+            known = self._images[key] = picture, _decoded(picture.jpeg)
+        return known[1]
+
+    @property
+    def status(self) -> Status:
+        """The latest Status: pause, speed, real-time factor, drivers, bridge."""
+        self._connection.catch_up()
+        self._connection.until(lambda: self._connection.view.status is not None, None, "Status")
+        assert self._connection.view.status is not None
+        return self._connection.view.status
+
+    @property
+    def scene(self) -> Scene:
+        """The current scenario: its name, map, tick [s] and vehicles."""
+        self._connection.catch_up()
+        self._connection.until(lambda: self._connection.view.scene is not None, None, "Scene")
+        assert self._connection.view.scene is not None
+        return self._connection.view.scene
+
+    @property
+    def scenarios(self) -> dict[str, str]:
+        """Name -> title of the scenarios that `load_scenario` can load."""
+        return dict(self._connection.view.welcome.scenarios) if self._connection.view.welcome else {}
+
+    @property
+    def name(self) -> str:
+        """The display name: the wanted one, with a number if another client has it."""
+        return self._connection.view.welcome.name if self._connection.view.welcome else self._connection.name
+
+    def set_rates(self, frame_rate: float | None, picture_rate: float) -> None:
+        """Change the rates of Frames and pictures; see `Client`."""
+        wanted = msgspec.structs.replace(
+            self._connection.subscription, frame_rate=frame_rate, picture_rate=picture_rate
+        )
+        if wanted != self._connection.subscription:
+            self._connection.subscribe(wanted)
+
+    def wait_news(self, timeout: float | None = None) -> View:
+        """Wait for a Frame, scan or picture that is newer than the last such call; returns all that was received."""
+        view = self._connection.view
+        self._connection.until(
+            lambda: self._connection.view is not view or self._connection.view.update_count > self._seen_updates,
+            timeout,
+            "update",
+        )
+        self._seen_updates = self._connection.view.update_count
+        return self._connection.view
+
+    # -- driving ------------------------------------------------------------------------------------------------
+
+    def drive(
+        self,
+        vehicle: str,
+        command: Command | None = None,
+        *,
+        throttle: float = 0.0,
+        steering: float = 0.0,
+        headlights: int | None = None,
+        indicators: int | None = None,
+    ) -> None:
+        """Send a command to a vehicle: a `Command`, or its values. Valid for half a simulated second: send it again.
+
+        `throttle`, `steering` [-1, 1], left positive; `headlights` 0 off, 1 low, 2 high beam; `indicators` 0 off,
+        1 left, 2 right, 3 hazard; None keeps their state. A refusal raises `CommandError` at the next call.
+        """
+        if command is None:
+            command = Command(throttle, steering, headlights, indicators)  # type: ignore[arg-type]
+        check_commands({vehicle: command})
+        self._connection.send(Drive(vehicle, _plain(command)))
+
+    def release(self, vehicle: str) -> None:
+        """Stop being the driver of a vehicle, so that others can drive it at once."""
+        self._connection.send(Release(vehicle))
+
+    # -- requests: each returns the Frame after the operation ---------------------------------------------------
+
+    def step(
+        self, commands: Mapping[str, Command] | None = None, *, ticks: int = 1, timeout: float | None = None
+    ) -> Frame:
+        """Run `ticks` ticks, the first with these commands. A running simulation is paused first.
+
+        The same scenario, seed and commands give the same bits as `World.step`.
+        """
+        commands = {} if commands is None else commands
+        check_commands(commands)
+        orders = {vehicle: _plain(command) for vehicle, command in commands.items()}
+        if not self._connection.is_stepping:
+            self._connection.begin_stepping()
+        try:
+            return self._connection.request(Step(ticks, orders), timeout)
+        except CommandError:
+            self._connection.is_stepping = False  # another client may have resumed it: the next step pauses again
+            raise
+
+    @contextmanager
+    def lockstep(self) -> Iterator[Client]:
+        """`with sim.lockstep(): ...` pauses the simulation for steps and resumes it at the end if it ran before."""
+        was_paused = self._connection.is_stepping or self.status.is_paused  # a Status may be older than our Pause
+        self._connection.begin_stepping()
+        try:
+            yield self
+        finally:
+            if not was_paused and not self._connection.is_closed:
+                with suppress(ConnectionError):
+                    self.resume()
+
+    def ask(self, request: Operation) -> Frame:
+        """Request any operation, for example `Teleport("V1", 1.0, 0.5)`."""
+        return self._connection.request(request)
+
+    def reset(self, seed: int | None = None) -> Frame:
+        """Restore the initial state; `seed` None keeps the seed."""
+        return self._connection.request(Reset(seed))
+
+    def pause(self) -> Frame:
+        """Stop simulated time."""
+        frame = self._connection.request(Pause())
+        self._connection.is_stepping = True
+        return frame
+
+    def resume(self) -> Frame:
+        """Continue simulated time."""
+        self._connection.is_stepping = False
+        return self._connection.request(Resume())
+
+    def set_speed(self, factor: float | None = 1.0) -> Frame:
+        """Set the simulated seconds per wall second; None: as fast as possible."""
+        return self._connection.request(SetSpeed(None if factor is None else float(factor)))
+
+    def teleport(self, vehicle: str, x: float, y: float, yaw: float = 0.0) -> Frame:
+        """Place a vehicle or an object, at rest, at x, y [m] in the map frame with heading yaw [rad], until a reset."""
+        return self._connection.request(Teleport(vehicle, float(x), float(y), float(yaw)))
+
+    def set_scene_light(self, enabled: bool) -> Frame:
+        """Switch to day (True) or night (False)."""
+        return self._connection.request(SetSceneLight(bool(enabled)))
+
+    def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> Frame:
+        """Let a vehicle obey a script (autonomous, True) or a person (manual, False)."""
+        return self._connection.request(SetDrivingMode(vehicle, bool(is_autonomous)))
+
+    def load_scenario(self, name: str, timeout: float = LOADING) -> Frame:
+        """Load the scenario of that name, one of `scenarios`."""
+        return self._connection.request(LoadScenario(name), timeout)
+
+    # -- edits of the scenario; each returns the Frame after it ---------------------------------------------------
+
+    def place(self, name: str, x: float, y: float, yaw: float = 0.0) -> Frame:
+        """Place a vehicle or an object, at rest, at x, y [m] with heading yaw [rad], now and at the start."""
+        return self._connection.request(Place(name, float(x), float(y), float(yaw)))
+
+    def add_box(
+        self,
+        name: str,
+        x: float,
+        y: float,
+        yaw: float = 0.0,
+        *,
+        size: tuple[float, float, float] = (0.1, 0.1, 0.1),
+        mass: float = 0.1,
+    ) -> Frame:
+        """Add a movable box on the ground at x, y [m] with heading yaw [rad]; `size` [m], `mass` [kg]."""
+        length, width, height = map(float, size)
+        box = AddBox(name, float(x), float(y), float(yaw), (length, width, height), float(mass))
+        return self._connection.request(box, LOADING)
+
+    def remove_box(self, name: str) -> Frame:
+        """Remove a movable box."""
+        return self._connection.request(RemoveBox(name), LOADING)
+
+    def set_sensor(
+        self,
+        vehicle: str,
+        sensor: str,
+        *,
+        is_on: bool = True,
+        rate: float | None = None,
+        noise: Literal["ideal", "file", "realistic", "strong"] | None = None,
+    ) -> Frame:
+        """Set a sensor or camera of a vehicle; an omitted value is as in the vehicle's file. See `SetSensor`."""
+        settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else float(rate), noise)
+        return self._connection.request(settings, LOADING)
+
+    def undo(self) -> Frame:
+        """Revert the latest edit; `status.undo` names it."""
+        return self._connection.request(Undo(), LOADING)
+
+    def redo(self) -> Frame:
+        """Make the edit again that was reverted last; `status.redo` names it."""
+        return self._connection.request(Redo(), LOADING)
+
+    def scenario_text(self) -> str:
+        """The scenario with all edits, as YAML: `Path("mine.yaml").write_text(sim.scenario_text())`."""
+        self._connection.request(SaveScenario())
+        return self._connection.text
+
+    # -- the devkit bridge ----------------------------------------------------------------------------------------
+
+    def connect_bridge(self, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> Frame:
+        """Connect the simulator to the devkit script at that address; see `status.bridge`."""
+        return self._connection.request(ConnectBridge(host, port))
+
+    def disconnect_bridge(self) -> Frame:
+        """Close that connection, or stop trying to connect."""
+        return self._connection.request(DisconnectBridge())
+
+    def _check_camera(self, vehicle: str, camera: str) -> None:
+        scene = self._connection.view.scene
+        if scene is None:
+            return
+        known = [f"'{name}', '{its}'" for name, one in scene.vehicles.items() for its in one.cameras]
+        if vehicle not in scene.vehicles or camera not in scene.vehicles[vehicle].cameras:
+            raise AutodriveError(f"there is no camera '{vehicle}', '{camera}'; there are {'; '.join(known) or 'none'}")
+
+
+def _plain(command: Command) -> Command:
+    """The Command with Python numbers, which may be given as numpy numbers."""
+    try:
+        return Command(
+            float(command.throttle),
+            float(command.steering),
+            None if command.headlights is None else Headlights(command.headlights),
+            None if command.indicators is None else Indicators(command.indicators),
+        )
+    except (TypeError, ValueError) as error:
+        raise CommandError(f"{command} is not a valid Command: {error}") from None
+
+
+def _decoded(jpeg: bytes) -> NDArray[np.uint8]:
+    try:
+        import simplejpeg  # noqa: PLC0415  needed only for decoded pictures
+    except ImportError:
+        raise AutodriveError("decoding pictures requires simplejpeg: pip install simplejpeg") from None
+    image = simplejpeg.decode_jpeg(jpeg)
+    image.setflags(write=False)
+    return image

@@ -1,0 +1,359 @@
+"""The bridge between a simulator and ROS: the part of a ROS node that does not depend on ROS."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from autodrive.base.errors import AutodriveError
+from autodrive.base.log_throttle import LogThrottle
+from autodrive.connect.ros.command_input import CommandInput
+from autodrive.connect.ros.config import Config
+from autodrive.connect.ros.devkit_source import DevkitSource
+from autodrive.connect.ros.direct_source import DirectSource
+from autodrive.connect.ros.message import Message, Node, Subscription, Time, Topic
+from autodrive.connect.ros.robot import Robot, Transform
+from autodrive.connect.ros.source import Update, VehicleInfo
+from autodrive.connect.ros.topics import CLOCK, TF, TF_STATIC, WORLD_TOPICS, light_topic, published
+from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
+from autodrive.protocol.messages import Collision, Command, Frame, Operation, Reset, SetDrivingMode, Teleport
+from autodrive.protocol.native import Scene, Status
+
+log = logging.getLogger(__name__)
+
+RETRY_INTERVAL = 0.5
+"""Between two attempts to connect to a simulator [s]."""
+COMMAND_INTERVAL = 0.1
+"""A command that is still valid is sent again after this simulated time: the simulator has a timeout too [s]."""
+WARNING_INTERVAL = 10.0
+"""The same warning is not logged more often [s]."""
+
+
+class Bridge:
+    """Publishes the data of a simulator through `node` and drives its vehicles; call `start`, at the end `close`.
+
+    The topics of the first vehicle are created at once, those of other vehicles when a simulator has them. The bridge
+    waits for a simulator, also after it was lost. `clock` is the wall time [s]. Raises AutodriveError for a bad URDF.
+    """
+
+    def __init__(self, config: Config, node: Node, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self.config = config
+        self._node = node
+        self._clock = clock
+        self._robot = Robot(config.robot_description) if config.robot_description else Robot("<robot/>")
+        self._vehicles: dict[str, VehiclePublisher] = {}
+        self._inputs: dict[str, CommandInput] = {}
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="autodrive-ros-bridge", daemon=True)
+        self._lock = threading.Lock()
+        self._created: set[str] = set()
+        self._pending: Update | None = None
+        self._due = 0.0
+        self._sent: dict[str, float] = {}
+        self._tick = -1
+        self._is_reset_held = False
+        self._throttle = LogThrottle(WARNING_INTERVAL, clock)
+        self._last_warning = ""
+        self._time = 0.0
+        self._is_direct = config.mode == "direct"
+        self._source: DirectSource | DevkitSource = (
+            DirectSource(config) if self._is_direct else DevkitSource(config, node.now, self._commands)
+        )
+        world = published(config, WORLD_TOPICS)
+        node.add_topics([*world, *self._light_topics], [*self._light_subscriptions(), *self._league_subscriptions()])
+        self.on_vehicles({"V1": VehicleInfo.of(config.car, 1, config.vehicle_type)})
+
+    def start(self) -> None:
+        """Connect to a simulator in a thread."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Disconnect from the simulator and end the thread."""
+        self._closed.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    # -- for services ---------------------------------------------------------------------------------------------
+
+    def request(self, request: Operation) -> Frame:
+        """The Frame after a request, for example `Reset()`. Raises AutodriveError, in devkit mode always."""
+        return self._direct.request(request)
+
+    @property
+    def frame(self) -> Frame | None:
+        """Latest Frame; None before the first one and in devkit mode."""
+        return self._source.frame if isinstance(self._source, DirectSource) else None
+
+    @property
+    def scene(self) -> Scene | None:
+        """Latest Scene; None as for `frame`."""
+        return self._source.scene if isinstance(self._source, DirectSource) else None
+
+    @property
+    def status(self) -> Status | None:
+        """Latest Status; None as for `frame`."""
+        return self._source.status if isinstance(self._source, DirectSource) else None
+
+    @property
+    def scenarios(self) -> dict[str, str]:
+        """Scenarios that can be loaded: name -> title; empty as for `frame`."""
+        return self._source.scenarios if isinstance(self._source, DirectSource) else {}
+
+    def vehicle_name(self, vehicle: str) -> str:
+        """Name in ROS of a vehicle of the simulator."""
+        return self._vehicles[vehicle].topics.name
+
+    # -- Listener -------------------------------------------------------------------------------------------------
+
+    @property
+    def wants_clock(self) -> bool:
+        """Whether /clock has subscribers."""
+        return self._node.has_subscribers(CLOCK)
+
+    @property
+    def wants_images(self) -> bool:
+        """Whether any image topic has subscribers."""
+        cameras = (camera for one in self._vehicles.values() for camera in one.topics.cameras.values())
+        return any(self._node.has_subscribers(topic) for camera in cameras for topic in camera.all)
+
+    @property
+    def max_wait(self) -> float:
+        """Time until a pending state is due [s]; infinite if there is none."""
+        return max(self._due - self._clock(), 0.0) if self._pending is not None else math.inf
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether `close` was called."""
+        return self._closed.is_set()
+
+    def on_vehicles(self, vehicles: dict[str, VehicleInfo]) -> None:
+        """Create the topics of new vehicles, and publish descriptions and static transforms."""
+        self._vehicles = {
+            name: VehiclePublisher(self.config, info, self._robot, self._node) for name, info in vehicles.items()
+        }
+        for name, vehicle in self._vehicles.items():
+            command_input = self._inputs.setdefault(name, CommandInput(self.config, vehicle.info))
+            command_input.vehicle = vehicle.info
+            root = vehicle.topics.root
+            if root not in self._created:
+                self._created.add(root)
+                self._node.add_topics(vehicle.topics.all, [*self._subscriptions(name, root)])
+            vehicle.publish_description()
+        self._pending, self._tick = None, -1
+        if self.config.publish_tf and not self.config.is_league:
+            static = [one for vehicle in self._vehicles.values() for one in vehicle.static_transforms()]
+            self._publish_transforms([Transform("world", "map", (0.0, 0.0, 0.0)), *static], 0.0, TF_STATIC)
+
+    def on_update(self, update: Update) -> None:
+        """Publish new data, and the states if they are due."""
+        with self._lock:
+            self._publish(update)
+        if self._is_direct:
+            self._repeat_commands()
+
+    def on_idle(self) -> None:
+        """Publish the pending state if it is due: in a pause, no Frame follows."""
+        with self._lock:
+            if self._pending is not None and self._clock() >= self._due:
+                self._publish_states(self._pending)
+
+    def warn(self, text: str) -> None:
+        """Log a warning; the same one at most once in `WARNING_INTERVAL`."""
+        if text != self._last_warning:
+            self._throttle.forget(self._last_warning)
+            self._last_warning = text
+        if self._throttle.admits(text):
+            log.warning("%s", text)
+
+    # -- publishing -----------------------------------------------------------------------------------------------
+
+    def _publish(self, update: Update) -> None:
+        for (vehicle, camera), picture in update.pictures.items():
+            self._vehicles[vehicle].publish_picture(camera, picture)
+        for vehicle, scan in update.scans.items():
+            self._vehicles[vehicle].publish_scan(scan)
+        if update.is_new:
+            self._publish_frame(update)
+
+    def _publish_frame(self, update: Update) -> None:
+        frame = update.frame
+        self._time = frame.time
+        if frame.tick < self._tick:
+            for vehicle in self._vehicles.values():
+                vehicle.restart()
+        self._tick = frame.tick
+        if self._node.has_subscribers(CLOCK):
+            self._node.publish(Message(CLOCK.type, {"clock": Time.of(frame.time)}), CLOCK)
+        for event in frame.events:
+            if isinstance(event, Collision):
+                stamp = Time.of(event.time)
+                self._vehicles[event.vehicle].publish_collision(stamp, event.other, event.impulse, event.position)
+        self._pending = update
+        if self._clock() >= self._due:
+            self._publish_states(update)
+
+    def _publish_states(self, update: Update) -> None:
+        now, period = self._clock(), 1.0 / self.config.rate
+        self._due = max(self._due + period, now - 0.5 * period)
+        self._pending = None
+        stamp = Time.of(update.frame.time)
+        moving: list[Transform] = []
+        for name, reading in update.frame.vehicles.items():
+            vehicle = self._vehicles[name]
+            vehicle.publish(stamp, reading)
+            moving += vehicle.transforms(reading)
+        if self.config.publish_tf and self._node.has_subscribers(TF):
+            self._publish_transforms(moving, update.frame.time, TF)
+        for topic, (_, state) in zip(self._light_topics, sorted(update.traffic_lights.items()), strict=False):
+            if self._node.has_subscribers(topic):
+                self._node.publish(Message(topic.type, {"data": state}), topic)
+
+    def _publish_transforms(self, transforms: list[Transform], seconds: float, topic: Topic) -> None:
+        stamp = Time.of(seconds)
+        self._node.publish(Message(TF.type, {"transforms": [one.message(stamp) for one in transforms]}), topic)
+
+    # -- driving --------------------------------------------------------------------------------------------------
+
+    def _subscriptions(self, vehicle: str, root: str) -> list[Subscription]:
+        """Command topics of a vehicle."""
+        target = self._inputs[vehicle]
+        side = "left" if self.config.devkit_profile.command_sign > 0 else "right"
+
+        def command(name: str, type_: str, text: str, callback: Callable[[Any], None]) -> Subscription:
+            return Subscription(f"{root}/{name}", type_, text, partial(self._on_command, vehicle, callback))
+
+        common = [
+            command("throttle_command", "std_msgs/Float32", "-1 to 1", target.on_throttle),
+            command("steering_command", "std_msgs/Float32", f"-1 to 1, positive {side}", target.on_steering),
+        ]
+        if self.config.is_league:
+            return [replace(one, qos="league") for one in common]
+        return [
+            *common,
+            command("headlights_command", "std_msgs/Int32", "0 off, 1 low, 2 high beam", target.on_headlights),
+            command("indicators_command", "std_msgs/Int32", "0 off, 1 left, 2 right, 3 hazard", target.on_indicators),
+            command("drive", "ackermann_msgs/AckermannDriveStamped", "speed, steering angle", target.on_ackermann),
+            command("cmd_vel", "geometry_msgs/Twist", "forward speed, yaw rate", target.on_twist),
+            command(
+                "cmd_vel_stamped", "geometry_msgs/TwistStamped", "forward speed, yaw rate", target.on_twist_stamped
+            ),
+            Subscription(f"{root}/reset_command", "std_msgs/Bool", "true resets", partial(self._on_reset, vehicle)),
+            Subscription(
+                f"{root}/initialpose",
+                "geometry_msgs/PoseWithCovarianceStamped",
+                "teleports the vehicle to a pose in map; direct mode",
+                partial(self._on_initial_pose, vehicle),
+            ),
+        ]
+
+    def _on_command(self, vehicle: str, callback: Callable[[Any], None], message: Any) -> None:
+        is_first = not self._inputs[vehicle].is_active
+        callback(message)
+        state = self.frame and self.frame.vehicles.get(vehicle)
+        if state is not None:
+            if is_first and self.config.take_over and not state.is_autonomous:
+                self._try(SetDrivingMode(vehicle, True))
+            self._drive(vehicle)
+
+    def _drive(self, vehicle: str) -> None:
+        if vehicle not in self._vehicles or (command := self._inputs[vehicle].command(self._time)) is None:
+            return
+        self._sent[vehicle] = self._time
+        with self._warning():
+            self._direct.drive(vehicle, command)
+
+    def _repeat_commands(self) -> None:
+        """Send active commands again at the interval, and once the stop after the timeout."""
+        for name in self._vehicles:
+            one = self._inputs[name]
+            was_active = one.is_active
+            one.command(self._time)
+            is_due = abs(self._time - self._sent.get(name, -1.0)) >= COMMAND_INTERVAL
+            if was_active and (not one.is_active or is_due):
+                self._drive(name)
+
+    def _commands(self) -> dict[str, Command]:
+        """Commands of all vehicles; zero for vehicles without one."""
+        return {name: self._inputs[name].command(self._time) or Command() for name in self._vehicles}
+
+    def _on_reset(self, vehicle: str, message: Any) -> None:
+        if isinstance(self._source, DevkitSource):
+            (self._source.resets.add if message.data else self._source.resets.discard)(vehicle)
+        elif message.data:
+            self._try(Reset())
+
+    def _on_initial_pose(self, vehicle: str, message: Any) -> None:
+        pose = message.pose.pose
+        q = pose.orientation
+        yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        self._try(Teleport(vehicle, pose.position.x, pose.position.y, yaw))
+
+    def _league_subscriptions(self) -> list[Subscription]:
+        """The reset of the league: a level, so that one message with true is one reset."""
+        if not self.config.is_league or self.config.race:
+            return []
+        text = "resets the world when it becomes true"
+        return [Subscription("autodrive/reset_command", "std_msgs/Bool", text, self._on_reset_level, "league")]
+
+    def _on_reset_level(self, message: Any) -> None:
+        is_rising, self._is_reset_held = message.data and not self._is_reset_held, bool(message.data)
+        if isinstance(self._source, DevkitSource):
+            self._source.resets = {*self._vehicles} if message.data else set()
+        elif is_rising:
+            self._try(Reset())
+
+    # -- traffic lights -------------------------------------------------------------------------------------------
+
+    @property
+    def _light_topics(self) -> list[Topic]:
+        config = self.config
+        has_lights = config.mode == "devkit" and config.devkit_profile.is_prefixed and not config.is_league
+        return [light_topic(self.config, number) for number in range(1, 5)] if has_lights else []
+
+    def _light_subscriptions(self) -> list[Subscription]:
+        def on_light(number: int, message: Any) -> None:
+            assert isinstance(self._source, DevkitSource)
+            self._source.traffic_lights[number] = min(max(int(message.data), 0), 3)
+
+        return [
+            Subscription(topic.name.replace("state", "command"), topic.type, topic.text, partial(on_light, number))
+            for number, topic in enumerate(self._light_topics, start=1)
+        ]
+
+    # -- source ---------------------------------------------------------------------------------------------------
+
+    def _try(self, request: Operation) -> None:
+        with self._warning():
+            self._direct.request(request)
+
+    @property
+    def _direct(self) -> DirectSource:
+        if not isinstance(self._source, DirectSource):
+            raise AutodriveError("the devkit protocol has no such request: use the mode 'direct'")
+        return self._source
+
+    @contextlib.contextmanager
+    def _warning(self) -> Iterator[None]:
+        """Log errors as warnings."""
+        try:
+            yield
+        except (AutodriveError, OSError) as error:
+            self.warn(str(error))
+
+    def _run(self) -> None:
+        while not self.is_closed:
+            try:
+                with self._warning():
+                    self._source.serve(self)
+            except Exception:
+                log.exception("unexpected error; the bridge connects again")
+            self._closed.wait(RETRY_INTERVAL)
+        if isinstance(self._source, DirectSource):
+            self._source.close()

@@ -1,0 +1,221 @@
+"""Converts sensor readings to ROS messages (REP 103, 105, 117, 138, 145)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+
+from autodrive.connect.ros.message import Fields, Message, Time
+from autodrive.connect.ros.robot import Transform, xyz, xyzw
+from autodrive.protocol.messages import (
+    WHEEL_NAMES,
+    Array,
+    CameraIntrinsics,
+    ImuReading,
+    LidarScan,
+    Lights,
+    RangeReading,
+    WheelsReading,
+)
+
+LEAST_VARIANCE = 1e-9
+"""Variance of exact values: zero would mean that the covariance is unknown."""
+
+DEVKIT_VARIANCE = 0.0025
+"""Variance of all IMU values if the noise is unknown, as in the AutoDRIVE ROS packages."""
+
+
+def header(stamp: Time, frame_id: str) -> Fields:
+    """A std_msgs/Header."""
+    return {"stamp": stamp, "frame_id": frame_id}
+
+
+def number(value: float, type_: str = "std_msgs/Float32") -> Message:
+    """A message with one number."""
+    return Message(type_, {"data": value})
+
+
+def joint_states(stamp: Time, frame_id: str, angles: dict[str, float], rates: dict[str, float]) -> Message:
+    """A sensor_msgs/JointState: angles [rad] and rates [rad/s]. Unknown rates are NaN; `rates` may be empty."""
+    speeds = [rates.get(name, math.nan) for name in angles] if rates else []
+    fields = {
+        "header": header(stamp, frame_id),
+        "name": [*angles],
+        "position": np.array([*angles.values()], dtype=np.float64),
+        "velocity": np.array(speeds, dtype=np.float64),
+    }
+    return Message("sensor_msgs/JointState", fields)
+
+
+def imu(reading: ImuReading, frame_id: str, noise: dict[str, float] | None, *, is_raw: bool = False) -> Message:
+    """A sensor_msgs/Imu; `is_raw`: without orientation (REP 145). `noise`: see `VehicleScene.sensor_noise`."""
+    fields: Fields = {"header": header(Time.of(reading.time), frame_id)}
+    for name, quantity in (
+        ("orientation", "imu_orientation"),
+        ("angular_velocity", "imu_angular_velocity"),
+        ("linear_acceleration", "imu_linear_acceleration"),
+    ):
+        variance = DEVKIT_VARIANCE if noise is None else max(noise[quantity] ** 2, LEAST_VARIANCE)
+        fields[f"{name}_covariance"] = np.diag([variance] * 3).ravel()
+    fields["angular_velocity"] = xyz(reading.angular_velocity)
+    fields["linear_acceleration"] = xyz(reading.linear_acceleration)
+    if is_raw:
+        fields["orientation_covariance"] = np.array([-1.0] + [0.0] * 8)
+    else:
+        fields["orientation"] = xyzw(reading.orientation)
+    return Message("sensor_msgs/Imu", fields)
+
+
+def laser_scan(scan: LidarScan, frame_id: str, *, is_turned: bool = False) -> Message:
+    """A sensor_msgs/LaserScan, stamped with the time of its first ray.
+
+    The first ray of a scan of 360 degrees points straight ahead, as in the devkits. `is_turned`: the frame points
+    backwards, as in the packages of 2020 to 2023, so the first angle is -pi.
+    """
+    ranges, intensities, angle_min = scan.ranges, scan.intensities, scan.angle_min
+    count = len(ranges)
+    if is_full_circle(scan):
+        ahead = round(-angle_min / scan.angle_increment) % count
+        ranges, intensities = np.roll(ranges, -ahead), np.roll(intensities, -ahead)
+        angle_min = angle_min + ahead * scan.angle_increment
+        angle_min = (angle_min + math.pi) % (2.0 * math.pi) - math.pi  # 0 but for rounding
+        if is_turned:
+            angle_min -= math.pi
+    fields = {
+        "header": header(Time.of(max(scan.time - scan.time_increment * (count - 1), 0.0)), frame_id),
+        "angle_min": angle_min,
+        "angle_max": angle_min + (count - 1) * scan.angle_increment,
+        "angle_increment": scan.angle_increment,
+        "time_increment": scan.time_increment,
+        "scan_time": 1.0 / scan.scan_rate if scan.scan_rate else 0.0,
+        "range_min": scan.range_min,
+        "range_max": scan.range_max,
+        "ranges": ranges.astype(np.float32),
+        "intensities": intensities.astype(np.float32),
+    }
+    return Message("sensor_msgs/LaserScan", fields)
+
+
+def range_message(reading: RangeReading, frame_id: str) -> Message:
+    """A sensor_msgs/Range; its two infinities are those of REP 117."""
+    fields = {
+        "header": header(Time.of(reading.time), frame_id),
+        "radiation_type": {"ultrasound": 0, "infrared": 1}[reading.radiation],
+        "field_of_view": reading.field_of_view,
+        "min_range": reading.range_min,
+        "max_range": reading.range_max,
+        "range": reading.range,
+    }
+    return Message("sensor_msgs/Range", fields)
+
+
+def is_full_circle(scan: LidarScan) -> bool:
+    """Whether the scan covers 360 degrees."""
+    return abs(abs(scan.angle_increment) * len(scan.ranges) - 2.0 * math.pi) < 0.5 * abs(scan.angle_increment)
+
+
+def odometry(
+    stamp: Time,
+    pose: Transform,
+    velocity: tuple[float, ...],
+    angular: tuple[float, ...],
+    variances: tuple[float, float],
+) -> Message:
+    """A nav_msgs/Odometry: pose in its parent frame, twist in its child frame; variances of pose and twist."""
+    fields = {
+        "header": header(stamp, pose.parent),
+        "child_frame_id": pose.child,
+        "pose": {
+            "pose": {"position": xyz(pose.position), "orientation": xyzw(pose.orientation)},
+            "covariance": np.diag([max(variances[0], LEAST_VARIANCE)] * 6).ravel(),
+        },
+        "twist": {
+            "twist": {"linear": xyz(velocity), "angular": xyz(angular)},
+            "covariance": np.diag([max(variances[1], LEAST_VARIANCE)] * 6).ravel(),
+        },
+    }
+    return Message("nav_msgs/Odometry", fields)
+
+
+def image(stamp: Time, frame_id: str, rgb: NDArray[np.uint8]) -> Message:
+    """A sensor_msgs/Image from RGB pixels, shape (height, width, 3)."""
+    height, width, channels = rgb.shape
+    fields = {
+        "header": header(stamp, frame_id),
+        "height": height,
+        "width": width,
+        "encoding": "rgb8",
+        "is_bigendian": 0,
+        "step": width * channels,
+        "data": rgb.tobytes(),
+    }
+    return Message("sensor_msgs/Image", fields)
+
+
+def decoded(jpeg: bytes) -> NDArray[np.uint8]:
+    """RGB pixels, shape (height, width, 3)."""
+    return simplejpeg.decode_jpeg(jpeg, colorspace="RGB")
+
+
+def compressed_image(stamp: Time, frame_id: str, jpeg: bytes) -> Message:
+    """A sensor_msgs/CompressedImage."""
+    return Message(
+        "sensor_msgs/CompressedImage", {"header": header(stamp, frame_id), "format": "jpeg", "data": bytes(jpeg)}
+    )
+
+
+def camera_info(stamp: Time, frame_id: str, pinhole: CameraIntrinsics) -> Message:
+    """A sensor_msgs/CameraInfo. In ROS, the centre of the upper left pixel is (0, 0); in `pinhole`, its corner."""
+    fx, fy, cx, cy = pinhole.fx, pinhole.fy, pinhole.cx - 0.5, pinhole.cy - 0.5
+    fields = {
+        "header": header(stamp, frame_id),
+        "height": pinhole.height,
+        "width": pinhole.width,
+        "distortion_model": "plumb_bob",
+        "d": np.array(pinhole.distortion, dtype=np.float64),
+        "k": np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        "r": np.eye(3).ravel(),
+        "p": np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
+    }
+    return Message("sensor_msgs/CameraInfo", fields)
+
+
+def joint_angles(wheels: WheelsReading) -> dict[str, float]:
+    """Angles of the URDF joints [rad]."""
+    left, right, *_ = wheels.steering_angle.tolist()
+    return {"front_left_steering_joint": left, "front_right_steering_joint": right} | _by_wheel(wheels.rotation_angle)
+
+
+def joint_rates(wheels: WheelsReading) -> dict[str, float]:
+    """Rates of the wheel joints [rad/s]; steering rates are not measured."""
+    return _by_wheel(wheels.angular_velocity)
+
+
+def _by_wheel(values: Array) -> dict[str, float]:
+    return {f"{name}_wheel_joint": value for name, value in zip(WHEEL_NAMES, values.tolist(), strict=True)}
+
+
+def lights(stamp: Time, frame_id: str, lamps: Lights) -> Message:
+    """An autodrive_msgs/Lights."""
+    fields: Fields = {"header": header(stamp, frame_id)}
+    for name in lamps.__struct_fields__:
+        value = getattr(lamps, name)
+        fields[name] = value if isinstance(value, bool) else int(value)
+    return Message("autodrive_msgs/Lights", fields)
+
+
+def wheel_states(stamp: Time, frame_id: str, wheels: WheelsReading) -> Message:
+    """An autodrive_msgs/WheelStates."""
+    quantities = {name: getattr(wheels, name) for name in wheels.__struct_fields__}
+    return Message(
+        "autodrive_msgs/WheelStates", {"header": header(stamp, frame_id), "name": [*WHEEL_NAMES], **quantities}
+    )
+
+
+CONVERTERS: dict[str, Callable[[Any, str], Message]] = {"sensor_msgs/Range": range_message}
+"""Type of a topic that carries a reading as it is -> function of the reading and its frame_id."""

@@ -1,0 +1,113 @@
+"""Link frames of a vehicle from its URDF: fixed frames, and frames that move with steering and wheels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from autodrive.base.errors import AutodriveError
+from autodrive.base.transforms import (
+    Quaternion,
+    Vector,
+    compose,
+    inverse,
+    quaternion_from_euler,
+    quaternion_from_rotation_vector,
+    rotate,
+)
+from autodrive.connect.ros.message import Message, Time
+
+
+class Transform(NamedTuple):
+    """Pose of the frame `child` in the frame `parent`: position [m] and quaternion wxyz."""
+
+    parent: str
+    child: str
+    position: Vector
+    orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+    def message(self, stamp: Time) -> Message:
+        """As a geometry_msgs/TransformStamped."""
+        return Message(
+            "geometry_msgs/TransformStamped",
+            {
+                "header": {"stamp": stamp, "frame_id": self.parent},
+                "child_frame_id": self.child,
+                "transform": {"translation": xyz(self.position), "rotation": xyzw(self.orientation)},
+            },
+        )
+
+
+def xyz(vector: Iterable[float]) -> dict[str, float]:
+    """Fields of a Vector3 or a Point."""
+    return dict(zip("xyz", map(float, vector), strict=True))
+
+
+def xyzw(orientation: Iterable[float]) -> dict[str, float]:
+    """Fields of a Quaternion, from wxyz."""
+    w, x, y, z = map(float, orientation)
+    return {"x": x, "y": y, "z": z, "w": w}
+
+
+def relative(of: Transform, to: Transform) -> tuple[Vector, Quaternion]:
+    """Pose of the child of `of` in the child of `to`; both have the same parent."""
+    back = inverse(to.orientation)
+    offset = tuple(a - b for a, b in zip(of.position, to.position, strict=True))
+    return rotate(back, offset), compose(back, of.orientation)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint of the URDF: `frame` is the pose of its child at angle 0; `axis` is a unit vector, None if fixed."""
+
+    name: str
+    frame: Transform
+    axis: Vector | None
+
+
+class Robot:
+    """The joints of a URDF. Raises AutodriveError if the text is not a URDF."""
+
+    def __init__(self, urdf: str) -> None:
+        try:
+            joints = [_joint(element) for element in ElementTree.fromstring(urdf).iterfind("joint")]
+        except (ElementTree.ParseError, AttributeError, KeyError, ValueError) as error:
+            raise AutodriveError(f"the robot_description is not a valid URDF: {error}") from None
+        self.fixed = [joint.frame for joint in joints if joint.axis is None]
+        """Fixed frames."""
+        self.moving = [joint for joint in joints if joint.axis is not None]
+
+    def transforms(self, angles: Mapping[str, float]) -> list[Transform]:
+        """Moving frames at these joint angles [rad]; the default angle is 0."""
+        return [_turned(joint, angles.get(joint.name, 0.0)) for joint in self.moving]
+
+
+def _turned(joint: UrdfJoint, angle: float) -> Transform:
+    assert joint.axis is not None
+    x, y, z = joint.axis
+    turn = quaternion_from_rotation_vector((angle * x, angle * y, angle * z))
+    return joint.frame._replace(orientation=compose(joint.frame.orientation, turn))
+
+
+def _joint(element: ElementTree.Element) -> UrdfJoint:
+    origin, axis = element.find("origin"), element.find("axis")
+    place, turn = ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
+    frame = Transform(
+        element.find("parent").attrib["link"],  # type: ignore[union-attr]
+        element.find("child").attrib["link"],  # type: ignore[union-attr]
+        _three(place),
+        quaternion_from_euler(*_three(turn)),
+    )
+    if element.attrib["type"] == "fixed":
+        return UrdfJoint(element.attrib["name"], frame, None)
+    direction = _three("1 0 0" if axis is None else axis.attrib["xyz"])
+    length = math.hypot(*direction)
+    return UrdfJoint(element.attrib["name"], frame, tuple(part / length for part in direction))  # type: ignore[arg-type]
+
+
+def _three(text: str) -> Vector:
+    x, y, z = map(float, text.split())
+    return x, y, z

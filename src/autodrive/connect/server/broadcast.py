@@ -1,0 +1,142 @@
+"""Sends the Frames of the simulation to all clients, and loads the scene files when the World changes."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from autodrive.connect.server.encoded_frames import EncodedFrames
+from autodrive.connect.server.files import File, immutable_files
+from autodrive.connect.server.frame_queue import MAX_EVENTS, Completion, FrameQueue, FrameUpdate
+from autodrive.connect.server.remote_view import RemoteViews
+
+if TYPE_CHECKING:
+    from autodrive.connect.server.connected_client import ConnectedClient
+    from autodrive.connect.server.frame_source import FrameSource
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
+    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.world import World
+    from autodrive.world.scene_files import SceneFiles
+
+log = logging.getLogger(__name__)
+
+RETRY = 0.02
+"""A Frame that could not be sent yet is offered again after this time [s]."""
+
+
+class Broadcast:
+    """Used in the server's event loop. `clients` is shared with the Hub; `on_change` is called when the Status changes.
+
+    Frames and finished requests of a new World wait until its scene files are loaded.
+    """
+
+    def __init__(
+        self,
+        simulation: FrameSource,
+        clients: set[ConnectedClient],
+        *,
+        scene_files: Callable[[World], SceneFiles],
+        jpeg_encoder: JpegEncoder | None,
+        renderer_factory: Callable[[World], SceneProcess],
+        on_change: Callable[[], None],
+    ) -> None:
+        self.encoded = EncodedFrames(jpeg_encoder)
+        self.files: dict[str, File] = {}
+        """The scene files, by path."""
+        self.queue = FrameQueue(simulation, self._take_items)
+        self.remote_views = RemoteViews(renderer_factory)
+        self.note = ""
+        """A long operation that runs now, for the Status."""
+        self._simulation = simulation
+        self._clients = clients
+        self._scene_files = scene_files
+        self._on_change = on_change
+        self._scene_files_now: dict[str, File] = {}
+        self._held: list[FrameUpdate | Completion] = []
+        self._world: World | None = None
+        self._loading: asyncio.Task[None] | None = None
+        self._is_retry_pending = False
+
+    def open(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Start to send the simulation's Frames."""
+        self._loop = loop
+        self.queue.open(loop)
+        self._simulation.add_sink(self.queue)
+        self.queue.publish(self._simulation.frame)
+
+    async def close(self) -> None:
+        """Stop sending."""
+        self._simulation.remove_sink(self.queue)
+        if self._loading is not None:
+            self._loading.cancel()
+        await self.remote_views.close()
+
+    def offer_latest(self, client: ConnectedClient) -> None:
+        """Offer the latest Frame to a client that is new or has changed its subscription."""
+        if self.encoded.latest is not None:
+            client.offer(self.encoded.latest, (), self._loop.time())
+
+    def _take_items(self) -> None:
+        for item in self.queue.take():
+            if self._loading is not None:
+                self._hold(item)
+            elif isinstance(item, Completion):
+                item.callback(item.future)
+            elif item.world is not self._world:
+                self._hold(item)
+                self._loading = asyncio.create_task(self._load_scene(item.world))
+            else:
+                self._send(item)
+
+    def _hold(self, item: FrameUpdate | Completion) -> None:
+        """Keep an item for later; of consecutive updates only the last is kept."""
+        if isinstance(item, FrameUpdate) and self._held and isinstance(before := self._held[-1], FrameUpdate):
+            events = (*before.events, *item.events) if before.world is item.world else item.events
+            self._held[-1] = FrameUpdate(item.world, item.frame, events[-MAX_EVENTS:])
+        else:
+            self._held.append(item)
+
+    def _send(self, update: FrameUpdate) -> None:
+        self.encoded.latest = update.frame
+        now = self._loop.time()
+        self.remote_views.offer(update.frame, now)
+        is_early = False
+        for client in self._clients:
+            is_early |= client.offer(update.frame, update.events, now)
+        if is_early and not self._is_retry_pending:
+            self._is_retry_pending = True
+            self._loop.call_later(RETRY, self._retry)
+
+    def _retry(self) -> None:
+        """Offer the latest Frame again: it may be the last for a long time, for example before a pause."""
+        self._is_retry_pending = False
+        if self.encoded.latest is not None and self._loading is None and self._world is not None:
+            self._send(FrameUpdate(self._world, self.encoded.latest, ()))
+
+    async def _load_scene(self, world: World) -> None:
+        """Load the scene files of a World, then deliver the items that waited for it."""
+        self.note = "preparing the scene"
+        self._on_change()
+        try:
+            loaded = await asyncio.to_thread(self._scene_files, world)
+            new = immutable_files(loaded.files, "scene")
+            self.files = self._scene_files_now | new  # a client may still be loading the previous scene
+            self._scene_files_now = new
+            self.encoded.set_scene(loaded.scene)
+        except Exception:
+            log.exception("server: the scene files cannot be loaded; clients get no scene")
+        try:
+            await self.remote_views.set_world(world)
+        except Exception:
+            log.exception("server: the scene cameras cannot be started; clients get no images of them")
+        self.note = ""
+        self._world = world
+        for client in self._clients:
+            client.on_scene_change()
+        self._loading = None
+        held, self._held = self._held, []
+        self.queue.put_back(held)
+        self._take_items()
+        self._on_change()

@@ -1,0 +1,86 @@
+"""Encodes each Frame, scan and picture once for all clients that want the same bytes."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+from autodrive.protocol.codec import encode, streamed
+from autodrive.protocol.messages import CameraImage, Event, Frame, LidarScan
+from autodrive.protocol.native import Picture, Scan, Scene, Subscribe
+
+if TYPE_CHECKING:
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
+
+MIN_WIDTH = 16
+"""Smallest width of a picture [pixels]."""
+
+NO_EVENTS: tuple[Event, ...] = ()
+
+
+class EncodedFrames:
+    """The Scene and the latest Frame, encoded when the first client wants them. Used in the server's event loop."""
+
+    def __init__(self, jpeg_encoder: JpegEncoder | None) -> None:
+        self.scene: Scene | None = None
+        self.latest: Frame | None = None
+        self.scene_bytes = b""
+        self.has_pictures = jpeg_encoder is not None
+        self._jpeg_encoder = jpeg_encoder
+        self._streamed: tuple[Frame | None, Frame | None] = None, None
+        self._frame: Frame | None = None
+        self._frames: dict[tuple[int, ...], tuple[tuple[Event, ...], bytes]] = {}
+        self._scans: dict[str, tuple[LidarScan, bytes]] = {}
+        self._pictures: dict[tuple[str, str], tuple[CameraImage, dict[tuple[int, int], bytes]]] = {}
+
+    def set_scene(self, scene: Scene) -> None:
+        """Replace the Scene and discard the scans and pictures of the previous one."""
+        self.scene = scene
+        self.scene_bytes = encode(scene)
+        self._scans.clear()
+        self._pictures.clear()
+
+    def streamed(self, frame: Frame, events: tuple[Event, ...]) -> Frame:
+        """The Frame without scans and images, with those events."""
+        if not events and not frame.events:
+            if self._streamed[0] is not frame:
+                self._streamed = frame, streamed(frame, NO_EVENTS)
+            assert self._streamed[1] is not None
+            return self._streamed[1]
+        return streamed(frame, events)
+
+    def frame_bytes(self, frame: Frame, events: tuple[Event, ...]) -> bytes:
+        """The encoded Frame with those events."""
+        if self._frame is not frame:
+            self._frame, self._frames = frame, {}
+        key = tuple(map(id, events))
+        if key not in self._frames:
+            self._frames[key] = events, encode(self.streamed(frame, events))
+        return self._frames[key][1]
+
+    def scan_bytes(self, scan: Scan) -> bytes:
+        """The encoded scan."""
+        known = self._scans.get(scan.vehicle)
+        if known is None or known[0] is not scan.scan:
+            known = self._scans[scan.vehicle] = scan.scan, encode(scan)
+        return known[1]
+
+    async def picture_bytes(self, vehicle: str, camera: str, image: CameraImage, wanted: Subscribe) -> bytes:
+        """The encoded picture in the wanted width and quality; the JPEG is made in another thread."""
+        full = image.intrinsics.width
+        width = min(max(wanted.picture_width or full, MIN_WIDTH), full)
+        key = width, min(max(wanted.picture_quality, 1), 100)
+        known, variants = self._pictures.get((vehicle, camera), (None, {}))
+        if known is not image:
+            variants = {}
+            self._pictures[vehicle, camera] = image, variants
+        if key not in variants:
+            variants[key] = await asyncio.to_thread(self._encode_picture, vehicle, camera, image, *key)
+        return variants[key]
+
+    def _encode_picture(self, vehicle: str, camera: str, image: CameraImage, width: int, quality: int) -> bytes:
+        assert self._jpeg_encoder is not None
+        intrinsics = image.intrinsics
+        size = width, max(round(width * intrinsics.height / intrinsics.width), 1)
+        jpeg = self._jpeg_encoder.encode(vehicle, camera, image, size=size, quality=quality)
+        return encode(Picture(vehicle, camera, image.time, image.pose, intrinsics, jpeg))

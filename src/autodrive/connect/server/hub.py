@@ -1,0 +1,292 @@
+"""Connects all clients with the simulation: receives their messages and sends the Status."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from autodrive import __version__
+from autodrive.base.errors import AutodriveError
+from autodrive.base.log_throttle import LogThrottle
+from autodrive.connect.server.bridge_control import BridgeControl
+from autodrive.connect.server.broadcast import Broadcast
+from autodrive.connect.server.connected_client import ConnectedClient
+from autodrive.connect.server.connections import ABORT, IS_CLIENT
+from autodrive.connect.server.driver_lease import DriverLeases
+from autodrive.connect.server.driving import Driving
+from autodrive.connect.server.files import File
+from autodrive.connect.server.frame_source import FrameSource, NoRecording, RecordingControl, Replayed
+from autodrive.connect.server.handshake import RefusedError, decoded, id_of, next_message, receive_hello
+from autodrive.connect.server.rate_limit import BYTES, RATE, RateLimit
+from autodrive.connect.server.requests import Requests
+from autodrive.protocol.codec import encode
+from autodrive.protocol.native import (
+    PROTOCOL,
+    SUBPROTOCOL,
+    ClientMessage,
+    Drive,
+    Error,
+    Hello,
+    Release,
+    Request,
+    Status,
+    Subscribe,
+    Welcome,
+)
+
+if TYPE_CHECKING:
+    from autodrive.connect.bridge.devkit import DevkitBridge
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
+    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.protocol.native import Drive, ServerOperation
+    from autodrive.world import World
+    from autodrive.world.scene_files import SceneFiles
+
+MAX_CLIENTS = 100
+"""More are refused."""
+MAX_WAIT = 10.0
+"""A client that has not read a message for this time [s] is disconnected if its place is needed."""
+STATUS_INTERVAL, LEAST_STATUS_INTERVAL = 0.25, 0.02
+"""Time between two Status messages without and with changes [s]."""
+POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
+"""Close codes of a WebSocket (RFC 6455)."""
+
+
+class Hub:
+    """An asynchronous context in the server's event loop; `serve` serves one client. See `Server` for the arguments."""
+
+    def __init__(
+        self,
+        simulation: FrameSource,
+        *,
+        scene_files: Callable[[World], SceneFiles],
+        bridge: DevkitBridge | None,
+        scenarios: dict[str, str],
+        jpeg_encoder: JpegEncoder | None,
+        cameras_error: Callable[[], str],
+        want_pictures: Callable[[bool], None],
+        renderer_factory: Callable[[World], SceneProcess],
+        recording: RecordingControl | None = None,
+        replay: Replayed | None = None,
+        refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
+    ) -> None:
+        self._simulation = simulation
+        self._scenarios = scenarios
+        self._recording = recording or NoRecording()
+        self._replay = replay
+        self._cameras_error = cameras_error
+        self._want_pictures = want_pictures
+        self._clients: set[ConnectedClient] = set()
+        self._broadcast = Broadcast(
+            simulation,
+            self._clients,
+            scene_files=scene_files,
+            jpeg_encoder=jpeg_encoder,
+            renderer_factory=renderer_factory,
+            on_change=self._send_status_soon,
+        )
+        self._leases = DriverLeases()
+        self._bridge = BridgeControl(bridge)
+        self._driving = Driving(
+            simulation,
+            self._leases,
+            self._send_status_soon,
+            self._now,
+            refusal=(lambda _: replay.refusal) if replay else refusal,
+        )
+        self._requests = Requests(
+            simulation,
+            self._broadcast.queue,
+            self._leases,
+            self._bridge,
+            self._broadcast.remote_views,
+            scenarios=scenarios,
+            recording=self._recording,
+            replay=replay,
+            refusal=refusal,
+            on_change=self._send_status_soon,
+            clock=self._now,
+        )
+        self._is_status_due = False
+        self._last_status = -math.inf
+        self._are_pictures_wanted = False
+
+    async def __aenter__(self) -> Hub:
+        self._loop = asyncio.get_running_loop()
+        self._broadcast.open(self._loop)
+        self._status_task = asyncio.create_task(self._send_status_regularly())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._status_task.cancel()
+        if self._are_pictures_wanted:
+            self._want_pictures(False)
+        await self._broadcast.close()
+
+    @property
+    def files(self) -> dict[str, File]:
+        """The scene files, by path."""
+        return self._broadcast.files
+
+    @property
+    def client_count(self) -> int:
+        """Number of connected clients; may be called from any thread."""
+        return len(self._clients)
+
+    # -- one client ---------------------------------------------------------------------------------------------
+
+    async def serve(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Accept a WebSocket (ASGI) and serve its client until it disconnects."""
+        offered = scope["subprotocols"]
+        await send({"type": "websocket.accept", "subprotocol": SUBPROTOCOL if SUBPROTOCOL in offered else None})
+
+        async def send_bytes(message: bytes) -> None:
+            await send({"type": "websocket.send", "bytes": message})
+
+        try:
+            hello = await receive_hello(receive)
+        except RefusedError as error:
+            await send_bytes(error.message)
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+            return
+        if hello is None:
+            return
+        if not self._has_room():
+            await send_bytes(encode(Error("rate", f"{MAX_CLIENTS} clients are connected; no more are accepted")))
+            await send({"type": "websocket.close", "code": TRY_AGAIN_LATER})
+            return
+        scope[IS_CLIENT] = True
+        client = ConnectedClient(self._free_name(hello.name), self._broadcast.encoded, scope.get(ABORT, lambda: None))
+        await send_bytes(encode(Welcome(PROTOCOL, __version__, client.name, self._scenarios)))
+        await self._serve_client(client, receive, send, send_bytes)
+
+    def _has_room(self) -> bool:
+        """Whether one more client is accepted; it takes the place of one that has not read for `MAX_WAIT`."""
+        if len(self._clients) < MAX_CLIENTS:
+            return True
+        slowest = min(self._clients, key=lambda client: client.waits_since)
+        if self._now() - slowest.waits_since < MAX_WAIT:
+            return False
+        self._clients.discard(slowest)
+        slowest.abort()
+        return True
+
+    async def _serve_client(self, client: ConnectedClient, receive: Any, send: Any, send_bytes: Any) -> None:
+        self._clients.add(client)
+        self._send_status_soon()
+        self._broadcast.offer_latest(client)
+        sending = asyncio.create_task(client.send_loop(send_bytes))
+        try:
+            await self._receive_loop(client, receive)
+            with contextlib.suppress(Exception):
+                await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+        finally:
+            sending.cancel()
+            self._clients.discard(client)
+            self._driving.forget(client)
+            self._requests.forget(client)
+            self._broadcast.remote_views.forget(client)
+            self._update_wanted_pictures()
+            self._send_status_soon()
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                await sending
+
+    async def _receive_loop(self, client: ConnectedClient, receive: Any) -> None:
+        """Handle messages until the client disconnects, exceeds the rate limit too often or does not read replies."""
+        limit = RateLimit(self._now())
+        warnings = LogThrottle(1.0, self._now)
+        while (data := await next_message(receive)) is not None:
+            if limit.allows_size(len(data), self._now()):
+                try:
+                    message = decoded(data)
+                except AutodriveError as error:
+                    id = id_of(data)
+                    message = Error("message" if id is None else "request", str(error), id)
+                if isinstance(message, Request):
+                    if not self._requests.execute(client, message):
+                        limit.drop()
+                elif limit.allows(self._now()):
+                    self._handle(client, message)
+                elif warnings.admits("messages"):
+                    client.send_error(Error("rate", f"more than {RATE:g} messages per second; some are dropped"))
+            elif warnings.admits("bytes"):
+                client.send_error(Error("rate", f"more than {BYTES:g} bytes per second; some messages are dropped"))
+            if limit.is_exhausted or client.is_overrun:
+                return
+
+    def _handle(self, client: ConnectedClient, message: ClientMessage | Error) -> None:
+        """A message that is no Request."""
+        match message:
+            case Error():
+                client.send_error(message)
+            case Subscribe():
+                self._subscribe(client, message)
+            case Drive():
+                self._driving.drive(client, message)
+            case Release(vehicle=vehicle):
+                self._driving.release(client, vehicle)
+            case Hello():
+                client.send_error(Error("message", "a Hello is sent once, at the beginning"))
+
+    def _subscribe(self, client: ConnectedClient, subscription: Subscribe) -> None:
+        client.subscribe(subscription)
+        self._update_wanted_pictures()
+        self._broadcast.offer_latest(client)
+
+    def _update_wanted_pictures(self) -> None:
+        wanted = any(client.subscription.picture_rate > 0 for client in self._clients)
+        if wanted != self._are_pictures_wanted:
+            self._are_pictures_wanted = wanted
+            self._want_pictures(wanted)
+
+    def _free_name(self, wanted: str) -> str:
+        name = "".join(c for c in wanted if c.isprintable())[:40].strip() or "client"
+        taken = {client.name for client in self._clients}
+        return next(one for n in range(1, MAX_CLIENTS + 2) if (one := name if n == 1 else f"{name} {n}") not in taken)
+
+    # -- status -------------------------------------------------------------------------------------------------
+
+    def _now(self) -> float:
+        return self._loop.time()
+
+    def _send_status_soon(self) -> None:
+        """Send one Status for all changes of this turn of the event loop, or of `LEAST_STATUS_INTERVAL`."""
+        if not self._is_status_due:
+            self._is_status_due = True
+            self._loop.call_at(max(self._last_status + LEAST_STATUS_INTERVAL, self._now()), self._send_status)
+
+    async def _send_status_regularly(self) -> None:
+        while True:
+            self._send_status()
+            await asyncio.sleep(STATUS_INTERVAL)
+
+    def _send_status(self) -> None:
+        self._is_status_due = False
+        if not self._clients:
+            return
+        simulation = self._simulation
+        self._last_status = now = self._now()
+        note = self._broadcast.note or self._requests.note
+        status = encode(
+            Status(
+                is_paused=simulation.is_paused,
+                speed=simulation.speed,
+                real_time_factor=simulation.real_time_factor,
+                late_ticks=simulation.late_ticks,
+                clients=len(self._clients),
+                drivers={vehicle: client.name for vehicle, client in self._leases.drivers(now).items()},
+                bridge=self._bridge.status(now),
+                cameras_error=self._cameras_error() if self._are_pictures_wanted else "",
+                note=note or ("" if simulation.is_running else "the simulation is not running"),
+                undo=simulation.undo_name,
+                redo=simulation.redo_name,
+                error=simulation.error,
+                recording=self._recording.status,
+                position=self._replay.position if self._replay else None,
+            )
+        )
+        for client in self._clients:
+            client.set_status(status)

@@ -1,0 +1,327 @@
+"""Executes client requests: simulation operations, scene cameras and control of the devkit bridge."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import time
+from collections.abc import Awaitable, Callable
+from concurrent.futures import CancelledError, Future
+from typing import TYPE_CHECKING, NamedTuple
+
+from autodrive.base.errors import AutodriveError
+from autodrive.base.specs import suggest
+from autodrive.connect.server.driving import taken
+from autodrive.connect.server.request_queue import MAX_PENDING, SHARE, Entry, RequestQueue, TimeLimit
+from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step
+from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
+from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
+from autodrive.scenario import scenario_text
+
+if TYPE_CHECKING:
+    from autodrive.connect.server.bridge_control import BridgeControl
+    from autodrive.connect.server.connected_client import ConnectedClient
+    from autodrive.connect.server.driver_lease import DriverLeases
+    from autodrive.connect.server.frame_queue import FrameQueue
+    from autodrive.connect.server.frame_source import FrameSource, RecordingControl, Replayed
+    from autodrive.connect.server.remote_view import RemoteViews
+    from autodrive.protocol.native import ServerOperation
+
+log = logging.getLogger(__name__)
+
+MAX_TICKS = 10_000
+"""Longest Step."""
+OF_SERVER = (
+    ConnectBridge,
+    DisconnectBridge,
+    SetCamera,
+    StartRecording,
+    StopRecording,
+    SaveRecording,
+    PlotRecording,
+)
+"""Operations of the server; all others are operations of the simulation, which executes one at a time."""
+LEAST_WORK = {ConnectBridge: 0.05, SetCamera: 0.004, StartRecording: 0.05}
+"""Operations that cause work elsewhere count as if they took this time [s]."""
+NOT_PAUSED = "a Step needs a paused simulation; request Pause first"
+
+
+class Answer(NamedTuple):
+    """What a Response has besides its Frame."""
+
+    text: str = ""
+    curves: dict[str, Curve] = {}  # noqa: RUF012  nobody changes it
+
+
+NO_ANSWER = Answer()
+
+
+class Requests:
+    """Used in the server's event loop. `on_change` is called when the Status changes.
+
+    While time runs, the requests of a client, and those of all clients together, use at most `SHARE` of the time. A
+    client that connects again waits for its turn like the others.
+    """
+
+    def __init__(
+        self,
+        simulation: FrameSource,
+        frame_queue: FrameQueue,
+        leases: DriverLeases,
+        bridge: BridgeControl,
+        remote_views: RemoteViews,
+        *,
+        scenarios: dict[str, str],
+        recording: RecordingControl,
+        replay: Replayed | None,
+        refusal: Callable[[ServerOperation], str],
+        on_change: Callable[[], None],
+        clock: Callable[[], float],
+    ) -> None:
+        self.note = ""
+        """A long operation that runs now, for the Status."""
+        self._simulation = simulation
+        self._frame_queue = frame_queue
+        self._leases = leases
+        self._bridge = bridge
+        self._remote_views = remote_views
+        self._scenarios = scenarios
+        self._recording = recording
+        self._replay = replay
+        self._refusal = refusal
+        self._recording_lock = asyncio.Lock()
+        self._on_change = on_change
+        self._clock = clock
+        self._queues: dict[ConnectedClient, RequestQueue] = {}
+        """The queue of each client; the client whose turn is next comes first."""
+        self._limit = TimeLimit(time.perf_counter())
+        self._is_busy = False
+        """Whether the simulation executes a request."""
+        self._timer: asyncio.Handle | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def execute(self, client: ConnectedClient, request: Request) -> bool:
+        """Execute a request after the earlier ones of this client; its Response or Error follows.
+
+        Returns False if the request is refused because too many are waiting.
+        """
+        queue = self._queues.setdefault(client, RequestQueue())
+        was_idle = queue.is_idle
+        if error := self._refusal(request.operation) or self._unknown(request.operation):
+            client.send_error(Error("request", error, request.id))
+        elif not queue.add(request):
+            text = f"more than {MAX_PENDING} requests are pending: wait for a Response"
+            client.send_error(Error("rate", text, request.id))
+            return False
+        elif was_idle:
+            self._execute_next()
+        return True
+
+    def forget(self, client: ConnectedClient) -> None:
+        """The client disconnected: requests that wait are dropped."""
+        if queue := self._queues.pop(client, None):
+            queue.clear()
+
+    def _execute_next(self) -> None:
+        """Execute what may be executed now: the clients in turn, and one operation of the simulation at a time."""
+        self._stop_timer()
+        now = time.perf_counter()  # exact: the time of the event loop stands still during a turn
+        earliest = math.inf
+        for client, queue in list(self._queues.items()):
+            if (entry := queue.next) is None:
+                continue
+            free_at = queue.free_at
+            if not isinstance(entry.operation, OF_SERVER):
+                if self._is_busy:
+                    continue
+                free_at = max(free_at, -math.inf if self._simulation.is_paused else self._limit.free_at)
+            if now < free_at:
+                earliest = min(earliest, free_at)
+                continue
+            self._queues[client] = self._queues.pop(client)  # next time it is the turn of the others
+            self._begin(client, queue, queue.take(now))
+        if earliest < math.inf:
+            self._timer = asyncio.get_running_loop().call_later(earliest - now, self._execute_next)
+
+    def _execute_soon(self) -> None:
+        """In a new turn of the event loop, so that many short Steps do not nest."""
+        self._stop_timer()
+        self._timer = asyncio.get_running_loop().call_soon(self._execute_next)
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _begin(self, client: ConnectedClient, queue: RequestQueue, entry: Entry) -> None:
+        try:
+            match entry.operation:
+                case ConnectBridge(host=host, port=port):
+                    self._start(client, queue, entry, lambda: _no_answer(self._bridge.connect(host, port)))
+                case DisconnectBridge():
+                    self._start(client, queue, entry, lambda: _no_answer(self._bridge.disconnect()))
+                case StartRecording() | StopRecording() | SaveRecording() as operation:
+                    self._start(client, queue, entry, lambda: self._record(operation))
+                case PlotRecording() as plot:
+                    self._start(client, queue, entry, lambda: self._plot(plot))
+                case SetCamera() as view:
+                    self._remote_views.set_view(client, view, self._clock())
+                    self._respond(client, queue, entry, self._simulation.frame)
+                case operation:
+                    self._is_busy = True
+                    self._submit(client, queue, entry, operation)
+        except Exception as error:
+            self._refuse(client, queue, entry, error)
+
+    def _respond(
+        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, frame: Frame, answer: Answer = NO_ANSWER
+    ) -> None:
+        for id in entry.ids:
+            client.respond(id, frame, answer.text, answer.curves)
+        self._end(queue, entry)
+
+    def _refuse(self, client: ConnectedClient, queue: RequestQueue, entry: Entry, error: BaseException) -> None:
+        if not isinstance(error, AutodriveError | _TakenError):
+            log.error("server: a %s failed", type(entry.operation).__name__, exc_info=error)
+        for id in entry.ids:
+            client.send_error(Error("taken" if isinstance(error, _TakenError) else "request", str(error), id))
+        self._end(queue, entry)
+
+    def _end(self, queue: RequestQueue, entry: Entry) -> None:
+        """The request was executed: choose the time of the client's next one."""
+        now = time.perf_counter()
+        queue.is_busy = False
+        is_of_server = isinstance(entry.operation, OF_SERVER)
+        if not isinstance(entry.operation, Step) and not self._simulation.is_paused:
+            work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
+            queue.free_at = now + (1.0 / SHARE - 1.0) * work
+            if not is_of_server:
+                self._limit.use(entry.ended - entry.started, now)
+        if not is_of_server:
+            self._is_busy = False
+        self._execute_soon()
+
+    def _unknown(self, operation: ServerOperation) -> str:
+        """The error for a scenario that is not known; empty if it is, or if none is to be loaded."""
+        if not isinstance(operation, LoadScenario) or operation.name in self._scenarios:
+            return ""
+        return f"scenario '{operation.name}' is not known. {suggest(operation.name, list(self._scenarios))}"
+
+    def _submit(self, client: ConnectedClient, queue: RequestQueue, entry: Entry, operation: Operation) -> None:
+        """Pass an operation to the simulation."""
+        if isinstance(operation, Step):
+            self._check_step(client, operation)
+        future = self._simulation.request(operation, here=True)
+        self._on_submitted(operation)
+
+        def note_end(_: Future[Frame]) -> None:
+            entry.ended = time.perf_counter()
+
+        def reply(done: Future[Frame]) -> None:
+            self._on_done(operation)
+            try:
+                frame = done.result()
+                text = self._text(operation)
+            except CancelledError:
+                self._refuse(client, queue, entry, AutodriveError("the simulation has ended"))
+            except Exception as error:
+                self._refuse(client, queue, entry, error)
+            else:
+                self._respond(client, queue, entry, frame, Answer(text))
+
+        future.add_done_callback(note_end)
+        self._frame_queue.call_when_done(future, reply)
+        if future.done():
+            self._frame_queue.deliver()
+
+    def _text(self, operation: Operation) -> str:
+        """The text of the Response: the scenario as it is now, for a `SaveScenario`."""
+        if not isinstance(operation, SaveScenario):
+            return ""
+        world = self._simulation.world
+        return scenario_text(world.spec.model_copy(update={"scene_light": world.scene_light}))
+
+    def _check_step(self, client: ConnectedClient, step: Step) -> None:
+        if not self._simulation.is_paused:
+            raise AutodriveError(NOT_PAUSED)
+        if step.ticks > MAX_TICKS:
+            raise AutodriveError(f"a requested Step has at most {MAX_TICKS} ticks, not {step.ticks}: request several")
+        if step.commands.keys() - self._simulation.frame.vehicles.keys():
+            return  # the simulation refuses it
+        now = self._clock()
+        drivers = self._leases.drivers(now)
+        for vehicle in step.commands:
+            if drivers.get(vehicle, client) is not client:
+                raise _TakenError(taken(vehicle, drivers[vehicle]))
+        for vehicle in step.commands:
+            self._leases.acquire(vehicle, client, "script", None, now)
+            if vehicle not in drivers:
+                self._on_change()
+
+    def _on_submitted(self, operation: Operation) -> None:
+        match operation:
+            case Step():
+                self._frame_queue.steps += 1
+            case LoadScenario(name=name):
+                self.note = f"loading the scenario {self._scenarios[name] or name}"
+                self._on_change()
+            case _:
+                pass
+
+    def _on_done(self, operation: Operation) -> None:
+        match operation:
+            case Step():
+                self._frame_queue.steps -= 1
+                return
+            case LoadScenario():
+                self.note = ""
+            case _:
+                pass
+        self._on_change()
+
+    def _start(
+        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, work: Callable[[], Awaitable[Answer]]
+    ) -> None:
+        """Let the server work on a request, and respond after that."""
+        if len(self._tasks) >= MAX_PENDING:
+            raise AutodriveError("too many clients connect the bridge, record or plot at the same time")
+
+        async def execute() -> None:
+            try:
+                answer = await work()
+            except Exception as error:
+                self._refuse(client, queue, entry, error)
+            else:
+                self._respond(client, queue, entry, self._simulation.frame, answer)
+            self._on_change()
+
+        task = asyncio.create_task(execute())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _record(self, operation: StartRecording | StopRecording | SaveRecording) -> Answer:
+        async with self._recording_lock:
+            match operation:
+                case StartRecording(keep=keep):
+                    await asyncio.to_thread(self._recording.start, keep)
+                    return NO_ANSWER
+                case StopRecording():
+                    return Answer(await asyncio.to_thread(self._recording.stop))
+                case SaveRecording():
+                    return Answer(await asyncio.to_thread(self._recording.save))
+
+    async def _plot(self, request: PlotRecording) -> Answer:
+        if self._replay is None:
+            raise AutodriveError("a simulation has no recording to plot: use 'autodrive replay FILE'")
+        curves, missing = await asyncio.to_thread(self._replay.curves, request)
+        return Answer(missing, curves)
+
+
+async def _no_answer(work: Awaitable[None]) -> Answer:
+    await work
+    return NO_ANSWER
+
+
+class _TakenError(Exception):
+    """Another client drives the vehicle."""

@@ -1,0 +1,251 @@
+"""The web server: the page, scene files and the native protocol on one port, in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import ipaddress
+import logging
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import uvicorn
+
+from autodrive.base.errors import AutodriveError
+from autodrive.base.log_throttle import LogThrottle
+from autodrive.connect.server.access import AccessPolicy, checked_token, is_loopback
+from autodrive.connect.server.connections import HttpProtocol, WebSocketProtocol
+from autodrive.connect.server.files import page_files
+from autodrive.connect.server.hub import Hub
+from autodrive.connect.server.web import WebApplication
+from autodrive.protocol.ports import PORT
+
+if TYPE_CHECKING:
+    from autodrive.connect.bridge.devkit import DevkitBridge
+    from autodrive.connect.server.frame_source import FrameSource, RecordingControl, Replayed
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
+    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.protocol.native import Drive, ServerOperation
+    from autodrive.world import World
+    from autodrive.world.scene_files import SceneFiles
+
+log = logging.getLogger(__name__)
+
+PORTS = 20
+"""Number of ports that are tried, from the default one on."""
+LOG_INTERVAL = 10.0
+"""Errors of the same kind are logged once in this time [s]."""
+MESSAGE_LIMIT = 2**16
+"""A client that sends a longer message [bytes] is disconnected."""
+
+
+class Server:
+    """Serves a Simulation to browsers and programs: `start`, then `url` is the link to open; `close` stops it.
+
+    - `scene_files(world)`: the files that clients need to draw; called in another thread, at the start and for each
+      World that a `LoadScenario` loads.
+    - `page`: folder of the built page; None: only the WebSocket and the scene files.
+    - `bridge`: connected and disconnected by requests; it need not be started. None: such requests are refused.
+    - `scenarios`: name -> title of the scenarios that clients may load with the Simulation's `load`.
+    - `port` None: `PORT`, or the next free one. A given port that is in use is an `AutodriveError`.
+    - `token`: access token of at least 16 characters; generated if other machines can connect and none is given.
+    - `allowed_origins`: other origins whose pages may connect, for example 'https://lab.example.org'.
+    - `jpeg_encoder`: encodes the images of the sensor cameras; None: no pictures are sent.
+    - `cameras_error()`: why there are no pictures; empty if there are.
+    - `want_pictures(wanted)`: called in the server's thread with True when the first client wants pictures, and with
+      False when no client does.
+    - `recording`: makes recordings on request; None: such requests are refused.
+    - `replay`: the recording that `simulation`, a Player, shows; None: it is a Simulation.
+    - `renderer_factory(world)`: starts the process that renders scene cameras; None: `scene_renderer_factory()`.
+    - `refusal(message)`: why clients may not have that operation or Drive now; empty if they may.
+    """
+
+    def __init__(
+        self,
+        simulation: FrameSource,
+        *,
+        scene_files: Callable[[World], SceneFiles],
+        page: Path | None = None,
+        bridge: DevkitBridge | None = None,
+        scenarios: Mapping[str, str] | None = None,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        token: str | None = None,
+        allowed_origins: Sequence[str] = (),
+        jpeg_encoder: JpegEncoder | None = None,
+        cameras_error: Callable[[], str] = lambda: "",
+        want_pictures: Callable[[bool], None] = lambda wanted: None,
+        renderer_factory: Callable[[World], SceneProcess] | None = None,
+        recording: RecordingControl | None = None,
+        replay: Replayed | None = None,
+        refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
+    ) -> None:
+        self.host = host
+        if token is not None:
+            token = checked_token(token)
+        self.token = token or (None if is_loopback(host) else secrets.token_urlsafe(16))
+        self._page = page
+        self._wanted_port = port
+        self._port = 0
+        self._policy = AccessPolicy(self.token, tuple(allowed_origins))
+        self._hub = Hub(
+            simulation,
+            scene_files=scene_files,
+            bridge=bridge,
+            scenarios=dict(scenarios or {}),
+            jpeg_encoder=jpeg_encoder,
+            cameras_error=cameras_error,
+            want_pictures=want_pictures,
+            renderer_factory=renderer_factory or scene_renderer_factory(),
+            recording=recording,
+            replay=replay,
+            refusal=refusal,
+        )
+        self._thread: threading.Thread | None = None
+        self._server: uvicorn.Server | None = None
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on; 0 before the start."""
+        return self._port
+
+    @property
+    def address(self) -> str:
+        """Host and port for clients, 'host:port'."""
+        host = _reachable(self.host)
+        return f"[{host}]:{self._port}" if ":" in host else f"{host}:{self._port}"
+
+    @property
+    def clients(self) -> int:
+        """Number of connected clients."""
+        return self._hub.client_count
+
+    @property
+    def url(self) -> str:
+        """The link to open, with the token if there is one."""
+        return f"http://{self.address}/" + (f"?token={self.token}" if self.token else "")
+
+    def start(self) -> None:
+        """Listen, and serve in a thread of its own. Raises `AutodriveError` if the port is not available."""
+        if self._thread is not None:
+            raise RuntimeError("this Server is already started")
+        listener = _listener(self.host, self._wanted_port)
+        self._port = listener.getsockname()[1]
+        is_ready = threading.Event()
+
+        def serve() -> None:
+            with asyncio.Runner(loop_factory=_new_loop) as runner:
+                runner.run(self._serve(listener, is_ready))
+
+        self._thread = threading.Thread(target=serve, name="autodrive-server", daemon=True)
+        self._thread.start()
+        is_ready.wait()
+
+    def close(self) -> None:
+        """Disconnect all clients and end the thread."""
+        if self._thread is None:
+            return
+        if self._server is not None:
+            self._server.should_exit = True
+        self._thread.join()
+        self._thread = None
+
+    def __enter__(self) -> Server:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    async def _serve(self, listener: socket.socket, is_ready: threading.Event) -> None:
+        """Run the hub and the web server in the thread, until `close`."""
+        page = {} if self._page is None else page_files(self._page)
+        application = WebApplication(
+            self._policy, lambda path: page.get(path) or self._hub.files.get(path), self._hub.serve
+        )
+        config = uvicorn.Config(
+            application,  # type: ignore[arg-type]
+            http=HttpProtocol,
+            ws=WebSocketProtocol,
+            ws_max_size=MESSAGE_LIMIT,
+            ws_per_message_deflate=False,
+            ws_ping_interval=None,  # a client without pongs is not dead: a script may be stopped at a breakpoint
+            lifespan="off",
+            log_config=None,
+            log_level="error",
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        self._server = uvicorn.Server(config)
+        logging.getLogger("uvicorn.error").addFilter(_admits)
+        is_ready.set()
+        async with self._hub:
+            await self._server.serve(sockets=[listener])
+
+
+_throttle = LogThrottle(LOG_INTERVAL, time.monotonic)
+
+
+def _admits(record: logging.LogRecord) -> bool:
+    """Whether a line of uvicorn is logged: clients could cause many."""
+    return _throttle.admits(record.msg)
+
+
+def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneProcess]:
+    """A factory of renderers with that quality; the renderer is imported when the first one starts."""
+
+    def start(world: World) -> SceneProcess:
+        from autodrive.graphics.cameras.scene_process import SceneProcess  # noqa: PLC0415
+        from autodrive.graphics.cameras.scene_worker import SceneContents  # noqa: PLC0415
+
+        return SceneProcess(SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), quality))
+
+    return start
+
+
+def _new_loop() -> asyncio.AbstractEventLoop:
+    """An event loop of uvloop if it is installed."""
+    try:
+        import uvloop  # noqa: PLC0415  not on Windows
+    except ImportError:
+        return asyncio.new_event_loop()
+    return uvloop.new_event_loop()
+
+
+def _listener(host: str, port: int | None) -> socket.socket:
+    """Listen on that port, or on the first free default port."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    for attempt in range(PORTS if port is None else 1):
+        number = PORT + attempt if port is None else port
+        try:
+            return socket.create_server((host, number), family=family, backlog=200)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise AutodriveError(f"cannot listen on {host} port {number}: {error.strerror or error}") from None
+        except OverflowError:
+            raise AutodriveError(f"port {number} is not in the range 0 to 65535") from None
+    if port is not None:
+        raise AutodriveError(f"port {port} of {host} is in use; without --port the next free one is used")
+    raise AutodriveError(f"ports {PORT} to {PORT + PORTS - 1} of {host} are all in use; choose a free one with --port")
+
+
+def _reachable(host: str) -> str:
+    """An address that other machines can use; for 'all addresses' the one of the default route."""
+    try:
+        is_any = ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return host
+    if not is_any:
+        return host
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # nothing is sent; a documentation address (RFC 5737)
+            return probe.getsockname()[0]
+        except OSError:
+            return "127.0.0.1"

@@ -1,0 +1,1 @@
+"""Experiments: campaigns, learning environments, identification, policies."""

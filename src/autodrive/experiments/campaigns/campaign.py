@@ -1,0 +1,261 @@
+"""The file of a campaign: what is run, with which parameters and seeds, and what is measured."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
+
+from pydantic import Field, field_validator
+
+from autodrive.base import specs
+from autodrive.base.errors import AutodriveError, SpecError
+from autodrive.base.specs import Source, Spec, suggest
+from autodrive.experiments.campaigns import parameters
+from autodrive.experiments.campaigns.expression import Expression
+from autodrive.experiments.campaigns.metrics import METRICS
+from autodrive.experiments.campaigns.sampling import Design, Range, Sampling, Value
+from autodrive.experiments.policies.policy import DATA as POLICIES
+from autodrive.experiments.policies.policy import Policy
+from autodrive.protocol.messages import Event
+from autodrive.scenario import ScenarioSpec, load_scenario
+from autodrive.world.compile import compile_scenario
+
+Recorded: TypeAlias = Literal["none", "failures", "all"]
+EVENTS = sorted(kind.__name__ for kind in get_args(Event))
+"""Names of the events that can end a run."""
+FUNCTION = re.compile(r"(?P<file>[^\s:]+\.py):(?P<name>[A-Za-z_]\w*)")
+"""A class or function of the user: 'my_driver.py:Driver'."""
+POLICY = re.compile(r"[^\s:{}]+\.npz")
+"""A file with a policy, or an included policy: 'race.npz'."""
+MAX_RUNS = 10**9
+
+
+class Stop(Spec):
+    """When a run ends."""
+
+    time: float = Field(default=60.0, gt=0.0, le=1e6)
+    """[s of simulated time]."""
+    events: tuple[str, ...] = ()
+    """Events of the vehicle that end it, such as Collision or LapCompleted."""
+
+
+class CampaignSpec(Spec):
+    """The file of a campaign."""
+
+    title: str = ""
+    scenario: str
+    """Name or file of the scenario."""
+    driver: str
+    """'my_driver.py:Driver', 'policy.npz', or the command line of a devkit script with '{port}' for its port."""
+    vehicle: str = ""
+    """Vehicle that metrics and events are about; left out: the first one."""
+    parameters: dict[str, Range] = Field(default_factory=dict)
+    """Values by path, such as 'vehicles.V1.grip_factor', 'driver.lookahead' or 'latency'."""
+    samples: Sampling = Sampling()
+    seeds: int | tuple[int, ...] = 1
+    """Runs of each sample, with the seeds 0, 1, ...; or a list of seeds."""
+    stop: Stop = Stop()
+    metrics: tuple[str, ...] = ("distance", "collisions")
+    """Names of metrics, or functions of the Frames: 'my_metrics.py:name'."""
+    pass_: str = Field(default="", alias="pass")
+    """Condition on the metrics, such as 'collisions == 0'; left out: runs have no verdict."""
+    record: Recorded = "none"
+    """Which runs are recorded."""
+    files: tuple[str, ...] = ()
+    """Other files that the driver reads: a run is repeated if one has changed."""
+    cameras: bool = False
+    """Whether camera images are rendered, in the tick."""
+    time_limit: float = Field(default=300.0, gt=0.0, le=1e6)
+    """Wall time of a run [s]; a longer one is an error."""
+
+    @field_validator("parameters", mode="before")
+    @classmethod
+    def _short_forms(cls, given: Any) -> Any:
+        """A list is a choice, and a value the only one."""
+        if not isinstance(given, dict):
+            return given
+        return {
+            path: one if isinstance(one, dict) else {"choice": one if isinstance(one, list) else [one]}
+            for path, one in given.items()
+        }
+
+    @property
+    def seed_list(self) -> tuple[int, ...]:
+        """The seeds of each sample."""
+        return tuple(range(self.seeds)) if isinstance(self.seeds, int) else self.seeds
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A checked campaign. `folder` is where its files are: paths in it are relative to that folder."""
+
+    spec: CampaignSpec
+    scenario: ScenarioSpec
+    folder: Path
+    name: str = "campaign"
+    path: Path | None = field(default=None, compare=False)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Campaign:
+        """Read a file and everything that it names. Raises `SpecError` with all errors."""
+        path = Path(path)
+        source = specs.source(path)
+        spec, errors = specs.readable(source, CampaignSpec)
+        if isinstance(spec, CampaignSpec) and not errors:
+            return cls._checked(spec, source, path)
+        raise SpecError([error.replace("pass_", "pass") for error in errors], str(path))
+
+    @classmethod
+    def _checked(cls, spec: CampaignSpec, source: Source, path: Path) -> Campaign:
+        folder = path.parent
+        errors = [f"{source.at(*place)}: {text}" for place, text in _problems(spec, folder)]
+        try:
+            scenario = load_scenario(_found(spec.scenario, folder))
+        except SpecError as error:
+            errors += [f"{source.at('scenario')}: {text}" for text in error.errors]
+            raise SpecError(errors, str(path)) from None
+        if spec.vehicle and spec.vehicle not in scenario.vehicles:
+            errors.append(f"{source.at('vehicle')}: {suggest(spec.vehicle, list(scenario.vehicles))}")
+        for name, values in spec.parameters.items():
+            errors += [f"{source.at('parameters', name)}: {text}" for text in parameters.errors(scenario, name, values)]
+        campaign = cls(spec, scenario, folder, path.stem, path)
+        if not errors:
+            try:
+                compile_scenario(parameters.structural(scenario, campaign.design[0]))
+            except SpecError as error:
+                errors += [f"{source.at('scenario')}: {text}" for text in error.errors]
+        if errors:
+            raise SpecError(errors, str(path))
+        return campaign
+
+    @cached_property
+    def design(self) -> Design:
+        """The samples."""
+        return Design(self.spec.parameters, self.spec.samples)
+
+    @property
+    def vehicle(self) -> str:
+        """The vehicle that metrics and events are about."""
+        return self.spec.vehicle or next(iter(self.scenario.vehicles))
+
+    @property
+    def policy(self) -> Path | None:
+        """The file of the policy that drives, beside the campaign or included; None for another driver."""
+        return policy_file(self.spec.driver, self.folder)
+
+    @property
+    def metric_names(self) -> list[str]:
+        """The columns of the metrics."""
+        return [name.rpartition(":")[2] for name in self.spec.metrics]
+
+    @cached_property
+    def criterion(self) -> Expression | None:
+        """The pass criterion; None if there is none."""
+        return Expression(self.spec.pass_, self.metric_names) if self.spec.pass_ else None
+
+    def __len__(self) -> int:
+        """Number of runs."""
+        return len(self.design) * len(self.spec.seed_list)
+
+    def run(self, number: int) -> Run:
+        """The run of that number, from 0."""
+        seeds = self.spec.seed_list
+        sample, k = divmod(number, len(seeds))
+        return Run(number, sample, seeds[k], self.design[sample])
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a campaign."""
+
+    number: int
+    sample: int
+    seed: int
+    values: dict[str, Value]
+    """Of the parameters, by path."""
+    recording: str = ""
+    """Recording file that is written, as `record` says; empty: none."""
+
+
+def policy_file(driver: str, folder: Path) -> Path | None:
+    """The file of the policy that drives, beside the campaign or included; None for another driver."""
+    if not POLICY.fullmatch(driver):
+        return None
+    own, included = folder / driver, POLICIES / driver
+    return included if included.is_file() and not own.is_file() else own
+
+
+def _found(name: str, folder: Path) -> str:
+    """A file beside the campaign, or a name."""
+    return str(folder / name) if Path(name).suffix in {".yaml", ".yml"} else name
+
+
+def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """What is wrong beside the scenario: places and texts."""
+    for i, name in enumerate(spec.metrics):
+        if found := FUNCTION.fullmatch(name):
+            if not (folder / found["file"]).is_file():
+                yield ("metrics", i), f"file '{found['file']}' does not exist"
+        elif name not in METRICS:
+            yield ("metrics", i), f"'{name}' is not known. {suggest(name, sorted(METRICS))}"
+    columns = [name.rpartition(":")[2] for name in spec.metrics]
+    if len(set(columns)) < len(columns):
+        yield ("metrics",), "two metrics have the same name"
+    if spec.pass_:
+        try:
+            Expression(spec.pass_, columns)
+        except ValueError as error:
+            yield ("pass",), str(error)
+    if found := FUNCTION.fullmatch(spec.driver):
+        if not (folder / found["file"]).is_file():
+            yield ("driver",), f"file '{found['file']}' does not exist"
+    elif policy := policy_file(spec.driver, folder):
+        try:
+            Policy.load(policy)
+        except AutodriveError as error:
+            yield ("driver",), str(error)
+    elif "{port}" not in spec.driver:
+        yield (
+            ("driver",),
+            "must be 'FILE.py:CLASS', a policy 'FILE.npz', or a command line with '{port}' in the place of the port "
+            "that the script serves",
+        )
+    for i, name in enumerate(spec.stop.events):
+        if name not in EVENTS:
+            yield ("stop", "events", i), f"'{name}' is no event. {suggest(name, EVENTS)}"
+    for i, name in enumerate(spec.files):
+        if not (folder / name).is_file():
+            yield ("files", i), f"file '{name}' does not exist"
+    seeds = spec.seed_list
+    if not seeds or min(seeds) < 0 or max(seeds) >= 2**63 or len(set(seeds)) < len(seeds):
+        yield ("seeds",), "must be a number of seeds from 1 on, or a list of different seeds from 0 on"
+    method, ranges = spec.samples.method, spec.parameters
+    for name in ranges:
+        if parameters.DRIVER.fullmatch(name) and not FUNCTION.fullmatch(spec.driver):
+            yield ("parameters", name), "only a class 'FILE.py:CLASS' has arguments; another driver would ignore it"
+    if method == "grid":
+        for name, one in ranges.items():
+            if one.is_continuous:
+                yield ("parameters", name), "a range needs samples: {method: sobol, count: ...}, or another method"
+    if method in ("grid", "list") and spec.samples.count is not None:
+        yield ("samples", "count"), f"the method '{method}' has no count"
+    if method in ("random", "latin_hypercube", "sobol") and spec.samples.count is None:
+        yield ("samples",), f"the method '{method}' needs a count"
+    if method == "list":
+        crossed = {name for name, one in ranges.items() if one.grid}
+        for i, point in enumerate(spec.samples.points):
+            if wrong := sorted(set(point) ^ (set(ranges) - crossed)):
+                yield ("samples", "points", i), f"must have each parameter without a grid, once: {', '.join(wrong)}"
+            for name, value in point.items():
+                if name in ranges and not ranges[name].is_continuous and value not in ranges[name].values:
+                    yield ("samples", "points", i, name), f"{value!r} is not one of the values of the parameter"
+        if not spec.samples.points:
+            yield ("samples", "points"), "the method 'list' needs points"
+    elif spec.samples.points:
+        yield ("samples", "points"), "only the method 'list' has points"
+    if len(Design(spec.parameters, spec.samples)) * len(seeds) > MAX_RUNS:
+        yield ("samples",), f"a campaign has at most {MAX_RUNS} runs"

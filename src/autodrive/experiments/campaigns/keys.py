@@ -1,0 +1,131 @@
+"""Keys of runs: the hash of everything that decides a result. Also the rows of earlier campaigns, by key."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+import os
+import sqlite3
+from collections.abc import Iterable
+from importlib.metadata import version
+from pathlib import Path
+
+import autodrive
+from autodrive.base.cache import PACKAGE, cache_folder
+from autodrive.experiments.campaigns import parameters
+from autodrive.experiments.campaigns.campaign import FUNCTION, Campaign, Run
+from autodrive.experiments.campaigns.runner import Result
+from autodrive.recording.scenario_files import files_of
+
+ROWS = cache_folder("campaigns").with_name("campaigns") / "rows.sqlite"
+"""The rows of all campaigns of this user."""
+
+
+class Keys:
+    """The keys of the runs of a campaign."""
+
+    def __init__(self, campaign: Campaign) -> None:
+        spec = campaign.spec
+        self._campaign = campaign
+        self._base = _hash(
+            *versions(),
+            campaign.scenario.model_dump_json(),
+            *(f"{file.name}\n{file.read_bytes().hex()}" for file in sorted(own_files(campaign))),
+            *(spec.driver, spec.stop.model_dump_json(), json.dumps(spec.metrics), campaign.vehicle, str(spec.cameras)),
+        )
+        self._files: dict[str, str] = {}
+
+    def of(self, run: Run) -> str:
+        """The key of a run."""
+        named = {path: one for path, one in run.values.items() if path in ("map", "race") or path.endswith(".type")}
+        names = json.dumps(named)
+        if names not in self._files:
+            texts = files_of(parameters.applied(self._campaign.scenario, named))
+            self._files[names] = _hash(*(f"{name.partition('/')[0]}\n{texts[name]}" for name in sorted(texts)))
+        return _hash(self._base, self._files[names], json.dumps(run.values, sort_keys=True), str(run.seed))
+
+
+class RowCache:
+    """Results of all campaigns of this user, by key."""
+
+    def __init__(self, path: Path | None = None) -> None:
+        path = path or ROWS
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._rows = sqlite3.connect(path, timeout=60.0)
+        self._rows.execute("PRAGMA journal_mode=WAL")
+        self._rows.execute("CREATE TABLE IF NOT EXISTS rows (key TEXT PRIMARY KEY, row TEXT) WITHOUT ROWID")
+
+    def get(self, key: str, number: int) -> Result | None:
+        """The result of the run with that key; None if it is not known."""
+        found = self._rows.execute("SELECT row FROM rows WHERE key = ?", (key,)).fetchone()
+        if found is None:
+            return None
+        row = json.loads(found[0])
+        return Result(number, row["metrics"], row["end"], row["time"])
+
+    def add(self, rows: Iterable[tuple[str, Result]]) -> None:
+        """Keep results; those with an error are not kept."""
+        with self._rows:
+            self._rows.executemany(
+                "INSERT OR REPLACE INTO rows VALUES (?, ?)",
+                [
+                    (key, json.dumps({"metrics": one.metrics, "end": one.end, "time": one.time}))
+                    for key, one in rows
+                    if not one.error
+                ],
+            )
+
+    def close(self) -> None:
+        """Close the file."""
+        self._rows.close()
+
+
+def own_files(campaign: Campaign) -> set[Path]:
+    """Files of the user that decide results: `files`, and those of driver and metrics with the modules beside them."""
+    spec, folder = campaign.spec, campaign.folder
+    sources = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
+    if policy := campaign.policy:
+        sources.append(os.path.relpath(policy, folder))
+    elif not FUNCTION.fullmatch(spec.driver):
+        sources += [word for word in spec.driver.split() if (folder / word).is_file()]
+    files = {folder / name for name in (*spec.files, *sources)}
+    return files | {one for name in sources if name.endswith(".py") for one in imported(folder / name)}
+
+
+def versions() -> tuple[str, ...]:
+    """Versions of the packages that decide results; the last one is the hash of the sources of this package."""
+    return autodrive.__version__, version("mujoco-core"), version("numpy"), _package()
+
+
+def imported(file: Path) -> set[Path]:
+    """A Python file and the files in its folder that it imports, directly or not."""
+    found, pending = {file}, [file]
+    while pending:
+        try:
+            tree = ast.parse(pending.pop().read_bytes())
+        except SyntaxError:
+            continue
+        names: set[str] = set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                names |= {one.name for one in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                names |= {node.module, *(f"{node.module}.{one.name}" for one in node.names)}
+        paths = [file.parent.joinpath(*name.split(".")) for name in names]
+        new = {
+            one for path in paths for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file()
+        } - found
+        found |= new
+        pending += new
+    return found
+
+
+def _package() -> str:
+    """Hash of the sources of this package: a version in development changes without its number."""
+    files = sorted(path for path in PACKAGE.rglob("*.py") if "cli" not in path.relative_to(PACKAGE).parts[:1])
+    return _hash(*(f"{path.relative_to(PACKAGE).as_posix()} {path.read_text(encoding='utf-8')}" for path in files))
+
+
+def _hash(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()

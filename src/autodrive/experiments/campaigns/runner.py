@@ -1,0 +1,202 @@
+"""Runs: (scenario, parameters, seed, driver) -> result. Compiled worlds are kept, because a reset takes less time."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import traceback
+from collections import OrderedDict, deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from autodrive.base.errors import AutodriveError
+from autodrive.experiments.campaigns import parameters
+from autodrive.experiments.campaigns.campaign import FUNCTION, Campaign, Run
+from autodrive.experiments.campaigns.drivers import Commands, DevkitScript, Driver, DriverError, PolicyDriver, load
+from autodrive.experiments.campaigns.metrics import METRICS, PERIOD, FunctionMetric, Metric
+from autodrive.experiments.campaigns.sampling import Value
+from autodrive.experiments.campaigns.scene import Scene
+from autodrive.protocol.messages import Command, Frame
+from autodrive.world import World
+from autodrive.world.factory import make
+
+KEPT = 8
+"""Compiled worlds that a process keeps."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run gave."""
+
+    number: int
+    metrics: dict[str, float] = field(default_factory=dict)
+    """By name; nan: there is none."""
+    end: str = ""
+    """'time', or the name of the event that ended it."""
+    time: float = 0.0
+    """Simulated time [s]."""
+    error: str = ""
+    """Why there is no result; empty if there is one."""
+    recording: str = ""
+    """File of its recording, if it was recorded."""
+
+
+class Runner:
+    """Runs of one campaign in this process. A run gives the same bits whatever ran before it."""
+
+    def __init__(self, campaign: Campaign) -> None:
+        self.campaign = campaign
+        self._worlds: OrderedDict[str, World] = OrderedDict()
+
+    def run(self, run: Run, *, started: Callable[[], object] = lambda: None) -> Result:
+        """The result; an error of the driver is a result, too. `started` is called when the world is ready."""
+        try:
+            world = self._world(run.values)
+            started()
+            result = self._drive(run, world)
+            if run.recording and self._is_recorded(result):
+                result = self._drive(run, world, Path(run.recording))
+        except AutodriveError as error:
+            return Result(run.number, error=str(error).replace("\n", " "))
+        return result
+
+    def close(self) -> None:
+        """Release the worlds."""
+        for world in self._worlds.values():
+            world.close()
+        self._worlds.clear()
+
+    def _is_recorded(self, result: Result) -> bool:
+        wanted, criterion = self.campaign.spec.record, self.campaign.criterion
+        has_failed = bool(result.error) or (criterion is not None and not criterion.holds(result.metrics))
+        return wanted == "all" or (wanted == "failures" and has_failed)
+
+    def _world(self, values: Mapping[str, Value]) -> World:
+        """The compiled world for these values; poses and factors are set by `_drive`."""
+        key = json.dumps({path: value for path, value in values.items() if parameters.is_compiled(path)})
+        if key in self._worlds:
+            self._worlds.move_to_end(key)
+        else:
+            spec = parameters.structural(self.campaign.scenario, values)
+            self._worlds[key] = make(spec, cameras=self.campaign.spec.cameras)
+            if len(self._worlds) > KEPT:
+                self._worlds.popitem(last=False)[1].close()
+        return self._worlds[key]
+
+    def _drive(self, run: Run, world: World, recording: Path | None = None) -> Result:
+        factors: dict[str, dict[str, float]] = {}
+        poses: dict[str, dict[str, float]] = {}
+        for path, value in run.values.items():
+            if parameters.WARM.fullmatch(path):
+                _, name, key = path.split(".")
+                if key.endswith("_factor"):
+                    factors.setdefault(name, {})[key.removesuffix("_factor")] = float(value)
+                else:
+                    poses.setdefault(name, {})[key] = float(value)
+        world.set_factors(factors)
+        placed = {**world.spec.vehicles, **world.spec.boxes}
+        starts = {name: _pose(placed[name], given) for name, given in poses.items()}
+        moved = {
+            kind: {name: one.model_copy(update=poses.get(name, {})) for name, one in getattr(world.spec, kind).items()}
+            for kind in ("vehicles", "boxes")
+        }
+        scenario = world.spec.model_copy(update={**moved, "seed": run.seed})
+        scene = Scene(scenario, world.map, world.vehicle_specs, self.campaign.vehicle)
+        with contextlib.ExitStack() as stack:
+            if recording is not None:
+                from autodrive.recording import Recorder  # noqa: PLC0415  an extra
+
+                world.reset(run.seed)  # a recording must begin at the start of its scenario
+                recording.parent.mkdir(parents=True, exist_ok=True)
+                stack.enter_context(Recorder(recording, world, name=self.campaign.name))
+            frame = world.reset(run.seed, poses=starts)
+            try:
+                result = self._frames(run, world, scene, frame, stack)
+            except AutodriveError as error:
+                result = Result(run.number, time=world.time, error=f"{type(error).__name__}: {error}")
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # a driver must not end the campaign, whatever it raises
+                result = Result(run.number, time=world.time, error=_error_text(error, self.campaign.folder))
+        return replace(result, recording=str(recording)) if recording else result
+
+    def _frames(self, run: Run, world: World, scene: Scene, frame: Frame, stack: contextlib.ExitStack) -> Result:
+        spec = self.campaign.spec
+        arguments = {
+            found[1]: value for path, value in run.values.items() if (found := parameters.DRIVER.fullmatch(path))
+        }
+        driver = self._driver(arguments)
+        if isinstance(driver, DevkitScript):
+            stack.callback(driver.close)
+        driver.reset(scene)
+        metrics = {name: self._metric(one, scene) for name, one in zip(self.campaign.metric_names, spec.metrics)}  # noqa: B905
+        in_each = [one for one in metrics.values() if one.every_tick]
+        sampled = [one for one in metrics.values() if not one.every_tick]
+        period = max(1, round(PERIOD / scene.scenario.tick))
+        delay = round(float(run.values.get(parameters.LATENCY, 0.0)) / scene.scenario.tick)
+        sent: deque[Commands] = deque()
+        end = "time"
+        for metric in metrics.values():
+            metric.observe(frame)
+        for _ in range(round(spec.stop.time / scene.scenario.tick)):
+            sent.append(driver.act(frame))
+            commands = sent.popleft() if len(sent) > delay else None
+            frame = world.step({scene.vehicle: commands} if isinstance(commands, Command) else commands)
+            for metric in in_each:
+                metric.observe(frame)
+            if frame.tick % period == 0:
+                for metric in sampled:
+                    metric.observe(frame)
+            if frame.events and (ended := self._ended(frame)):
+                end = ended
+                break
+        return Result(run.number, {name: float(one.value()) for name, one in metrics.items()}, end, world.time)
+
+    def _ended(self, frame: Frame) -> str:
+        """The event that ends the run, if any."""
+        names = self.campaign.spec.stop.events
+        vehicle = self.campaign.vehicle
+        return next(
+            (
+                type(event).__name__
+                for event in frame.events
+                if type(event).__name__ in names and event.vehicle == vehicle
+            ),
+            "",
+        )
+
+    def _driver(self, arguments: dict[str, Value]) -> Driver:
+        if policy := self.campaign.policy:
+            return PolicyDriver(policy)
+        found = FUNCTION.fullmatch(self.campaign.spec.driver)
+        if not found:
+            return DevkitScript(self.campaign.spec.driver, self.campaign.folder)
+        return load(self.campaign.folder / found["file"], found["name"])(**arguments)
+
+    def _metric(self, name: str, scene: Scene) -> Metric:
+        found = FUNCTION.fullmatch(name)
+        if not found:
+            return METRICS[name](scene)
+        return FunctionMetric(scene, load(self.campaign.folder / found["file"], found["name"]))
+
+
+def _pose(placed: Any, given: Mapping[str, float]) -> tuple[float, float, float]:
+    """x, y [m] and yaw [rad] of a vehicle or a box, with the values that are given."""
+    x, y, yaw_deg = (given.get(key, getattr(placed, key)) for key in ("x", "y", "yaw_deg"))
+    return x, y, math.radians(yaw_deg)
+
+
+def _error_text(error: BaseException, folder: Path) -> str:
+    """Type, text and place of an exception, in one line; the place is the last one in a file of the user."""
+    if isinstance(error, DriverError):
+        return str(error)
+    text = f"{type(error).__name__}: {error}".replace("\n", " ")[:500]
+    places = [
+        place
+        for place in traceback.extract_tb(error.__traceback__)
+        if Path(place.filename).absolute().is_relative_to(folder.absolute())
+    ]
+    return f"{text}  ({Path(places[-1].filename).name}, line {places[-1].lineno})" if places else text

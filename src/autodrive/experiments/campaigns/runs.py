@@ -1,0 +1,225 @@
+"""Runs a campaign: feeds an executor, reuses what is known, keeps what is done, and writes table, summary, report."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from autodrive.base.cache import make_folder, write_file
+from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.executor import Executor, InProcessExecutor, LocalExecutor
+from autodrive.experiments.campaigns.keys import Keys, RowCache
+from autodrive.experiments.campaigns.runner import Result
+from autodrive.experiments.campaigns.table import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+AHEAD = 2
+"""Runs that wait for each process, so that none is idle."""
+
+
+@dataclass
+class Progress:
+    """How far a campaign is."""
+
+    total: int
+    done: int = 0
+    """Rows in the table."""
+    reused: int = 0
+    """Of these, rows that were known."""
+    failures: int = 0
+    errors: int = 0
+
+
+class Observer:
+    """Called while a campaign runs; a subclass overrides what it needs."""
+
+    def progress(self, progress: Progress) -> None:
+        """A row was added."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a campaign gave."""
+
+    folder: Path
+    summary: dict[str, Any]
+    """As in `summary.json`."""
+    is_complete: bool
+    """False if it was stopped before all runs had ended."""
+
+    @property
+    def table(self) -> Path:
+        """The table."""
+        return self.folder / "table.parquet"
+
+    @property
+    def report(self) -> Path:
+        """The report."""
+        return self.folder / "report.html"
+
+
+def run_campaign(
+    campaign: Campaign,
+    output: str | Path | None = None,
+    *,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    cache: RowCache | None = None,
+    uses_cache: bool = True,
+    observer: Observer | None = None,
+) -> Outcome:
+    """Run a campaign into a folder (NAME_results if left out); runs that this folder or the cache has are not repeated.
+
+    `executor`: where the runs run; None: `workers` processes of this machine (as many as it has processors; 0: in this
+    process). Ctrl-C ends it: what is done is kept, and the outcome is not complete. Raises `AutodriveError`.
+    """
+    folder = Path(output or f"{campaign.name}_results")
+    make_folder(folder)
+    table = Table(folder, campaign)
+    cache = (cache or RowCache()) if uses_cache else None
+    observer, progress = observer or Observer(), Progress(len(campaign))
+    batch: list[tuple[str, Result]] = []
+    earlier = table.start()
+    keys, key_of = Keys(campaign), dict[int, tuple[Run, str]]()
+    numbers = iter(range(len(campaign)))
+
+    def add(run: Run, key: str, result: Result, *, is_new: bool) -> None:
+        row = table.add(run, key, result)
+        progress.done += 1
+        progress.reused += not is_new
+        progress.failures += row["status"] == "fail"
+        progress.errors += row["status"] == "error"
+        if is_new:
+            batch.append((key, result))
+        if table.is_due:
+            flush()
+        observer.progress(progress)
+
+    def flush() -> None:
+        table.write_part()
+        if cache is not None:
+            cache.add(batch)
+        batch.clear()
+
+    def reused(run: Run, key: str) -> Result | None:
+        row = earlier.get(run.number)
+        if row is not None and row["key"] == key and not row["error"]:
+            result = _result(row, campaign)
+        else:
+            result = None if cache is None else cache.get(key, run.number)
+        file = folder / "recordings" / recording_name(run.number)
+        if result is None or not _is_recorded(campaign, result):
+            return result
+        return (
+            Result(run.number, result.metrics, result.end, result.time, recording=file.name) if file.is_file() else None
+        )
+
+    def new_runs() -> Iterator[Run]:
+        """The runs that must run; those that are known are added."""
+        for number in numbers:
+            if is_stopped and earlier.get(number) is None:
+                continue
+            run = campaign.run(number)
+            if campaign.spec.record != "none":
+                file = folder / "recordings" / recording_name(number)
+                run = Run(run.number, run.sample, run.seed, run.values, str(file.absolute()))
+            key = keys.of(run)
+            if (result := reused(run, key)) is not None:
+                add(run, key, result, is_new=False)
+            else:
+                key_of[number] = run, key
+                yield run
+
+    is_complete, is_stopped, runs = False, False, new_runs()
+    try:
+        first = next(runs, None)
+        if first is not None:
+            executor = executor or local_executor(campaign, workers)
+            executor.submit(first)
+            _feed(executor, runs, AHEAD * executor.size - 1)
+            for result in executor.results():
+                _feed(executor, runs, 1)
+                add(*key_of.pop(result.number), result, is_new=True)
+        is_complete = True
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if executor is not None:
+            executor.cancel()
+        is_stopped = True
+        for _ in new_runs():  # rows of an earlier campaign that it had not come to stay in the table
+            pass
+        flush()
+        if cache is not None:
+            cache.close()
+    return _finish(campaign, folder, table, is_complete)
+
+
+def run_search(
+    campaign: Campaign, trials: int, output: str | Path | None, executor: Executor, observer: Observer | None = None
+) -> Outcome:
+    """Search for a failure of the driver, see `falsify`; the table has all runs. Raises `AutodriveError`."""
+    from autodrive.experiments.campaigns.search import falsify  # noqa: PLC0415  an extra
+
+    folder = Path(output or f"{campaign.name}_search")
+    make_folder(folder)
+    table, keys = Table(folder, campaign), Keys(campaign)
+    table.start()
+    observer, progress, is_complete = observer or Observer(), Progress(trials), False
+    try:
+        for trial in falsify(campaign, executor, trials=trials):
+            row = table.add(trial.run, keys.of(trial.run), trial.result)
+            progress.done += 1
+            progress.failures += row["status"] == "fail"
+            progress.errors += row["status"] == "error"
+            observer.progress(progress)
+        is_complete = True
+    except KeyboardInterrupt:
+        pass
+    return _finish(campaign, folder, table, is_complete)
+
+
+def local_executor(campaign: Campaign, workers: int | None) -> Executor:
+    """Worker processes: as many as there are processors by default; with 0 in this process."""
+    workers = (os.cpu_count() or 1) if workers is None else workers
+    return LocalExecutor(campaign, workers) if workers else InProcessExecutor(campaign)
+
+
+def recording_name(number: int) -> str:
+    """File of the recording of a run."""
+    return f"run_{number:06d}.mcap"
+
+
+def _feed(executor: Executor, runs: Iterator[Run], count: int) -> None:
+    for _ in range(count):
+        if (run := next(runs, None)) is not None:
+            executor.submit(run)
+
+
+def _finish(campaign: Campaign, folder: Path, table: Table, is_complete: bool) -> Outcome:
+    from autodrive.experiments.campaigns.report import report  # noqa: PLC0415  after the runs
+    from autodrive.experiments.campaigns.statistics import summary  # noqa: PLC0415  it needs scipy
+
+    rows = table.finish()
+    numbers = summary(campaign, rows)
+    write_file(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
+    write_file(folder / "report.html", report(campaign, rows, numbers))
+    return Outcome(folder, numbers, is_complete)
+
+
+def _result(row: dict[str, Any], campaign: Campaign) -> Result:
+    """The result that a row of a table was made of."""
+    nan = float("nan")
+    metrics = {name: nan if row.get(name) is None else row[name] for name in campaign.metric_names}
+    return Result(row["run"], metrics, row["end"], row["time"])
+
+
+def _is_recorded(campaign: Campaign, result: Result) -> bool:
+    """Whether there must be a recording of it."""
+    wanted, criterion = campaign.spec.record, campaign.criterion
+    return wanted == "all" or (wanted == "failures" and criterion is not None and not criterion.holds(result.metrics))

@@ -1,0 +1,144 @@
+"""The points of a campaign: which values its parameters have in each sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from statistics import NormalDist
+from typing import Literal, TypeAlias
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from autodrive.base.arrays import Floats
+from autodrive.base.errors import AutodriveError
+from autodrive.base.installation import pip
+from autodrive.base.specs import Spec
+
+Value: TypeAlias = bool | int | float | str
+Pair: TypeAlias = tuple[float, float]
+Method: TypeAlias = Literal["grid", "list", "random", "latin_hypercube", "sobol"]
+MAX_COUNT = 2**30
+"""Samples of a campaign."""
+
+
+class Range(Spec):
+    """Values of one parameter; exactly one key."""
+
+    uniform: Pair | None = None
+    """Least and greatest value; all between are equally probable."""
+    log_uniform: Pair | None = None
+    """Likewise, of the logarithm."""
+    normal: Pair | None = None
+    """Mean and standard deviation."""
+    choice: tuple[Value, ...] | None = Field(default=None, min_length=1)
+    """One of these, equally probable; a list is the same."""
+    grid: tuple[Value, ...] | None = Field(default=None, min_length=1)
+    """Each of these, with each sample of the other parameters."""
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Range:
+        given = {key: value for key, value in self if value is not None}
+        if len(given) != 1:
+            raise ValueError("give one of uniform, log_uniform, normal, choice and grid")
+        (kind, value), *_ = given.items()
+        if kind in ("uniform", "log_uniform") and not value[0] < value[1]:
+            raise ValueError(f"{kind}: the first number must be less than the second")
+        if kind == "log_uniform" and value[0] <= 0.0:
+            raise ValueError("log_uniform: the numbers must be greater than 0")
+        if kind == "normal" and value[1] <= 0.0:
+            raise ValueError("normal: the standard deviation must be greater than 0")
+        return self
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        """The values of a choice or a grid; of others, two typical ones."""
+        if self.choice or self.grid:
+            return self.choice or self.grid or ()
+        return tuple(self.at(u) for u in (0.0005, 0.9995))
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether it is drawn from an interval."""
+        return not (self.choice or self.grid)
+
+    def at(self, u: float) -> Value:
+        """The value at the quantile `u` in [0, 1)."""
+        if self.uniform:
+            low, high = self.uniform
+            return low + (high - low) * u
+        if self.log_uniform:
+            low, high = map(math.log, self.log_uniform)
+            return math.exp(low + (high - low) * u)
+        if self.normal:
+            return NormalDist(*self.normal).inv_cdf(min(max(u, 2.0**-53), 1.0 - 2.0**-53))
+        options = self.values
+        return options[min(int(u * len(options)), len(options) - 1)]
+
+
+class Sampling(Spec):
+    """How the values are drawn."""
+
+    method: Method = "grid"
+    """'grid': all combinations of the lists. 'list': the points of `points`. The others draw `count` samples."""
+    count: int | None = Field(default=None, ge=1, le=MAX_COUNT)
+    """Samples that are drawn; each is run with each combination of the parameters with 'grid'."""
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    """Of the draws."""
+    points: tuple[dict[str, Value], ...] = Field(default=(), max_length=100_000)
+    """Values by parameter of each sample, for the method 'list'."""
+
+
+class Design:
+    """A sequence of points; a point has the value of each parameter by its path."""
+
+    def __init__(self, parameters: Mapping[str, Range], sampling: Sampling) -> None:
+        self._parameters = dict(parameters)
+        self._sampling = sampling
+        is_grid = sampling.method == "grid"
+        self._crossed = {name: one for name, one in self._parameters.items() if one.grid or is_grid}
+        self._drawn = {name: one for name, one in self._parameters.items() if name not in self._crossed}
+        self._sizes = [len(one.values) for one in self._crossed.values()]
+        self._draws = len(sampling.points) if sampling.method == "list" else (sampling.count or 1)
+
+    def __len__(self) -> int:
+        return self._draws * math.prod(self._sizes)
+
+    def __iter__(self) -> Iterator[dict[str, Value]]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, i: int) -> dict[str, Value]:
+        draw, cell = divmod(i, math.prod(self._sizes))
+        crossed: dict[str, Value] = {}
+        for (name, one), size in zip(reversed(self._crossed.items()), reversed(self._sizes), strict=True):
+            cell, k = divmod(cell, size)
+            crossed[name] = one.values[k]
+        if self._sampling.method == "list":
+            return crossed | self._sampling.points[draw]
+        drawn = {name: one.at(u) for (name, one), u in zip(self._drawn.items(), self._row(draw), strict=True)}
+        return {name: {**crossed, **drawn}[name] for name in self._parameters}
+
+    def _row(self, draw: int) -> list[float]:
+        return self._quantiles[draw].tolist() if self._drawn else []
+
+    @cached_property
+    def _quantiles(self) -> Floats:
+        """In [0, 1), shape (draws, parameters)."""
+        count, width, method = self._draws, len(self._drawn), self._sampling.method
+        rng = np.random.default_rng(self._sampling.seed)
+        if method == "random":
+            return rng.random((count, width))
+        try:
+            from scipy.stats import qmc  # noqa: PLC0415  an extra
+        except ModuleNotFoundError:
+            raise AutodriveError(missing("scipy", "campaigns")) from None
+        if method == "latin_hypercube":
+            return qmc.LatinHypercube(width, rng=rng).random(count)
+        # The length of the whole sequence is a power of 2; its beginning is taken.
+        return qmc.Sobol(width, rng=rng).random_base2(max(0, math.ceil(math.log2(count))))[:count]
+
+
+def missing(package: str, extra: str) -> str:
+    """The error of a package that is not installed."""
+    return f"{package} is not installed: it is in the extra '{extra}'. Install it:  {pip('install')} {package}"

@@ -1,0 +1,67 @@
+"""Summary of a campaign: rates with Wilson's interval, means with Student's t."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from autodrive.experiments.campaigns.campaign import Campaign
+
+if TYPE_CHECKING:
+    from autodrive.base.arrays import Floats
+    from autodrive.experiments.campaigns.table import Columns
+
+CONFIDENCE = 0.95
+Z = 1.959963984540054
+"""Quantile of the normal distribution for `CONFIDENCE`, two-sided."""
+
+
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """Confidence interval of a rate (Wilson 1927); (0, 1) without runs."""
+    if total == 0:
+        return 0.0, 1.0
+    rate, z2 = count / total, Z * Z
+    centre = (rate + z2 / (2 * total)) / (1 + z2 / total)
+    half = Z / (1 + z2 / total) * math.sqrt(rate * (1 - rate) / total + z2 / (4 * total * total))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def mean_interval(values: Floats) -> tuple[float, float]:
+    """Confidence interval of a mean by Student's t; nan with fewer than two values."""
+    from scipy.stats import t  # noqa: PLC0415  an extra
+
+    n = len(values)
+    if n < 2:
+        return math.nan, math.nan
+    half = float(t.ppf(0.5 + CONFIDENCE / 2, n - 1)) * float(np.std(values, ddof=1)) / math.sqrt(n)
+    mean = float(np.mean(values))
+    return mean - half, mean + half
+
+
+def summary(campaign: Campaign, table: Columns) -> dict[str, Any]:
+    """The numbers of a campaign; JSON."""
+    counted = {one["values"]: one["counts"] for one in table["status"].value_counts().to_pylist()}
+    counts = {name: counted[name] for name in ("pass", "fail", "done", "error") if name in counted}
+    found: dict[str, Any] = {"campaign": campaign.name, "runs": len(campaign), "rows": len(table), "counts": counts}
+    if campaign.criterion is not None:
+        judged = counts.get("pass", 0) + counts.get("fail", 0)
+        low, high = wilson(counts.get("pass", 0), judged)
+        rate = counts.get("pass", 0) / judged if judged else None
+        found["pass"] = {"criterion": campaign.spec.pass_, "runs": judged, "rate": rate, "low": low, "high": high}
+    found["metrics"] = {name: _metric(table.numbers(name)) for name in campaign.metric_names}
+    return found
+
+
+def _metric(values: Floats) -> dict[str, Any]:
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return {"runs": 0}
+    low, high = mean_interval(values)
+    numbers = {"mean": np.mean(values), "low": low, "high": high, "min": values.min(), "max": values.max()}
+    return {"runs": len(values), **{name: _or_none(float(one)) for name, one in numbers.items()}}
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,70 @@
+"""For Stable-Baselines3: `PPO("MlpPolicy", NigelVecEnv("NigelLaneKeeping-v0", 64))`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from autodrive.experiments.envs.adapters import require
+
+require("stable_baselines3", "stable-baselines3")
+
+from stable_baselines3.common.vec_env import VecEnv  # noqa: E402  # pyright: ignore[reportMissingImports]
+
+
+class NigelVecEnv(VecEnv):
+    """A `VecEnv` of one batch. `settings` are those of `gymnasium.make_vec`."""
+
+    def __init__(self, id_: str, num_envs: int, **settings: Any) -> None:
+        self.envs = gymnasium.make_vec(f"autodrive:{id_}", num_envs, autoreset_mode="SameStep", **settings)
+        super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
+
+    def reset(self) -> Any:
+        """Start all episodes, with the seeds of `seed`."""
+        observations, _ = self.envs.reset(seed=self._seeds)  # pyright: ignore[reportArgumentType]  a list is accepted
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: Any) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> Any:
+        """Observations, rewards, ends and infos; an ended episode has its last observation in its info."""
+        observations, rewards, terminated, truncated, info = self.envs.step(self._actions)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for row in np.flatnonzero(terminated | truncated).tolist():
+            infos[row] = {
+                "terminal_observation": info["final_obs"][row],
+                "TimeLimit.truncated": bool(truncated[row] and not terminated[row]),
+                "is_success": bool(info["final_info"]["is_success"][row]),
+            }
+        return observations, rewards.astype(np.float32), terminated | truncated, infos
+
+    def close(self) -> None:
+        """Close the batch."""
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of the vector environment, once for each index."""
+        return [getattr(self.envs, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refused: all environments are one object."""
+        raise NotImplementedError("the environments of a batch have no attributes of their own")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Refused, as `set_attr`."""
+        raise NotImplementedError("the environments of a batch have no methods of their own")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """None is."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[Any]:
+        """None: a batch draws no images."""
+        return [None] * self.num_envs

@@ -1,0 +1,104 @@
+"""Settings of a curriculum: friction, mass, noise and latency, drawn for each episode."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.errors import SpecError
+from autodrive.world.batch import BatchWorld
+from autodrive.world.batch.batch_world import LIMITS
+
+Range: TypeAlias = float | tuple[float, float]
+"""One value, or the least and the greatest one."""
+MOST_LATENCY = 0.5
+"""[s]."""
+
+
+class Drawn(NamedTuple):
+    """The conditions of one car in one episode."""
+
+    friction: float
+    mass: float
+    noise: float
+    latency: float
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Raises `SpecError` with all errors."""
+
+    friction: Range = 1.0
+    """Factor of the friction of the tyres, 0.01 to 10."""
+    mass: Range = 1.0
+    """Factor of the mass and the inertia, 0.1 to 10."""
+    noise: Range = 0.0
+    """Factor of the noise of the sensors, 0 to 100; 1: that of the data sheets."""
+    latency: Range = 0.0
+    """Time from an action until the car obeys it [s], 0 to 0.5; rounded to ticks."""
+
+    def __post_init__(self) -> None:
+        limits = {"friction": LIMITS["grip"], "mass": LIMITS["mass"], "noise": LIMITS["noise"]}
+        limits["latency"] = (0.0, MOST_LATENCY)
+        errors = [
+            f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {given!r}"
+            for name, (least, most) in limits.items()
+            if not is_range(given := getattr(self, name), least, most)
+        ]
+        if errors:
+            raise SpecError(errors)
+
+    def draw(self, rng: np.random.Generator) -> Drawn:
+        """Of one car, each from its range with equal probability."""
+        ranges = (getattr(self, field.name) for field in fields(self))
+        pairs = [one if isinstance(one, tuple) else (one, one) for one in ranges]
+        return Drawn(*(least + (most - least) * float(rng.random()) for least, most in pairs))
+
+
+def is_range(given: object, least: float, most: float) -> bool:
+    """Whether it is a number within these limits, or two of them, the lesser one first."""
+    ends: tuple[object, ...] = given if isinstance(given, tuple) else (given, given)
+    numbers = [float(end) for end in ends if isinstance(end, int | float) and not isinstance(end, bool)]
+    return len(numbers) == len(ends) == 2 and least <= numbers[0] <= numbers[1] <= most
+
+
+class Drive:
+    """Drives the cars of a batch: commands take effect after the latency of each car."""
+
+    def __init__(self, batch: BatchWorld, frame_skip: int) -> None:
+        self._batch = batch
+        self._skip = frame_skip
+        depth = 2 + math.ceil(round(MOST_LATENCY / batch.tick_duration) / frame_skip)
+        shape = batch.n, len(batch.vehicle_names)
+        self._latency: Integers = np.zeros(shape, np.int64)
+        """[ticks]."""
+        self._sent = np.zeros((depth, *shape, 2))
+        """Latest commands, the last one first."""
+
+    def reset(self, rows: NDArray[np.intp], latency: Floats) -> None:
+        """New episodes in these worlds; `latency` [s], shape (m, v)."""
+        self._latency[rows] = np.rint(latency / self._batch.tick_duration)
+        self._sent[:, rows] = 0.0
+
+    def step(self, commands: Floats) -> None:
+        """Run the ticks of one action, shape (n, v, 2)."""
+        if not self._latency.any():
+            self._batch.step(commands, self._skip)
+            return
+        self._sent[1:] = self._sent[:-1].copy()
+        self._sent[0] = commands
+        ages = [-((tick - self._latency) // self._skip) for tick in range(self._skip)]
+        first = 0
+        for tick in range(1, self._skip + 1):
+            if tick == self._skip or (ages[tick] != ages[first]).any():
+                self._batch.step(self._due(np.maximum(ages[first], 0)), tick - first)
+                first = tick
+
+    def _due(self, ages: Integers) -> Floats:
+        """The commands that were sent so many steps ago, for each car."""
+        return np.take_along_axis(self._sent, ages[None, :, :, None], axis=0)[0]

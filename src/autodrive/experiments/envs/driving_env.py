@@ -1,0 +1,87 @@
+"""The Gymnasium environment of one car."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.errors import EngineError
+from autodrive.experiments.envs.episodes import Episodes, observation_space
+from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
+from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of
+from autodrive.experiments.envs.task import CarReadings, Observation
+from autodrive.protocol.messages import Command, Frame
+
+VEHICLE = "V1"
+FIRST = np.zeros(1, np.intp)
+
+
+class DrivingEnv(gymnasium.Env[Any, Any]):
+    """One car with one task. `info["is_success"]` says after each step whether the task is accomplished."""
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 20.0}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: str = "lane_keeping",
+        *,
+        observation: Observation | None = None,
+        action: Action = "continuous",
+        frame_skip: int = 5,
+        render_mode: str | None = None,
+    ) -> None:
+        """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
+        self.settings = Settings(task, observation, action, frame_skip, render_mode)
+        self.render_mode = render_mode
+        self.task = TASKS[task](frame_skip)
+        seen = observation or self.task.observation
+        self.observation_space = observation_space(self.task, seen)
+        self.action_space = action_space(self.settings)
+        self._has_camera = seen == "camera"
+        self._episodes = Episodes(self.task, seen, 1)
+        self._rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
+        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self._rendered.step_duration}
+
+    @property
+    def frame(self) -> Frame:
+        """The latest Frame of the World, with all that the simulator knows."""
+        return self._rendered.world.frame
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; without a seed the next one of the same random numbers."""
+        super().reset(seed=seed)
+        world_seed = int(self.np_random.integers(2**31))
+        start = self.task.start(self.np_random)
+        frame = self._rendered.reset(world_seed, start.poses)
+        self._episodes.begin(FIRST, [start], CarReadings.of_frame(frame))
+        return self._observation(frame), {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Drive with that action for `frame_skip` ticks."""
+        ((throttle, steering),) = commands_of(action, self.settings, 1).tolist()
+        is_unstable = None
+        try:
+            frame = self._rendered.step({VEHICLE: Command(throttle, steering)})
+        except EngineError:
+            frame, is_unstable = self.frame, np.array([True])
+        outcome = self._episodes.advance(CarReadings.of_frame(frame), is_unstable)
+        info = {"is_success": bool(outcome.is_success[0])}
+        return self._observation(frame), float(outcome.reward[0]), bool(outcome.has_ended[0]), False, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """With 'rgb_array', the image of Driver's Eye; with 'human' the page shows the car."""
+        return self._rendered.render()
+
+    def close(self) -> None:
+        """Stop the page, and free the renderers."""
+        self._rendered.close()
+
+    def _observation(self, frame: Frame) -> Any:
+        numbers = self._episodes.numbers()[0]
+        if not self._has_camera:
+            return numbers
+        image = frame.vehicles[VEHICLE].cameras[CAMERA].rgb
+        return {"image": np.ascontiguousarray(image), "state": numbers}

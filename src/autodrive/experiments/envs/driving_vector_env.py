@@ -1,0 +1,181 @@
+"""The Gymnasium vector environment: many cars, each in a world of its own, stepped by one compiled call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import suggest
+from autodrive.experiments.envs.episodes import Episodes, observation_space
+from autodrive.experiments.envs.rendered_world import batch_camera
+from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of
+from autodrive.experiments.envs.task import Bools, CarReadings, Observation, Start, Task
+from autodrive.world.batch import BatchWorld
+
+
+class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
+    """Environment k has the bits of a `DrivingEnv` that is reset with its seed and driven with its actions."""
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        task: str | Task = "lane_keeping",
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        observation: Observation | None = None,
+        action: Action = "continuous",
+        frame_skip: int = 5,
+        threads: int | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        """`task`: its name, or one that is already made. `threads`: of the batch; None: one for each core.
+
+        Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
+        """
+        self.settings = Settings(task if isinstance(task, str) else task.name, observation, action, frame_skip)
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.task = TASKS[task](frame_skip) if isinstance(task, str) else task
+        seen = observation or self.task.observation
+        if render_mode is not None:
+            raise SpecError(
+                [f"render_mode {render_mode!r}: a vector environment draws no images for people; use gymnasium.make"]
+            )
+        self.num_envs = num_envs
+        self.single_observation_space = observation_space(self.task, seen)
+        self.single_action_space = action_space(self.settings)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._max_steps = max_episode_steps
+        self.batch = BatchWorld(self.task.scenario, num_envs, threads=threads)
+        """The worlds."""
+        self._cars = CarReadings.of_batch(self.batch.readings)  # views: the batch always writes the same arrays
+        self._camera = batch_camera(self.task.scenario) if seen == "camera" else None
+        self._episodes = Episodes(self.task, seen, num_envs)
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self.steps = np.zeros(num_envs, np.int64)
+        """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
+        self._has_ended = np.zeros(num_envs, np.bool_)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode in every world, or in those of `options["reset_mask"]`; world k gets `seed` + k."""
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else seed or [None] * self.num_envs
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"there must be {self.num_envs} seeds, one for each environment, not {len(seeds)}")
+        rows = np.flatnonzero(self._mask(options))
+        for row in rows.tolist():
+            if seeds[row] is not None:
+                self._rngs[row] = seeding.np_random(seeds[row])[0]
+        self._begin(rows)
+        self._has_ended[rows] = False
+        return self._observations(), {}
+
+    def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
+        """Drive each car with its action for `frame_skip` ticks; what happens at an end says the autoreset mode."""
+        ended = self._has_ended
+        if ended.any() and self.autoreset_mode == AutoresetMode.DISABLED:
+            raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
+        commands = commands_of(actions, self.settings, self.num_envs)
+        self._drive(commands[:, None])
+        outcome = self._episodes.advance(self._cars, self.batch.readings.is_unstable)
+        self.steps += 1
+        terminated = outcome.has_ended
+        truncated = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self.steps >= self._max_steps
+        reward, is_success, stepped = outcome.reward, outcome.is_success, np.ones(self.num_envs, np.bool_)
+        info: dict[str, Any] = {}
+        if self.autoreset_mode == AutoresetMode.NEXT_STEP and ended.any():
+            self._begin(np.flatnonzero(ended))
+            stepped = ~ended
+            reward[ended], terminated[ended], truncated[ended], is_success[ended] = 0.0, False, False, False
+        self._has_ended = ended = terminated | truncated
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
+            self._has_ended = np.zeros(self.num_envs, np.bool_)
+            info |= self._final(ended, is_success)
+            self._begin(np.flatnonzero(ended))
+            stepped = ~ended
+            is_success = is_success & stepped
+        if stepped.any():
+            info |= {"is_success": is_success, "_is_success": stepped}
+        return self._observations(), reward, terminated, truncated, info
+
+    def render(self) -> None:
+        """Nothing: see `autodrive.experiments.envs.driving_env` for images for people."""
+
+    def close_extras(self, **_: Any) -> None:
+        """End the threads of the batch, and free the renderer."""
+        self.batch.close()
+        if self._camera is not None:
+            self._camera.close()
+
+    def _observations(self) -> Any:
+        numbers = self._episodes.numbers()
+        if self._camera is None:
+            return numbers
+        return {"image": self._camera.render(self.batch.readings), "state": numbers}
+
+    def _begin(self, rows: NDArray[np.intp]) -> None:
+        """Start an episode in these worlds."""
+        starts: list[Start] = []
+        seeds: list[int] = []
+        for row in rows.tolist():
+            rng = self._rngs[row]
+            if rng is None:
+                rng = self._rngs[row] = seeding.np_random()[0]
+            seeds.append(int(rng.integers(2**31)))
+            starts.append(self.task.start(rng))
+        poses = {name: np.array([start.poses[name] for start in starts]) for name in starts[0].poses}
+        self._reset_worlds(rows, np.array(seeds), poses)
+        self._episodes.begin(rows, starts, self._cars)
+        self.steps[rows] = 0
+
+    def _drive(self, commands: NDArray[Any]) -> None:
+        """Run the ticks of one action, shape (n, 1, 2)."""
+        self.batch.step(commands, self.settings.frame_skip)
+
+    def _reset_worlds(self, rows: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
+        """Return these worlds to the start."""
+        self.batch.reset(rows, seeds, poses=poses)
+
+    def _final(self, ended: Bools, is_success: Bools) -> dict[str, Any]:
+        """Observations and infos of the episodes that have just ended."""
+        observations = np.full(self.num_envs, None, dtype=object)
+        seen = self._observations()
+        for row in np.flatnonzero(ended).tolist():
+            observations[row] = {k: one[row] for k, one in seen.items()} if isinstance(seen, dict) else seen[row]
+        final = {"is_success": is_success & ended, "_is_success": ended.copy()}
+        return {"final_obs": observations, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy()}
+
+    def _mask(self, options: dict[str, Any] | None) -> Bools:
+        """The worlds to reset."""
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if not isinstance(mask, np.ndarray) or mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise ValueError(f"options['reset_mask'] must be a numpy array of bool of shape ({self.num_envs},)")
+        if not mask.any():
+            raise ValueError("options['reset_mask'] must have at least one True")
+        return mask
+
+
+def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """The mode, also by its name or value."""
+    known = {text: one for one in AutoresetMode for text in (one.name, one.value)}
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode not in known:
+        raise SpecError([f"autoreset_mode: {mode!r} is not known. {suggest(str(mode), list(known))}"])
+    return known[mode]

@@ -1,0 +1,149 @@
+"""Lane keeping: follow a lane around Tiny Town, without leaving it or touching anything.
+
+- Start: at rest, anywhere on the lane, up to 0.05 m beside its centre line and up to 0.2 rad off its direction.
+- Reward of a step: s (1 - |d| / w) with the distance s along the centre line in the step [m], the distance d of the
+  centre of the rear axle from the centre line [m] and half the width of the lane, w = 0.15 m; -1 if the episode ends.
+- End: |d| > w, more than 90 degrees off the direction of the lane, or a collision.
+- Success: a whole lap of 18.5 m; the episode goes on.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.elementary import atan2, cos, sin
+from autodrive.base.jit import jit
+from autodrive.experiments.envs.path import DRIVEN, PLACE, follow, look_ahead, table
+from autodrive.experiments.envs.task import (
+    MOTION,
+    CarReadings,
+    Feature,
+    Outcome,
+    Start,
+    Task,
+    uniform,
+    wrapped,
+    write_motion,
+)
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario.maps.map import load_map
+
+MAP = "tiny_town"
+HALF_WIDTH = 0.15
+"""Of the lane [m]."""
+SPACING = 0.02
+"""Of the points of the centre line [m], about."""
+PREVIEW = (0.2, 0.4, 0.8)
+"""Distances along the lane of the points ahead that are observed [m]."""
+TOP_SPEED = 0.6
+"""A car is not faster [m/s]."""
+START_OFFSET, START_ANGLE = 0.05, 0.2
+"""Largest of a start [m], [rad]."""
+FAILURE = -1.0
+"""Reward of a step that ends an episode."""
+
+KNOWN = len(MOTION)
+
+
+class CentreLine:
+    """The longest loop of lanes of a map, as points at equal distances."""
+
+    def __init__(self, map_: str) -> None:
+        lanes = load_map(map_).lane_graph
+        points = lanes.path(lanes.loops()[-1])
+        along = np.concatenate([[0.0], np.cumsum(np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1)))])
+        self.length = float(along[-1])
+        """[m]."""
+        self.count = round(self.length / SPACING)
+        self.spacing = self.length / self.count
+        """[m]."""
+        self.table = table(along, points, self.count)
+        """See `path.table`."""
+
+    def pose(self, place: int) -> tuple[float, float, float]:
+        """x, y [m] and yaw [rad] of a point."""
+        x, y, c, s = self.table[place].tolist()
+        return x, y, atan2(s, c)
+
+
+class LaneKeeping(Task):
+    """See the module."""
+
+    name = "lane_keeping"
+    features = (
+        *MOTION,
+        Feature("offset", -1.0, 1.0, "distance from the centre line [m], left of it positive"),
+        Feature("direction_cos", -1.0, 1.0, "cosine of the angle from the car to the direction of the lane"),
+        Feature("direction_sin", -1.0, 1.0, "sine of that angle, left positive"),
+        *(
+            Feature(f"ahead_{distance:g}_{axis}", -2.0, 2.0, f"{axis} of the lane {distance:g} m on, vehicle frame [m]")
+            for distance in PREVIEW
+            for axis in "xy"
+        ),
+    )
+    known = KNOWN
+    observation = "state"
+    memory_size = 3
+
+    def __init__(self, frame_skip: int, cars: int = 1) -> None:
+        self.line = line = CentreLine(MAP)
+        self.scenario = ScenarioSpec(
+            map=MAP,
+            vehicles={
+                f"V{k + 1}": VehiclePlacement(x=x, y=y, yaw_deg=math.degrees(yaw))
+                for k, (x, y, yaw) in enumerate(line.pose(k * line.count // cars) for k in range(cars))
+            },
+        )
+        self._preview = np.array([round(distance / line.spacing) for distance in PREVIEW])
+        self._reach = math.ceil(TOP_SPEED * self.scenario.tick * frame_skip / line.spacing) + 2
+
+    def start(self, rng: np.random.Generator) -> Start:
+        """A place on the lane."""
+        return self.starts(rng)[0]
+
+    def starts(self, rng: np.random.Generator) -> list[Start]:
+        """A place on the lane for each car, at about equal distances."""
+        names = list(self.scenario.vehicles)
+        first = int(rng.integers(self.line.count))
+        starts = []
+        for k, name in enumerate(names):
+            place = (first + k * self.line.count // len(names)) % self.line.count
+            x, y, yaw = self.line.pose(place)
+            aside, turn = uniform(rng, (START_OFFSET, START_ANGLE))
+            x, y = x - aside * sin(yaw), y + aside * cos(yaw)
+            starts.append(Start({name: (x, y, wrapped(yaw + turn))}, (float(place), 0.0, 0.0)))
+        return starts
+
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+        """See `Task.evaluate`. The nearest point is sought around the last one, so that crossings do not matter."""
+        line = self.line
+        _judge(cars, line.table, line.spacing, line.length, self._reach, self._preview, memory, features, outcome)
+
+
+@jit
+def _judge(
+    cars: CarReadings,
+    line: Floats,
+    spacing: float,
+    length: float,
+    reach: int,
+    preview: Integers,
+    memory: Floats,
+    features: Floats,
+    outcome: Outcome,
+) -> None:
+    """`line`: see `CentreLine.table`."""
+    count = len(line)
+    for i in range(len(memory)):
+        progress, offset, direction_cos, direction_sin = follow(cars, i, line, count, spacing, reach, memory[i])
+        write_motion(cars, i, features)
+        if features.shape[1] > KNOWN:
+            features[i, 3], features[i, 4], features[i, 5] = offset, direction_cos, direction_sin
+            look_ahead(cars, i, line, count, int(memory[i, PLACE]), preview, features[i, 6:])
+        has_ended = abs(offset) > HALF_WIDTH or direction_cos < 0.0 or cars.collision_count[i] > 0
+        outcome.has_ended[i] = has_ended
+        outcome.reward[i] = FAILURE if has_ended else progress * (1.0 - abs(offset) / HALF_WIDTH)
+        outcome.is_success[i] = memory[i, DRIVEN] >= length

@@ -1,0 +1,65 @@
+"""A closed line that cars follow, as points at equal distances: the nearest point, the progress, and the way ahead."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.jit import jit
+from autodrive.experiments.envs.task import CarReadings, heading, turned
+
+PLACE, BEYOND, DRIVEN = 0, 1, 2
+"""Places in the memory of `follow`: number of the nearest point; distance beyond it, from the start [m]."""
+
+
+def table(along: Floats, points: Floats, count: int) -> Floats:
+    """x, y [m], cosine and sine of the direction at `count` points at equal distances, shape (count, 4).
+
+    `points`, shape (n, 2) [m], with the distances `along` the closed line [m]; the last point is the first one.
+    """
+    at = np.arange(count) * (float(along[-1]) / count)
+    x, y = (np.interp(at, along, points[:, axis]) for axis in (0, 1))
+    dx, dy = (np.roll(values, -1) - np.roll(values, 1) for values in (x, y))
+    length = np.sqrt(dx * dx + dy * dy)
+    return np.column_stack([x, y, dx / length, dy / length])
+
+
+@jit
+def follow(
+    cars: CarReadings, i: int, line: Floats, count: int, spacing: float, reach: int, memory: Floats
+) -> tuple[float, float, float, float]:
+    """Progress in the step [m], offset to the left [m], cosine and sine of the angle from car i to the line.
+
+    The line has `count` points `spacing` [m] apart. The nearest one is sought at most `reach` points from the last
+    one, because other parts of the line may be near. `memory`, shape (3,), is updated.
+    """
+    x, y = cars.position[i, 0], cars.position[i, 1]
+    before, moved, least = int(memory[PLACE]), 0, math.inf
+    for steps in range(-reach, reach + 1):
+        point = line[(before + steps) % count]
+        square = (point[0] - x) * (point[0] - x) + (point[1] - y) * (point[1] - y)
+        if square < least:
+            least, moved = square, steps
+    place = (before + moved) % count
+    point = line[place]
+    beyond, offset = turned(x - point[0], y - point[1], point[2], point[3])
+    c, s = heading(cars, i)
+    direction_cos, direction_sin = turned(point[2], point[3], c, s)
+    progress = moved * spacing + beyond - memory[BEYOND]
+    memory[PLACE], memory[BEYOND] = place, beyond
+    memory[DRIVEN] += progress
+    return progress, offset, direction_cos, direction_sin
+
+
+@jit
+def look_ahead(
+    cars: CarReadings, i: int, line: Floats, count: int, place: int, preview: Integers, ahead: Floats
+) -> None:
+    """Write x, y [m] in the axes of car i of the points `preview` after `place`, into `ahead`, shape (2 n,)."""
+    c, s = heading(cars, i)
+    for k in range(len(preview)):
+        there = line[(place + preview[k]) % count]
+        x, y = there[0] - cars.position[i, 0], there[1] - cars.position[i, 1]
+        ahead[2 * k], ahead[2 * k + 1] = turned(x, y, c, s)

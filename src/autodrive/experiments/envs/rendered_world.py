@@ -1,0 +1,132 @@
+"""A World of an environment with its render mode: images of a scene camera, or the page."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
+from autodrive.protocol.messages import Command, Frame
+from autodrive.world.factory import make
+
+if TYPE_CHECKING:
+    from autodrive.experiments.envs.task import Ground
+    from autodrive.graphics.cameras.backend import CameraBackend
+    from autodrive.graphics.render.renderer import Renderer
+    from autodrive.scenario import ScenarioSpec
+    from autodrive.world.batch_camera import BatchCamera
+    from autodrive.world.compile import Compiled
+    from autodrive.world.simulation import Simulation
+
+WIDTH, HEIGHT = 640, 360
+"""Of the images of 'rgb_array' [pixels]."""
+CAMERA = "front"
+"""The camera of the observation 'camera'."""
+
+
+QUALITY = "small"
+"""Of its images."""
+
+
+def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
+    """The cameras of the observation 'camera', of the first car of many worlds."""
+    from autodrive.world.batch_camera import BatchCamera  # noqa: PLC0415
+
+    vehicle = next(iter(scenario.vehicles))
+    return BatchCamera(scenario, vehicle, CAMERA, size=(IMAGE_WIDTH, IMAGE_HEIGHT), quality=QUALITY)
+
+
+class RenderedWorld:
+    """The World of a scenario; with 'human' it runs in real time, and the page shows it."""
+
+    def __init__(self, scenario: ScenarioSpec, settings: Settings, *, has_camera: bool) -> None:
+        self._settings = settings
+        self.step_duration = scenario.tick * settings.frame_skip
+        """[s]."""
+        self.world = make(scenario, cameras=self._cameras if has_camera else False)
+        self._renderer: Renderer | None = None
+        self._simulation: Simulation | None = None
+        self._open = ExitStack()
+        self._open.callback(self.world.close)
+        if settings.render_mode == "human":
+            self._serve()
+
+    def reset(self, seed: int, poses: Mapping[str, Ground]) -> Frame:
+        """Start an episode."""
+        self._due = time.monotonic()
+        return self.world.reset(seed, poses=poses)
+
+    def step(self, commands: Mapping[str, Command]) -> Frame:
+        """Run the ticks of one action. Raises `EngineError` if the physics became unstable."""
+        if self._simulation is None:
+            for _ in range(self._settings.frame_skip):
+                self.world.step(commands)
+            return self.world.frame
+        for vehicle, command in commands.items():
+            self._simulation.submit(vehicle, command)
+        frame = self._simulation.run(self.step_duration)
+        self._due = max(self._due + self.step_duration, time.monotonic() - self.step_duration)
+        time.sleep(max(self._due - time.monotonic(), 0.0))
+        return frame
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The image of Driver's Eye behind the first car, shape (360, 640, 3); None for other render modes."""
+        if self._settings.render_mode != "rgb_array":
+            return None
+        from autodrive.graphics.cameras.viewpoints import drivers_eye  # noqa: PLC0415  OpenGL waits until an image is wanted
+        from autodrive.graphics.render.render_state import RenderState  # noqa: PLC0415
+
+        frame = self.world.frame
+        pose = next(iter(frame.vehicles.values())).pose
+        (x, y, z), (qw, qx, qy, qz) = pose.position.tolist(), pose.orientation.tolist()
+        viewpoint = drivers_eye((x, y, z), (qw, qx, qy, qz))
+        [image] = self._started_renderer().draw(RenderState.of(frame), [viewpoint.view(WIDTH, HEIGHT)])
+        return np.ascontiguousarray(image.rgba[..., :3])
+
+    def close(self) -> None:
+        """Stop the page, and free the renderers."""
+        self._open.close()
+
+    def _cameras(self, compiled: Compiled) -> CameraBackend:
+        """The front cameras, with small images: one for each step."""
+        from autodrive.graphics.cameras.tick_cameras import TickCameras  # noqa: PLC0415
+        from autodrive.world.cameras import camera_rig  # noqa: PLC0415
+
+        rate = (1.0 + 1e-9) / self.step_duration  # a little more: rounded down, it would be a tick too late
+        changed = {"width": IMAGE_WIDTH, "height": IMAGE_HEIGHT, "rate": rate}
+        cameras = {
+            vehicle: {CAMERA: specs[CAMERA].model_copy(update=changed)} for vehicle, specs in compiled.cameras.items()
+        }
+        return TickCameras(camera_rig(replace(compiled, cameras=cameras), QUALITY))
+
+    def _started_renderer(self) -> Renderer:
+        if self._renderer is None:
+            from autodrive.graphics.cameras.scene_worker import SceneContents  # noqa: PLC0415
+            from autodrive.graphics.meshes.store import scene_of  # noqa: PLC0415
+            from autodrive.graphics.render.renderer import Renderer  # noqa: PLC0415
+
+            world = self.world
+            contents = SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), "auto")
+            self._renderer = self._open.enter_context(Renderer(scene_of(contents)))
+        return self._renderer
+
+    def _serve(self) -> None:
+        from autodrive.connect.server.files import built_page  # noqa: PLC0415
+        from autodrive.connect.server.server import Server  # noqa: PLC0415
+        from autodrive.world.scene_files import SceneFiles  # noqa: PLC0415
+        from autodrive.world.simulation import Simulation  # noqa: PLC0415
+
+        self._simulation = Simulation(self.world, speed=None)
+        server = Server(
+            self._simulation,
+            scene_files=lambda world: SceneFiles.of(world, self._settings.task),
+            page=built_page(),
+        )
+        self._open.enter_context(server)
+        print(f"The page of this environment: {server.url}", flush=True)

@@ -1,0 +1,156 @@
+"""The Gymnasium environments of the car RoboRacer: the time trial, on the batch."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from autodrive.base.errors import SpecError
+from autodrive.experiments.envs.conditions import Conditions, Drive, Range
+from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.settings import Action
+from autodrive.experiments.envs.task import Observation
+from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
+
+if TYPE_CHECKING:
+    from autodrive.base.arrays import Floats, Integers
+    from autodrive.world.batch_camera import BatchCamera
+
+IMAGE_SIZE = 640, 360
+"""Of the images of 'rgb_array' [pixels]."""
+
+
+class RoboRacerVectorEnv(DrivingVectorEnv):
+    """Many time trials, each in a world of its own: see `autodrive.experiments.envs.time_trial`.
+
+    `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
+    or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
+    width of the track and at least 1 m. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
+    `latency`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        tracks: int = 3,
+        track_seed: int = 0,
+        track_width: Range = WIDTH,
+        track_length: Range = LENGTH,
+        track_radius: Range | None = None,
+        friction: Range = 1.0,
+        mass: Range = 1.0,
+        noise: Range = 0.0,
+        latency: Range = 0.0,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        observation: Observation | None = None,
+        action: Action = "continuous",
+        frame_skip: int = 5,
+        threads: int | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
+        self.conditions = Conditions(friction, mass, noise, latency)
+        super().__init__(
+            num_envs,
+            TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length, radius=track_radius),
+            max_episode_steps=max_episode_steps,
+            autoreset_mode=autoreset_mode,
+            observation=observation,
+            action=action,
+            frame_skip=frame_skip,
+            threads=threads,
+            render_mode=render_mode,
+        )
+        self._driver = Drive(self.batch, frame_skip)
+
+    @property
+    def distance(self) -> Floats:
+        """Along the centre line since the start of each episode [m], shape (n,)."""
+        return self._episodes.memory[:, DRIVEN].copy()
+
+    def _drive(self, commands: NDArray[Any]) -> None:
+        self._driver.step(commands)
+
+    def _reset_worlds(self, rows: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
+        generators = [self._rngs[row] for row in rows.tolist()]
+        drawn = np.array([self.conditions.draw(one) for one in generators if one is not None])
+        friction, mass, noise, latency = drawn.T
+        self.batch.reset(rows, seeds, poses=poses, grip=friction, mass=mass, noise=noise)
+        self._driver.reset(rows, latency[:, None])
+
+
+class RoboRacerEnv(gymnasium.Env[Any, Any]):
+    """One time trial; it is the vector environment with one world.
+
+    `info["is_success"]` says after each step whether a whole lap is driven.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 40.0}  # noqa: RUF012
+
+    def __init__(self, *, render_mode: str | None = None, **settings: Any) -> None:
+        """`settings`: those of `RoboRacerVectorEnv`. 'rgb_array' draws the image of the front camera."""
+        if render_mode not in (None, "rgb_array"):
+            raise SpecError([f"render_mode: {render_mode!r} is not known. Known: rgb_array"])
+        self.render_mode = render_mode
+        self.vector = RoboRacerVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings)
+        """The environment that does the work."""
+        self.observation_space = self.vector.single_observation_space
+        self.action_space = self.vector.single_action_space
+        step = self.vector.batch.tick_duration * self.vector.settings.frame_skip
+        self.metadata = {**type(self).metadata, "render_fps": 1.0 / step}
+        self._camera: BatchCamera | None = None
+
+    @property
+    def conditions(self) -> Conditions:
+        """Friction, mass, noise and latency of the episodes that follow."""
+        return self.vector.conditions
+
+    @conditions.setter
+    def conditions(self, conditions: Conditions) -> None:
+        self.vector.conditions = conditions
+
+    @property
+    def distance(self) -> float:
+        """Along the centre line since the start of the episode [m]."""
+        return float(self.vector.distance[0])
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; without a seed the next one of the same random numbers."""
+        super().reset(seed=seed)
+        observations, _ = self.vector.reset(seed=seed)
+        return _first(observations), {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Drive with that action for `frame_skip` ticks."""
+        observations, reward, terminated, _, infos = self.vector.step(np.asarray(action)[None])
+        info = {"is_success": bool(infos["is_success"][0])}
+        return _first(observations), float(reward[0]), bool(terminated[0]), False, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """With 'rgb_array', the image of the front camera, shape (360, 640, 3)."""
+        if self.render_mode is None:
+            return None
+        from autodrive.world.batch_camera import BatchCamera  # noqa: PLC0415  OpenGL waits until an image is wanted
+
+        if self._camera is None:
+            self._camera = BatchCamera(self.vector.task.scenario, "V1", "front", size=IMAGE_SIZE)
+        return np.array(self._camera.render(self.vector.batch.readings)[0])
+
+    def close(self) -> None:
+        """End the threads, and free the renderers."""
+        self.vector.close()
+        if self._camera is not None:
+            self._camera.close()
+
+
+def _first(observations: Any) -> Any:
+    """Of the first world."""
+    if isinstance(observations, dict):
+        return {key: values[0] for key, values in observations.items()}
+    return observations[0]

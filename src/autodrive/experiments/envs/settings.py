@@ -1,0 +1,78 @@
+"""Settings of all environments: the task, what is observed, the action and how long it lasts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Floats
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import suggest
+from autodrive.experiments.envs.lane_keeping import LaneKeeping
+from autodrive.experiments.envs.navigation import Navigation
+from autodrive.experiments.envs.parking import Parking
+from autodrive.experiments.envs.task import Observation, Task
+from autodrive.experiments.envs.time_trial import TimeTrial
+
+Action: TypeAlias = Literal["continuous", "discrete"]
+
+TASKS: dict[str, type[Task]] = {task.name: task for task in (LaneKeeping, Parking, Navigation, TimeTrial)}
+
+MOST_TICKS = 50
+"""Of an action: after 0.5 s the command of a vehicle times out."""
+
+CHOICES: Floats = np.array([(throttle, steering) for throttle in (-1, 0, 1) for steering in (-1, -0.5, 0, 0.5, 1)])
+"""Throttle and steering of each discrete action, shape (15, 2)."""
+
+IMAGE_WIDTH, IMAGE_HEIGHT = 128, 96
+"""Of the observation 'camera' [pixels]."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Checked settings; raises `SpecError` with all errors."""
+
+    task: str
+    observation: Observation | None = None
+    """None: the default of the task."""
+    action: Action = "continuous"
+    frame_skip: int = 5
+    """Ticks of 10 ms, or 5 ms for the car RoboRacer, that an action lasts."""
+    render_mode: str | None = None
+
+    def __post_init__(self) -> None:
+        choices: dict[str, list[Any]] = {
+            "task": [*TASKS],
+            "observation": [*get_args(Observation)],
+            "action": [*get_args(Action)],
+            "render_mode": ["rgb_array", "human"],
+        }
+        errors = [
+            f"{name}: {given!r} is not known. {suggest(str(given), known)}"
+            for name, known in choices.items()
+            if (given := getattr(self, name)) not in known
+            and not (given is None and name in ("observation", "render_mode"))
+        ]
+        ticks = self.frame_skip
+        if isinstance(ticks, bool) or not isinstance(ticks, int) or not 1 <= ticks <= MOST_TICKS:
+            errors.append(f"frame_skip: must be a whole number of ticks from 1 to {MOST_TICKS}, not {ticks!r}")
+        if errors:
+            raise SpecError(errors)
+
+
+def action_space(settings: Settings) -> spaces.Space[Any]:
+    """Throttle and steering from -1 to 1 (left is positive), or the number of one of `CHOICES`."""
+    if settings.action == "discrete":
+        return spaces.Discrete(len(CHOICES))
+    return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def commands_of(actions: Any, settings: Settings, count: int) -> NDArray[Any]:
+    """Throttle and steering of that number of actions, shape (count, 2); the world limits them to [-1, 1]."""
+    if settings.action == "discrete":
+        return CHOICES[np.asarray(actions).reshape(count)]
+    return np.asarray(actions).reshape(count, 2)

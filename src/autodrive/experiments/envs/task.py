@@ -1,0 +1,246 @@
+"""A driving task: its scenario, how an episode starts, its features, its reward and its end.
+
+Single and vector environments run the same compiled functions, on arrays with a leading axis of n cars. They use only
+operations that are rounded correctly (+, -, *, /, sqrt), so that the bits are the same on every processor.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from autodrive.base.arrays import Floats
+from autodrive.base.jit import jit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from autodrive.protocol.messages import Frame
+    from autodrive.scenario import ScenarioSpec
+    from autodrive.world.batch import Readings
+
+Observation: TypeAlias = Literal["state", "lidar", "camera"]
+Ground: TypeAlias = tuple[float, float, float]
+"""x, y [m] and yaw [rad] on the ground."""
+Bools: TypeAlias = "NDArray[np.bool_]"
+
+
+class CarReadings(NamedTuple):
+    """What the environments read of n cars, in the units and frames of a `VehicleFrame`."""
+
+    time: Floats
+    """[s], shape (n,)."""
+    position: Floats
+    """[m] in the map frame, shape (n, 3)."""
+    orientation: Floats
+    """Quaternion wxyz, shape (n, 4)."""
+    velocity: Floats
+    """[m/s] in the vehicle frame, shape (n, 3)."""
+    angular_velocity: Floats
+    """[rad/s] in the vehicle frame, shape (n, 3)."""
+    steering: Floats
+    """[rad], shape (n,)."""
+    collision_count: NDArray[np.int64]
+    """Since the reset, shape (n,)."""
+    lidar_time: Floats
+    """[s], shape (n,)."""
+    lidar_ranges: Floats
+    """[m] as in REP 117, shape (n, n_ray)."""
+    objects: Floats
+    """Positions of the movable objects [m] in the map frame, shape (n, n_object, 3)."""
+
+    @classmethod
+    def of_frame(cls, frame: Frame) -> CarReadings:
+        """The cars of one world."""
+        cars = list(frame.vehicles.values())
+        objects = [one.pose.position for one in frame.objects.values()]
+        scans = [car.lidar for car in cars if car.lidar is not None]
+        assert len(scans) == len(cars), "every car of these scenarios has a LIDAR"
+        return cls(
+            time=np.full(len(cars), frame.time),
+            position=np.array([car.pose.position for car in cars]),
+            orientation=np.array([car.pose.orientation for car in cars]),
+            velocity=np.array([car.velocity for car in cars]),
+            angular_velocity=np.array([car.angular_velocity for car in cars]),
+            steering=np.array([car.steering for car in cars]),
+            collision_count=np.array([car.collision_count for car in cars]),
+            lidar_time=np.array([scan.time for scan in scans]),
+            lidar_ranges=np.array([scan.ranges for scan in scans]),
+            objects=np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
+        )
+
+    @classmethod
+    def of_batch(cls, readings: Readings) -> CarReadings:
+        """The first car of each world; views, which the next step of the batch overwrites."""
+        return cls(
+            readings.time,
+            readings.position[:, 0],
+            readings.orientation[:, 0],
+            readings.velocity[:, 0],
+            readings.angular_velocity[:, 0],
+            readings.steering[:, 0],
+            readings.collision_count[:, 0],
+            readings.lidar_time[:, 0],
+            readings.lidar_ranges[:, 0],
+            readings.object_pose[:, :, :3],
+        )
+
+    @classmethod
+    def of_first_world(cls, readings: Readings) -> CarReadings:
+        """All cars of the first world of a batch; views but for the time and the objects."""
+        cars = readings.position.shape[1]
+        return cls(
+            np.full(cars, readings.time[0]),
+            readings.position[0],
+            readings.orientation[0],
+            readings.velocity[0],
+            readings.angular_velocity[0],
+            readings.steering[0],
+            readings.collision_count[0],
+            readings.lidar_time[0],
+            readings.lidar_ranges[0],
+            np.repeat(readings.object_pose[:1, :, :3], cars, axis=0),
+        )
+
+    def rows(self, rows: NDArray[np.intp]) -> CarReadings:
+        """The readings of some of the cars."""
+        some: list[Any] = [values[rows] for values in self]
+        return CarReadings(*some)
+
+
+class Feature(NamedTuple):
+    """One number of an observation, clipped to its limits."""
+
+    name: str
+    low: float
+    high: float
+    text: str
+    """Unit, frame and meaning."""
+
+
+class ScanView(NamedTuple):
+    """How the observation 'lidar' divides a scan into sectors, of which it has the shortest range each."""
+
+    first_degree: float
+    """Bearing of the middle of the first sector, or of its beginning if the scan is no circle [deg]."""
+    degrees: float
+    """Of a sector."""
+    sectors: int
+    range_max: float
+    """No return [m]."""
+
+    @property
+    def is_circle(self) -> bool:
+        """Whether the scan has 360 degrees; then its first ray is in the middle of the first sector."""
+        return self.sectors * self.degrees >= 360.0
+
+    @property
+    def bearings(self) -> list[float]:
+        """Of the middles of the sectors [deg], left positive."""
+        first = self.first_degree + (0.0 if self.is_circle else 0.5 * self.degrees)
+        return [first + k * self.degrees for k in range(self.sectors)]
+
+
+CIRCLE = ScanView(0.0, 10.0, 36, 12.0)
+"""Of the car Nigel."""
+
+
+class Start(NamedTuple):
+    """How an episode starts."""
+
+    poses: dict[str, Ground]
+    """Of vehicles and boxes, by name."""
+    memory: tuple[float, ...]
+    """What the task remembers of the episode at its start."""
+
+
+class Outcome(NamedTuple):
+    """What a step of n cars led to; shape (n,) each."""
+
+    reward: Floats
+    has_ended: Bools
+    """Whether the episode ends here, other than by its time."""
+    is_success: Bools
+    """Whether the task is accomplished."""
+
+
+MOTION = (
+    Feature("speed", -2.0, 2.0, "forward speed [m/s]"),
+    Feature("yaw_rate", -10.0, 10.0, "[rad/s], left positive"),
+    Feature("steering", -1.0, 1.0, "angle of the steering actuator [rad], left positive"),
+)
+"""The first features of every task."""
+
+
+class Task(ABC):
+    """One task. Its episodes differ in what `start` draws."""
+
+    name: str
+    scenario: ScenarioSpec
+    features: tuple[Feature, ...]
+    """All features, which are the observation 'state'."""
+    known: int
+    """The first of them, which are also part of the observations 'lidar' and 'camera'."""
+    observation: Observation
+    """The default."""
+    memory_size: int
+    scan: ScanView = CIRCLE
+
+    @abstractmethod
+    def __init__(self, frame_skip: int) -> None:
+        """`frame_skip`: ticks of a step."""
+
+    @abstractmethod
+    def start(self, rng: np.random.Generator) -> Start:
+        """Draw the start of an episode."""
+
+    @abstractmethod
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+        """Judge the last step.
+
+        Writes `memory`, shape (n, memory_size), `features`, shape (n, n_feature or known), and `outcome`. It is also
+        called at the start of an episode, for the memory and the features only.
+        """
+
+
+# -- parts of the compiled functions; i is the number of a car ---------------------------------------------------------
+
+
+@jit
+def write_motion(cars: CarReadings, i: int, features: Floats) -> None:
+    """Write the features of `MOTION`."""
+    features[i, 0] = cars.velocity[i, 0]
+    features[i, 1] = cars.angular_velocity[i, 2]
+    features[i, 2] = cars.steering[i]
+
+
+@jit
+def heading(cars: CarReadings, i: int) -> tuple[float, float]:
+    """Cosine and sine of the yaw angle."""
+    q = cars.orientation[i]
+    c, s = 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]), 2.0 * (q[0] * q[3] + q[1] * q[2])
+    length = math.sqrt(c * c + s * s)
+    return c / length, s / length
+
+
+@jit
+def turned(x: float, y: float, c: float, s: float) -> tuple[float, float]:
+    """A vector of the map frame in the axes of a vehicle whose yaw angle has that cosine and sine."""
+    return c * x + s * y, c * y - s * x
+
+
+# -- parts of a start ------------------------------------------------------------------------------------------------
+
+
+def uniform(rng: np.random.Generator, limits: Sequence[float]) -> list[float]:
+    """A number between -limit and limit for each limit."""
+    return [limit * (2.0 * float(rng.random()) - 1.0) for limit in limits]
+
+
+def wrapped(angle: float) -> float:
+    """The angle wrapped to [-pi, pi] [rad]."""
+    return math.remainder(angle, 2.0 * math.pi)

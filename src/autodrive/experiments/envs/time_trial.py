@@ -1,0 +1,200 @@
+"""Time trial of the car RoboRacer: drive as far as possible along a random race track without a collision.
+
+- Start: at rest on one of the tracks, anywhere, up to 0.1 m beside its centre line and up to 0.2 rad off its direction.
+- Reward of a step: the distance along the centre line in the step [m]; -5 if the episode ends by a collision.
+- End: a collision, or more than 90 degrees off the direction of the track.
+- Success: a whole lap; the episode goes on.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.errors import SpecError
+from autodrive.base.jit import jit
+from autodrive.experiments.envs import path
+from autodrive.experiments.envs.conditions import Range, is_range
+from autodrive.experiments.envs.path import follow, look_ahead
+from autodrive.experiments.envs.race_tracks import SPACING, RaceTracks
+from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
+from autodrive.physics.sensors.settings import SensorSettings
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+
+TICK = 0.005
+"""[s]: an action of five ticks lasts as long as a scan."""
+PREVIEW = (0.5, 1.0, 2.0, 4.0)
+"""Distances along the track of the points ahead that are observed [m]."""
+TOP_SPEED = 24.0
+"""A car is not faster [m/s]."""
+START_OFFSET, START_ANGLE = 0.1, 0.2
+"""Largest of a start [m], [rad]."""
+GRID_STEP, GRID_SIDE = 1.0, 0.3
+"""Distance of the places of a grid along the track, and from the centre line [m]."""
+FAILURE = -5.0
+"""Reward of a step that ends an episode."""
+MOST_TRACKS = 32
+WIDTH, LEAST_WIDTH, MOST_WIDTH = 1.4, 0.8, 2.0
+"""Of a track [m]: if nothing is chosen, and its limits."""
+LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 70.0
+"""Likewise."""
+LEAST_RADIUS, MOST_RADIUS = 0.6, 4.0
+"""Of curves [m]: the car turns with 0.56 m."""
+
+KNOWN = 4
+TRACK, PLACE, DRIVEN = 0, 1, 1 + path.DRIVEN
+"""Columns of the memory: number of the track, and from `PLACE` on the memory of `path.follow`; `DRIVEN` is from the
+start line of the episode."""
+
+
+class TimeTrial(Task):
+    """See the module."""
+
+    name = "time_trial"
+    features = (
+        Feature("speed", -10.0, 25.0, "forward speed [m/s]"),
+        Feature("side_speed", -10.0, 10.0, "speed to the left [m/s]"),
+        Feature("yaw_rate", -20.0, 20.0, "[rad/s], left positive"),
+        Feature("steering", -1.0, 1.0, "angle of the steering actuator [rad], left positive"),
+        Feature("offset", -2.0, 2.0, "distance from the centre line [m], left of it positive"),
+        Feature("direction_cos", -1.0, 1.0, "cosine of the angle from the car to the direction of the track"),
+        Feature("direction_sin", -1.0, 1.0, "sine of that angle, left positive"),
+        *(
+            Feature(f"ahead_{distance:g}_{axis}", -5.0, 5.0, f"{axis} of the track {distance:g} m on, vehicle frame")
+            for distance in PREVIEW
+            for axis in "xy"
+        ),
+    )
+    known = KNOWN
+    observation = "lidar"
+    memory_size = 4
+    scan = ScanView(first_degree=-135.0, degrees=5.0, sectors=54, range_max=10.0)
+
+    def __init__(
+        self,
+        frame_skip: int,
+        tracks: int = 3,
+        track_seed: int = 0,
+        cars: int = 1,
+        laps: int = 1,
+        width: Range = WIDTH,
+        length: Range = LENGTH,
+        radius: Range | None = None,
+    ) -> None:
+        """`laps`: after which the task is accomplished. `width`, `length`, `radius`: see `RaceTracks` [m].
+
+        Raises `SpecError`.
+        """
+        wrong = {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
+        errors = [
+            f"{name}: must be a whole number from {least} to {most}, not {given!r}"
+            for name, (given, least, most) in wrong.items()
+            if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= most
+        ]
+        ranges = {
+            "track_width": (width, LEAST_WIDTH, MOST_WIDTH),
+            "track_length": (length, LEAST_LENGTH, MOST_LENGTH),
+        }
+        if radius is not None:
+            ranges["track_radius"] = radius, LEAST_RADIUS, MOST_RADIUS
+        errors += [
+            f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {given!r}"
+            for name, (given, least, most) in ranges.items()
+            if not is_range(given, least, most)
+        ]
+        if errors:
+            raise SpecError(errors)
+        curves = None if radius is None else _ends(radius)
+        self.tracks = RaceTracks(tracks, track_seed, _ends(width), _ends(length), curves)
+        self._laps = laps
+        self.scenario = ScenarioSpec(
+            map=str(self.tracks.file),
+            vehicles={
+                name: VehiclePlacement(
+                    type="roboracer",
+                    x=x,
+                    y=y,
+                    yaw_deg=math.degrees(yaw),
+                    sensors={"lidar": SensorSettings(noise="realistic")},
+                )
+                for name, (x, y, yaw) in self._grid(0, 0, cars).items()
+            },
+            tick=TICK,
+        )
+        self._preview = np.array([round(distance / SPACING) for distance in PREVIEW])
+        self._reach = math.ceil(TOP_SPEED * TICK * frame_skip / SPACING) + 2
+
+    def start(self, rng: np.random.Generator) -> Start:
+        """A place on one of the tracks."""
+        track = int(rng.integers(len(self.tracks.count)))
+        place = int(rng.integers(self.tracks.count[track]))
+        aside, turn = uniform(rng, (START_OFFSET, START_ANGLE))
+        x, y, yaw = self.tracks.pose(track, place, aside)
+        return Start({"V1": (x, y, wrapped(yaw + turn))}, (float(track), float(place), 0.0, 0.0))
+
+    def starts(self, rng: np.random.Generator) -> list[Start]:
+        """A grid of all cars behind a start line anywhere on one of the tracks, in a random order."""
+        track = int(rng.integers(len(self.tracks.count)))
+        line = int(rng.integers(self.tracks.count[track]))
+        names = list(self.scenario.vehicles)
+        grid = list(self._grid(track, line, len(names)).values())
+        starts = []
+        for name, place in zip(names, rng.permutation(len(names)).tolist(), strict=True):
+            back = _steps_back(place)
+            memory = (float(track), float((line - back) % self.tracks.count[track]), 0.0, -back * SPACING)
+            starts.append(Start({name: grid[place]}, memory))
+        return starts
+
+    def _grid(self, track: int, line: int, cars: int) -> dict[str, tuple[float, float, float]]:
+        side = GRID_SIDE if cars > 1 else 0.0
+        return {
+            f"V{k + 1}": self.tracks.pose(track, line - _steps_back(k), side if k % 2 == 0 else -side)
+            for k in range(cars)
+        }
+
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+        """See `Task.evaluate`. The nearest point is sought around the last one: parts of a track may be near."""
+        t = self.tracks
+        _judge(cars, t.lines, t.count, t.length, self._laps, self._reach, self._preview, memory, features, outcome)
+
+
+def _ends(given: Range) -> tuple[float, float]:
+    return given if isinstance(given, tuple) else (given, given)
+
+
+def _steps_back(place: int) -> int:
+    """Points of the centre line from the start line back to a place of the grid, from 0."""
+    return round((1 + place) * GRID_STEP / SPACING)
+
+
+@jit
+def _judge(
+    cars: CarReadings,
+    lines: Floats,
+    counts: Integers,
+    lengths: Floats,
+    laps: int,
+    reach: int,
+    preview: Integers,
+    memory: Floats,
+    features: Floats,
+    outcome: Outcome,
+) -> None:
+    """`lines`, `counts`, `lengths`: see `RaceTracks`."""
+    for i in range(len(memory)):
+        track = int(memory[i, TRACK])
+        line, count, length = lines[track], counts[track], lengths[track]
+        progress, offset, direction_cos, direction_sin = follow(
+            cars, i, line, count, length / count, reach, memory[i, PLACE:]
+        )
+        features[i, 0], features[i, 1] = cars.velocity[i, 0], cars.velocity[i, 1]
+        features[i, 2], features[i, 3] = cars.angular_velocity[i, 2], cars.steering[i]
+        if features.shape[1] > KNOWN:
+            features[i, 4], features[i, 5], features[i, 6] = offset, direction_cos, direction_sin
+            look_ahead(cars, i, line, count, int(memory[i, PLACE]), preview, features[i, 7:])
+        has_ended = direction_cos < 0.0 or cars.collision_count[i] > 0
+        outcome.has_ended[i] = has_ended
+        outcome.reward[i] = FAILURE if has_ended else progress
+        outcome.is_success[i] = memory[i, DRIVEN] >= laps * length

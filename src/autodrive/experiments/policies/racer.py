@@ -1,0 +1,94 @@
+"""Drives the car RoboRacer with a policy, by what a script may read in a race: LIDAR, encoders, gyroscope, steering."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.errors import AutodriveError
+from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.physics.sensors.settings import SensorSettings
+from autodrive.protocol.messages import Command, VehicleFrame
+from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.maps.map import load_map
+from autodrive.world.compile import on_grid
+from autodrive.world.factory import make
+from autodrive.world.racing.results import RaceRecorder
+
+if TYPE_CHECKING:
+    from autodrive.base.arrays import Floats
+    from autodrive.experiments.policies.policy import Policy
+    from autodrive.world.racing.results import Standing
+
+PERIOD = 0.025
+"""Time between two scans, and so between two commands [s]."""
+WHEEL_RADIUS = 0.059
+"""[m]: vehicles/roboracer.yaml."""
+SPEEDS = (-5.0, 25.0)
+"""Speeds beyond these [m/s] are a reading that was lost."""
+_SCAN = TimeTrial.scan
+INPUTS = ("speed", "yaw_rate", "steering", *(f"range_{bearing:g}" for bearing in _SCAN.bearings))
+"""Features of the time trial that these readings give."""
+
+
+class PolicyRacer:
+    """One car. It remembers the last angles of the wheels, for the speed.
+
+    Raises `AutodriveError` if the policy needs other readings.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        unknown = sorted(set(policy.inputs) - set(INPUTS))
+        if unknown:
+            raise AutodriveError(f"the policy reads {unknown[0]}, which no script can read in a race")
+        self.policy = policy
+        self._places = np.array([INPUTS.index(name) for name in policy.inputs])
+        self._angle: float | None = None
+
+    def command(self, angles: Floats, yaw_rate: float, steering: float, ranges: Floats) -> tuple[float, float]:
+        """Throttle and steering, -1 to 1, left positive, for the readings after one more `PERIOD`.
+
+        `angles` of the rear wheels [rad], shape (2,); `yaw_rate` [rad/s]; `steering` angle [rad], left positive;
+        `ranges` of the scan from right to left [m], shape (1080,).
+        """
+        angle = float(angles.mean())
+        speed = 0.0 if self._angle is None else WHEEL_RADIUS * (angle - self._angle) / PERIOD
+        self._angle = angle
+        speed = min(max(speed, SPEEDS[0]), SPEEDS[1])
+        features = np.concatenate([[speed, yaw_rate, steering], sectors(ranges)])
+        return self.policy.act(features[self._places])
+
+    def act(self, car: VehicleFrame) -> Command:
+        """The command for a Frame of the car."""
+        if car.lidar is None:
+            raise AutodriveError("the policy needs a car with a LIDAR")
+        rate = float(car.imu.angular_velocity[2])
+        return Command(*self.command(car.encoders.angles, rate, car.steering, car.lidar.ranges))
+
+
+def sectors(ranges: Floats) -> NDArray[np.float64]:
+    """The shortest range in each sector of a scan, within its limits [m], shape (54,)."""
+    if len(ranges) % _SCAN.sectors:
+        raise AutodriveError(f"the policy needs a scan of 1080 rays, not of {len(ranges)}")
+    return np.clip(ranges.reshape(_SCAN.sectors, -1).min(axis=1), 0.0, _SCAN.range_max)
+
+
+def drive_laps(policy: Policy, track: str, laps: int = 10, *, limit: float = 600.0, seed: int = 0) -> Standing:
+    """Laps and collisions of a time trial in lock-step on a track, by the rules 'practice'.
+
+    It ends after `laps`, a collision or `limit` [s]. The LIDAR has the noise of its data sheet, with that seed. Raises
+    `SpecError` for an unknown track.
+    """
+    car = VehiclePlacement(type="roboracer", sensors={"lidar": SensorSettings(noise="realistic")})
+    rules = RaceSpec(rules="practice", laps=laps)
+    scenario = ScenarioSpec(map=track, vehicles={"V1": car}, race=rules, tick=PERIOD, seed=seed)
+    with closing(make(on_grid(scenario, load_map(track)))) as world:
+        racer, recorder = PolicyRacer(policy), RaceRecorder()
+        recorder.publish(world.frame)
+        while not recorder.is_over and world.time < limit and not world.frame.vehicles["V1"].collision_count:
+            recorder.publish(world.step({"V1": racer.act(world.frame.vehicles["V1"])}))
+        (standing,) = recorder.standings()
+    return standing

@@ -1,4 +1,0 @@
-"""Exports of recordings to the formats of other programs, and recorded drives of AutoDRIVE's data recorder."""
-
-from autodrive.exports.formats import FORMATS as FORMATS
-from autodrive.exports.formats import export as export

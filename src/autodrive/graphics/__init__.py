@@ -1,0 +1,1 @@
+"""What cameras and people see: assets, meshes, the renderer, camera processes."""

@@ -1,0 +1,102 @@
+"""An asset to draw: named nodes with surfaces and materials, and how its nodes move.
+
+Lengths in metres; x forward, y left, z up. Node names are a contract between builders and renderers.
+`assets/glb.py` writes assets as files that any glTF viewer shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.transforms import Quaternion, Vector
+from autodrive.protocol.labels import Label
+
+Points: TypeAlias = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Material:
+    """A metallic-roughness material, as in glTF."""
+
+    name: str
+    color: Vector
+    """Linear RGB, each in [0, 1]; multiplied with the texture, if any."""
+    roughness: float = 0.8
+    metallic: float = 0.0
+    emission: Vector = (0.0, 0.0, 0.0)
+    """Emitted linear RGB; of a lamp: at full level."""
+    texture: str = ""
+    """Key in `Asset.textures`; none if empty."""
+    is_paint: bool = False
+    """Whether the page may show it in the colour of the vehicle, if there are several vehicles."""
+
+
+@dataclass(frozen=True)
+class MeshSurface:
+    """Triangles of one material."""
+
+    material: Material
+    positions: Points
+    """Of the vertices [m], shape (n, 3)."""
+    normals: Points
+    """Unit vectors, shape (n, 3)."""
+    triangles: NDArray[np.uint32]
+    """Indices of vertices, counter-clockwise seen from outside, shape (m, 3)."""
+    label: Label
+    uvs: Points | None = None
+    """Texture coordinates, shape (n, 2); (0, 0) is the upper left corner. Required with a texture."""
+
+
+Detail: TypeAlias = Literal["full", "reduced", "shadow"]
+"""Level of detail: close views (page, preview), cameras of a vehicle, shadow maps."""
+
+
+@dataclass(frozen=True)
+class NodeJoint:
+    """How a node moves relative to its place at rest: by a signal of the vehicle.
+
+    'hinge': turns about `axis` by signal x gain [rad]. 'slide': moves along `axis` by signal x gain [m]. 'crank':
+    moves, without turning, like the end of the lever `arm` [m] that turns about z by signal x gain [rad].
+    """
+
+    kind: Literal["hinge", "slide", "crank"]
+    signal: str
+    """'steering' (mean of the front wheels), 'steering_<wheel>', 'spin_<wheel>' or 'compression_<wheel>', where <wheel>
+    is front_left, front_right, rear_left or rear_right."""
+    axis: Vector = (0.0, 0.0, 1.0)
+    gain: float = 1.0
+    arm: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class AssetNode:
+    """A rigid part of an asset; its pose is in the axes of its parent."""
+
+    name: str
+    parent: str = ""
+    """Name of an earlier node; none if empty."""
+    position: Vector = (0.0, 0.0, 0.0)
+    orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    joint: NodeJoint | None = None
+    lamp: str = ""
+    """If the surfaces are the glass of a lamp: its name in `actuators.lights.LAMPS`; they glow when it is lit."""
+    surfaces: dict[Detail, tuple[MeshSurface, ...]] = field(default_factory=dict)
+    """By level of detail; nothing is drawn at a level without an entry."""
+
+
+@dataclass(frozen=True)
+class Asset:
+    """Nodes and their textures."""
+
+    name: str
+    nodes: tuple[AssetNode, ...]
+    textures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
+    """sRGB images by name, shape (height, width, 3), first row at the top."""
+
+    def triangle_count(self, detail: Detail) -> int:
+        """Number of triangles of all nodes at that level of detail."""
+        return sum(len(s.triangles) for node in self.nodes for s in node.surfaces.get(detail, ()))

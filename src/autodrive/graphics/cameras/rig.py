@@ -1,0 +1,73 @@
+"""The cameras of all vehicles of a world: which there are, when they are due, and how an image is captured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple
+
+from autodrive.graphics.render.render_state import RenderState
+from autodrive.graphics.render.renderer import Renderer
+from autodrive.graphics.render.scene import RenderScene
+from autodrive.physics.sensors.camera import Camera, CameraSpec
+from autodrive.protocol.messages import CameraImage
+
+
+class CameraSlot(NamedTuple):
+    """One camera of one vehicle."""
+
+    row: int
+    """Of the vehicle, in a `RenderState`."""
+    vehicle: str
+    camera: str
+    spec: CameraSpec
+
+
+@dataclass(frozen=True)
+class CameraRig:
+    """All that images of one world are made of; it can be sent to another process."""
+
+    scene: RenderScene
+    slots: tuple[CameraSlot, ...]
+    substep: Fraction
+    """[s]."""
+    substeps: int
+    """In a tick."""
+    quality: str
+    """One of `render.quality.NAMES`."""
+
+
+class CameraArray:
+    """The cameras of a rig, each with its schedule and its image noise."""
+
+    def __init__(self, rig: CameraRig) -> None:
+        self._rig = rig
+        self.cameras = [
+            Camera(slot.spec, vehicle=slot.vehicle, name=slot.camera, substep=rig.substep) for slot in rig.slots
+        ]
+        self._extras = {
+            "depth": any(slot.spec.depth for slot in rig.slots),
+            "labels": any(slot.spec.labels for slot in rig.slots),
+        }
+
+    def reset(self, seed: int) -> None:
+        """Restart schedules and image noise; noise follows from `seed`."""
+        for camera in self.cameras:
+            camera.reset(seed)
+
+    def due(self, tick: int) -> list[int]:
+        """Numbers of the cameras that are due at that tick."""
+        now = tick * self._rig.substeps
+        return [number for number, camera in enumerate(self.cameras) if camera.is_due(now)]
+
+    def capture(self, renderer: Renderer, state: RenderState, tick: int, numbers: Sequence[int]) -> list[CameraImage]:
+        """Images of these cameras, all of the same state, drawn together."""
+        now = tick * self._rig.substeps
+        rows = [state.vehicles[self._rig.slots[number].row] for number in numbers]
+        views = [self.cameras[number].views(row, state.time) for number, row in zip(numbers, rows, strict=True)]
+        rendered = iter(renderer.draw(state, [view for own in views for view in own], **self._extras))
+        return [
+            self.cameras[number].image_from([next(rendered) for _ in own], row, now)
+            for number, own, row in zip(numbers, views, rows, strict=True)
+        ]

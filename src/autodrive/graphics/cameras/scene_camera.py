@@ -1,0 +1,121 @@
+"""Where a client's scene camera is, from the client's `SetCamera` and the Frame to draw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from autodrive.base.errors import AutodriveError
+from autodrive.base.specs import suggest
+from autodrive.base.transforms import Vector, rotate
+from autodrive.base.units import DEGREE
+from autodrive.graphics.cameras.viewpoints import (
+    BIRD_HIGHEST,
+    BIRD_LOWEST,
+    GodsEye,
+    Viewpoint,
+    birds_eye,
+    drivers_eye,
+    orbit,
+    scene_cameras,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from autodrive.protocol.messages import Frame, Pose
+    from autodrive.protocol.native import SetCamera
+    from autodrive.scenario.vehicles.spec import VehicleSpec
+
+CAMERAS = (*scene_cameras(), "Orbit")
+
+ORBIT_TARGET: Vector = (0.07, 0.0, 0.05)
+"""Target of the orbit in the vehicle frame: the middle of the car [m]."""
+ORBIT_NEAREST, ORBIT_FARTHEST = 0.15, 12.0
+"""Limits of its distance [m]."""
+
+LEAST_ZOOM, MOST_ZOOM = 0.1, 20.0
+"""Limits of the focal length, relative to the standard one."""
+
+WIDTH_STEP, LEAST_STEPS, MOST_STEPS = 160, 1, 12
+"""Image sizes are multiples of 160 x 90 pixels: few sizes, each exactly 16:9."""
+
+
+def check_view(view: SetCamera, vehicles: Sequence[str]) -> None:
+    """Raises `AutodriveError` if the camera or vehicle is not known, or a number is not finite."""
+    if view.camera not in CAMERAS:
+        raise AutodriveError(f"scene camera '{view.camera}' is not known. {suggest(str(view.camera), [*CAMERAS])}")
+    if view.vehicle is not None and view.vehicle not in vehicles:
+        raise AutodriveError(f"vehicle '{view.vehicle}' is not known. {suggest(view.vehicle, list(vehicles))}")
+    if view.vehicle is None and not vehicles:
+        raise AutodriveError("a scene camera follows a vehicle, and this scenario has none")
+    for name in ("height", "azimuth", "elevation", "distance"):
+        if not math.isfinite(value := getattr(view, name)):
+            raise AutodriveError(f"{name} of a scene camera must be a finite number, not {value}")
+    if not LEAST_ZOOM <= view.zoom <= MOST_ZOOM:
+        raise AutodriveError(f"zoom of a scene camera must be {LEAST_ZOOM:g} to {MOST_ZOOM:g}, not {view.zoom}")
+
+
+def image_size(width: int) -> tuple[int, int]:
+    """Width and height [pixels] of the image for a requested width: the nearest size, 160 to 1920 wide."""
+    steps = min(max(round(width / WIDTH_STEP), LEAST_STEPS), MOST_STEPS)
+    return WIDTH_STEP * steps, WIDTH_STEP * steps * 9 // 16
+
+
+class SceneCamera:
+    """The scene camera of one client. Only God's Eye depends on the previous images."""
+
+    def __init__(self, vehicles: Mapping[str, VehicleSpec]) -> None:
+        self._vehicles = vehicles
+        self._god: GodsEye | None = None
+        self._followed = ""
+        self._time = self._at = 0.0
+
+    def viewpoint(self, view: SetCamera, frame: Frame, now: float) -> Viewpoint:
+        """Viewpoint for that Frame at wall time `now` [s]; `view` has passed `check_view`."""
+        return self._standard(view, frame, now).zoomed(view.zoom)
+
+    def _standard(self, view: SetCamera, frame: Frame, now: float) -> Viewpoint:
+        """The viewpoint with the standard focal length."""
+        name = view.vehicle or next(iter(frame.vehicles))
+        pose = frame.vehicles[name].pose
+        if view.camera == "God's Eye":
+            return self._gods_eye(name, frame, now)
+        self._god = None
+        if view.camera == "Driver's Eye":
+            return drivers_eye(_vector(pose), _orientation(pose))
+        if view.camera == "Bird's Eye":
+            return birds_eye(_vector(pose), min(max(view.height, BIRD_LOWEST), BIRD_HIGHEST))
+        return _orbit(view, pose)
+
+    def _gods_eye(self, name: str, frame: Frame, now: float) -> Viewpoint:
+        """Turns to follow the vehicle; jumps to another vehicle, and after a reset."""
+        if self._god is None or name != self._followed or frame.time < self._time:
+            self._god = GodsEye(0.5 * max(self._vehicles[name].size))
+            self._at = now
+        viewpoint = self._god.step(_vector(frame.vehicles[name].pose), now - self._at)
+        self._followed, self._time, self._at = name, frame.time, now
+        return viewpoint
+
+
+def _orbit(view: SetCamera, pose: Pose) -> Viewpoint:
+    """Around the middle of the vehicle, along the axes of the map: it does not turn with the vehicle."""
+    target = _sum(_vector(pose), rotate(_orientation(pose), ORBIT_TARGET))
+    distance = min(max(view.distance, ORBIT_NEAREST), ORBIT_FARTHEST)
+    elevation = min(max(view.elevation, -0.5 * math.pi), 0.5 * math.pi)
+    return orbit(target, distance, view.azimuth / DEGREE, elevation / DEGREE)
+
+
+def _sum(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _vector(pose: Pose) -> Vector:
+    x, y, z = pose.position.tolist()
+    return x, y, z
+
+
+def _orientation(pose: Pose) -> tuple[float, float, float, float]:
+    w, x, y, z = pose.orientation.tolist()
+    return w, x, y, z

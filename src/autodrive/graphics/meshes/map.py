@@ -1,0 +1,207 @@
+"""Builds the assets of maps and construction boxes from the polygons that the simulation uses.
+
+The ground is one layer without overlaps (paint fills holes of the road, roads fill holes of the lawn), so that nothing
+flickers. Adjacent pieces share bit-identical vertices, so that there are no cracks between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import manifold3d
+import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
+
+from autodrive.graphics.assets.asset import Asset, AssetNode, Material
+from autodrive.graphics.assets.textures import texture
+from autodrive.graphics.meshes.map_solids import box_asset, sign_faces, solid_nodes
+from autodrive.graphics.meshes.polygons import Mesh
+from autodrive.protocol.labels import Label
+from autodrive.scenario.maps.ground import TILE, Region, floor_extent, regions, tile_extent
+from autodrive.scenario.maps.map import GRID
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from autodrive.base.arrays import Floats
+    from autodrive.graphics.assets.asset import MeshSurface
+    from autodrive.scenario.maps.map import Map
+
+__all__ = ["box_asset", "map_asset"]
+
+KERB_HEIGHT, KERB_STEP = 0.006, 0.003
+"""Heights of kerb and pavement, and of the face of the kerb towards the road [m]; all outside the drivable area."""
+
+WHITE = Material("paint", (0.82, 0.82, 0.79), roughness=0.7)
+MATERIALS = {
+    "floor": (Material("floor", (1.0, 1.0, 1.0), roughness=0.9, texture="floor"), 1.6),
+    "lawn": (Material("lawn", (1.0, 1.0, 1.0), roughness=1.0, texture="grass"), 0.8),
+    "road": (Material("road", (1.0, 1.0, 1.0), roughness=0.9, texture="asphalt"), 0.5),
+    "track": (Material("track", (0.80, 0.80, 0.78), roughness=0.6, texture="floor"), 1.6),
+    "pavement": (Material("pavement", (1.0, 1.0, 1.0), roughness=0.9, texture="pavement"), 0.5),
+    "kerb": (Material("kerb", (1.0, 1.0, 1.0), roughness=0.85, texture="kerb"), 0.5),
+    "bevel": (Material("kerb", (1.0, 1.0, 1.0), roughness=0.85, texture="kerb"), 0.5),
+    "paint": (WHITE, 1.0),
+}
+"""Material of each region, and the period of its texture [m]."""
+RAISED = ("bevel", "kerb", "pavement")
+
+
+def map_asset(map_: Map) -> Asset:
+    """The static part of a map. Nodes: 'tile_<i>' and 'floor' for the ground, and one for each solid, with its name."""
+    nodes = [*_ground(map_), *solid_nodes(map_)]
+    used = {s.material.texture for node in nodes for level in node.surfaces.values() for s in level} - {""}
+    textures = {name: sign_faces() if name == "signs" else texture(name) for name in sorted(used)}
+    return Asset(map_.name, tuple(nodes), textures)
+
+
+# -- ground -----------------------------------------------------------------------------------------------------
+
+
+def _ground(map_: Map) -> Iterator[AssetNode]:
+    """One node for each tile, and one for the floor around the tiles."""
+    cells, kinds = _cells(map_)
+    x0, y0, x1, y1 = tile_extent(map_)
+    columns, rows = round((x1 - x0) / TILE), round((y1 - y0) / TILE)
+    vertices = _Vertices(cells)
+    is_kerb = np.array([kind.name in RAISED for kind in kinds])
+    heights = vertices.heights([kind.name for kind in kinds])
+    middle = shapely.get_coordinates(shapely.point_on_surface(np.array(cells, dtype=object)))
+    column, row = np.floor((middle - (x0, y0)) / TILE).astype(int).T
+    is_outside = (column < 0) | (row < 0) | (column >= columns) | (row >= rows)
+    tile = np.where(is_outside, -1, row * columns + column)
+    walls = vertices.open_edges(is_kerb)
+    for number in np.unique(tile):
+        surfaces = tuple(_surfaces(np.flatnonzero(tile == number), kinds, vertices, heights, walls))
+        name = "floor" if number < 0 else f"tile_{number}"
+        yield AssetNode(name, surfaces={"full": surfaces, "reduced": surfaces})
+
+
+def _cells(map_: Map) -> tuple[list[shapely.Polygon], list[Region]]:
+    """Polygons that fill the extent of the floor, cut at the borders of tiles, and the region of each polygon."""
+    kinds = regions(map_)
+    x0, y0, x1, y1 = tile_extent(map_)
+    far = floor_extent(map_)
+    cuts = [shapely.LineString([(x, y0), (x, y1)]) for x in np.arange(x0, x1 + TILE / 2.0, TILE)]
+    cuts += [shapely.LineString([(x0, y), (x1, y)]) for y in np.arange(y0, y1 + TILE / 2.0, TILE)]
+    cuts += [shapely.LineString([a, b]) for a, b in zip(_corners(x0, y0, x1, y1), _corners(*far), strict=True)]
+    lines = [shapely.boundary(kind.geometry) for kind in kinds]
+    noded = shapely.union_all([*lines, *cuts], grid_size=GRID)
+    cells = list(shapely.get_parts(shapely.polygonize(shapely.get_parts(noded))))
+    tree = shapely.STRtree([kind.geometry for kind in kinds])
+    points = shapely.point_on_surface(np.array(cells, dtype=object))
+    which = np.full(len(cells), -1)
+    found = tree.query(points, predicate="intersects")
+    which[found[0]] = found[1]
+    kept = [i for i in range(len(cells)) if which[i] >= 0]
+    return [orient(cells[i]) for i in kept], [kinds[which[i]] for i in kept]
+
+
+def _corners(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float]]:
+    return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+
+
+class _Vertices:
+    """The vertices of all cells, without duplicates."""
+
+    def __init__(self, cells: list[shapely.Polygon]) -> None:
+        self.rings: list[list[Floats]] = [
+            [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(cell)] for cell in cells
+        ]
+        flat = np.concatenate([ring for rings in self.rings for ring in rings])
+        _, first, index = np.unique(
+            np.round(flat / GRID).astype(np.int64), axis=0, return_index=True, return_inverse=True
+        )
+        self.points = flat[first]
+        index = index.ravel()
+        starts = np.cumsum([0, *(len(ring) for rings in self.rings for ring in rings)])
+        pieces = iter(np.split(index, starts[1:-1]))
+        self.ids: list[list[NDArray[np.integer]]] = [[next(pieces) for _ in rings] for rings in self.rings]
+
+    def heights(self, names: list[str]) -> dict[str, Floats]:
+        """Height of each vertex for each raised region [m]; a bevel is lower where it touches the road."""
+        low = np.zeros(len(self.points), bool)
+        for name, rings in zip(names, self.ids, strict=True):
+            if name in ("road", "paint"):
+                for ring in rings:
+                    low[ring] = True
+        bevel = np.where(low, KERB_STEP, KERB_HEIGHT)
+        level = np.full(len(low), KERB_HEIGHT)
+        return {"bevel": bevel, "kerb": level, "pavement": level}
+
+    def open_edges(self, is_raised: NDArray[np.bool_]) -> dict[int, list[tuple[int, int]]]:
+        """For each raised cell, its edges to ground that is not raised."""
+        owner: dict[tuple[int, int], int] = {}
+        for cell in np.flatnonzero(is_raised):
+            for ring in self.ids[cell]:
+                owner.update(dict.fromkeys(zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True), int(cell)))
+        found: dict[int, list[tuple[int, int]]] = {}
+        for (a, b), cell in owner.items():
+            if (b, a) not in owner:
+                found.setdefault(cell, []).append((a, b))
+        return found
+
+
+def _surfaces(
+    cells: NDArray[np.integer],
+    kinds: list[Region],
+    vertices: _Vertices,
+    heights: dict[str, Floats],
+    walls: dict[int, list[tuple[int, int]]],
+) -> Iterator[MeshSurface]:
+    """The surfaces of a tile, one for each kind of ground."""
+    groups: dict[tuple[str, Label], list[int]] = {}
+    for cell in cells.tolist():
+        groups.setdefault((kinds[cell].name, kinds[cell].label), []).append(cell)
+    for (name, label), members in groups.items():
+        material, period = MATERIALS[name]
+        ids = np.concatenate([_triangles(vertices.rings[cell], vertices.ids[cell]) for cell in members])
+        used, triangles = np.unique(ids, return_inverse=True)
+        z = heights[name][used] if name in heights else np.zeros(len(used))
+        positions = np.column_stack([vertices.points[used], z])
+        normals = np.tile((0.0, 0.0, 1.0), (len(used), 1))
+        triangles = triangles.reshape(-1, 3)
+        if name == "bevel":
+            normals = _smooth(positions, triangles)
+        yield Mesh(positions, normals, triangles, _uvs(positions, period)).surface(material, label)
+    edges = [(edge, heights[kinds[cell].name]) for cell in cells.tolist() for edge in walls.get(cell, [])]
+    if edges:
+        material, period = MATERIALS["kerb"]
+        yield _faces(vertices.points, edges, period).surface(material, Label.KERB)
+
+
+def _triangles(rings: list[Floats], ids: list[NDArray[np.integer]]) -> NDArray[np.integer]:
+    """Triangulates a cell. Uses every vertex of its rings, also on straight sides, so that there are no cracks."""
+    return np.concatenate(ids)[np.asarray(manifold3d.triangulate(rings)).reshape(-1, 3)]
+
+
+def _faces(points: Floats, edges: list[tuple[tuple[int, int], Floats]], period: float) -> Mesh:
+    """Vertical faces from raised edges down to the ground."""
+    a, b = np.array([edge for edge, _ in edges]).T
+    top_a, top_b = np.array([(z[i], z[j]) for (i, j), z in edges]).T
+    zero = np.zeros(len(a))
+    corners = [(a, zero), (b, zero), (b, top_b), (a, top_a)]
+    positions = np.stack([np.column_stack([points[i], z]) for i, z in corners], axis=1)
+    along = points[b] - points[a]
+    normal = np.column_stack([along[:, 1], -along[:, 0], zero]) / np.linalg.norm(along, axis=1)[:, None]
+    triangles = 4 * np.arange(len(a))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+    flat = positions.reshape(-1, 3)
+    uvs = _uvs(flat, period) + np.column_stack([np.zeros(len(flat)), flat[:, 2] / period])
+    return Mesh(flat, np.repeat(normal, 4, axis=0), triangles.reshape(-1, 3), uvs)
+
+
+def _uvs(positions: Floats, period: float) -> Floats:
+    """Texture coordinates in the map frame, so that textures continue across borders of modules."""
+    return positions[:, :2] * (1.0 / period, -1.0 / period)
+
+
+def _smooth(positions: Floats, triangles: NDArray[np.integer]) -> Floats:
+    """Normals of the vertices: area-weighted means of the normals of their triangles."""
+    a, b, c = (positions[triangles[:, i]] for i in range(3))
+    facing = np.cross(b - a, c - a)
+    normals = np.zeros_like(positions)
+    for i in range(3):
+        np.add.at(normals, triangles[:, i], facing)
+    return normals / np.linalg.norm(normals, axis=1)[:, None]

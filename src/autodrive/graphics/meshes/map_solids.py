@@ -1,0 +1,244 @@
+"""Builds the meshes of the solids of a map: walls, blocks, traffic signs, traffic lights, construction boxes."""
+
+# ruff: noqa: E501 (SVG elements are kept on one line)
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import resvg_py
+import shapely
+
+from autodrive.base.png import decode_png
+from autodrive.base.transforms import quaternion_from_yaw
+from autodrive.base.units import DEGREE
+from autodrive.graphics.assets.asset import Asset, AssetNode, Detail, Material, MeshSurface
+from autodrive.graphics.assets.textures import SIZE, texture
+from autodrive.graphics.meshes.polygons import Mesh, box_faces, joined, level, quad
+from autodrive.graphics.meshes.solids import box, plate, rotated_by, surface, without_faces
+from autodrive.graphics.meshes.track import barrier_nodes
+from autodrive.protocol.labels import Label
+from autodrive.scenario.maps.icons import icon
+from autodrive.scenario.maps.props import HOUSING_DEPTH, LAMP_HEIGHTS, PLATE_SIZE, SIGNS, Prop
+from autodrive.scenario.maps.solids import StaticShape
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from autodrive.base.arrays import Floats
+    from autodrive.scenario.maps.map import Map
+
+WALL = Material("wall", (0.62, 0.63, 0.62), roughness=0.9, texture="plaster")
+COPING = Material("coping", (0.36, 0.37, 0.38), roughness=0.8)
+BLOCK = Material("block", (0.95, 0.88, 0.76), roughness=0.9, texture="plaster")
+ROOF = Material("roof", (0.13, 0.125, 0.12), roughness=0.9)
+STEEL = Material("steel", (0.36, 0.37, 0.38), roughness=0.6)
+FACE = Material("sign_face", (1.0, 1.0, 1.0), roughness=0.6, texture="signs")
+HOUSING = Material("housing", (0.022, 0.024, 0.026), roughness=0.65)
+LENSES = {
+    "red": Material("lens_red", (0.34, 0.012, 0.010), roughness=0.3),
+    "yellow": Material("lens_yellow", (0.42, 0.20, 0.010), roughness=0.3),
+    "green": Material("lens_green", (0.012, 0.22, 0.075), roughness=0.3),
+}
+CARDBOARD = Material("cardboard", (1.0, 1.0, 1.0), roughness=0.9, texture="box")
+ATLAS = 3
+"""Number of sign faces in each row and column of their texture."""
+
+
+def solid_nodes(map_: Map) -> Iterator[AssetNode]:
+    """One node for each static shape, and one for each lens of a traffic light; of a track, its barriers."""
+    props = {prop.name: prop for prop in map_.props}
+    if map_.track is not None:
+        yield from barrier_nodes(map_.track)
+        return
+    for shape in map_.statics:
+        name, _, part = shape.name.rpartition(".")
+        yield _node(shape, props.get(name) if part == shape.material else None)
+        if shape.material == "housing":
+            yield from _lenses(shape, name)
+
+
+def box_asset(size: tuple[float, float, float]) -> Asset:
+    """A construction box (length, width, height [m]) around its centre: cardboard with tape and stripes."""
+    half = (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)
+    whole = joined(quad(corners, _box_uvs(name)) for name, corners in box_faces(half).items())
+    surfaces = (whole.surface(CARDBOARD, Label.BOX),)
+    node = AssetNode("box", surfaces={"full": surfaces, "reduced": surfaces, "shadow": surfaces})
+    return Asset("box", (node,), {"box": _box_texture()})
+
+
+def _node(shape: StaticShape, prop: Prop | None) -> AssetNode:
+    if shape.material == "plate" and prop is not None:
+        surfaces = _plate(prop, shape.size[0])
+    else:
+        surfaces = _LOOKS[shape.material](shape)
+    levels: dict[Detail, tuple[MeshSurface, ...]] = {"full": surfaces, "reduced": surfaces, "shadow": surfaces}
+    return AssetNode(shape.name, "", shape.position, quaternion_from_yaw(shape.yaw), surfaces=levels)
+
+
+# -- walls and blocks -------------------------------------------------------------------------------------------
+
+
+def _wall(shape: StaticShape) -> tuple[MeshSurface, ...]:
+    """Plaster walls with a coping."""
+    return _capped(shape, WALL, COPING, Label.WALL)
+
+
+def _block(shape: StaticShape) -> tuple[MeshSurface, ...]:
+    """A building without windows: bright walls, dark roof."""
+    return _capped(shape, BLOCK, ROOF, Label.BLOCK)
+
+
+def _capped(shape: StaticShape, sides: Material, top: Material, label: Label) -> tuple[MeshSurface, ...]:
+    faces = box_faces(shape.size)
+    walls = []
+    for name in ("front", "left", "back", "right"):
+        corners = faces[name]
+        along, up = np.linalg.norm(corners[1] - corners[0]) / 0.5, 2.0 * shape.size[2] / 0.5
+        walls.append(quad(corners, np.array([(0.0, 0.0), (along, 0.0), (along, -up), (0.0, -up)])))
+    return joined(walls).surface(sides, label), quad(faces["top"]).surface(top, label)
+
+
+def _post(shape: StaticShape) -> tuple[MeshSurface, ...]:
+    radius, half_height, _ = shape.size
+    post = plate(shapely.Polygon(_circle(10, radius)), -half_height, half_height)
+    return (surface([without_faces(post, (0.0, 0.0, -1.0))], STEEL, Label.POST),)
+
+
+# -- signs ------------------------------------------------------------------------------------------------------
+
+
+def _plate(prop: Prop, half_thickness: float) -> tuple[MeshSurface, ...]:
+    """A plate with the outline of its sign: its face looks along x; back and edge are steel."""
+    outline = OUTLINES.get(prop.kind, SQUARE)
+    column, row = SIGNS.index(prop.kind) % ATLAS, SIGNS.index(prop.kind) // ATLAS
+    # +y of the plate is to the right of a driver who faces the sign
+    picture = np.column_stack([outline[:, 0] / 1.04 + 0.5, 0.5 - outline[:, 1] / 1.04])
+    uvs = (picture + np.array((column, row))) / ATLAS
+    front = level(outline * PLATE_SIZE, half_thickness, uvs)
+    steel = plate(shapely.Polygon(outline * PLATE_SIZE), -half_thickness, half_thickness)
+    steel = without_faces(steel, (0.0, 0.0, 1.0))
+    steel = rotated_by(steel, UPRIGHT)
+    return (
+        front.rotated(UPRIGHT).surface(FACE, Label.SIGN),
+        surface([steel], STEEL, Label.SIGN, crease=1.0 * DEGREE),
+    )
+
+
+def _circle(segments: int, radius: float, start: float = 0.0) -> Floats:
+    angle = start + np.arange(segments) * (2.0 * math.pi / segments)
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+UPRIGHT = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Rotation that turns a drawing in the x-y plane upright: z becomes x, x becomes y, y becomes z."""
+SQUARE = 0.475 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+_DIAMOND = np.array([(0.0, -0.5), (0.5, 0.0), (0.0, 0.5), (-0.5, 0.0)])
+OUTLINES: dict[str, Floats] = {
+    "stop": _circle(8, 0.5 / math.cos(math.pi / 8.0), math.pi / 8.0),
+    "give_way": np.array([(0.0, -0.5), (0.5, 0.4), (-0.5, 0.4)]),
+    "no_parking": _circle(24, 0.48),
+    **dict.fromkeys(("left_curve", "right_curve", "side_road_left", "side_road_right"), _DIAMOND),
+}
+"""Outlines of the plates, as in `maps.icons`; all others are square."""
+
+
+@cache
+def sign_faces() -> NDArray[np.uint8]:
+    """The faces of all signs in one texture."""
+    faces = "".join(
+        f'<g transform="translate({i % ATLAS + 0.5} {i // ATLAS + 0.5}) scale({1 / 1.04} {-1 / 1.04})">{icon(sign)}</g>'  # pyright: ignore[reportArgumentType]
+        for i, sign in enumerate(SIGNS)
+    )
+    return _rasterized(f'<rect width="{ATLAS}" height="{ATLAS}" fill="#8d9092"/>{faces}', ATLAS)
+
+
+def _rasterized(elements: str, extent: float) -> NDArray[np.uint8]:
+    """A square SVG drawing of that extent as an image."""
+    svg = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{SIZE}" height="{SIZE}" '
+        f'viewBox="0 0 {extent} {extent}">{elements}</svg>'
+    )
+    return decode_png(resvg_py.svg_to_bytes(svg_string=svg, skip_system_fonts=True))[..., :3]
+
+
+# -- traffic lights ---------------------------------------------------------------------------------------------
+
+
+def _housing(shape: StaticShape) -> tuple[MeshSurface, ...]:
+    x, y, z = shape.size
+    return (surface([box((2.0 * x, 2.0 * y, 2.0 * z))], HOUSING, Label.TRAFFIC_LIGHT),)
+
+
+def _lenses(shape: StaticShape, name: str) -> Iterator[AssetNode]:
+    """One node for each lens, with its visor."""
+    for color, height in LAMP_HEIGHTS.items():
+        outline = _circle(14, 0.0055)
+        lens = level(outline, 0.0005, outline).rotated(UPRIGHT).surface(LENSES[color], Label.TRAFFIC_LIGHT)
+        surfaces = (lens, _visor().surface(HOUSING, Label.TRAFFIC_LIGHT))
+        x, y, _ = shape.position
+        ahead = HOUSING_DEPTH / 2.0
+        place = (x + ahead * math.cos(shape.yaw), y + ahead * math.sin(shape.yaw), height)
+        orientation = quaternion_from_yaw(shape.yaw)
+        yield AssetNode(f"{name}.{color}", "", place, orientation, surfaces={"full": surfaces, "reduced": surfaces})
+
+
+@cache
+def _visor() -> Mesh:
+    """The upper half of a short pipe, with faces on both sides."""
+    angle = np.linspace(-0.15, math.pi + 0.15, 9)
+    arc = 0.0066 * np.column_stack([np.zeros(9), np.cos(angle), np.sin(angle)])
+    depth = np.array([0.007, 0.0, 0.0])
+    outer = [quad(np.array([a, a + depth, b + depth, b])) for a, b in itertools.pairwise(arc)]
+    inner = [quad(piece.positions[::-1]) for piece in outer]
+    return joined([*outer, *inner])
+
+
+_LOOKS = {"wall": _wall, "block": _block, "post": _post, "housing": _housing}
+
+
+# -- construction boxes -----------------------------------------------------------------------------------------
+
+_CELLS = {
+    "front": (0.0, 0.0, 0.4, 1.0),
+    "back": (0.0, 0.0, 0.4, 1.0),
+    "left": (0.4, 0.0, 0.8, 1.0),
+    "right": (0.4, 0.0, 0.8, 1.0),
+    "top": (0.8, 0.0, 1.0, 0.2),
+    "bottom": (0.8, 0.2, 1.0, 0.4),
+}
+"""Position of each face in the texture: left, upper, right, lower."""
+
+
+def _box_uvs(face: str) -> Floats:
+    left, upper, right, lower = _CELLS[face]
+    e = 1.5 / SIZE  # keeps texture filtering within the face
+    return np.array([(left + e, lower - e), (right - e, lower - e), (right - e, upper + e), (left + e, upper + e)])
+
+
+@cache
+def _box_texture() -> NDArray[np.uint8]:
+    """Cardboard with brown tape, an orange and white band on all sides, and shipping marks."""
+    stripes = "".join(f'<path d="M{x} 42 l10 -20 h10 l-10 20 Z" fill="#e8641b"/>' for x in range(-20, 90, 20))
+    band = f'<path d="M0 22 H80 V42 H0 Z" fill="#f1eee6"/>{stripes}<path d="M0 22 H80 M0 42 H80" stroke="#8a5a26" stroke-opacity=".5" stroke-width=".5"/>'
+    tape = '<path d="M16.2 0 h7.6 v16 l-1 -.8 -1 .8 -1 -.8 -1 .8 -1 -.8 -1 .8 -1.6 -.8 Z" fill="#a8753a" fill-opacity=".85"/>'
+    arrows = (
+        '<g fill="#3a2a18" fill-opacity=".8"><path d="M49 86 v-9 h-2.4 l4.4 -6 4.4 6 h-2.4 v9 Z M60 86 v-9 h-2.4 l4.4 -6 4.4 6 h-2.4 v9 Z"/>'
+        '<path d="M46 89 h21 v1.6 h-21 Z"/></g>'
+    )
+    label = (
+        '<rect x="6" y="62" width="19" height="13" fill="#f3f1ea"/><g fill="#26221d"><path d="M8 64 h9 v1.4 h-9 Z M8 66.6 h12 v.8 h-12 Z '
+        'M8 68.2 h10 v.8 h-10 Z"/><path d="M8 70.4 h.6 v3 h-.6 Z m1.2 0 h1 v3 h-1 Z m1.6 0 h.5 v3 h-.5 Z m1.1 0 h1.2 v3 h-1.2 Z m1.8 0 h.5 v3 h-.5 Z '
+        'm1 0 h1 v3 h-1 Z m1.6 0 h.5 v3 h-.5 Z"/></g>'
+    )
+    lid = '<path d="M80 10 H100" stroke="#5b3d1c" stroke-width=".35"/><path d="M80 6.2 h20 v7.6 h-20 Z" fill="#a8753a" fill-opacity=".85"/>'
+    edges = '<path d="M0 0 V100 M40 0 V100 M80 0 V100 M0 0 H100 M80 20 H100 M0 100 H100" stroke="#7d5527" stroke-opacity=".45" stroke-width=".8" fill="none"/>'
+    elements = f'<rect width="100" height="100" fill="#ba9264"/>{band}{tape}{arrows}{label}{lid}{edges}'
+    image = _rasterized(elements, 100).astype(np.float64)
+    paper = texture("cardboard").astype(np.float64)
+    return np.clip(image * (paper / paper.mean((0, 1))), 0, 255).astype(np.uint8)

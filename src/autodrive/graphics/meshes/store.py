@@ -1,0 +1,199 @@
+"""Assets of maps, vehicles and boxes, built once and cached as .glb files."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import msgspec
+import numpy as np
+from pydantic import BaseModel
+from shapely.geometry.base import BaseGeometry
+
+from autodrive.base.cache import cache_folder, read_cached, write_cached
+from autodrive.graphics.assets.asset import Asset
+from autodrive.graphics.assets.glb import read_glb, write_glb
+from autodrive.graphics.meshes.vehicle_paint import painted
+from autodrive.graphics.render.scene import RenderScene
+
+if TYPE_CHECKING:
+    from autodrive.scenario.maps.map import Map
+    from autodrive.scenario.maps.solids import BoxPlacement
+    from autodrive.scenario.vehicles.spec import VehicleSpec
+
+log = logging.getLogger(__name__)
+
+Kind = Literal["vehicle", "map", "box"]
+
+
+class Drawable(Protocol):
+    """The parts of a compiled scenario that are drawn."""
+
+    @property
+    def map(self) -> Map:
+        """The map."""
+        ...
+
+    @property
+    def vehicles(self) -> Mapping[str, VehicleSpec]:
+        """By name, in the order of the rows of a RenderState."""
+        ...
+
+    @property
+    def boxes(self) -> Sequence[BoxPlacement]:
+        """Movable boxes, in the order of the rows of a RenderState."""
+        ...
+
+
+def scene_of(world: Drawable) -> RenderScene:
+    """The scene of a world; equal vehicles and boxes share one asset.
+
+    Several race cars have different colours, as on the page. Other cars have none, as in the original.
+    """
+    known: dict[str, Asset] = {}
+
+    def shared(kind: Kind, of: Any) -> Asset:
+        name = _file_name(kind, of)
+        if name not in known:
+            known[name] = cached(name, lambda: _build(kind, of))
+        return known[name]
+
+    def car(number: int, spec: VehicleSpec) -> Asset:
+        asset = shared("vehicle", spec)
+        return painted(asset, number) if spec.look == "racer" and len(world.vehicles) > 1 else asset
+
+    return RenderScene(
+        static=shared("map", world.map),
+        vehicles=[car(number, spec) for number, spec in enumerate(world.vehicles.values())],
+        objects=[shared("box", box.size) for box in world.boxes],
+        lights=[spec.lights for spec in world.vehicles.values()],
+    )
+
+
+def vehicle(spec: VehicleSpec) -> Asset:
+    """The asset of a vehicle."""
+    return _asset("vehicle", spec)
+
+
+def ground(map_: Map) -> Asset:
+    """The asset of the static part of a map."""
+    return _asset("map", map_)
+
+
+def box(size: tuple[float, float, float]) -> Asset:
+    """The asset of a box of that length, width and height [m]."""
+    return _asset("box", size)
+
+
+def file(kind: Kind, of: Any) -> tuple[str, bytes]:
+    """Name and content of the .glb file of a vehicle (its Spec), a map or a box (its size); the name is a hash."""
+    name = _file_name(kind, of)
+    return name, _cached(name, lambda: _build(kind, of))[1]
+
+
+def description(spec: VehicleSpec, name: str) -> dict[str, bytes]:
+    """The URDF of a vehicle and its meshes (STL), by path in the package `autodrive_description`."""
+    digest = hashlib.sha256()
+    _add_to_digest(digest.update, [spec, name])
+    path = _descriptions() / f"{digest.hexdigest()[:24]}.msgpack"
+    with contextlib.suppress(OSError, ValueError):
+        return msgspec.msgpack.decode(read_cached(path), type=dict[str, bytes])
+    from autodrive.graphics.meshes.urdf import vehicle_urdf
+
+    text, meshes = vehicle_urdf(spec, name)
+    files = {f"urdf/{name}.urdf": text.encode(), **meshes}
+    with contextlib.suppress(OSError):
+        write_cached(path, msgspec.msgpack.encode(files))
+    return files
+
+
+def cached(name: str, build: Callable[[], Asset]) -> Asset:
+    """The asset that `build` returns, read from the cache file of that name if it exists.
+
+    A damaged file is replaced. Without a writable cache, the asset is built each time.
+    """
+    return _cached(name, build)[0]
+
+
+def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
+    """The asset, and the content of its file."""
+    path = _folder() / name
+    try:
+        data = read_cached(path)
+        return read_glb(data), data
+    except OSError:
+        pass
+    except ValueError as error:
+        log.warning("%s; it is built again", error)
+    data = write_glb(build())
+    with contextlib.suppress(OSError):
+        write_cached(path, data)
+    return read_glb(data), data  # identical to a later read from the cache: textures are JPEG in the file
+
+
+@cache
+def _folder() -> Path:
+    return cache_folder(
+        "assets", "graphics/assets", "graphics/meshes", "scenario/vehicles", "scenario/maps", also=_libraries()
+    )
+
+
+@cache
+def _descriptions() -> Path:
+    packages = ("physics", "graphics/assets", "graphics/meshes", "scenario/vehicles")
+    return cache_folder("descriptions", *packages, also=_libraries())
+
+
+def _libraries() -> str:
+    return " ".join(version(name) for name in ("numpy", "shapely", "trimesh", "manifold3d", "simplejpeg"))
+
+
+def _asset(kind: Kind, of: Any) -> Asset:
+    return cached(_file_name(kind, of), lambda: _build(kind, of))
+
+
+def _build(kind: Kind, of: Any) -> Asset:
+    """Imports the builders only if needed: importing them takes longer than reading from the cache."""
+    if kind == "vehicle":
+        from autodrive.graphics.meshes.vehicle import vehicle_asset
+
+        return vehicle_asset(of)
+    from autodrive.graphics.meshes.map import box_asset, map_asset
+
+    return map_asset(of) if kind == "map" else box_asset(of)
+
+
+def _file_name(kind: Kind, of: Any) -> str:
+    """File name with a hash of the content."""
+    digest = hashlib.sha256()
+    _add_to_digest(digest.update, of)
+    return f"{kind}-{digest.hexdigest()[:24]}.glb"
+
+
+def _add_to_digest(update: Callable[[bytes], None], value: Any) -> None:
+    """Hash a nested value; types and order count."""
+    update(f"{type(value).__name__}:".encode())
+    if isinstance(value, BaseGeometry):
+        update(value.wkb)
+    elif isinstance(value, np.ndarray):
+        update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+    elif isinstance(value, BaseModel):
+        update(value.model_dump_json().encode())
+    elif is_dataclass(value):
+        _add_to_digest(update, {field.name: getattr(value, field.name) for field in fields(value)})
+    elif isinstance(value, dict):
+        _add_to_digest(update, list(value.items()))
+    elif isinstance(value, tuple | list):
+        update(f"{len(value)},".encode())
+        for part in value:
+            _add_to_digest(update, part)
+    else:
+        text = repr(value).encode()
+        update(f"{len(text)},".encode() + text)

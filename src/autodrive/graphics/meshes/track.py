@@ -1,0 +1,176 @@
+"""Builds the meshes of the barriers of a race track: walls with a coping, and round air ducts with dark rings."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from autodrive.graphics.assets.asset import AssetNode, Detail, Material, MeshSurface
+from autodrive.graphics.meshes.polygons import Mesh, joined
+from autodrive.protocol.labels import Label
+from autodrive.scenario.maps.track_map import Barrier, barriers
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from autodrive.base.arrays import Floats
+    from autodrive.scenario.tracks.track import Track
+
+WALL = Material("barrier", (0.62, 0.63, 0.62), roughness=0.9, texture="plaster")
+COPING = Material("barrier_top", (0.55, 0.06, 0.04), roughness=0.8)
+DUCT = Material("duct", (0.42, 0.43, 0.45), roughness=0.65)
+RING = Material("duct_ring", (0.05, 0.05, 0.055), roughness=0.7)
+CHUNK = 4.0
+"""Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
+FACES: dict[Detail, int] = {"full": 10, "reduced": 6, "shadow": 5}
+"""Faces around a duct; the quarter on the floor, which nobody sees, is left out. Shadows have no rings."""
+RING_PERIOD, RING_WIDTH = 0.5, 0.04
+"""Of the dark rings of a duct [m]."""
+
+
+def barrier_nodes(track: Track) -> Iterator[AssetNode]:
+    """Nodes 'barrier_<i>', each a few metres of a barrier."""
+    number = 0
+    for barrier in barriers(track):
+        for points, normals, depth, first, last in _chunks(barrier):
+            number += 1
+            line, height = (points, normals, depth), track.barrier.height
+            if track.barrier.kind == "duct":
+                levels: dict[Detail, tuple[MeshSurface, ...]] = {
+                    detail: _duct(*line, height, first, last, detail) for detail in FACES
+                }
+            else:
+                levels = dict.fromkeys(FACES, _wall(*line, height))
+            yield AssetNode(f"barrier_{number}", surfaces=levels)
+
+
+def _chunks(barrier: Barrier) -> Iterator[tuple[Floats, Floats, Floats, bool, bool]]:
+    """Points of the face, directions to the back (mitred), depth at the points; whether it begins or ends there."""
+    points = barrier.points
+    step = np.diff(points, axis=0)
+    step /= np.linalg.norm(step, axis=1)[:, None]
+    before = np.vstack([step[-1:] if barrier.is_closed else step[:1], step])
+    after = np.vstack([step, step[:1] if barrier.is_closed else step[-1:]])
+    along = before + after
+    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
+    back = np.column_stack([along[:, 1], -along[:, 0]])
+    stretch = 1.0 / np.maximum(np.sum(along * after, axis=1), 0.5)  # the mitre of a corner, at most twice as long
+    thick = np.concatenate([barrier.depth[-1:] if barrier.is_closed else barrier.depth[:1], barrier.depth])
+    depth = np.minimum(thick, np.append(barrier.depth, thick[0] if barrier.is_closed else barrier.depth[-1]))
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    cuts = [0]
+    for i in range(1, len(points) - 1):
+        if length[i] - length[cuts[-1]] > CHUNK:
+            cuts.append(i)
+    cuts.append(len(points) - 1)
+    for a, b in itertools.pairwise(cuts):
+        part = slice(a, b + 1)
+        ends = (a == 0 and not barrier.is_closed, b == len(points) - 1 and not barrier.is_closed)
+        yield points[part], back[part] * stretch[part, None], depth[part], *ends
+
+
+def _wall(points: Floats, back: Floats, depth: Floats, height: float) -> tuple[MeshSurface, ...]:
+    behind = points + back * depth[:, None]
+    front = _strip(_at(points, 0.0), _at(points, height))
+    rear = _strip(_at(behind, height), _at(behind, 0.0))
+    top = _strip(_at(points, height), _at(behind, height))
+    return joined([front, rear]).surface(WALL, Label.WALL), top.surface(COPING, Label.WALL)
+
+
+def _duct(
+    points: Floats, back: Floats, depth: Floats, height: float, first: bool, last: bool, detail: Detail
+) -> tuple[MeshSurface, ...]:
+    """A tube on the floor; the rings are strips of another colour."""
+    is_ring = np.zeros(len(points) - 1, bool)
+    if detail != "shadow":
+        points, back, depth, is_ring = _with_rings(points, back, depth)
+    rims: list[tuple[Floats, Floats]] = []
+    for k in range(FACES[detail] + 1):
+        angle = math.pi * (1.25 - 1.5 * k / FACES[detail])
+        cos, sin = math.cos(angle), math.sin(angle)
+        rim = _at_height(points, back, depth, 0.5 + 0.5 * cos, height * (0.5 + 0.5 * sin))
+        rims.append((rim, _normal(back, cos, sin)))
+    plain: list[Mesh] = []
+    rings: list[Mesh] = []
+    for low, high in itertools.pairwise(rims):
+        for part, found in ((~is_ring, plain), (is_ring, rings)):
+            if part.any():
+                found.append(_strip(low[0], high[0], low[1], high[1], only=part))
+    caps = [_cap(np.array([rim[k] for rim, _ in rims]), k == 0) for k, is_end in ((0, first), (-1, last)) if is_end]
+    surfaces = [joined(plain).surface(DUCT, Label.WALL)] if plain else []
+    if rings or caps:
+        surfaces.append(joined([*rings, *caps]).surface(RING, Label.WALL))
+    return tuple(surfaces)
+
+
+def _with_rings(points: Floats, back: Floats, depth: Floats) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
+    """The same line with more points, so that rings begin and end at points; whether each segment is a ring."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    starts = np.arange(RING_PERIOD / 2.0, along[-1] - RING_WIDTH, RING_PERIOD)
+    at = np.unique(np.concatenate([along, starts, starts + RING_WIDTH]))
+    at = at[np.concatenate([[True], np.diff(at) > 1e-6])]
+    middle = (at[:-1] + at[1:]) / 2.0
+    is_ring = ((middle - RING_PERIOD / 2.0) % RING_PERIOD < RING_WIDTH) & (middle > RING_PERIOD / 2.0)
+    is_ring &= middle < (starts[-1] + RING_WIDTH if len(starts) else 0.0)
+    new_points = np.column_stack([np.interp(at, along, points[:, k]) for k in range(2)])
+    new_back = np.column_stack([np.interp(at, along, back[:, k]) for k in range(2)])
+    return new_points, new_back, np.interp(at, along, depth), is_ring
+
+
+def _at(points: Floats, z: float) -> Floats:
+    return np.column_stack([points, np.full(len(points), z)])
+
+
+def _at_height(points: Floats, back: Floats, depth: Floats, share: float, z: float) -> Floats:
+    return _at(points + back * (share * depth)[:, None], z)
+
+
+def _normal(back: Floats, outward: float, up: float) -> Floats:
+    flat = back / np.linalg.norm(back, axis=1)[:, None]
+    return np.column_stack([flat * outward, np.full(len(back), up)])
+
+
+def _strip(
+    low: Floats,
+    high: Floats,
+    low_normal: Floats | None = None,
+    high_normal: Floats | None = None,
+    *,
+    only: NDArray[np.bool_] | None = None,
+) -> Mesh:
+    """Quadrilaterals between two lines; the outside is where `high` is to the left of, or above, `low`.
+
+    Seen from outside, the lines run from right to left.
+    """
+    kept = np.arange(len(low) - 1) if only is None else np.flatnonzero(only)
+    corners = np.stack([low[kept], high[kept], high[kept + 1], low[kept + 1]], axis=1)
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(low, axis=0), axis=1))])
+    if low_normal is None or high_normal is None:
+        facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
+        facing /= np.maximum(np.linalg.norm(facing, axis=1), 1e-12)[:, None]
+        normals = np.repeat(facing[:, None], 4, axis=1)
+    else:
+        normals = np.stack([low_normal[kept], high_normal[kept], high_normal[kept + 1], low_normal[kept + 1]], axis=1)
+    up = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+    zero = np.zeros(len(kept))
+    uvs = np.stack(
+        [
+            np.column_stack([u / 0.5, v / 0.5])
+            for u, v in ((along[kept], zero), (along[kept], -up), (along[kept + 1], -up), (along[kept + 1], zero))
+        ],
+        axis=1,
+    )
+    triangles = 4 * np.arange(len(kept))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+    return Mesh(corners.reshape(-1, 3), normals.reshape(-1, 3), triangles.reshape(-1, 3), uvs.reshape(-1, 2))
+
+
+def _cap(outline: Floats, is_first: bool) -> Mesh:
+    """The end of a duct as a fan of triangles."""
+    n = len(outline)
+    triangles = np.array([[0, k, k + 1] if is_first else [0, k + 1, k] for k in range(1, n - 1)])
+    facing = np.cross(outline[triangles[2, 1]] - outline[0], outline[triangles[2, 2]] - outline[0])
+    return Mesh(outline, np.tile(facing / np.linalg.norm(facing), (n, 1)), triangles, np.zeros((n, 2)))

@@ -1,0 +1,301 @@
+"""Prepares one render state for drawing: poses, lit lamps, and which light and shadow reaches which mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from autodrive.graphics.render.lighting import LAMP, burning, lamp_table, reach, strength
+from autodrive.graphics.render.look import Daylight
+from autodrive.graphics.render.scene import rigid_all, signals_of
+from autodrive.graphics.render.shadows import BEAMS, BONES, CASTERS, columns
+from autodrive.physics.actuators.lights import LAMPS
+
+if TYPE_CHECKING:
+    from autodrive.base.arrays import Floats
+    from autodrive.graphics.render.gpu_mesh import GpuMesh
+    from autodrive.graphics.render.quality import Quality
+    from autodrive.graphics.render.render_state import RenderState
+    from autodrive.graphics.render.scene import RenderScene, Skeleton
+    from autodrive.graphics.render.shadows import Shadows
+    from autodrive.physics.sensors.camera_view import View
+
+LAMP_SLOTS = 48
+NO_CASTER, NO_BEAM, NO_LAMP = CASTERS - 1, BEAMS - 1, LAMP_SLOTS - 1
+"""Slots that stay empty; they pad lists."""
+
+FRAME = np.dtype(
+    [
+        ("sun_direction", "f4", 4),
+        ("sun_color", "f4", 4),
+        ("zenith", "f4", 4),
+        ("horizon", "f4", 4),
+        ("floor_glow", "f4", 4),
+        ("exposure", "f4", 4),
+        ("sun_from_map", "f4", (4, 4)),
+        ("still_scale", "f4", 4),
+        ("still_offset", "f4", 4),
+        ("caster_offset", "f4", (CASTERS, 4)),
+        ("caster_tile", "f4", (CASTERS, 4)),
+        ("caster_place", "f4", (CASTERS, 4)),
+        ("caster_half", "f4", 4),
+        ("lamp_place", "f4", (LAMP_SLOTS, 4)),
+        ("lamp_aim", "f4", (LAMP_SLOTS, 4)),
+        ("lamp_color", "f4", (LAMP_SLOTS, 4)),
+        ("beam_up", "f4", (BEAMS, 4)),
+        ("beam_from_map", "f4", (BEAMS, 4, 4)),
+    ]
+)
+"""Uniform block of shaders/frame.glsl; matrices are column-major."""
+
+OUTLINE = 0.92
+"""A vehicle dims the ground around a rectangle that is smaller than its mesh by this factor."""
+
+Slots: TypeAlias = tuple[int, ...]
+
+
+class Illumination(NamedTuple):
+    """Light and shadow that reach a mesh: slots of vehicles that cast shadows on it, of headlights, of other lamps."""
+
+    casters: Slots = ()
+    beams: Slots = ()
+    lamps: Slots = ()
+    is_shaded: bool = False
+    """Whether shadows of static meshes fall on it."""
+
+
+UNREACHED, SHADED = Illumination(), Illumination(is_shaded=True)
+"""Of most meshes: no lamp and no shadow of a vehicle, without and with shadows of static meshes."""
+
+
+class PosedMesh(NamedTuple):
+    """A vehicle or an object at its pose."""
+
+    model: GpuMesh
+    bones: bytes
+    """Columns of `BONES` matrices."""
+    glow: bytes
+    """Level of each lamp, 0 to 1, after a 1 for surfaces that always glow; float32."""
+    center: Floats
+    radius: float
+    lit: Illumination
+
+
+class DrawList:
+    """Prepares one state of a scene after another."""
+
+    def __init__(
+        self,
+        scene: RenderScene,
+        quality: Quality,
+        skeletons: Sequence[Skeleton],
+        static: GpuMesh,
+        vehicles: Sequence[GpuMesh],
+        objects: Sequence[GpuMesh],
+        shadows: Shadows,
+    ) -> None:
+        """`skeletons`: one for each vehicle."""
+        self._quality, self._skeletons, self._shadows = quality, skeletons, shadows
+        self._vehicles, self._objects = vehicles, objects
+        self._tables = [lamp_table(spec) for spec in scene.lights]
+        self._spheres = static.geometry.spheres
+        self._boxes = static.geometry.boxes
+        self._is_flat = np.array([r.kind == "flat" for r in static.geometry.ranges], bool)
+        self._is_shaded = np.zeros(0, bool)
+        """For each range of the static mesh: whether shadows of static meshes can fall on it."""
+        self.outlines = [outline(model) for model in vehicles]
+        """Of each vehicle; see `outline`."""
+        self.frame = np.zeros((), FRAME)
+        self.posed: list[PosedMesh] = []
+        self.static_lit: list[Illumination] = []
+        """For each range of the static mesh."""
+        self.static_groups = np.zeros(0, np.intp)
+        """The same as numbers: equal ones are equal."""
+
+    def set(self, state: RenderState, views: Sequence[View]) -> None:
+        """Prepare that state for these views; draws the shadow maps."""
+        roots = rigid_all(state.vehicles)
+        places = rigid_all(state.objects)
+        bones = [self._bones(i, root, row) for i, (root, row) in enumerate(zip(roots, state.vehicles, strict=True))]
+        cameras = np.array([view.position for view in views])
+        near = np.argsort(_distances(roots[:, :3, 3], cameras), kind="stable").tolist()
+        centers = np.array([root[:3, 3] + root[:3, :3] @ c for root, (c, _) in zip(roots, self.outlines, strict=True)])
+        self.frame[...] = 0
+        if state.is_day:
+            self._shadows.set_sun(state.look.sun_direction)
+            if self._shadows.draw_still(places):
+                falls = self._shadows.falls_on(self._boxes[:, 0, :2], self._boxes[:, 1, :2])
+                self._is_shaded = ~self._is_flat | falls
+        self.set_sky(state.look)
+        casters = near[: CASTERS - 1]
+        self.set_casters(casters, roots, centers.reshape(-1, 3), bones, is_day=state.is_day)
+        lit, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
+
+        spheres = [self._spheres]
+        spheres.append((centers.reshape(-1, 3), np.array([m.radius for m in self._vehicles])))
+        spheres.append((places[:, :3, 3], np.array([m.radius for m in self._objects])))
+        all_centers = np.concatenate([c for c, _ in spheres])
+        all_radii = np.concatenate([r for _, r in spheres])
+        n = len(self._spheres[0])
+        low, high = all_centers - all_radii[:, None], all_centers + all_radii[:, None]
+        low[:n], high[:n] = self._boxes[:, 0], self._boxes[:, 1]
+        reached = self._reached(low, high, centers.reshape(-1, 3)[casters], lit, n_beam)
+        if state.is_day:
+            for i in (*np.nonzero(self._is_shaded)[0].tolist(), *range(n, len(reached))):
+                reached[i] = SHADED if reached[i] is UNREACHED else reached[i]._replace(is_shaded=True)
+        self.static_lit = reached[:n]
+        groups: dict[Illumination, int] = {}
+        known = {id(lit): groups.setdefault(lit, len(groups)) for lit in (UNREACHED, SHADED)}
+        self.static_groups = np.array(
+            [known[id(lit)] if id(lit) in known else groups.setdefault(lit, len(groups)) for lit in self.static_lit],
+            np.intp,
+        )
+        levels = np.concatenate([np.ones((len(roots), 1)), state.vehicles["lamps"]], axis=1).astype(np.float32)
+        glow = [row.tobytes() for row in levels]
+        dark = np.eye(1, 1 + len(LAMPS), dtype=np.float32).tobytes()
+        models = [*self._vehicles, *self._objects]
+        own_bones = [*bones, *(_padded(place[None]) for place in places)]
+        glows = [*glow, *(dark for _ in places)]
+        self.posed = [
+            PosedMesh(*each)
+            for each in zip(models, own_bones, glows, all_centers[n:], all_radii[n:], reached[n:], strict=True)
+        ]
+
+    # -- parts ----------------------------------------------------------------------------------------------------
+
+    def _bones(self, i: int, root: Floats, row: np.void) -> bytes:
+        return _padded(self._skeletons[i].pose(root, signals_of(row)))
+
+    def set_sky(self, look: Daylight) -> None:
+        """Write sun and sky into `frame`."""
+        for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow"):
+            self.frame[name][:3] = getattr(look, name)
+        self.frame["exposure"][:2] = look.exposure, look.glow
+        self.frame["sun_from_map"][:3, :3] = self._shadows.sun.T
+
+    def set_casters(
+        self, casters: list[int], roots: Floats, centers: Floats, bones: Sequence[bytes], *, is_day: bool
+    ) -> None:
+        """Write the slots of the vehicles that cast shadows into `frame`; by day, draws their shadow maps.
+
+        `casters`: those vehicles, in the order of the slots; the rest: of all vehicles, see `set`.
+        """
+        frame, shadows = self.frame, self._shadows
+        for slot, vehicle in enumerate(casters):
+            heading = roots[vehicle, :2, 0] / max(np.linalg.norm(roots[vehicle, :2, 0]), 1e-6)
+            frame["caster_place"][slot] = *centers[vehicle, :2], *heading
+            frame["caster_tile"][slot, 3] = 1.0
+            frame["caster_half"][:2] = self.outlines[vehicle][1]
+        if not is_day:
+            return
+        frame["still_scale"][:3], frame["still_offset"][:3] = shadows.still_scale, shadows.still_offset
+        frame["still_scale"][3] = 1.0 / shadows.still_size
+        frame["caster_half"][2:] = shadows.caster_scale[[0, 2]]
+        if casters:
+            offsets, tiles = shadows.draw_casters(casters, roots, bones)
+            frame["caster_offset"][: len(casters), :3] = offsets
+            frame["caster_tile"][: len(casters), :3] = tiles
+            frame["caster_tile"][: len(casters), 3] = 1.0 / shadows.caster_size
+
+    def set_lamps(
+        self,
+        vehicles: np.ndarray,
+        near: list[int],
+        roots: Floats,
+        places: Floats,
+        bones: Sequence[bytes],
+        *,
+        is_day: bool,
+    ) -> tuple[np.ndarray, int]:
+        """Write the lamps into `frame`; draws the shadow maps of headlights.
+
+        Returns the lamps in the order of their slots, and how many of them are headlights with shadows; none by day.
+        `vehicles`: dtype `render_state.VEHICLE`; `near`: their numbers, the nearest to a camera first.
+        """
+        if is_day or not vehicles["lamps"].any():
+            return np.zeros(0, LAMP), 0
+        lit, owner, is_headlight = burning(self._tables, roots, vehicles["lamps"])
+        rank = np.argsort(np.array(near))[owner]  # 0: the vehicle nearest to a camera
+        casting = is_headlight & (rank < self._quality.beam_vehicles)
+        order = np.lexsort((rank, ~casting))
+        beams = order[: min(int(casting.sum()), self._shadows.beams)]
+        others = [i for i in order if i not in set(beams.tolist())][: NO_LAMP - BEAMS]
+        frame = self.frame
+        if len(beams):
+            tiles = self._shadows.draw_beams(lit[beams], owner[beams].tolist(), places, roots, bones)
+            frame["beam_from_map"][: len(beams)] = np.swapaxes(tiles, 1, 2)
+            frame["beam_up"][: len(beams)] = np.column_stack([lit["up"][beams], lit["cutoff"][beams]])
+        for chosen, first in ((beams, 0), (others, BEAMS)):
+            slots = slice(first, first + len(chosen))
+            frame["lamp_place"][slots] = np.column_stack([lit["place"][chosen], lit["range"][chosen]])
+            frame["lamp_aim"][slots] = np.column_stack([lit["aim"][chosen], lit["cos_outer"][chosen]])
+            frame["lamp_color"][slots] = np.column_stack([lit["color"][chosen], lit["sharpness"][chosen]])
+        return np.concatenate([lit[beams], lit[others]]), len(beams)
+
+    def _reached(
+        self, low: Floats, high: Floats, casters: Floats, lamps: np.ndarray, n_beam: int
+    ) -> list[Illumination]:
+        """For each box: what reaches it. `low`, `high`: its corners, shape (n, 3)."""
+        n = len(low)
+        away, limit = shadow_distances(low, high, casters, self._shadows.drift)
+        shaded = away < limit
+        lights, power = reach(lamps, low, high), strength(lamps, 0.5 * (low + high))
+        found = [UNREACHED] * n
+        for i in np.nonzero(shaded.any(1) | lights.any(1))[0].tolist():
+            nearest = best(shaded[i], -away[i], self._quality.casters)
+            small = best(lights[i, n_beam:], power[i, n_beam:], self._quality.lamps)
+            found[i] = Illumination(
+                filled(nearest, (1, 2, 4), NO_CASTER),
+                filled(np.nonzero(lights[i, :n_beam])[0].tolist(), (2, 4, 8), NO_BEAM),
+                filled([slot + BEAMS for slot in small], (2, 4, 8), NO_LAMP),
+            )
+        return found
+
+
+def shadow_distances(low: Floats, high: Floats, casters: Floats, drift: Floats) -> tuple[Floats, float]:
+    """Level distance from each box to the middle of each vehicle's shadow, and where the shadow ends [m].
+
+    `low`, `high`: corners of the boxes, shape (..., n, 3); `casters`: centres of the vehicles, shape (..., v, 3);
+    `drift`: see `Shadows.drift`. The result has the shape (..., n, v).
+    """
+    middle = casters[..., None, :, :2] + 0.5 * drift
+    gap = np.maximum(np.maximum(low[..., :, None, :2] - middle, middle - high[..., :, None, :2]), 0.0)
+    return np.linalg.norm(gap, axis=-1), 0.5 * float(np.linalg.norm(drift)) + 0.25
+
+
+def best(is_candidate: np.ndarray, merit: Floats, limit: int) -> list[int]:
+    """Indices of the candidates; only the `limit` of highest merit if there are more."""
+    numbers = np.nonzero(is_candidate)[0].tolist()
+    if len(numbers) > limit:
+        numbers = sorted(numbers, key=lambda i: -merit[i])[:limit]
+    return numbers
+
+
+def filled(slots: list[int], levels: tuple[int, ...], empty: int) -> Slots:
+    """The list padded to one of a few lengths, so that few shader variants are needed."""
+    if not slots:
+        return ()
+    length = next(level for level in levels if level >= len(slots))
+    return (*sorted(slots), *[empty] * (length - len(slots)))
+
+
+def _padded(poses: Floats) -> bytes:
+    full = np.zeros((BONES, 4, 4))
+    full[: len(poses)] = poses
+    return columns(full)
+
+
+def _distances(places: Floats, cameras: Floats) -> Floats:
+    """From each place to the nearest camera [m]."""
+    return np.linalg.norm(places[:, None] - cameras[None], axis=2).min(1)
+
+
+def outline(model: GpuMesh) -> tuple[Floats, Floats]:
+    """Centre, shape (3,), and half length and half width, shape (2,), of a vehicle at rest [m]."""
+    points = model.geometry.vertices["position"].astype(np.float64)
+    if len(points) == 0:
+        return np.zeros(3), np.zeros(2)
+    low, high = points.min(0), points.max(0)
+    return 0.5 * (low + high), 0.5 * (high - low)[:2] * OUTLINE

@@ -1,0 +1,153 @@
+"""Lights of the scene: sun and sky by day and by night, and the beam of each vehicle lamp.
+
+Units are those of glTF's KHR_lights_punctual (irradiance for the sun, candela for lamps), with one exposure for day and
+another for night. All values were chosen by eye. The page draws with the same table (`light_table`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any
+
+from autodrive.base.transforms import Vector
+from autodrive.base.units import DEGREE
+
+
+@dataclass(frozen=True)
+class Daylight:
+    """Sun (or moon), sky and exposure."""
+
+    sun_direction: Vector
+    """Unit vector towards the sun."""
+    sun_color: Vector
+    """Irradiance of a surface that faces the sun."""
+    zenith: Vector
+    """Irradiance by a sky of only this colour; likewise the next two."""
+    horizon: Vector
+    floor_glow: Vector
+    """Light reflected from below."""
+    exposure: float
+    """Factor for all reflected light."""
+    glow: float
+    """Factor for light that lamps and other surfaces emit."""
+
+
+def _towards(azimuth_deg: float, elevation_deg: float) -> Vector:
+    azimuth, elevation = azimuth_deg * DEGREE, elevation_deg * DEGREE
+    flat = math.cos(elevation)
+    return flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)
+
+
+DAY = Daylight(
+    sun_direction=_towards(118, 44),
+    sun_color=(4.1, 3.85, 3.45),
+    zenith=(1.35, 1.75, 2.35),
+    horizon=(2.15, 2.3, 2.5),
+    floor_glow=(0.75, 0.72, 0.66),
+    exposure=0.92,
+    glow=0.30,
+)
+NIGHT = Daylight(
+    sun_direction=_towards(118, 60),
+    sun_color=(0.030, 0.033, 0.042),
+    zenith=(0.020, 0.025, 0.042),
+    horizon=(0.045, 0.050, 0.066),
+    floor_glow=(0.014, 0.014, 0.016),
+    exposure=1.7,
+    glow=0.36,
+)
+
+
+DAY_LENGTH = 86400.0
+"""[s]."""
+NOON_AZIMUTH, NOON_ELEVATION = 118 * DEGREE, 44 * DEGREE
+"""Direction towards the sun at noon: that of `DAY`."""
+LEAST_ELEVATION = 8 * DEGREE
+"""The sun is drawn no lower, because shadows become longer than maps."""
+FULL_DAY_ELEVATION = 20 * DEGREE
+"""The light is that of `DAY` above this elevation."""
+
+
+def sun_at(time_of_day: float) -> Vector:
+    """Unit vector towards the sun at an equinox: it rises at 6:00, is highest at noon and sets at 18:00."""
+    hour_angle = 2.0 * math.pi * (time_of_day / DAY_LENGTH - 0.5)
+    along, up = math.cos(NOON_ELEVATION) * math.cos(hour_angle), math.sin(NOON_ELEVATION) * math.cos(hour_angle)
+    across = -math.sin(hour_angle)  # positive in the morning: to the left of the direction of noon
+    c, s = math.cos(NOON_AZIMUTH), math.sin(NOON_AZIMUTH)
+    return along * c - across * s, along * s + across * c, up
+
+
+def is_day_at(time_of_day: float) -> bool:
+    """Whether the sun is above the horizon."""
+    return sun_at(time_of_day)[2] > 1e-9
+
+
+def look_at(time_of_day: float) -> Daylight:
+    """Sun, sky and exposure at a time of day [s since midnight], in steps of a minute."""
+    return _look_at_minute(math.floor(time_of_day / 60.0) % 1440)
+
+
+@lru_cache(maxsize=64)
+def _look_at_minute(minute: int) -> Daylight:
+    time = 60.0 * minute
+    if not is_day_at(time):
+        return NIGHT
+    x, y, z = sun_at(time)
+    elevation = max(math.asin(z), LEAST_ELEVATION)
+    flat = math.cos(elevation) / math.hypot(x, y)
+    share = min(math.asin(z) / FULL_DAY_ELEVATION, 1.0)
+
+    def mixed(night: Vector, day: Vector) -> Vector:
+        a, b, c = (n + share * (d - n) for n, d in zip(night, day, strict=True))
+        return a, b, c
+
+    red, green, blue = mixed(NIGHT.sun_color, DAY.sun_color)
+    return Daylight(
+        sun_direction=(x * flat, y * flat, math.sin(elevation)),
+        sun_color=(red, green * (0.75 + 0.25 * share), blue * (0.5 + 0.5 * share)),  # a low sun is red
+        zenith=mixed(NIGHT.zenith, DAY.zenith),
+        horizon=mixed(NIGHT.horizon, DAY.horizon),
+        floor_glow=mixed(NIGHT.floor_glow, DAY.floor_glow),
+        exposure=NIGHT.exposure + share * (DAY.exposure - NIGHT.exposure),
+        glow=NIGHT.glow + share * (DAY.glow - NIGHT.glow),
+    )
+
+
+@dataclass(frozen=True)
+class Beam:
+    """The light cone of a lamp: brightest within the inner angle, dark outside the outer one."""
+
+    intensity: float
+    """On its axis [cd], at the scale of the vehicle."""
+    inner: float
+    """Half angle [rad]."""
+    outer: float
+    """Half angle [rad]."""
+    pitch: float
+    """Downwards [rad]."""
+    is_forward: bool
+    cutoff: float = 0.0
+    """Sharpness of a low beam's upper edge, at the height of the axis (1 / sine of the soft edge); 0: no edge."""
+
+
+BEAMS = {
+    "head": Beam(2.2, 6 * DEGREE, 36 * DEGREE, 2.0 * DEGREE, True, cutoff=14.0),
+    "high_beam": Beam(6.0, 2 * DEGREE, 15 * DEGREE, 0.5 * DEGREE, True),
+    "front_indicator": Beam(0.012, 35 * DEGREE, 85 * DEGREE, 10 * DEGREE, True),
+    "rear_indicator": Beam(0.012, 35 * DEGREE, 85 * DEGREE, 10 * DEGREE, False),
+    "tail": Beam(0.014, 35 * DEGREE, 85 * DEGREE, 10 * DEGREE, False),
+    "reverse": Beam(0.06, 20 * DEGREE, 60 * DEGREE, 15 * DEGREE, False),
+}
+"""By the lamp names of `LightsSpec`."""
+
+
+def light_table() -> dict[str, Any]:
+    """All of these as plain data; 'minutes': the look at every tenth minute of a day."""
+    return {
+        "day": asdict(DAY),
+        "night": asdict(NIGHT),
+        "minutes": [asdict(look_at(60.0 * minute)) for minute in range(0, 1440, 10)],
+        "beams": {name: asdict(beam) for name, beam in BEAMS.items()},
+    }

@@ -1,0 +1,333 @@
+"""Renders states of a scene without a screen: a small forward renderer on OpenGL 3.3."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from autodrive.graphics.render import texture_arrays
+from autodrive.graphics.render.draw_list import FRAME, DrawList, Illumination
+from autodrive.graphics.render.gl import moderngl, open_context, source, write
+from autodrive.graphics.render.gpu_mesh import GpuMesh
+from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
+from autodrive.graphics.render.quality import quality
+from autodrive.graphics.render.scene import Kind, Skeleton, geometry, rigid
+from autodrive.graphics.render.shadows import BONES, Shadows, columns
+from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
+from autodrive.physics.sensors.camera_view import RenderedImage, View
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from autodrive.base.arrays import Floats
+    from autodrive.base.transforms import Vector
+    from autodrive.graphics.assets.asset import Asset, Detail
+    from autodrive.graphics.render.render_state import RenderState
+    from autodrive.graphics.render.scene import RenderScene
+
+PART_SIZE = 0.06
+"""Of the parts of a vehicle [m]."""
+
+TEXTURES, STILL, CASTER, BEAM = range(4)
+"""Texture units."""
+
+
+IndexRange: TypeAlias = tuple[int, int, Kind, str]
+"""First index, number of indices, kind, texture array."""
+
+
+DrawCall: TypeAlias = "tuple[GpuMesh, IndexRange, bytes | None, bytes | None, Illumination]"
+"""What is drawn at once. Bones and glow are None for the static mesh."""
+
+
+class ShaderVariant(NamedTuple):
+    """Compile-time options of a shader program."""
+
+    is_jointed: bool
+    kind: Kind
+    is_textured: bool
+    is_day: bool
+    is_shaded: bool
+    casters: int
+    beams: int
+    lamps: int
+
+
+class Renderer:
+    """Renders one `RenderScene`, for one caller at a time.
+
+    `quality_name` is one of `render.quality.NAMES`. Raises `GlUnavailable`.
+    """
+
+    def __init__(self, scene: RenderScene, quality_name: str = "auto") -> None:
+        self._context = context = open_context()
+        self.name = str(context.info["GL_RENDERER"])
+        """The OpenGL renderer, for example 'llvmpipe (...)'."""
+        self.quality = quality(quality_name, self.name)
+        assets = [scene.static, *scene.vehicles, *scene.objects]
+        self._textures, layers = texture_arrays.load(context, assets, self.quality)
+        skeletons = {id(asset): Skeleton(asset) for asset in assets}
+        models: dict[tuple[int, Detail], GpuMesh] = {}
+
+        def model(asset: Asset, detail: Detail) -> GpuMesh:
+            key = id(asset), detail
+            if key not in models:
+                whole = asset is not scene.static
+                models[key] = GpuMesh(context, geometry(asset, skeletons[id(asset)], detail, layers, is_whole=whole))
+            return models[key]
+
+        detail = self.quality.detail
+        self._static = model(scene.static, detail)
+        self._vehicles = [model(asset, detail) for asset in scene.vehicles]
+        self._objects = [model(asset, detail) for asset in scene.objects]
+        self._shadows = Shadows(
+            context,
+            self.quality,
+            model(scene.static, "shadow"),
+            [model(asset, "shadow") for asset in scene.vehicles],
+            [model(asset, "shadow") for asset in scene.objects],
+        )
+        self._skeletons = [skeletons[id(asset)] for asset in scene.vehicles]
+        self._draw_list = DrawList(
+            scene, self.quality, self._skeletons, self._static, self._vehicles, self._objects, self._shadows
+        )
+        ranges = self._static.geometry.ranges
+        looks = sorted({(r.kind == "flat", r.kind, r.textures) for r in ranges})
+        self._looks = np.array([looks.index((r.kind == "flat", r.kind, r.textures)) for r in ranges], np.intp)
+        """For each range of the static mesh; level ground has the highest numbers."""
+        self._parts = {id(mesh): Parts.of(mesh.geometry, PART_SIZE) for mesh in self._vehicles}
+        self._parts[id(self._static)] = Parts.of(self._static.geometry, math.inf)
+        """Of each mesh that is drawn in parts, by its id."""
+        size = sum(mesh.geometry.indices.nbytes for mesh in (self._static, *self._vehicles))
+        self._view_indices = context.buffer(reserve=max(size, 4), dynamic=True)
+        self._meshes = {id(mesh): mesh.with_indices(self._view_indices) for mesh in (self._static, *self._vehicles)}
+        """The same meshes, with the triangles that a view draws."""
+        self._chosen: list[NDArray[np.uint32]] = []
+        """Indices of those triangles."""
+        self._frame = context.buffer(reserve=FRAME.itemsize)
+        self._camera = context.buffer(reserve=80)
+        self._programs: dict[ShaderVariant, moderngl.Program] = {}
+        self._label_programs: dict[bool, moderngl.Program] = {}
+        self._sky = self._linked("sky.vert", "sky.frag")
+        self._sky_corners = context.vertex_array(self._sky, [])
+        self._targets: dict[tuple[int, int, int], RenderTarget] = {}
+        self._exact_targets: dict[tuple[int, int], DepthLabelTarget] = {}
+        context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        context.depth_func = "<="
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """Free all graphics memory."""
+        self._context.release()
+
+    def draw(
+        self, state: RenderState, views: Sequence[View], *, depth: bool = False, labels: bool = False
+    ) -> list[RenderedImage]:
+        """One image of that state for each view, in the order of the views."""
+        with self._context:  # current only while it draws: the next call may come from another thread
+            return self._drawn(state, views, depth=depth, labels=labels)
+
+    def _drawn(self, state: RenderState, views: Sequence[View], *, depth: bool, labels: bool) -> list[RenderedImage]:
+        self._context.front_face = "ccw"
+        self._draw_list.set(state, views)
+        self._frame.write(self._draw_list.frame.tobytes())
+        self._bind()
+        targets = [self._target(i, view) for i, view in enumerate(views)]
+        for target, view in zip(targets, views, strict=True):
+            target.begin()
+            self._draw_colors(view, state.is_day)
+        for target in targets:
+            target.finish()
+        images = [RenderedImage(target.read()) for target in targets]
+        if depth or labels:
+            exact = [self._draw_exact(view) for view in views]
+            images = [
+                replace(image, depth=far if depth else None, labels=marks if labels else None)
+                for image, (far, marks) in zip(images, exact, strict=True)
+            ]
+        return images
+
+    def _bind(self) -> None:
+        """Bind uniform blocks and shadow maps, after the shadow maps have been drawn."""
+        self._frame.bind_to_uniform_block(0)
+        self._camera.bind_to_uniform_block(1)
+        self._shadows.still.use(STILL)
+        self._shadows.caster.use(CASTER)
+        self._shadows.beam.use(BEAM)
+        self._context.front_face = "cw"  # the first row is at the top, which mirrors the triangles
+
+    # -- a view -----------------------------------------------------------------------------------------------------
+
+    def _target(self, number: int, view: View) -> RenderTarget:
+        key = number, view.intrinsics.width, view.intrinsics.height
+        if key not in self._targets:
+            self._targets[key] = RenderTarget(self._context, *key[1:], self.quality.antialiasing)
+        return self._targets[key]
+
+    def _draw_colors(self, view: View, is_day: bool) -> None:
+        clip = self._look(view)
+        self._draw_calls(self._seen(clip), is_day)
+        self._draw_sky(clip)
+
+    def _draw_calls(self, calls: list[DrawCall], is_day: bool) -> None:
+        """Draw these, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
+        textured = next((i for i, (_, piece, *_) in enumerate(calls) if piece[3]), 0)
+        order = [*calls[textured : textured + 1], *calls[:textured], *calls[textured + 1 :]]
+        used: tuple[ShaderVariant, str, Illumination] | None = None
+        for model, piece, bones, glow, lit in order:
+            first, count, kind, textures = piece
+            counts = len(lit.casters), len(lit.beams), len(lit.lamps)
+            variant = ShaderVariant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
+            program = self._program(variant)
+            if (variant, textures, lit) != used:
+                used = variant, textures, lit
+                if textures:
+                    self._textures[textures].use(TEXTURES)
+                for name, slots in zip(("casters", "beams", "lamp_numbers"), lit[:3], strict=True):
+                    if slots:
+                        write(program, name, np.array(slots, np.int32).tobytes())
+            if bones is not None and glow is not None:
+                write(program, "bones", bones)
+                write(program, "lamps", glow)
+            model.draw(program, first, count)
+
+    def _draw_sky(self, clip: Floats) -> None:
+        write(self._sky, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
+        self._context.disable(moderngl.CULL_FACE)
+        self._sky_corners.render(moderngl.TRIANGLES, 3)
+        self._context.enable(moderngl.CULL_FACE)
+
+    def _draw_exact(self, view: View) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """Depths [m] and labels, shape (height, width) each."""
+        key = view.intrinsics.width, view.intrinsics.height
+        if key not in self._exact_targets:
+            self._exact_targets[key] = DepthLabelTarget(self._context, *key)
+        target = self._exact_targets[key]
+        target.begin()
+        for model, piece, bones, _, _ in self._seen(self._look(view)):
+            program = self._label_program(bones is not None)
+            if bones is not None:
+                write(program, "bones", bones)
+            model.draw(program, *piece[:2])
+        depth, labels = target.read()
+        near, far = view.near, view.far
+        # inverse of the third row of `clip_from_optical`
+        metres = far * near / (far - depth.astype(np.float64) * (far - near))
+        return np.where(depth < 1.0, metres, np.inf).astype(np.float32), labels
+
+    def _look(self, view: View) -> Floats:
+        """Clip space from map axes for that view; also writes it to the uniform block."""
+        clip = clip_from_optical(view) @ np.linalg.inv(rigid(view.position, view.orientation))
+        self._write_camera(clip, view.position)
+        return clip
+
+    def _write_camera(self, clip: Floats, eye: Vector | Floats) -> None:
+        self._camera.write(columns(clip) + np.array([*eye, 1.0], np.float32).tobytes())
+
+    def _seen(self, clip: Floats) -> list[DrawCall]:
+        """Visible meshes: first those that move, which are near, then the static ones, the ground last."""
+        self._chosen = []
+        calls = [*self._seen_posed(clip), *self._seen_ranges(clip)]
+        if self._chosen:
+            self._view_indices.orphan()
+            self._view_indices.write(np.concatenate(self._chosen).tobytes())
+        return calls
+
+    def _seen_posed(self, clip: Floats) -> Iterator[DrawCall]:
+        posed = self._draw_list.posed
+        if not posed:
+            return
+        centers, radii = np.array([p.center for p in posed]), np.array([p.radius for p in posed])
+        seen = np.flatnonzero(in_sight(sight_planes(clip), centers, radii))
+        for i in seen[np.argsort(centers[seen] @ clip[3, :3], kind="stable")].tolist():
+            mesh, bones, glow, _, _, lit = posed[i]
+            ranges = mesh.geometry.ranges
+            parts = self._parts.get(id(mesh))
+            if parts is None:
+                yield from ((mesh, (r.first, r.length, r.kind, r.textures), bones, glow, lit) for r in ranges)
+                continue
+            places = np.swapaxes(np.frombuffer(bones, np.float32).reshape(-1, 4, 4), -1, -2).astype(np.float64)
+            numbers = parts.in_sight(clip, places)
+            for number, r in enumerate(ranges):
+                own = numbers[parts.range[numbers] == number]
+                if len(own):
+                    yield self._meshes[id(mesh)], (*self._choose(parts, own), r.kind, r.textures), bones, glow, lit
+
+    def _seen_ranges(self, clip: Floats) -> Iterator[DrawCall]:
+        """Ranges that look alike and have the same light are drawn at once."""
+        parts, ranges, draws = self._parts[id(self._static)], self._static.geometry.ranges, self._draw_list
+        numbers = parts.in_sight(clip)
+        own_range = parts.range[numbers]
+        looks = self._looks[own_range] * (len(ranges) + 2) + draws.static_groups[own_range]
+        for look in np.unique(looks):
+            own = numbers[looks == look]
+            i = int(parts.range[own[0]])
+            place = (*self._choose(parts, own), ranges[i].kind, ranges[i].textures)
+            yield self._meshes[id(self._static)], place, None, None, draws.static_lit[i]
+
+    def _choose(self, parts: Parts, numbers: NDArray[np.intp]) -> tuple[int, int]:
+        """Draw these parts in the present view: first of their indices, and how many."""
+        first = sum(map(len, self._chosen))
+        self._chosen.append(parts.indices_of(numbers))
+        return first, len(self._chosen[-1])
+
+    # -- programs ---------------------------------------------------------------------------------------------------
+
+    def _program(self, variant: ShaderVariant) -> moderngl.Program:
+        if variant not in self._programs:
+            is_quick = self.quality.detail == "reduced"
+            flags = {
+                "QUICK": is_quick,
+                "FLAT": variant.kind == "flat",
+                "MATT": variant.kind == "matt" and is_quick,
+                "TEXTURED": variant.is_textured,
+                "SUNLIT": variant.is_day,
+                "STILL": variant.is_shaded,
+            }
+            definitions = {name: 1 for name, is_set in flags.items() if is_set}
+            definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
+            definitions["TAPS"] = self.quality.taps
+            texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"
+            program = self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
+            units = {"textures": TEXTURES, "still_map": STILL, "caster_map": CASTER, "beam_map": BEAM}
+            for name, unit in units.items():
+                if name in program:
+                    program[name] = unit
+            self._programs[variant] = program
+        return self._programs[variant]
+
+    def _label_program(self, is_jointed: bool) -> moderngl.Program:
+        if is_jointed not in self._label_programs:
+            self._label_programs[is_jointed] = self._linked("scene.vert", "label.frag", is_jointed)
+        return self._label_programs[is_jointed]
+
+    def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
+        joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
+        program = self._context.program(source(vertex, **joints, **definitions), source(fragment, **definitions))
+        for name, binding in (("Frame", 0), ("Camera", 1)):
+            block = program.get(name, None)
+            if isinstance(block, moderngl.UniformBlock):
+                block.binding = binding
+        return program
+
+
+def clip_from_optical(view: View) -> Floats:
+    """Clip space from the optical frame (x right, y down, z forward); the first row of the image is at its bottom."""
+    k, near, far = view.intrinsics, view.near, view.far
+    return np.array(
+        [
+            [2.0 * k.fx / k.width, 0.0, 2.0 * k.cx / k.width - 1.0, 0.0],
+            [0.0, 2.0 * k.fy / k.height, 2.0 * k.cy / k.height - 1.0, 0.0],
+            [0.0, 0.0, (far + near) / (far - near), -2.0 * far * near / (far - near)],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )

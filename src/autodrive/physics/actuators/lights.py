@@ -1,0 +1,73 @@
+"""Lamps: headlights and indicators follow commands, tail and reverse lights are automatic."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+from pydantic import Field
+
+from autodrive.base.specs import Offset, Spec
+from autodrive.protocol.messages import Headlights, Indicators, Lights, TailLights
+
+Level: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class LampSpec(Spec):
+    """A pair of equal lamps, left and right."""
+
+    position: tuple[Offset, Offset, Offset]
+    """Of the left lamp, in the vehicle frame [m]; the right lamp is its mirror image."""
+    color: tuple[Level, Level, Level]
+    """Linear RGB, each in [0, 1]."""
+    range: float = Field(ge=1e-3, le=1e4)
+    """Distance that the lamp illuminates [m]."""
+
+
+class LightsSpec(Spec):
+    """The lamps of a vehicle and the period of the indicators."""
+
+    head: LampSpec
+    """On in low and high beam."""
+    high_beam: LampSpec
+    """On in high beam only."""
+    front_indicator: LampSpec
+    rear_indicator: LampSpec
+    tail: LampSpec
+    reverse: LampSpec
+    blink_period: float = Field(default=1.0, ge=0.01, le=1e3)
+    """Period of the indicators [s]; they are off in the first half and on in the second."""
+
+
+LAMPS = tuple(
+    f"{lamp}_{side}"
+    for lamp in ("head", "high_beam", "front_indicator", "rear_indicator", "tail", "reverse")
+    for side in ("left", "right")
+)
+"""Names of all lamps of a vehicle: the field of `LightsSpec` and the side."""
+
+
+def lamp_levels(lights: Lights) -> tuple[float, ...]:
+    """Brightness of each of `LAMPS`, 0 to 1. Partial tail lights have half the brightness (scene)."""
+    low, high = lights.headlights != Headlights.OFF, lights.headlights == Headlights.HIGH
+    left, right = lights.left_indicator, lights.right_indicator
+    tail, reverse = lights.tail_lights / TailLights.BRIGHT, lights.reverse_lights
+    return tuple(map(float, (low, low, high, high, left, right, left, right, tail, tail, reverse, reverse)))
+
+
+def lit_lamps(
+    headlights: Headlights, indicators: Indicators, blink_phase: float, is_braking: bool, is_reversing: bool
+) -> Lights:
+    """State of the lamps. `blink_phase` in [0, 1) is the position in the blink period since the indicators went on."""
+    is_bright = indicators != Indicators.OFF and blink_phase >= 0.5
+    if is_braking:
+        tail = TailLights.BRIGHT
+    else:
+        tail = TailLights.PARTIAL if headlights != Headlights.OFF else TailLights.OFF
+    return Lights(
+        headlights=headlights,
+        indicators=indicators,
+        tail_lights=tail,
+        left_indicator=is_bright and indicators in (Indicators.LEFT, Indicators.HAZARD),
+        right_indicator=is_bright and indicators in (Indicators.RIGHT, Indicators.HAZARD),
+        reverse_lights=is_reversing,
+    )

@@ -1,0 +1,186 @@
+"""Exact ranges of a planar fan of rays against many shapes: one instantaneous scan of a 2D LIDAR.
+
+Only the rays between the two outlines of a shape can hit it (outline.py). Their inverse ranges are written to a buffer
+that keeps the largest value, like a depth buffer. Along a straight edge the inverse range is a linear function of the
+ray direction (cos, sin), so that a ray costs a few multiplications and a maximum. If the plane of the fan cuts a cap of
+a cylinder or a third face of a box, the rays are cast one by one (physics/ray.py).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.base.transforms import Quaternion, Vector, compose, rotate, rotation_from_quaternion
+from autodrive.physics.grid import shapes_near
+from autodrive.physics.model import BOX, CYLINDER, Shapes
+from autodrive.physics.ray import inverse_distance
+from autodrive.physics.sensors.outline import (
+    AROUND,
+    BEARING_ERROR,
+    HIDDEN,
+    PARTLY,
+    bearings_of_disc,
+    view_of_box,
+    view_of_cylinder,
+    view_of_sphere,
+)
+
+TURN = 2.0 * math.pi
+
+
+@jit_uncounted
+def cast_fan(
+    vehicle_position: Floats,
+    vehicle_orientation: Floats,
+    mount_position: Vector,
+    mount_orientation: Quaternion,
+    cosines: Floats,
+    sines: Floats,
+    angle_min: float,
+    angle_increment: float,
+    range_max: float,
+    vehicle: int,
+    shapes: Shapes,
+    shape_position: Floats,
+    shape_rotation: Floats,
+    near: Integers,
+    views: Floats,
+    inverse_range: Floats,
+) -> None:
+    """Write the inverse range [1/m] of each ray, shape (n_ray,): 0 for no hit, infinity inside a shape.
+
+    `cosines` and `sines` are those of the ray angles, shape (n_ray,); the angles start at `angle_min` and increase by
+    `angle_increment` > 0 [rad]. Shapes of `vehicle` are ignored; shapes beyond `range_max` [m] may be ignored. `near`
+    and `views` are working memory, shapes (n_shape,) and (n_shape, 10).
+
+    First all outlines, then all rays: the processor computes several outlines at once, because they have no loops of
+    unknown length in between.
+    """
+    lever = rotate(vehicle_orientation, mount_position)
+    px = vehicle_position[0] + lever[0]
+    py = vehicle_position[1] + lever[1]
+    pz = vehicle_position[2] + lever[2]
+    x0, y0, z0, x1, y1, z1, x2, y2, z2 = rotation_from_quaternion(compose(vehicle_orientation, mount_orientation))
+    rays_per_radian = 1.0 / angle_increment
+    if pz <= 0.0:
+        inverse_range[:] = math.inf  # the space below the floor is solid
+        return
+    _draw_floor(cosines, sines, inverse_range, -x2 / pz, -y2 / pz)
+    n = len(inverse_range)
+    kind, size = shapes.kind, shapes.size
+    first_cos, first_sin, last_cos, last_sin = cosines[0], sines[0], cosines[n - 1], sines[n - 1]
+    fan_end = angle_increment * (n - 1) + 2.0 * BEARING_ERROR
+    is_wide = angle_increment * (n - 1) >= math.pi
+    count = 0
+    for k in range(shapes_near(shapes, px, py, range_max, near)):
+        g = near[k]
+        dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
+        h = dx * z0 + dy * z1 + dz * z2
+        radius = shapes.bounding_radius[g]
+        reach = range_max + radius
+        if abs(h) > radius or dx * dx + dy * dy + dz * dz > reach * reach or shapes.vehicle[g] == vehicle:
+            continue
+        u, v = dx * x0 + dy * x1 + dz * x2, dx * y0 + dy * y1 + dz * y2
+        # beside the fan: to the right of its first ray, or to the left of its last one; both, if it is wider than pi
+        is_right = first_sin * u - first_cos * v > radius
+        is_left = last_cos * v - last_sin * u > radius
+        if (is_right and is_left) if is_wide else (is_right or is_left):
+            continue
+        # position and axes of the sensor in the axes of the shape
+        r0, r1, r2 = shape_rotation[g, 0], shape_rotation[g, 1], shape_rotation[g, 2]
+        r3, r4, r5 = shape_rotation[g, 3], shape_rotation[g, 4], shape_rotation[g, 5]
+        r6, r7, r8 = shape_rotation[g, 6], shape_rotation[g, 7], shape_rotation[g, 8]
+        o = (-(dx * r0 + dy * r3 + dz * r6), -(dx * r1 + dy * r4 + dz * r7), -(dx * r2 + dy * r5 + dz * r8))
+        ex = (x0 * r0 + x1 * r3 + x2 * r6, x0 * r1 + x1 * r4 + x2 * r7, x0 * r2 + x1 * r5 + x2 * r8)
+        ey = (y0 * r0 + y1 * r3 + y2 * r6, y0 * r1 + y1 * r4 + y2 * r7, y0 * r2 + y1 * r5 + y2 * r8)
+        ez = (z0 * r0 + z1 * r3 + z2 * r6, z0 * r1 + z1 * r4 + z2 * r7, z0 * r2 + z1 * r5 + z2 * r8)
+        s = (size[g, 0], size[g, 1], size[g, 2])
+        circle = radius * radius - h * h
+        if kind[g] == BOX:
+            view, start, width, k0, k1, k2, k3, k4, k5, k6, k7 = view_of_box(s, o, ex, ey, ez)
+        elif kind[g] == CYLINDER:
+            view, start, width, k0, k1, k2, k3, k4, k5, k6, k7 = view_of_cylinder(s[0], s[1], o, ex, ey, ez)
+        else:
+            view, start, width, k0, k1, k2, k3, k4, k5, k6, k7 = view_of_sphere(u, v, circle)
+        if view == HIDDEN:
+            continue
+        if view == AROUND:
+            inverse_range[:] = math.inf
+            return
+        if view == PARTLY:
+            start, width = bearings_of_disc(u, v, math.sqrt(circle))
+        start -= angle_min
+        start -= TURN * (math.floor(start * (1.0 / TURN)) + 1.0)
+        if start + width < -BEARING_ERROR:
+            start += TURN
+        if view == PARTLY:
+            while start < fan_end:
+                lo, hi = _rays_between(start, start + width, rays_per_radian, n)
+                start += TURN
+                for i in range(lo, hi + 1):
+                    cos, sin = cosines[i], sines[i]
+                    r = (ex[0] * cos + ey[0] * sin, ex[1] * cos + ey[1] * sin, ex[2] * cos + ey[2] * sin)
+                    inverse_range[i] = max(inverse_range[i], inverse_distance(int(kind[g]), s, o, r))
+            continue
+        near[count] = g
+        one = views[count]
+        one[0], one[1], one[2], one[3], one[4] = start, width, k0, k1, k2
+        one[5], one[6], one[7], one[8], one[9] = k3, k4, k5, k6, k7
+        count += 1
+    for k in range(count):
+        one = views[k]
+        start, end = one[0], one[0] + one[1]
+        while start < fan_end:
+            lo, hi = _rays_between(start, end, rays_per_radian, n)
+            if kind[near[k]] == BOX:
+                _draw_box(cosines, sines, inverse_range, lo, hi, one)
+            else:
+                _draw_round(cosines, sines, inverse_range, lo, hi, one)
+            start, end = start + TURN, end + TURN
+
+
+@inlined
+def _rays_between(start: float, end: float, rays_per_radian: float, n: int) -> tuple[int, int]:
+    """First and last of `n` rays between two bearings, from that of ray 0 [rad]; the first is greater if none is."""
+    lo = max(math.ceil((start - BEARING_ERROR) * rays_per_radian), 0)
+    hi = min(math.floor((end + BEARING_ERROR) * rays_per_radian), n - 1)
+    return lo, hi
+
+
+@jit_uncounted
+def _draw_floor(cosines: Floats, sines: Floats, inverse_range: Floats, a: float, b: float) -> None:
+    """Initialise the buffer with the plane z = 0."""
+    for i in range(len(inverse_range)):
+        w = a * cosines[i] + b * sines[i]
+        inverse_range[i] = w if w > 0.0 else 0.0  # never -0, whose inverse is -inf
+
+
+@inlined
+def _draw_box(cosines: Floats, sines: Floats, inverse_range: Floats, lo: int, hi: int, view: Floats) -> None:
+    """Draw a box on the rays `lo` to `hi`; the first and the last ones may miss it."""
+    k0, k1, k2, k3, k4, k5, k6, k7 = view[2], view[3], view[4], view[5], view[6], view[7], view[8], view[9]
+    while lo <= hi and cosines[lo] * k1 > sines[lo] * k0:
+        lo += 1
+    while lo <= hi and cosines[hi] * k3 < sines[hi] * k2:
+        hi -= 1
+    # with indices that cannot be negative, the loop is compiled to vector instructions
+    for i in range(np.uint64(lo), np.uint64(hi + 1)):
+        cos, sin = cosines[i], sines[i]
+        inverse_range[i] = max(inverse_range[i], min(k4 * cos + k5 * sin, k6 * cos + k7 * sin))
+
+
+@inlined
+def _draw_round(cosines: Floats, sines: Floats, inverse_range: Floats, lo: int, hi: int, view: Floats) -> None:
+    """Draw a cylinder or a sphere on the rays `lo` to `hi`, some of which may miss it."""
+    k0, k1, k2, k3, k4, k5, k6 = view[2], view[3], view[4], view[5], view[6], view[7], view[8]
+    for i in range(lo, hi + 1):
+        cos, sin = cosines[i], sines[i]
+        b = k0 * cos + k1 * sin
+        m, z = k3 * cos + k4 * sin, k5 * cos + k6 * sin
+        discriminant = k2 - m * m - z * z
+        if discriminant >= 0.0 and b > 0.0:
+            inverse_range[i] = max(inverse_range[i], b + math.sqrt(discriminant))

@@ -1,0 +1,108 @@
+"""Inertial Measurement Unit: orientation, angular velocity and linear acceleration at its mount (report, table 6)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pydantic import model_validator
+
+from autodrive.base.arrays import Floats
+from autodrive.base.jit import jit_uncounted
+from autodrive.base.specs import Spec
+from autodrive.base.transforms import (
+    Quaternion,
+    Vector,
+    compose,
+    cross,
+    euler_from_quaternion,
+    inverse,
+    quaternion_from_rotation_vector,
+    rotate,
+)
+from autodrive.base.units import DEGREE, STANDARD_GRAVITY
+from autodrive.physics.sensors.noise import NoiseSpec
+from autodrive.physics.sensors.sensor import Mount, SensorSpec
+
+
+class ImuNoise(Spec):
+    """Noise of the three quantities. In a file, `realistic` means `ImuNoise.realistic()`."""
+
+    orientation: NoiseSpec = NoiseSpec()
+    """Small rotation about each axis of the sensor [rad]."""
+    angular_velocity: NoiseSpec = NoiseSpec()
+    """[rad/s]."""
+    linear_acceleration: NoiseSpec = NoiseSpec()
+    """[m/s^2]."""
+
+    @classmethod
+    def realistic(cls) -> ImuNoise:
+        """Noise of the MPU-9250 (data sheet InvenSense PS-MPU-9250A-01, revision 1.0, tables 1 and 2).
+
+        White noise: the spectral density after the 92 Hz (94 Hz) low-pass filter: gyroscope 0.01 deg/s/sqrt(Hz),
+        accelerometer 300 ug/sqrt(Hz). Offsets: the tolerances of an uncalibrated part, +-5 deg/s and +-60 mg, taken as
+        three standard deviations. Resolution: 131 LSB/(deg/s) and 16384 LSB/g. The data sheet has no values for the
+        bias walk and the orientation; both are 0.
+        """
+        return cls(
+            angular_velocity=NoiseSpec(
+                sigma=0.01 * math.sqrt(92.0) * DEGREE, offset=5.0 / 3.0 * DEGREE, step=DEGREE / 131.0
+            ),
+            linear_acceleration=NoiseSpec(
+                sigma=300e-6 * math.sqrt(94.0) * STANDARD_GRAVITY,
+                offset=60e-3 / 3.0 * STANDARD_GRAVITY,
+                step=STANDARD_GRAVITY / 16384.0,
+            ),
+        )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _preset(cls, value: Any) -> Any:
+        return cls.realistic().model_dump() if value == "realistic" else value
+
+
+class ImuSpec(SensorSpec):
+    """A nine-axis IMU."""
+
+    mount: Mount = Mount()
+    """Point of the measurement and axes of the readings."""
+    measures_specific_force: bool = False
+    """False: acceleration without gravity. True: specific force of an accelerometer, +g upward at rest (REP 145)."""
+    noise: ImuNoise = ImuNoise()
+
+
+@jit_uncounted
+def measure_motion(
+    map_from_vehicle: Floats,
+    angular_velocity: Floats,
+    acceleration: Floats,
+    angular_acceleration: Floats,
+    lever: Vector,
+    vehicle_from_sensor: Quaternion,
+    gravity: float,
+    out: Floats,
+) -> None:
+    """Write orientation (4), Euler angles (3), angular velocity (3) and linear acceleration (3)."""
+    map_from_sensor = compose(map_from_vehicle, vehicle_from_sensor)
+    sensor_from_vehicle = inverse(vehicle_from_sensor)
+    # a = a_origin + alpha x r + omega x (omega x r), in vehicle axes
+    euler_term = cross(angular_acceleration, lever)
+    centripetal = cross(angular_velocity, cross(angular_velocity, lever))
+    up = rotate(inverse(map_from_vehicle), (0.0, 0.0, 1.0))
+    at_mount = (
+        acceleration[0] + euler_term[0] + centripetal[0] + gravity * up[0],
+        acceleration[1] + euler_term[1] + centripetal[1] + gravity * up[1],
+        acceleration[2] + euler_term[2] + centripetal[2] + gravity * up[2],
+    )
+    out[0], out[1], out[2], out[3] = map_from_sensor
+    out[4], out[5], out[6] = euler_from_quaternion(map_from_sensor)
+    out[7], out[8], out[9] = rotate(sensor_from_vehicle, angular_velocity)
+    out[10], out[11], out[12] = rotate(sensor_from_vehicle, at_mount)
+
+
+@jit_uncounted
+def turn(out: Floats, rotation: Floats) -> None:
+    """Rotate the reported orientation about the axes of the sensor by the rotation vector rotation[:3]."""
+    q = compose(out[:4], quaternion_from_rotation_vector(rotation[:3]))
+    out[0], out[1], out[2], out[3] = q
+    out[4], out[5], out[6] = euler_from_quaternion(q)

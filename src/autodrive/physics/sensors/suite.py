@@ -1,0 +1,200 @@
+"""The sensors of all vehicles of a world but the cameras, with the latest reading of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from operator import itemgetter
+from typing import Any
+
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.jit import resolved
+from autodrive.physics.model import Shapes
+from autodrive.physics.sensors.columns import (
+    ANGLES,
+    CHANNELS,
+    DISTANCE,
+    MOTION,
+    POSITION,
+    SENSORS,
+    motion_of,
+    noise_columns,
+    reading_columns,
+    working_memory,
+)
+from autodrive.physics.sensors.encoder import EncoderSpec
+from autodrive.physics.sensors.ips import IpsSpec
+from autodrive.physics.sensors.lidar import LidarSpec, scan_constants
+from autodrive.physics.sensors.range import RangeSpec
+from autodrive.physics.sensors.sampling import sample
+from autodrive.physics.sensors.settings import ConfiguredSensor
+from autodrive.physics.sensors.tables import ABSENT, SensorTables, most_rays, reset_noise, sensor_tables, starting_only
+from autodrive.physics.state import State
+from autodrive.protocol.messages import EncoderReading, ImuReading, IpsReading, LidarScan, RangeReading
+
+Reader = Callable[[float, Floats], Any]
+"""Makes the reading of a sensor from its time [s] and the vehicle's row of `ReadingColumns.values`."""
+
+_motion_of: Callable[[Floats], tuple[Floats, ...]] = itemgetter(*MOTION)
+
+NEVER = [math.nan] * len(SENSORS)
+"""Times of the readings of a vehicle before the first."""
+
+
+class SensorSuite:
+    """Samples the sensors that are due and keeps the latest reading of each."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[str, Mapping[str, ConfiguredSensor]],
+        shapes: Shapes,
+        state: State,
+        *,
+        substep: Fraction,
+        substeps: int,
+        gravity: float,
+    ) -> None:
+        """`vehicles`: the sensors by name of the vehicle and of the sensor. `shapes`, `state`: those of the world.
+
+        `substep` [s] is the unit of simulated time, and a tick has so many `substeps`. `gravity` [m/s^2] is positive
+        downward.
+        """
+        self._configured = list(vehicles.values())
+        self._specs = {
+            name: {sensor: its.spec for sensor, its in sensors.items()} for name, sensors in vehicles.items()
+        }
+        self._tables = sensor_tables(self._configured, substep, gravity)
+        self._rays, self._rolling_rays = most_rays(self._tables)
+        self._noise = noise_columns(1, len(vehicles))
+        self._columns = reading_columns(1, len(vehicles), self._rays, self._rolling_rays)
+        self._time_column, self._values_column = self._columns.time[0], self._columns.values[0]
+        self._working = working_memory(shapes, len(vehicles), self._rays)
+        self._motion = motion_of(state)
+        self._ratio = substep.numerator, substep.denominator
+        self._substeps = substeps
+        self._arguments = self._motion, shapes, self._noise, self._columns, self._working
+        self._sample: Callable[..., None] | None = None
+        self._readers = [[(s, name, self._reader(i, s)) for s, name in self._present(i)] for i in range(len(vehicles))]
+        self._latest: list[dict[str, Any]] = [dict.fromkeys(SENSORS) for _ in vehicles]
+        self.noise_factors = [1.0] * len(vehicles)
+        """See `set_noise_factors`."""
+        self._times = [list(NEVER) for _ in vehicles]
+        """Of the latest readings; see `ReadingColumns.time`."""
+
+    def set_noise_factors(self, factors: Sequence[float]) -> None:
+        """Multiply the noise of each vehicle, from the next reset on."""
+        self.noise_factors = list(factors)
+
+    def reset(self, seed: int) -> None:
+        """Reset all sensors; the noise depends on `seed`, the name of the vehicle and the name of the sensor."""
+        for i, (name, specs) in enumerate(self._specs.items()):
+            reset_noise(self._noise, 0, i, name, specs, self.noise_factors[i], seed)
+        self._times = [list(NEVER) for _ in self._times]
+
+    def sample(self, now: int) -> None:
+        """Sample the sensors that are due at `now` [substeps since the reset]; call it at 0 and after each tick."""
+        self._run(now, self._tables)
+
+    def continue_from(self, before: SensorSuite, seed: int, now: int) -> None:
+        """Continue the sensors of a suite of the same vehicles that have the same settings; start the others `now`."""
+        self.reset(seed)
+        numerator, denominator = self._ratio
+        starting: list[tuple[int, int]] = []
+        for i, own in enumerate(self._configured):
+            for s, name in self._present(i):
+                if before._configured[i].get(name) == own[name]:
+                    self._copy(before, i, s, name)
+                    continue
+                starting.append((i, s))
+                self._columns.time[0, i, s] = 0.0  # the bias walks from the reset on
+                if isinstance(spec := own[name].spec, LidarSpec) and spec.is_rolling:
+                    # the first rolling scan starts with the next period
+                    self._columns.sweep[0, i] = math.ceil(now * numerator / denominator * spec.rate - 1e-9) + 1, 0
+        self._run(now, starting_only(self._tables, starting))
+
+    def readings(self, vehicle: int) -> dict[str, Any]:
+        """The latest reading of each sensor of a vehicle by the sensor's name; None: no such sensor."""
+        return self._latest[vehicle]
+
+    def save(self) -> Any:
+        """The complete internal state, for `restore`."""
+        return [column.copy() for column in self._changing()], [dict(latest) for latest in self._latest]
+
+    def restore(self, saved: Any) -> None:
+        """Set the state that `save` returned."""
+        columns, latest = saved
+        for column, kept in zip(self._changing(), columns, strict=True):
+            column[:] = kept
+        self._latest = [dict(one) for one in latest]
+        self._times = self._columns.time[0].tolist()
+
+    # -- parts ---------------------------------------------------------------------------------------------------
+
+    def _present(self, i: int) -> Iterator[tuple[int, str]]:
+        """Number and name of the sensors that vehicle i has, and that are on or have a reading in every Frame."""
+        for s, name in enumerate(SENSORS):
+            if self._tables.vehicles[i]["samples"][s] != ABSENT:
+                yield s, name
+
+    def _changing(self) -> list[NDArray[Any]]:
+        """The columns that later readings depend on."""
+        noise, columns = self._noise, self._columns
+        changing = [noise.stream, noise.bias, noise.lidar, columns.time, columns.sweep, columns.sweep_ranges]
+        return [*changing, *self._working.before] if self._rolling_rays else changing
+
+    def _run(self, now: int, tables: SensorTables) -> None:
+        if self._sample is None:
+            self._sample = resolved(sample, 0, now, self._substeps, *self._arguments, tables)
+        self._sample(0, now, self._substeps, *self._arguments, tables)
+        if self._rolling_rays:
+            m = self._motion
+            poses = m.vehicle_position, m.vehicle_orientation, m.shape_position, m.shape_rotation
+            for before, pose in zip(self._working.before, poses, strict=True):
+                before[:] = pose
+        before, self._times = self._times, self._time_column.tolist()
+        copies = read_only_copy(self._values_column)
+        for i, readers in enumerate(self._readers):
+            values, latest, times, times_before = copies[i], self._latest[i], self._times[i], before[i]
+            for s, name, read in readers:
+                if (time := times[s]) != times_before[s]:
+                    latest[name] = read(time, values)
+
+    def _copy(self, before: SensorSuite, i: int, s: int, name: str) -> None:
+        """Copy the state of a sensor of vehicle i."""
+        noise, its_noise, columns, its_columns = self._noise, before._noise, self._columns, before._columns
+        noise.stream[0, i, s] = its_noise.stream[0, i, s]
+        columns.time[0, i, s] = its_columns.time[0, i, s]
+        if isinstance(spec := self._configured[i][name].spec, LidarSpec):
+            noise.lidar[0, i] = its_noise.lidar[0, i]
+            columns.sweep[0, i] = its_columns.sweep[0, i]
+            if spec.is_rolling:
+                columns.sweep_ranges[0, i, : spec.rays] = its_columns.sweep_ranges[0, i, : spec.rays]
+        else:
+            noise.bias[0, i, CHANNELS[name]] = its_noise.bias[0, i, CHANNELS[name]]
+        self._latest[i][name], self._times[i][s] = before._latest[i][name], before._times[i][s]
+
+    def _reader(self, i: int, s: int) -> Reader:
+        """For sensor s of vehicle i."""
+        spec = self._configured[i][SENSORS[s]].spec
+        ticks = self._columns.encoder_ticks[0, i]
+        match spec:
+            case LidarSpec():
+                ranges, constants = self._columns.lidar_ranges[0, i, : spec.rays], scan_constants(spec)
+                return lambda time, values: LidarScan(time, read_only_copy(ranges), *constants)
+            case RangeSpec():
+                field_of_view = math.radians(spec.field_of_view_deg)
+                rest = field_of_view, spec.range_min, spec.range_max, spec.radiation
+                return lambda time, values: RangeReading(time, float(values[DISTANCE]), *rest)
+            case EncoderSpec():
+                return lambda time, values: EncoderReading(time, read_only_copy(ticks), values[ANGLES])
+            case IpsSpec():
+                return lambda time, values: IpsReading(time, values[POSITION])
+            case _:
+                return _imu_reading
+
+
+def _imu_reading(time: float, values: Floats) -> ImuReading:
+    return ImuReading(time, *_motion_of(values))

@@ -1,3 +1,0 @@
-"""Policies: networks that drive a car, in one file, without the library that trained them."""
-
-from autodrive.policies.policy import Policy as Policy

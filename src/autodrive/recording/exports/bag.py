@@ -1,0 +1,179 @@
+"""ROS bags: the topics of the ROS bridge, as it would have published them during the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+from rosbags.interfaces import Nodetype
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from autodrive.connect.ros.bridge import Bridge
+from autodrive.connect.ros.config import Config
+from autodrive.connect.ros.message import Message, Time, Topic
+from autodrive.connect.ros.source import Update, VehicleInfo
+from autodrive.graphics.meshes.urdf import vehicle_urdf
+from autodrive.protocol.messages import LidarScan
+from autodrive.protocol.native import Picture
+from autodrive.recording import Recording
+from autodrive.recording.exports.options import ExportOptions
+from autodrive.recording.exports.sampling import sampled
+from autodrive.recording.recording import LazyImages
+from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
+
+RATE = 30.0
+"""Default rate of the states [Hz], as that of the bridge."""
+
+DEFINITIONS = {
+    "autodrive_msgs/msg/Collision": (
+        "std_msgs/Header header\nstring vehicle\nstring other\nfloat64 impulse\ngeometry_msgs/Point position\n"
+    ),
+    "autodrive_msgs/msg/Lights": (
+        "uint8 HEADLIGHTS_OFF = 0\nuint8 HEADLIGHTS_LOW = 1\nuint8 HEADLIGHTS_HIGH = 2\n"
+        "uint8 INDICATORS_OFF = 0\nuint8 INDICATORS_LEFT = 1\nuint8 INDICATORS_RIGHT = 2\nuint8 INDICATORS_HAZARD = 3\n"
+        "uint8 TAIL_LIGHTS_OFF = 0\nuint8 TAIL_LIGHTS_PARTIAL = 1\nuint8 TAIL_LIGHTS_BRIGHT = 2\n"
+        "std_msgs/Header header\nuint8 headlights\nuint8 indicators\nuint8 tail_lights\n"
+        "bool left_indicator\nbool right_indicator\nbool reverse_lights\n"
+    ),
+    "autodrive_msgs/msg/WheelStates": (
+        "std_msgs/Header header\nstring[] name\nfloat64[] steering_angle\nfloat64[] rotation_angle\n"
+        "float64[] angular_velocity\nfloat64[] compression\nfloat64[] normal_load\nfloat64[] slip_ratio\n"
+        "float64[] slip_angle\n"
+    ),
+}
+"""Our own messages, without the comments of their files in the folder `ros`."""
+TRANSFORMS = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n"}
+
+
+def write(recording: Recording, path: Path, options: ExportOptions, form: str) -> None:
+    """Write a bag; raw images are left out, because compressed ones take a tenth of the space."""
+    with recording.scenario_spec() as spec:
+        names = options.vehicles(recording)
+        vehicles = {name: load_vehicle(spec.vehicles[name].type) for name in names}
+    types = {name: Path(one["type"]).stem for name, one in recording.scenario.spec["vehicles"].items()}
+    rate = options.rate or RATE
+    first = names[0]
+    config = Config(
+        rate=rate, vehicle_type=types[first].split("_")[0], robot_description=vehicle_urdf(vehicles[first], first)[0]
+    )
+    with _BagNode(path, is_ros2=form == "rosbag2") as node:
+        bridge = Bridge(config, node, clock=lambda: node.time)
+        node.is_ready = True
+        infos = {name: _info(i, types[name], recording, name, vehicles[name]) for i, name in enumerate(names, 1)}
+        bridge.on_vehicles(infos)
+        scans: dict[str, LidarScan] = {}
+        images: dict[tuple[str, str], float] = {}
+        for time, whole in sampled(recording, options, None):
+            node.time = time
+            frame = replace(whole, vehicles={name: one for name, one in whole.vehicles.items() if name in names})
+            new = {
+                name: one.lidar
+                for name, one in frame.vehicles.items()
+                if one.lidar is not None and (name not in scans or scans[name].time != one.lidar.time)
+            }
+            scans |= new
+            pictures: dict[tuple[str, str], Picture] = {}
+            for name, one in frame.vehicles.items():
+                assert isinstance(one.cameras, LazyImages)
+                for camera, taken in one.cameras.times.items():
+                    if images.get((name, camera)) != taken and (picture := one.cameras.picture(camera)) is not None:
+                        images[name, camera] = taken
+                        pictures[name, camera] = picture
+            bridge.on_update(Update(frame, new, pictures))
+
+
+def _info(number: int, type_: str, recording: Recording, name: str, spec: VehicleSpec) -> VehicleInfo:
+    return VehicleInfo(
+        number,
+        type_,
+        recording.cameras(name),
+        spec.wheelbase,
+        spec.wheels.radius,
+        spec.drivetrain.speed_limit * spec.wheels.radius,
+        spec.steering.limit,
+        None,
+    )
+
+
+class _BagNode:
+    """A node of the bridge that writes what is published into a bag."""
+
+    def __init__(self, path: Path, *, is_ros2: bool) -> None:
+        self.time = 0.0
+        """Of the recording [s]; the bag has it as the time of each message."""
+        self.is_ready = False
+        self._store = get_typestore(Stores.ROS2_JAZZY if is_ros2 else Stores.ROS1_NOETIC)
+        for name, text in {**DEFINITIONS, **TRANSFORMS}.items():
+            if name not in self._store.types:
+                self._store.register(get_types_from_msg(text, name))
+        self._writer: Any = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP) if is_ros2 else Writer1(path)
+        self._serialize: Callable[[Any, str], Any] = (
+            self._store.serialize_cdr if is_ros2 else self._store.serialize_ros1
+        )
+        self._connections: dict[str, Any] = {}
+
+    def __enter__(self) -> _BagNode:
+        self._writer.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._writer.close()
+
+    def add_topics(self, topics: list[Topic], subscriptions: list[Any]) -> None:
+        """Nothing: a topic begins with its first message."""
+
+    def has_subscribers(self, topic: Topic) -> bool:
+        """Whether the topic is in the bag."""
+        return topic.type != "sensor_msgs/Image"
+
+    def now(self) -> float:
+        """The time of the recording [s]."""
+        return self.time
+
+    def publish(self, message: Message, topic: Topic) -> None:
+        """Write a message."""
+        if not self.is_ready:
+            return
+        type_ = message.type.replace("/", "/msg/")
+        if topic.name not in self._connections:
+            name = topic.name if topic.name.startswith("/") else f"/{topic.name}"
+            self._connections[topic.name] = self._writer.add_connection(name, type_, typestore=self._store)
+        data = self._serialize(self._made(type_, message.fields), type_)
+        self._writer.write(self._connections[topic.name], round(self.time * 1e9), data)
+
+    def _made(self, type_: str, fields: dict[str, Any]) -> Any:
+        """The message of rosbags; fields that are not given are zero or empty."""
+        _, definition = self._store.fielddefs[type_]
+        values = {name: self._value(kind, of, fields.get(name)) for name, (kind, of) in definition}
+        return self._store.types[type_](**values)
+
+    def _value(self, kind: Any, of: Any, value: Any) -> Any:
+        if kind == Nodetype.NAME:
+            if isinstance(value, Time):
+                return self._store.types["builtin_interfaces/msg/Time"](value.sec, value.nanosec)
+            if isinstance(value, Message):
+                value = value.fields
+            return self._made(of, value or {})
+        if kind == Nodetype.BASE:
+            return _ZERO.get(of[0], 0) if value is None else value
+        return self._array(of, value)
+
+    def _array(self, of: Any, value: Any) -> Any:
+        (element, inner), size = of
+        if element == Nodetype.NAME:
+            return [self._value(element, inner, one) for one in value or ()]
+        if inner[0] == "string":
+            return list(value or ())
+        dtype = np.dtype({"bool": "?", "byte": "u1", "char": "u1"}.get(inner[0], inner[0]))
+        if isinstance(value, bytes):
+            return np.frombuffer(value, dtype)
+        return np.zeros(size, dtype) if value is None else np.asarray(value, dtype)
+
+
+_ZERO: dict[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}

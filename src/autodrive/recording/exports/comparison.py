@@ -1,0 +1,250 @@
+"""Compares a recorded drive with our simulation of its commands: a table of errors, and a plot.
+
+The drive is a log of AutoDRIVE's data recorder (`compare_log`) or a recording of ours (`compare_recording`), which can
+be simulated in another scenario or with another vehicle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.specs import suggest
+from autodrive.base.transforms import Vector, euler_from_quaternion, rotate
+from autodrive.base.units import DEGREE
+from autodrive.protocol.messages import Command, VehicleFrame
+from autodrive.recording import Recording, RecordingError
+from autodrive.recording.exports.recorder_layout import DriveLog
+from autodrive.recording.plot import HEIGHT, LEFT, RIGHT, TOP, WIDTH, Curves, check_suffix, curve, legend, panel
+from autodrive.recording.plot import write_panels as write
+from autodrive.recording.resimulation import simulated_again
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.world.factory import make
+
+SIGNALS = ("x", "y", "heading", "speed", "yaw rate")
+"""Signals of a drive [m, m, rad, m/s, rad/s]."""
+PATH_HEIGHT = 420
+"""Of the panel with both paths [pixels]."""
+MAX_POINTS = 2000
+"""Points of a drawn path at most."""
+
+Signals: TypeAlias = dict[str, NDArray[np.float64]]
+
+
+class Error(NamedTuple):
+    """The error of a signal, in its unit."""
+
+    rms: float
+    """Root mean square."""
+    largest: float
+    """Largest magnitude."""
+
+
+class Quantity(NamedTuple):
+    """How an error is shown."""
+
+    unit: str
+    factor: float = 1.0
+    """From the unit of the values to the unit that is shown."""
+    is_length: bool = False
+    """Whether it is shown in % of the length of the drive, too."""
+
+
+QUANTITIES = {
+    "along": Quantity("m", is_length=True),
+    "across": Quantity("m", is_length=True),
+    "distance": Quantity("m", is_length=True),
+    "heading": Quantity("deg", 1.0 / DEGREE),
+    "speed": Quantity("m/s"),
+    "yaw rate": Quantity("rad/s"),
+}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A recorded drive and ours, at the times of the recorded one."""
+
+    time: NDArray[np.float64]
+    """[s], shape (n,)."""
+    recorded: Signals
+    """'x' and 'y' [m], 'heading' [rad], 'speed' [m/s] without its sign, 'yaw rate' [rad/s], each of shape (n,)."""
+    simulated: Signals
+    """Likewise."""
+
+    @cached_property
+    def length(self) -> float:
+        """Length of the recorded path [m], without jumps such as a reset."""
+        steps = np.hypot(np.diff(self.recorded["x"]), np.diff(self.recorded["y"]))
+        return float(steps[np.diff(self.time) > 0.0].sum())
+
+    @cached_property
+    def differences(self) -> Signals:
+        """Simulated minus recorded value at each time, shape (n,), by name.
+
+        'along' and 'across': the difference of the positions in the axes of the recorded vehicle, forward and to the
+        left [m]; 'distance': its magnitude [m]; 'heading': -pi to pi [rad]; 'speed' [m/s]; 'yaw rate' [rad/s].
+        """
+        found = {name: self.simulated[name] - self.recorded[name] for name in SIGNALS}
+        dx, dy, heading = found.pop("x"), found.pop("y"), self.recorded["heading"]
+        along = np.cos(heading) * dx + np.sin(heading) * dy
+        across = np.cos(heading) * dy - np.sin(heading) * dx
+        found["heading"] = np.remainder(found["heading"] + math.pi, 2.0 * math.pi) - math.pi
+        return {"along": along, "across": across, "distance": np.hypot(dx, dy)} | found
+
+    @property
+    def errors(self) -> dict[str, Error]:
+        """Root mean square and largest magnitude of each of the `differences`, in their units."""
+        return {
+            name: Error(float(np.sqrt(np.mean(of**2))), float(np.max(np.abs(of))))
+            for name, of in self.differences.items()
+        }
+
+    def table(self) -> str:
+        """The errors as text; those of the position also in % of the length of the recorded path."""
+        share = 100.0 / self.length if self.length > 0.0 else math.nan
+        rows = [f"{'error':10}{'rms':>10}{'largest':>10}{'':7}{'% of the length: rms':>22}{'largest':>10}"]
+        for name, (rms, largest) in self.errors.items():
+            unit, factor, is_length = QUANTITIES[name]
+            row = f"{name:10}{factor * rms:10.4f}{factor * largest:10.4f}  {unit:5}"
+            rows.append(row + (f"{share * rms:22.2f}{share * largest:10.2f}" if is_length else ""))
+        duration = float(self.time[-1] - self.time[0])
+        return "\n".join(
+            [f"{len(self.time)} rows, {duration:.2f} s, length {self.length:.3f} m", *map(str.rstrip, rows)]
+        )
+
+    def plot(self, path: str | Path) -> None:
+        """Draw both paths, and the errors of position, heading and speed over time, as PNG or SVG.
+
+        Raises `RecordingError`.
+        """
+        path = Path(path)
+        check_suffix(path)
+        panels = [paths({"recorded": self.recorded, "simulated": self.simulated})]
+        for i, names in enumerate((("along", "across"), ("heading",), ("speed",))):
+            unit, factor, _ = QUANTITIES[names[0]]
+            title = f"error of the {'position' if i == 0 else names[0]} [{unit}]"
+            columns = [factor * self.differences[name] for name in names]
+            above = PATH_HEIGHT + i * HEIGHT
+            panels.append(panel(Curves(title, self.time, columns, names), above, self.time[0], self.time[-1]))
+        write(path, panels, PATH_HEIGHT + 3 * HEIGHT)
+
+
+def compare_log(log: DriveLog, scenario: str | Path | ScenarioSpec | None = None, *, type_: str = "") -> Comparison:
+    """Simulate the commands of a log from its first pose on, with the first vehicle of a scenario.
+
+    The vehicle starts at rest. Without a scenario: on the plane, a Nigel or, for a log of 22 columns, a RoboRacer car.
+    `type_`: name or file of another type of that vehicle. The log has the feedback of throttle and steering, not the
+    commands: the value of a row is commanded from the row before it on. Positions are those of the vehicle's indoor
+    positioning sensor.
+    """
+    if scenario is None:
+        spec = ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=log.vehicle_type)})
+    else:
+        spec = scenario if isinstance(scenario, ScenarioSpec) else load_scenario(scenario)
+    name = next(iter(spec.vehicles))
+    world = make(with_type(spec, name, type_))
+    vehicle = world.vehicle_specs[name]
+    limit, lever = vehicle.steering.limit, vehicle.sensors.ips.mount.position
+    heading = float(log.euler[0, 2])
+    x, y, _ = log.position[0] - np.array(rotate((math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), lever))
+    world.reset(poses={name: (float(x), float(y), heading)})
+    rows: list[list[float]] = []
+    for i, time in enumerate(log.time.tolist()):
+        while world.time < time - 0.5 * world.tick_duration:
+            world.step({name: Command(float(log.throttle[i]), float(log.steering[i]) / limit)})
+        rows.append(_row(world.frame.vehicles[name], lever))
+    recorded = [*log.position.T[:2], log.euler[:, 2], np.abs(log.speed), log.angular_velocity[:, 2]]
+    return Comparison(log.time, dict(zip(SIGNALS, recorded, strict=True)), _signals(rows))
+
+
+def compare_recording(
+    recording: Recording,
+    vehicle: str = "",
+    scenario: str | Path | ScenarioSpec | None = None,
+    *,
+    type_: str = "",
+) -> Comparison:
+    """Simulate the commands and requests of a recording from its start on, and compare a vehicle, by default the first.
+
+    In another scenario, which must have vehicles of the same names, or in that of the recording; `type_`: name or file
+    of another type of that vehicle. Positions are those of the centre of the rear axle. Raises `RecordingError` if the
+    recording does not begin at the start of a run.
+    """
+    names = recording.vehicles
+    if vehicle and vehicle not in names:
+        raise RecordingError(f"vehicle '{vehicle}' is not in the recording. {suggest(vehicle, [*names])}")
+    name = vehicle or names[0]
+    given = load_scenario(scenario) if isinstance(scenario, str | Path) else scenario
+    if given is not None and name not in given.vehicles:
+        raise RecordingError(f"the scenario has no vehicle '{name}'. {suggest(name, [*given.vehicles])}")
+
+    def changed(spec: ScenarioSpec) -> ScenarioSpec:
+        return with_type(given or spec, name, type_)
+
+    times: list[float] = []
+    rows: list[list[float]] = []
+    ours: list[list[float]] = []
+    with closing(simulated_again(recording, changed)) as pairs:
+        for time, frame, simulated in pairs:
+            if name in frame.vehicles and name in simulated.vehicles:
+                times.append(time)
+                rows.append(_row(frame.vehicles[name]))
+                ours.append(_row(simulated.vehicles[name]))
+    return Comparison(np.array(times), _signals(rows), _signals(ours))
+
+
+def with_type(spec: ScenarioSpec, vehicle: str, type_: str) -> ScenarioSpec:
+    """A scenario in which a vehicle has another type; empty: that of the scenario."""
+    if not type_ or vehicle not in spec.vehicles:
+        return spec
+    placement = spec.vehicles[vehicle].model_copy(update={"type": type_})
+    return spec.model_copy(update={"vehicles": {**spec.vehicles, vehicle: placement}})
+
+
+def _row(frame: VehicleFrame, lever: Vector = (0.0, 0.0, 0.0)) -> list[float]:
+    """The signals of a vehicle, at a point in its axes [m]."""
+    x, y, _ = frame.pose.position + np.array(rotate(frame.pose.orientation, lever))
+    heading = euler_from_quaternion(frame.pose.orientation)[2]
+    return [float(x), float(y), heading, abs(frame.speed), float(frame.angular_velocity[2])]
+
+
+def _signals(rows: Sequence[Sequence[float]]) -> Signals:
+    return dict(zip(SIGNALS, np.array(rows, np.float64).T, strict=True))
+
+
+def paths(drives: Mapping[str, Signals]) -> str:
+    """The SVG of the paths of drives, by name, with the same scale in both directions."""
+    lines: list[NDArray[np.float64]] = []
+    for drive in drives.values():
+        chosen = np.unique(np.linspace(0, len(drive["x"]) - 1, MAX_POINTS).astype(int))
+        lines.append(np.array([drive["x"][chosen], drive["y"][chosen]]))
+    least, most = (least(np.concatenate(lines, axis=1), axis=1) for least in (np.min, np.max))
+    middle, extent = 0.5 * (least + most), np.maximum(most - least, 1e-3)
+    width, height = WIDTH - RIGHT - LEFT, PATH_HEIGHT - TOP - 34
+    scale = 0.95 * min(width / extent[0], height / extent[1])
+    parts = [f'<text x="{LEFT}" y="{TOP - 8}" font-weight="bold">path [m]</text>']
+    parts.append(f'<rect x="{LEFT}" y="{TOP}" width="{width}" height="{height}" fill="none" stroke="#ddd"/>')
+    for i, ((x, y), name) in enumerate(zip(lines, drives, strict=True)):
+        across, down = LEFT + width / 2 + scale * (x - middle[0]), TOP + height / 2 - scale * (y - middle[1])
+        parts += (curve(across, down, i), legend(name, TOP, i))
+    bar = _round_length(0.2 * width / scale)
+    start, under = LEFT, TOP + height + 14
+    parts.append(
+        f'<path d="M{start} {under - 5}V{under}H{start + scale * bar:.1f}V{under - 5}" fill="none" stroke="black"/>'
+        f'<text x="{start + scale * bar + 8:.1f}" y="{under + 2}">{bar:g} m</text>'
+    )
+    return "".join(parts)
+
+
+def _round_length(length: float) -> float:
+    """The largest of 1, 2, 5, 10 ... that is not longer."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return max(one * power for one in (1.0, 2.0, 5.0) if one * power <= length * (1.0 + 1e-9))

@@ -1,0 +1,71 @@
+"""Tables of a recording as CSV: one of each vehicle, its scans, the commands and the events."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from autodrive.base.cache import make_folder
+from autodrive.recording import Recording
+from autodrive.recording.exports.options import ExportOptions
+from autodrive.recording.records import encode_json
+
+
+def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> None:
+    """Write `V1.csv`, `V1_lidar.csv`, `commands.csv` and `events.csv` into a folder.
+
+    The columns have the names of the signals and their elements; times are in seconds since the start of the
+    recording.
+    """
+    make_folder(path)
+    for vehicle in options.vehicles(recording):
+        table = recording.columns(vehicle)
+        chosen = _range(table["time"], options)
+        _table(path / f"{vehicle}.csv", [*table], zip(*(table[name][chosen].tolist() for name in table), strict=True))
+        name = f"{vehicle}/lidar/ranges"
+        ranges, times = recording[name], recording.signals.times(name)
+        if len(ranges):
+            rays = [f"range_{i}" for i in range(ranges.shape[1])]
+            of = _range(times, options)
+            rows = ([time, *scan] for time, scan in zip(times[of].tolist(), ranges[of].tolist(), strict=True))
+            _table(path / f"{vehicle}_lidar.csv", ["time", *rays], rows)
+    _table(path / "commands.csv", ["time", "tick", "vehicle", *_COMMAND], _commands(recording))
+    events = ([one.time, one.tick, type(one.event).__name__, _text(one.event)] for one in recording.events)
+    _table(path / "events.csv", ["time", "tick", "event", "values"], events)
+
+
+_COMMAND = ("throttle", "steering", "headlights", "indicators")
+
+
+def _commands(recording: Recording) -> Iterator[list[Any]]:
+    for time, record in recording.commands:
+        for vehicle, command in record.commands.items():
+            yield [time, record.tick, vehicle, *(getattr(command, name) for name in _COMMAND)]
+
+
+def _text(event: msgspec.Struct) -> str:
+    return encode_json(event).decode()
+
+
+def _range(times: Any, options: ExportOptions) -> Any:
+    start = -np.inf if options.start is None else options.start
+    end = np.inf if options.end is None else options.end
+    return (times >= start) & (times <= end)
+
+
+def _table(path: Path, header: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    with _writer(path) as writer:
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+@contextmanager
+def _writer(path: Path) -> Iterator[Any]:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        yield csv.writer(file)

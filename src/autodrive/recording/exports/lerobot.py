@@ -1,0 +1,172 @@
+"""A LeRobot dataset, version 3: Parquet for states and actions, MP4 for the cameras, JSON for the description.
+
+The layout is that of `lerobot.datasets` v3.0: `meta/info.json`, `meta/stats.json`, `meta/tasks.parquet`,
+`meta/episodes/chunk-000/file-000.parquet`, `data/chunk-000/file-000.parquet` and
+`videos/observation.images.CAMERA/chunk-000/file-000.mp4`. We have checked it with pyarrow and PyAV, not with lerobot,
+which needs PyTorch.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from autodrive.base.cache import make_folder, write_file
+from autodrive.recording import Recording
+from autodrive.recording.exports.learning import ACTION, STATE, Step, checked, steps
+from autodrive.recording.exports.options import ExportOptions
+from autodrive.recording.film.encoder import open_stream
+from autodrive.recording.recording import decoded
+
+RATE = 30
+"""Default rate of the steps [Hz]."""
+CODECS = ("libsvtav1", "libvpx-vp9", "mpeg4")
+"""Video encoders, best first; the first that PyAV has is used."""
+
+
+def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> None:
+    """Write the dataset of one vehicle; each part between resets is an episode."""
+    rate = round(options.rate or RATE)
+    found = checked(list(steps(recording, options, rate)))
+    vehicle = options.vehicles(recording)[0]
+    cameras = [one for one in recording.cameras(vehicle) if all(one in step.images.times for step in found[-1:])]
+    for folder in ("meta/episodes/chunk-000", "data/chunk-000"):
+        make_folder(path / folder)
+    task = f"drive: {recording.scenario.spec.get('title') or recording.scenario.name}"
+    columns = _columns(found, rate)
+    pq.write_table(pa.table(columns), path / "data/chunk-000/file-000.parquet")
+    pq.write_table(pa.table({"task_index": pa.array([0], pa.int64()), "task": [task]}), path / "meta/tasks.parquet")
+    videos = {camera: _write_video(path, camera, found, rate) for camera in cameras}
+    episodes = _episode_rows(columns, task, cameras, rate)
+    pq.write_table(pa.table(episodes), path / "meta/episodes/chunk-000/file-000.parquet")
+    write_file(path / "meta/stats.json", json.dumps(_statistics(columns), indent=2))
+    write_file(path / "meta/info.json", json.dumps(_info(recording, vehicle, found, rate, videos), indent=2))
+
+
+def _columns(found: Sequence[Step], rate: int) -> dict[str, Any]:
+    episode = np.array([one.episode for one in found])
+    firsts = {number: int(np.argmax(episode == number)) for number in set(episode.tolist())}
+    numbers = {number: i for i, number in enumerate(sorted(firsts))}
+    frame = np.array([i - firsts[int(number)] for i, number in enumerate(episode)])
+    return {
+        "observation.state": pa.array([one.state for one in found], pa.list_(pa.float32(), len(STATE))),
+        "action": pa.array([one.action for one in found], pa.list_(pa.float32(), len(ACTION))),
+        "timestamp": pa.array((frame / rate).astype(np.float32)),
+        "frame_index": pa.array(frame, pa.int64()),
+        "episode_index": pa.array([numbers[int(number)] for number in episode], pa.int64()),
+        "index": pa.array(range(len(found)), pa.int64()),
+        "task_index": pa.array([0] * len(found), pa.int64()),
+    }
+
+
+def _episode_rows(columns: dict[str, Any], task: str, cameras: Sequence[str], rate: int) -> dict[str, Any]:
+    episodes = columns["episode_index"].to_numpy()
+    numbers = sorted(set(episodes.tolist()))
+    first = [int(np.argmax(episodes == number)) for number in numbers]
+    lengths = [int(np.sum(episodes == number)) for number in numbers]
+    zeros = pa.array([0] * len(numbers), pa.int64())
+    rows: dict[str, Any] = {
+        "episode_index": pa.array(numbers, pa.int64()),
+        "tasks": [[task]] * len(numbers),
+        "length": pa.array(lengths, pa.int64()),
+        "data/chunk_index": zeros,
+        "data/file_index": zeros,
+        "dataset_from_index": pa.array(first, pa.int64()),
+        "dataset_to_index": pa.array([a + b for a, b in zip(first, lengths, strict=True)], pa.int64()),
+        "meta/episodes/chunk_index": zeros,
+        "meta/episodes/file_index": zeros,
+    }
+    for camera in cameras:
+        key = f"videos/observation.images.{camera}"
+        rows |= {f"{key}/chunk_index": zeros, f"{key}/file_index": zeros}
+        rows[f"{key}/from_timestamp"] = pa.array([one / rate for one in first], pa.float64())
+        rows[f"{key}/to_timestamp"] = pa.array(
+            [(a + b) / rate for a, b in zip(first, lengths, strict=True)], pa.float64()
+        )
+    return rows
+
+
+def _write_video(path: Path, camera: str, found: Sequence[Step], rate: int) -> dict[str, Any]:
+    """One image for each step: the latest one, black before the first one; the description of the video."""
+    target = path / f"videos/observation.images.{camera}/chunk-000"
+    make_folder(target)
+    last = found[-1].images.picture(camera)
+    assert last is not None
+    height, width = decoded(last).rgba.shape[:2]
+    codec = next(name for name in CODECS if name in av.codecs_available)
+    pixels = np.zeros((height, width, 3), np.uint8)
+    known = -1.0
+    with av.open(str(target / "file-000.mp4"), "w") as container:
+        stream = open_stream(container, codec, (width, height), Fraction(rate))
+        for one in found:
+            if one.images.times.get(camera, known) != known and (picture := one.images.picture(camera)) is not None:
+                known, pixels = picture.time, np.ascontiguousarray(decoded(picture).rgb)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24")))
+        container.mux(stream.encode())
+    return {
+        "video.height": height,
+        "video.width": width,
+        "video.codec": {"libsvtav1": "av1", "libvpx-vp9": "vp9"}.get(codec, codec),
+        "video.pix_fmt": "yuv420p",
+        "video.is_depth_map": False,
+        "video.fps": rate,
+        "video.channels": 3,
+        "has_audio": False,
+    }
+
+
+def _statistics(columns: dict[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, column in columns.items():
+        values = np.array(column.to_pylist(), np.float64).reshape(len(column), -1)
+        found[name] = {
+            "min": values.min(axis=0).tolist(),
+            "max": values.max(axis=0).tolist(),
+            "mean": values.mean(axis=0).tolist(),
+            "std": values.std(axis=0).tolist(),
+            "count": [len(values)],
+        }
+    return found
+
+
+def _info(
+    recording: Recording, vehicle: str, found: Sequence[Step], rate: int, videos: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
+    whole = {"dtype": "int64", "shape": [1], "names": None}
+    features: dict[str, Any] = {
+        "observation.state": {"dtype": "float32", "shape": [len(STATE)], "names": list(STATE)},
+        "action": {"dtype": "float32", "shape": [len(ACTION)], "names": list(ACTION)},
+        "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+        **dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), whole),
+    }
+    for camera, about in videos.items():
+        features[f"observation.images.{camera}"] = {
+            "dtype": "video",
+            "shape": [about["video.height"], about["video.width"], 3],
+            "names": ["height", "width", "channels"],
+            "info": about,
+        }
+    episodes = len({one.episode for one in found})
+    return {
+        "codebase_version": "v3.0",
+        "robot_type": recording.scenario.spec["vehicles"][vehicle]["type"],
+        "total_episodes": episodes,
+        "total_frames": len(found),
+        "total_tasks": 1,
+        "chunks_size": 1000,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 500,
+        "fps": rate,
+        "splits": {"train": f"0:{episodes}"},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4" if videos else None,
+        "features": features,
+    }

@@ -1,0 +1,70 @@
+"""A dataset of Minari: one episode for each part of the recording between resets."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import gymnasium
+import minari
+import numpy as np
+from minari.data_collector import EpisodeBuffer
+
+from autodrive.recording import Recording
+from autodrive.recording.exports.learning import ACTION, STATE, Step, checked, steps
+from autodrive.recording.exports.options import ExportOptions
+
+RATE = 20.0
+"""Default rate of the steps [Hz]."""
+
+
+def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> None:
+    """Write a folder that holds the dataset `autodrive/NAME-v0`; rewards are 0, since a recording has none.
+
+    Load it with `MINARI_DATASETS_PATH=FOLDER` and `minari.load_dataset("autodrive/NAME-v0")`. Images are left out.
+    """
+    found = checked(list(steps(recording, options, options.rate or RATE)))
+    buffers = [
+        _episode(i, [one for one in found if one.episode == episode]) for i, episode in enumerate(_episodes(found))
+    ]
+    name = "".join(letter if letter.isalnum() else "-" for letter in path.stem).strip("-") or "drive"
+    before = os.environ.get("MINARI_DATASETS_PATH")
+    os.environ["MINARI_DATASETS_PATH"] = str(path)
+    path.mkdir(parents=True)
+    try:
+        minari.create_dataset_from_buffers(
+            f"autodrive/{name}-v0",
+            buffer=buffers,
+            observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (len(STATE),), np.float32),
+            action_space=gymnasium.spaces.Box(-1.0, 1.0, (len(ACTION),), np.float32),
+            algorithm_name="recording",
+            description=f"AutoDRIVE recording of '{recording.scenario.name}'. State: {', '.join(STATE)}.",
+            data_format="arrow",
+        )
+    finally:
+        if before is None:
+            del os.environ["MINARI_DATASETS_PATH"]
+        else:
+            os.environ["MINARI_DATASETS_PATH"] = before
+
+
+def _episodes(found: list[Step]) -> list[int]:
+    """Episodes with at least one action."""
+    counts: dict[int, int] = {}
+    for one in found:
+        counts[one.episode] = counts.get(one.episode, 0) + 1
+    return [episode for episode, count in counts.items() if count > 1]
+
+
+def _episode(number: int, found: list[Step]) -> EpisodeBuffer:
+    """N + 1 observations, n actions; the action of a step was given at its observation."""
+    count = len(found) - 1
+    return EpisodeBuffer(
+        id=number,
+        observations=[one.state for one in found],
+        actions=[one.action for one in found[:-1]],
+        rewards=[0.0] * count,
+        terminations=[False] * count,
+        truncations=[False] * (count - 1) + [True],
+        infos={},
+    )

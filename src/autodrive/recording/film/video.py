@@ -1,0 +1,108 @@
+"""Writes images into a video file with a codec that needs no licence: AV1 or VP9."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.errors import AutodriveError
+from autodrive.base.installation import pip
+from autodrive.base.specs import suggest
+from autodrive.recording.film.encoder import open_stream
+
+
+@dataclass(frozen=True)
+class Codec:
+    """An encoder and its options, for a speed near real time on a laptop."""
+
+    encoder: str
+    options: dict[str, str]
+
+
+CODECS = {
+    "av1": Codec("libsvtav1", {"preset": "10", "crf": "32"}),
+    "vp9": Codec("libvpx-vp9", {"deadline": "realtime", "cpu-used": "7", "crf": "32", "b": "0", "row-mt": "1"}),
+}
+FORMATS = {".mp4": "av1", ".webm": "vp9", ".mkv": "av1"}
+"""Ends of file names, and the codec of each unless another is chosen."""
+
+PART = ".part"
+"""End of the name of a file that is being written; it is renamed when it is complete."""
+
+
+class Video:
+    """A video file that appears when it is complete; `write` adds images, shape (height, width, 3), uint8, sRGB."""
+
+    def __init__(self, path: Path, size: tuple[int, int], rate: float, codec: str | None = None) -> None:
+        """`size`: width and height [pixels], both even. `rate`: images per second. Raises `AutodriveError`."""
+        if path.suffix.lower() not in FORMATS:
+            known = ", ".join(FORMATS)
+            raise AutodriveError(f"the name of a film must end with one of {known}, not '{path.suffix}'  ({path})")
+        chosen = codec or FORMATS[path.suffix.lower()]
+        if chosen not in CODECS:
+            raise AutodriveError(f"codec '{chosen}' is not known. {suggest(chosen, [*CODECS])}")
+        if any(length % 2 or not 16 <= length <= 8192 for length in size):
+            raise AutodriveError(f"width and height of a film must be even numbers from 16 to 8192, not {size}")
+        os.environ.setdefault("SVT_LOG", "1")  # only errors: the encoder prints its settings otherwise
+        av = _av()
+        self._av: Any = av
+        self._path = path
+        self._part = path.with_name(f".{path.stem}{PART}{path.suffix}")
+        with self._writing():
+            self._container = av.open(str(self._part), "w")
+            encoder = CODECS[chosen]
+            rounded = Fraction(rate).limit_denominator(1001)
+            self._stream = open_stream(self._container, encoder.encoder, size, rounded, dict(encoder.options))
+        self.images = 0
+        """Number of images written."""
+
+    def write(self, image: NDArray[np.uint8]) -> None:
+        """Add an image."""
+        frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
+        with self._writing():
+            self._container.mux(self._stream.encode(frame))
+        self.images += 1
+
+    def __enter__(self) -> Video:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Complete the file; after an error it is removed."""
+        try:
+            with self._writing():
+                if kind is None:
+                    self._container.mux(self._stream.encode(None))
+                self._container.close()
+                if kind is None:
+                    self._part.replace(self._path)
+        finally:
+            with contextlib.suppress(OSError):  # the file system may be read-only
+                self._part.unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            reason = error.strerror or error
+            raise AutodriveError(f"the film cannot be written: {reason}  ({self._path})") from None
+
+
+def _av() -> Any:
+    try:
+        import av  # noqa: PLC0415  an extra
+    except ImportError:
+        text = "a film needs the package 'av', which is not installed. Install it"
+        raise AutodriveError(f'{text}: {pip("install")} "autodrive-simulator[film]"') from None
+    return av

@@ -1,0 +1,313 @@
+"""Shows a recording in the place of a Simulation: the same Frames for the same Sinks, at any time and speed."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, NamedTuple
+
+from msgspec.structs import replace
+
+from autodrive.base.errors import AutodriveError, CommandError
+from autodrive.base.pace import MAX_LAG, MEASURING_TIME
+from autodrive.protocol.commands import check_operation, is_number
+from autodrive.protocol.messages import (
+    Command,
+    Event,
+    Frame,
+    Operation,
+    Pause,
+    Resume,
+    SaveScenario,
+    Seek,
+    SetSpeed,
+    Step,
+)
+from autodrive.world.simulation.clock import Clock, WallClock
+from autodrive.world.simulation.sinks import Publisher
+
+if TYPE_CHECKING:
+    from autodrive.graphics.cameras.process import CameraProcess
+    from autodrive.protocol.native import Source
+    from autodrive.recording.replay.tape import Tape
+    from autodrive.world import World
+
+PERIOD = 1.0 / 60.0
+"""Wall time between two Frames [s]."""
+LEAST_SPEED, MOST_SPEED = 1e-3, 1e3
+"""Recorded seconds per wall second."""
+
+IMAGE_POLL_PERIOD = 0.02
+"""While time stands still, images that are being drawn are awaited in steps of this time [s]."""
+
+log = logging.getLogger(__name__)
+
+
+class Stage(NamedTuple):
+    """The World of a scenario, which is never stepped, and what draws images that were not recorded."""
+
+    world: World
+    cameras: CameraProcess | None = None
+
+
+class Player(Publisher):
+    """Plays a recording; it has the methods and values of a `Simulation` that the server uses.
+
+    All viewers see the same time of the recording. A Frame that is shown while time passes has all events since the one
+    before. `stages(time)` makes the Stage at a time of the recording, the same object while the scenario is the same.
+    `clock` replaces the wall clock, for tests.
+    """
+
+    late_ticks = 0
+    undo_name = redo_name = error = ""
+
+    def __init__(
+        self,
+        tape: Tape,
+        stages: Callable[[float], Stage],
+        *,
+        speed: float = 1.0,
+        is_paused: bool = False,
+        clock: Clock | None = None,
+    ) -> None:
+        super().__init__(tape.frame_at(0.0))
+        self._tape = tape
+        self._stages = stages
+        self._speed = _checked_speed(speed)
+        self._is_paused = is_paused
+        self._clock: Clock = clock or WallClock()
+        self._position = 0.0
+        self._recorded = self._frame
+        """The Frame as it was recorded."""
+        self._stage = stages(0.0)
+        self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
+        self._mailbox = threading.Condition()
+        self._thread: threading.Thread | None = None
+        self._is_stopping = False
+        self._real_time_factor = 0.0
+        self._wants_images = False
+
+    # -- state --------------------------------------------------------------------------------------------------
+
+    @property
+    def world(self) -> World:
+        """The World of the scenario at that time."""
+        return self._stage.world
+
+    @property
+    def position(self) -> float:
+        """Time of the recording that is shown [s]."""
+        return self._position
+
+    @property
+    def speed(self) -> float:
+        """Recorded seconds per wall second."""
+        return self._speed
+
+    @property
+    def real_time_factor(self) -> float:
+        """Recorded seconds per wall second, measured over about the last second."""
+        return 0.0 if self._is_paused else self._real_time_factor
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether time stands still."""
+        return self._is_paused
+
+    @property
+    def is_running(self) -> bool:
+        """Whether its thread is active."""
+        return self._thread is not None
+
+    @property
+    def refusal(self) -> str:
+        """Why commands and requests that change the world have no effect."""
+        return (
+            f"this is a replay of '{self._tape.name}': the recorded commands drive, and nothing can be changed. "
+            "To drive, start a simulation: autodrive run"
+        )
+
+    # -- commands and requests ----------------------------------------------------------------------------------------
+
+    def submit(self, vehicle: str, command: Command, source: Source = "script") -> None:
+        """Raises `CommandError`: the recorded commands drive."""
+        raise CommandError(self.refusal)
+
+    def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
+        """Play, pause, step, seek or set the speed; the result is the Frame after it. Raises `CommandError`."""
+        check_operation(request)
+        match request:
+            case Pause() | Resume() | SaveScenario():
+                pass
+            case Step(ticks=ticks, commands=commands):
+                if commands:
+                    raise CommandError(self.refusal)
+                if not -(10**6) <= ticks <= 10**6:
+                    raise CommandError(f"a Step in a replay shows a Frame at most {10**6} ticks away, not {ticks}")
+            case SetSpeed(factor=factor):
+                _checked_speed(factor)
+            case Seek(time=time):
+                if not is_number(time):
+                    raise CommandError(f"the time of a Seek must be a number of seconds, not {time}")
+            case _:
+                raise CommandError(self.refusal)
+        done: Future[Frame] = Future()
+        with self._mailbox:
+            self._requests.append((request, done))
+            self._mailbox.notify_all()
+        return done
+
+    def want_images(self, wanted: bool) -> None:
+        """Whether Frames need the images of the cameras."""
+        with self._mailbox:
+            self._wants_images = wanted
+            self._mailbox.notify_all()
+
+    # -- the thread ---------------------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Play in a thread of its own until `stop`."""
+        with self._mailbox:
+            if self._thread is not None:
+                raise RuntimeError("this Player is running already")
+            self._is_stopping = False
+            self._thread = threading.Thread(target=self._run, name="autodrive-replay", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        with self._mailbox:
+            self._is_stopping = True
+            self._mailbox.notify_all()
+            thread = self._thread
+        if thread is not None:
+            thread.join()
+            self._thread = None
+
+    def __enter__(self) -> Player:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        before = self._clock.now()
+        measured = before, self._position
+        due = before + PERIOD
+        while not self._is_stopping:
+            self._execute_requests()
+            self._set_images_wanted()
+            now = self._clock.now()
+            if self._is_paused:
+                before, measured, due = now, (now, self._position), now + PERIOD
+                cameras = self._stage.cameras
+                self._sleep(IMAGE_POLL_PERIOD if cameras is not None and cameras.has_pending_images else None)
+                self._show_images()
+                before = self._clock.now()
+                continue
+            if now < due:
+                self._sleep(due - now)
+                continue
+            due = max(due + PERIOD, now)
+            # a computer that was suspended, or that is too slow, does not skip a part of the recording
+            self._play(min(now - before, MAX_LAG) * self._speed)
+            before = now
+            if now - measured[0] >= MEASURING_TIME:
+                self._real_time_factor = max(self._position - measured[1], 0.0) / (now - measured[0])
+                measured = now, self._position
+
+    def _set_images_wanted(self) -> None:
+        wanted = self._wants_images
+        if self._stage.cameras is not None:
+            self._stage.cameras.is_wanted = wanted
+        if self._tape.has_images != wanted:
+            self._tape.has_images = wanted
+            self._show(self._position)
+
+    def _sleep(self, delay: float | None) -> None:
+        """Wait for a request, at most `delay` [s]."""
+        with self._mailbox:
+            if not self._requests and not self._is_stopping:
+                self._clock.wait(self._mailbox, delay)
+
+    def _execute_requests(self) -> None:
+        while self._requests:
+            with self._mailbox:
+                request, done = self._requests.popleft()
+            if not done.set_running_or_notify_cancel():
+                continue
+            try:
+                self._execute(request)
+            except Exception as error:
+                if not isinstance(error, AutodriveError):
+                    log.exception("a request of a replay failed")
+                done.set_exception(error)
+            else:
+                done.set_result(self._frame)
+
+    def _execute(self, request: Operation) -> None:
+        match request:
+            case Pause():
+                self._is_paused = True
+            case Resume():
+                if self._position >= self._tape.duration:
+                    self._show(0.0)
+                self._is_paused = False
+            case Step(ticks=ticks):
+                if self._is_paused and ticks:
+                    self._show(self._tape.time_of_frame(self._position, ticks))
+            case SetSpeed(factor=factor):
+                self._speed = _checked_speed(factor)
+            case Seek(time=time):
+                self._show(min(max(time, 0.0), self._tape.duration))
+            case _:
+                pass
+
+    def _play(self, elapsed: float) -> None:
+        """Go on by that time of the recording [s]; pauses at the end, and where the file cannot be read."""
+        before, end = self._position, self._tape.duration
+        after = min(before + elapsed, end)
+        try:
+            self._show(after, self._tape.events_between(before, after), is_jump=False)
+        except AutodriveError as error:
+            log.error("the replay is paused: %s", error)
+            self._is_paused = True
+        if after >= end:
+            self._is_paused = True
+
+    def _show(self, time: float, events: tuple[Event, ...] = (), *, is_jump: bool = True) -> None:
+        """Show a time of the recording; `is_jump`: not the time that follows."""
+        frame, stage = self._tape.frame_at(time), self._stages(time)
+        self._position = time
+        is_new = frame is not self._recorded or stage is not self._stage or bool(events)
+        is_jump = is_jump or frame.tick < self._recorded.tick  # a recorded reset
+        self._recorded, self._stage = frame, stage
+        if not is_new:
+            return
+        if stage.cameras is not None:
+            frame = stage.cameras.update(frame, redraw=is_jump)
+        self._publish(replace(frame, events=events) if events else frame)
+
+    def _show_images(self) -> None:
+        """Show images that were drawn meanwhile."""
+        if self._stage.cameras is not None:
+            frame = self._stage.cameras.update(self._recorded)
+            if _images(frame) != _images(self._frame):
+                self._publish(frame)
+
+
+def _images(frame: Frame) -> list[int]:
+    """The identities of all images."""
+    return [id(image) for vehicle in frame.vehicles.values() for image in vehicle.cameras.values()]
+
+
+def _checked_speed(speed: float | None) -> float:
+    if speed is None:
+        raise CommandError("a replay has a speed: a number of recorded seconds per second, not 'as fast as possible'")
+    if not (is_number(speed) and LEAST_SPEED <= speed <= MOST_SPEED):
+        raise CommandError(f"the speed of a replay must be from {LEAST_SPEED:g} to {MOST_SPEED:g}, not {speed}")
+    return float(speed)

@@ -1,0 +1,5 @@
+"""The ROS bridge without ROS: sensor readings as ROS messages, ROS messages as Commands. See `Bridge`."""
+
+from autodrive.connect.ros import Bridge, Config, Message, Node, Subscription, Time, Topic
+
+__all__ = ["Bridge", "Config", "Message", "Node", "Subscription", "Time", "Topic"]

@@ -1,0 +1,61 @@
+"""MJCF of a map: the floor, static shapes, and boxes that can be pushed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from autodrive.base.transforms import quaternion_from_yaw
+from autodrive.physics.engine import text
+from autodrive.physics.model import BOX
+from autodrive.scenario.maps.map import BoxPlacement, Map
+from autodrive.scenario.maps.solids import StaticShape
+
+CLASSES = """
+<default>
+  <geom solref="0.005 1" condim="3"/>
+  <default class="floor"><geom contype="1" conaffinity="0"/></default>
+  <default class="static"><geom contype="2" conaffinity="0"/></default>
+  <default class="movable"><geom contype="4" conaffinity="7"/></default>
+  <default class="chassis"><geom contype="8" conaffinity="31" mass="0"/></default>
+  <default class="wheel">
+    <geom contype="16" conaffinity="30" mass="0" type="cylinder" quat="0.70710678118654757 0.70710678118654757 0 0"/>
+  </default>
+</default>
+"""
+"""Which classes collide: a wheel collides with everything but the floor, because its suspension ray carries it."""
+
+UNUSED = " ".join(
+    f'{part}="disable"' for part in ("actuation", "equality", "frictionloss", "limit", "spring", "damper", "sensor")
+)
+"""Features of the engine that a world of free bodies does not need."""
+
+
+def world_mjcf(map_: Map, boxes: Iterable[BoxPlacement], vehicles: Iterable[str], dt: float, gravity: float) -> str:
+    """MJCF of a whole world. Bodies at rest sleep until they are touched and then cost no time."""
+    friction = f'friction="{map_.ground.friction:.17g} 0.005 0.0001"'
+    return (
+        f'<mujoco><option timestep="{dt:.17g}" gravity="0 0 {-gravity:.17g}" integrator="Euler">'
+        f'<flag sleep="enable" {UNUSED}/></option><size memory="16M"/>{CLASSES}<worldbody>'
+        f'<geom name="ground" class="floor" type="plane" size="100 100 1" {friction}/>'
+        f"{''.join(_static(shape, friction) for shape in map_.statics)}"
+        f"{''.join(_movable(box, friction) for box in boxes)}"
+        f"{''.join(vehicles)}</worldbody></mujoco>"
+    )
+
+
+def _static(shape: StaticShape, friction: str) -> str:
+    kind = "box" if shape.kind == BOX else "cylinder"
+    size = shape.size if shape.kind == BOX else shape.size[:2]
+    return (
+        f'<geom name="{shape.name}" class="static" type="{kind}" size="{text(size)}" pos="{text(shape.position)}" '
+        f'quat="{text(quaternion_from_yaw(shape.yaw))}" {friction}/>'
+    )
+
+
+def _movable(box: BoxPlacement, friction: str) -> str:
+    half = tuple(length / 2 for length in box.size)
+    return (
+        f'<body name="{box.name}" pos="{text(box.position)}" quat="{text(quaternion_from_yaw(box.yaw))}">'
+        f'<freejoint name="{box.name}"/><geom name="{box.name}" class="movable" type="box" size="{text(half)}" '
+        f'mass="{box.mass:.17g}" {friction}/></body>'
+    )

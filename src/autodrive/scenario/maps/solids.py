@@ -1,0 +1,116 @@
+"""Solid objects of a map: static walls and blocks, and boxes that can be pushed."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import shapely
+from pydantic import Field
+
+from autodrive.base.elementary import atan2
+from autodrive.base.specs import Coordinate, Degrees, Length, Name, Spec
+from autodrive.base.units import DEGREE
+from autodrive.physics.model import BOX
+from autodrive.scenario.maps.shapes import Point, is_simple, rectangle
+
+
+class WallSpec(Spec):
+    """A wall along a line through points [m]."""
+
+    name: Name = "wall"
+    points: Annotated[tuple[Point, ...], Field(min_length=2)]
+    """Centre line of the wall."""
+    is_closed: bool = False
+    """True: the wall continues from the last point to the first."""
+    thickness: Length = 0.1
+    height: Length
+
+    @property
+    def enclosed(self) -> shapely.Polygon:
+        """The ground inside a closed wall; empty if the wall is open or crosses itself."""
+        return shapely.Polygon(self.points if self.is_closed and is_simple(self.points) else None)
+
+
+class BlockSpec(Spec):
+    """A static box on the ground, such as a building; x, y [m] is its centre."""
+
+    name: Name = ""
+    x: Coordinate
+    y: Coordinate
+    yaw_deg: Degrees = 0.0
+    length: Length
+    width: Length
+    height: Length
+
+
+@dataclass(frozen=True)
+class StaticShape:
+    """A solid shape that never moves."""
+
+    name: str
+    kind: int
+    """`BOX` or `CYLINDER` of `autodrive.physics.model`."""
+    size: tuple[float, float, float]
+    """Box: half sizes; cylinder: radius, half height, 0 [m]; as in `model.Shapes`."""
+    position: tuple[float, float, float]
+    """Centre in the map frame [m]."""
+    yaw: float
+    """[rad]."""
+    material: str
+    """'wall', 'duct', 'block', 'post', 'plate' or 'housing'."""
+
+    @property
+    def plan(self) -> shapely.Polygon:
+        """The outline seen from above; for a cylinder the square around it."""
+        length, width = self.size[:2] if self.kind == BOX else (self.size[0], self.size[0])
+        return rectangle((*self.position[:2], self.yaw), 2.0 * length, 2.0 * width)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Heights of the bottom and of the top [m]."""
+        half = self.size[2] if self.kind == BOX else self.size[1]
+        return self.position[2] - half, self.position[2] + half
+
+
+@dataclass(frozen=True)
+class BoxPlacement:
+    """A box that can be pushed."""
+
+    name: str
+    size: tuple[float, float, float]
+    """Length, width, height [m] (full sizes)."""
+    mass: float
+    """[kg]."""
+    position: tuple[float, float, float]
+    """Centre [m]."""
+    yaw: float
+    """[rad]."""
+
+    @property
+    def plan(self) -> shapely.Polygon:
+        """The outline seen from above."""
+        return rectangle((*self.position[:2], self.yaw), *self.size[:2])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Heights of the bottom and of the top [m]."""
+        return self.position[2] - self.size[2] / 2.0, self.position[2] + self.size[2] / 2.0
+
+
+def wall_shapes(wall: WallSpec) -> Iterator[StaticShape]:
+    """A box for each segment, longer by the thickness of the wall so that corners are closed."""
+    points = [*wall.points, wall.points[0]] if wall.is_closed else wall.points
+    for i, ((x0, y0), (x1, y1)) in enumerate(itertools.pairwise(points), 1):
+        half = ((math.hypot(x1 - x0, y1 - y0) + wall.thickness) / 2.0, wall.thickness / 2.0, wall.height / 2.0)
+        centre = ((x0 + x1) / 2.0, (y0 + y1) / 2.0, wall.height / 2.0)
+        yield StaticShape(f"{wall.name}_{i}", BOX, half, centre, atan2(y1 - y0, x1 - x0), "wall")
+
+
+def block_shape(block: BlockSpec, name: str) -> StaticShape:
+    """The static shape of a block."""
+    half = (block.length / 2.0, block.width / 2.0, block.height / 2.0)
+    return StaticShape(name, BOX, half, (block.x, block.y, block.height / 2.0), block.yaw_deg * DEGREE, "block")

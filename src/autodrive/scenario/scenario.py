@@ -1,0 +1,176 @@
+"""Scenarios: a map, vehicles with their start poses and sensor settings, boxes, light, tick and seed."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import Field, field_validator, model_validator
+
+from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, read
+from autodrive.physics.sensors.settings import SensorSettings
+
+DEFAULT = "mini_map"
+"""Name of the scenario that runs if none is named."""
+FACTOR_LIMITS = {"mass": (0.1, 10.0), "grip": (0.01, 10.0), "noise": (0.0, 100.0)}
+"""Least and greatest factor of a vehicle, see `VehiclePlacement`."""
+MAX_VEHICLES = 100
+"""Of a scenario."""
+MAX_BOXES = 1000
+"""Of a scenario, with those of its map."""
+
+
+class VehiclePlacement(Spec):
+    """A vehicle and its pose at the start, on the ground."""
+
+    type: str = "nigel"
+    """Name or file of the VehicleSpec."""
+    x: Coordinate = 0.0
+    """Position of the rear axle centre [m]."""
+    y: Coordinate = 0.0
+    """[m]."""
+    yaw_deg: Degrees = 0.0
+    """Heading, left positive [degree]."""
+    has_realistic_sensors: bool = False
+    """True: the sensors have the noise of their data sheets instead of that of the vehicle's file."""
+    is_autonomous: bool = True
+    """Driving mode at the start: a script (True) or a person (False) drives."""
+    mass_factor: float = Field(default=1.0, ge=0.1, le=10.0)
+    """Multiplies mass and moments of inertia of the vehicle's file."""
+    grip_factor: float = Field(default=1.0, ge=0.01, le=10.0)
+    """Multiplies the friction of its tyres."""
+    noise_factor: float = Field(default=1.0, ge=0.0, le=100.0)
+    """Multiplies the standard deviations of the noise of all its sensors; resolutions stay."""
+    sensors: dict[str, SensorSettings] = Field(default_factory=dict)
+    """Settings by name of a sensor ('encoders', 'ips', 'imu', 'lidar', 'range') or camera, instead of the file's."""
+
+    @property
+    def yaw(self) -> float:
+        """[rad]."""
+        return math.radians(self.yaw_deg)
+
+
+class BoxSpec(Spec):
+    """A movable box besides those of the map."""
+
+    x: Coordinate
+    """Centre [m]."""
+    y: Coordinate
+    """Centre [m]."""
+    z: Coordinate | None = None
+    """Centre [m]; left out: it stands on the ground."""
+    yaw_deg: Degrees = 0.0
+    """[degree]."""
+    size: tuple[Length, Length, Length] = (0.1, 0.1, 0.1)
+    """Length, width, height [m]."""
+    mass: Mass = 0.1
+    """[kg]."""
+
+    @model_validator(mode="after")
+    def _above_ground(self) -> BoxSpec:
+        if self.z is not None and self.z < self.size[2] / 2 - 1e-6:
+            raise ValueError(f"z is the height of its centre, at least half its height of {self.size[2]} m")
+        return self
+
+
+class RaceSpec(Spec):
+    """A race of all vehicles of a scenario."""
+
+    track: str = ""
+    """Name or file of the track; left out: the map is the track."""
+    rules: str = "practice"
+    """Name or file of the rules."""
+    laps: int | None = Field(default=None, ge=1, le=1000)
+    """Laps that count, instead of those of the rules."""
+
+
+class ScenarioSpec(Spec):
+    """The start of a run; `autodrive.Scenario` is the same class.
+
+    In Python: `Scenario(map="mini_map", vehicles={"V1": {"x": 0.5}, "V2": {}}, seed=3)`, for `autodrive.make`.
+    """
+
+    title: str = ""
+    """Title shown in lists and on the page."""
+    map: str = "plane"
+    """Name or file of the MapSpec."""
+    vehicles: Annotated[dict[str, VehiclePlacement], Field(max_length=MAX_VEHICLES)] = Field(
+        default_factory=lambda: {"V1": VehiclePlacement()}
+    )
+    """By name. The devkit numbers them in this order: V1, V2, ..."""
+    boxes: Annotated[dict[str, BoxSpec], Field(max_length=MAX_BOXES)] = Field(default_factory=dict)
+    """By name."""
+    removed_boxes: Annotated[tuple[str, ...], Field(max_length=MAX_BOXES)] = ()
+    """Boxes of the map that are left out. One of that name in `boxes` takes its place."""
+    scene_light: bool = True
+    """True: day; False: night."""
+    tick: float = Field(default=0.01, ge=1e-5, le=0.1)
+    """Simulated time between Frames [s]."""
+    substep: float = Field(default=0.001, ge=1e-5, le=0.005)
+    """Step of the physics [s]; a tick is a whole number of substeps."""
+    gravity: float = Field(default=9.81, ge=0, le=1e3)
+    """[m/s^2]."""
+    command_timeout: float = Field(default=0.5, ge=1e-5, le=1e9)
+    """Time-out of a command [s of simulated time]; then the vehicle brakes and steers straight."""
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    """Seed of all noise."""
+    race: RaceSpec | None = None
+    """The race whose laps are timed; left out: practice if the map is a race track, else none."""
+
+    @model_validator(mode="after")
+    def _whole_substeps(self) -> ScenarioSpec:
+        if (Fraction(str(self.tick)) / Fraction(str(self.substep))).denominator != 1:
+            place = "tick" if "tick" in self.model_fields_set else "substep"
+            text = f"tick {self.tick} s must be a whole number of substeps of {self.substep} s"
+            raise RuleError([((place,), text)])
+        return self
+
+    @field_validator("vehicles")
+    @classmethod
+    def _not_empty(cls, vehicles: dict[str, Any]) -> dict[str, Any]:
+        if not vehicles:
+            raise ValueError("there must be at least one vehicle, such as 'V1: {type: nigel}'")
+        return vehicles
+
+    @field_validator("vehicles", "boxes")
+    @classmethod
+    def _plain_names(cls, named: dict[str, Any]) -> dict[str, Any]:
+        for name in named:
+            if not name.isidentifier() or len(name) > 100:
+                raise ValueError(f"a name is letters, digits and '_', such as V1 or box_1, not '{name[:100]}'")
+        return named
+
+    @property
+    def substeps(self) -> int:
+        """Number of substeps in a tick."""
+        return int(Fraction(str(self.tick)) / Fraction(str(self.substep)))
+
+
+Scenario = ScenarioSpec
+"""The short name of `ScenarioSpec` for users: `autodrive.Scenario`."""
+
+
+def load_scenario(name: str | Path) -> ScenarioSpec:
+    """Load a scenario by name or file. Raises `SpecError` with all errors."""
+    return read("scenario", name, ScenarioSpec)
+
+
+def scenario_text(spec: ScenarioSpec) -> str:
+    """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
+    vehicles = {
+        name: {"type": "", "x": one.x, "y": one.y}
+        | one.model_dump(mode="json", exclude_defaults=True)
+        | {"type": _anywhere(one.type)}
+        for name, one in spec.vehicles.items()
+    }
+    first = {"title": spec.title, "map": "", "vehicles": {}}
+    tree = first | spec.model_dump(mode="json", exclude_defaults=True)
+    tree |= {"map": _anywhere(spec.map), "vehicles": vehicles}
+    return yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
+
+
+def _anywhere(name: str) -> str:
+    return str(Path(name).absolute()) if Path(name).suffix in {".yaml", ".yml"} else name

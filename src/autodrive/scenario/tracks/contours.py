@@ -1,0 +1,115 @@
+"""Contours of a grey image (marching squares), and the free area around a point."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
+
+from autodrive.base.arrays import Floats
+from autodrive.scenario.tracks.shape import simplified
+
+
+def contours(values: Floats, level: float) -> list[Floats]:
+    """Closed lines between the pixels above a level and the others, in pixels, shape (n, 2) each.
+
+    The centre of the lower left pixel is (0.5, 0.5); y points up. Outside of the image everything is above the level.
+    The pixels that are not above the level are on the left of a line.
+    """
+    padded = np.pad(values, 1, constant_values=max(2.0 * level, float(values.max())) + 1e-9)
+    high = padded > level
+    # each square has its corners at the centres of four pixels: upper left, upper right, lower right, lower left
+    code = high[:-1, :-1] * 8 + high[:-1, 1:] * 4 + high[1:, 1:] * 2 + high[1:, :-1]
+    rows, columns = np.nonzero((code > 0) & (code < 15))
+    points: dict[tuple[int, int, int], tuple[float, float]] = {}
+    following: dict[tuple[int, int, int], tuple[int, int, int]] = {}
+    for row, column, kind in zip(rows.tolist(), columns.tolist(), code[rows, columns].tolist(), strict=True):
+        # the sides of a square, as (row, column, 0 for horizontal or 1 for vertical) of their upper left corner
+        sides = ((row, column, 0), (row, column + 1, 1), (row + 1, column, 0), (row, column, 1))
+        for start, end in _LINES[kind]:
+            following[sides[start]] = sides[end]
+            points.setdefault(sides[start], _crossing(padded, level, sides[start]))
+    lines: list[Floats] = []
+    height = values.shape[0]
+    while following:
+        first = next(iter(following))
+        line, at = [], first
+        while at in following:
+            line.append(points[at])
+            at = following.pop(at)
+        lines.append(np.array([(x, height - y) for x, y in line]))
+    return lines
+
+
+_TOP, _RIGHT, _BOTTOM, _LEFT = range(4)
+_LINES: dict[int, tuple[tuple[int, int], ...]] = {
+    1: ((_LEFT, _BOTTOM),),
+    2: ((_BOTTOM, _RIGHT),),
+    3: ((_LEFT, _RIGHT),),
+    4: ((_RIGHT, _TOP),),
+    5: ((_LEFT, _TOP), (_RIGHT, _BOTTOM)),
+    6: ((_BOTTOM, _TOP),),
+    7: ((_LEFT, _TOP),),
+    8: ((_TOP, _LEFT),),
+    9: ((_TOP, _BOTTOM),),
+    10: ((_TOP, _RIGHT), (_BOTTOM, _LEFT)),
+    11: ((_TOP, _RIGHT),),
+    12: ((_RIGHT, _LEFT),),
+    13: ((_RIGHT, _BOTTOM),),
+    14: ((_BOTTOM, _LEFT),),
+}
+"""From side to side of a square, with the low corners on the left; high corners that touch diagonally are joined."""
+
+
+def _crossing(values: Floats, level: float, side: tuple[int, int, int]) -> tuple[float, float]:
+    """Where a side of a square has the level, in pixels of the image that is not padded; y points down."""
+    row, column, is_vertical = side
+    a = float(values[row, column])
+    b = float(values[row + 1, column] if is_vertical else values[row, column + 1])
+    share = min(max((level - a) / (b - a), 0.05), 0.95)
+    x, y = column - 0.5, row - 0.5
+    return (x, y + share) if is_vertical else (x + share, y)
+
+
+def free_area(lines: list[Floats], point: tuple[float, float] | None, tolerance: float, gap: float) -> list[Floats]:
+    """The lines around the free area that contains a point, simplified; without a point, around the largest ring.
+
+    Openings narrower than `gap` are closed. All lengths are in pixels. The first line is the outer one. Empty if the
+    point is not in a free area.
+    """
+    areas = [area for area in _free_areas(lines) if point is None or area.distance(shapely.Point(point)) < tolerance]
+    if gap > 0.0:
+        open_areas = shapely.buffer(shapely.buffer(areas, -gap / 2.0), gap / 2.0)
+        areas = [area for area in shapely.get_parts(open_areas) if isinstance(area, shapely.Polygon)]
+    if point is not None:
+        place = shapely.Point(point)
+        chosen = next((area for area in areas if area.contains(place)), None)
+    else:
+        rings = [area for area in areas if area.interiors]
+        chosen = max(rings, key=lambda area: max(shapely.Polygon(hole).area for hole in area.interiors), default=None)
+    if chosen is None:
+        return []
+    chosen = orient(chosen)
+    found = [simplified(shapely.get_coordinates(ring)[:-1], tolerance) for ring in (chosen.exterior, *chosen.interiors)]
+    return [line for line in found if len(line) >= 3 and abs(_area(line)) > 1e-6]
+
+
+def _free_areas(lines: list[Floats]) -> list[shapely.Polygon]:
+    """Each outer line with the inner lines that are directly inside of it."""
+    outer = sorted((line for line in lines if _area(line) > 0.0), key=_area)
+    areas = [shapely.Polygon(line) for line in outer]
+    shapely.prepare(areas)
+    holes: list[list[Floats]] = [[] for _ in outer]
+    for line in lines:
+        if _area(line) < 0.0:
+            place = shapely.Point(line[0])
+            owner = next((i for i, area in enumerate(areas) if area.contains(place)), None)
+            if owner is not None:
+                holes[owner].append(line)
+    return [shapely.Polygon(line, own) for line, own in zip(outer, holes, strict=True)]
+
+
+def _area(line: Floats) -> float:
+    """Area inside a closed line, positive if it is counter-clockwise."""
+    x, y = line[:, 0], line[:, 1]
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2.0

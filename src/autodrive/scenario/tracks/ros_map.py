@@ -1,0 +1,123 @@
+"""Files of ROS map_server: a YAML file and an image of occupied, free and unknown pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import shapely
+from pydantic import ConfigDict, Field
+from shapely.geometry.base import BaseGeometry
+
+from autodrive.base import specs
+from autodrive.base.arrays import Floats
+from autodrive.base.cache import make_folder, write_file
+from autodrive.base.elementary import cos, sin
+from autodrive.base.errors import SpecError
+from autodrive.base.png import encode_png
+from autodrive.base.specs import Coordinate, Spec
+from autodrive.scenario.tracks.image import read_grey
+
+FREE, OCCUPIED, UNKNOWN = 254, 0, 205
+"""Grey values, as map_saver of ROS writes them."""
+
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class RosMapSpec(Spec):
+    """The YAML file. Keys that map_server does not use are ignored."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+    image: str
+    """File name, from the folder of the YAML file."""
+    resolution: float = Field(gt=0.0, le=10.0)
+    """Edge of a pixel [m]."""
+    origin: Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
+    """x [m], y [m], yaw [rad] of the lower left corner of the image."""
+    negate: bool | Literal[0, 1] = False
+    """True: white is occupied."""
+    occupied_thresh: Probability = 0.65
+    free_thresh: Probability = 0.196
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
+
+
+@dataclass(frozen=True)
+class RosMap:
+    """A map of map_server."""
+
+    spec: RosMapSpec
+    occupancy: Floats
+    """Probability that a pixel is occupied, shape (rows, columns), first row at the top."""
+    warning: str = ""
+    """What is probably a mistake in the file; empty if nothing is."""
+
+    def metres(self, pixels: Floats) -> Floats:
+        """Positions in the map frame [m] of positions in the image from its lower left corner [pixel], shape (n, 2)."""
+        x, y = pixels[:, 0] * self.spec.resolution, pixels[:, 1] * self.spec.resolution
+        yaw = self._yaw
+        c, s = cos(yaw), sin(yaw)
+        return np.column_stack([self.spec.origin[0] + c * x - s * y, self.spec.origin[1] + s * x + c * y])
+
+    def pixels(self, x: float, y: float) -> tuple[float, float]:
+        """The inverse of `metres`, for one point."""
+        dx, dy = x - self.spec.origin[0], y - self.spec.origin[1]
+        c, s = cos(self._yaw), sin(self._yaw)
+        return (c * dx + s * dy) / self.spec.resolution, (c * dy - s * dx) / self.spec.resolution
+
+    @property
+    def _yaw(self) -> float:
+        return self.spec.origin[2] if len(self.spec.origin) > 2 else 0.0
+
+
+def read_ros_map(path: Path) -> RosMap:
+    """The map of a YAML file. Raises `SpecError` with all errors."""
+    spec, errors = specs.readable(specs.source(path), RosMapSpec)
+    if errors or spec is None:
+        raise SpecError(errors, str(path))
+    if spec.occupied_thresh <= spec.free_thresh:
+        text = f"occupied_thresh {spec.occupied_thresh:g} must be above free_thresh {spec.free_thresh:g}"
+        raise SpecError([text], str(path))
+    if spec.mode == "raw":
+        raise SpecError(["mode raw has no fixed meaning of grey values; save the map as trinary or scale"], str(path))
+    image, warning = path.parent / spec.image, ""
+    if not image.is_file():
+        warning = f"image: the file '{spec.image}' does not exist in {path.parent}"
+        # files of f1tenth_racetracks name images that were renamed since
+        others = [other for kind in (".png", ".pgm") if (other := path.with_suffix(kind)).is_file()]
+        if not others:
+            raise SpecError([warning], str(path))
+        image = others[0]
+        warning += f"; '{image.name}' is read instead"
+    grey = read_grey(image)
+    occupancy = grey / 255.0 if spec.negate else (255.0 - grey) / 255.0
+    return RosMap(spec, occupancy, warning)
+
+
+def write_ros_map(
+    folder: Path, name: str, solid: BaseGeometry, free: BaseGeometry, *, resolution: float, margin: float = 0.5
+) -> Path:
+    """Write NAME_map.png and NAME_map.yaml; pixels whose centre is neither in `solid` nor in `free` are unknown.
+
+    Returns the path of the YAML file.
+    """
+    x0, y0, x1, y1 = solid.bounds
+    x0, y0 = (math.floor((low - margin) / resolution) * resolution for low in (x0, y0))
+    columns, rows = math.ceil((x1 + margin - x0) / resolution), math.ceil((y1 + margin - y0) / resolution)
+    x, y = np.meshgrid(x0 + (np.arange(columns) + 0.5) * resolution, y0 + (np.arange(rows)[::-1] + 0.5) * resolution)
+    image = np.full(x.shape, UNKNOWN, np.uint8)
+    for area, value in ((free, FREE), (solid, OCCUPIED)):
+        shapely.prepare(area)
+        image[shapely.intersects_xy(area, x, y)] = value
+    make_folder(folder)
+    write_file(folder / f"{name}_map.png", encode_png(image))
+    path = folder / f"{name}_map.yaml"
+    write_file(
+        path,
+        f"image: {name}_map.png\nresolution: {resolution:.9g}\norigin: [{x0:.9g}, {y0:.9g}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.45\nfree_thresh: 0.196\n",
+    )
+    return path

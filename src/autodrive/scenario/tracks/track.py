@@ -1,0 +1,279 @@
+"""A race track: centre line, race line and the faces of its barriers, and its YAML file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from autodrive.base import specs
+from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.cache import write_file
+from autodrive.base.elementary import atan2
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import Length, Spec
+from autodrive.scenario.tracks.line import Line, closed_line, nearest_on_line, point_on_line
+
+MAX_POINTS = 20_000
+"""Of the centre line, of the race line, and of all walls of a track."""
+MAX_WALLS = 1000
+POINT_GAP = 1e-3
+"""Least distance of neighbouring points [m]."""
+MAX_COORDINATE = 1e4
+"""[m]."""
+
+Pose: TypeAlias = tuple[float, float, float]
+"""x [m], y [m], heading [rad]."""
+
+
+class BarrierSpec(Spec):
+    """What stands along the edges of a track, behind the faces that `Track.walls` gives."""
+
+    kind: Literal["wall", "duct"] = "wall"
+    """'duct': a flexible air duct on the floor, round, as on RoboRacer tracks."""
+    width: Length = 0.1
+    """Thickness of a wall, or diameter of a duct [m]. It is thinner where another face is behind it."""
+    height: Length = 0.33
+    """[m]; for a duct its diameter."""
+    length: Length | None = None
+    """Length of one duct [m]; left out: without end."""
+    gap: float = Field(default=0.0, ge=0.0, le=10.0)
+    """Gap between two ducts [m], through which LIDAR beams pass."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> BarrierSpec:
+        if self.kind == "wall" and (self.length is not None or self.gap):
+            raise ValueError("length and gap are for ducts; a wall has neither")
+        if self.gap and self.length is None:
+            raise ValueError("a gap needs the length of a duct")
+        return self
+
+
+DUCT = BarrierSpec(kind="duct", width=0.33, height=0.33, length=3.0, gap=0.03)
+"""Air ducts of 0.33 m, 3 m long, with gaps of 3 cm."""
+
+
+def _numbers(row: Any) -> Any:
+    """The numbers of a row such as '0.0 1.0 0.5 0.5'."""
+    if not isinstance(row, str):
+        return row
+    try:
+        return tuple(map(float, row.replace(",", " ").split()))
+    except ValueError:
+        raise ValueError(f"expected numbers with spaces between them, found '{row[:50]}'") from None
+
+
+_Number: TypeAlias = Annotated[float, Field(ge=-1e6, le=1e6)]
+_Row4: TypeAlias = Annotated[tuple[_Number, _Number, _Number, _Number], BeforeValidator(_numbers)]
+_Row7: TypeAlias = Annotated[
+    tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_numbers)
+]
+_Row2: TypeAlias = Annotated[tuple[_Number, _Number], BeforeValidator(_numbers)]
+
+
+class TrackSpec(Spec):
+    """The file of a track. A row of numbers is a text with spaces between them, such as '0.0 1.0 0.5 0.5'."""
+
+    title: str = ""
+    note: str = ""
+    barrier: BarrierSpec = BarrierSpec()
+    centre_line: Annotated[tuple[_Row4, ...], Field(min_length=4, max_length=MAX_POINTS)]
+    """x [m], y [m], width to the right [m], width to the left [m]; closed, the first point is not repeated."""
+    race_line: Annotated[tuple[_Row7, ...], Field(max_length=MAX_POINTS)] = ()
+    """s [m], x [m], y [m], psi [rad], kappa [1/m], vx [m/s], ax [m/s^2]."""
+    walls: Annotated[
+        tuple[Annotated[tuple[_Row2, ...], Field(min_length=3, max_length=MAX_POINTS)], ...],
+        Field(max_length=MAX_WALLS),
+    ] = ()
+    """Closed lines along the faces of the barriers: x [m], y [m]; the free side is on the left."""
+
+    @model_validator(mode="after")
+    def _is_valid(self) -> TrackSpec:
+        errors: list[specs.Rule] = [
+            (place, text)
+            for place, text in _problems(
+                np.array(self.centre_line),
+                np.array(self.race_line) if self.race_line else None,
+                [np.array(wall) for wall in self.walls],
+            )
+        ]
+        if errors:
+            raise specs.RuleError(errors)
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A closed track in the map frame [m]; the start line goes through the first point of the centre line.
+
+    Raises `SpecError` if an array has the wrong shape or impossible values. The arrays are read-only copies.
+    """
+
+    name: str
+    centre_line: Floats
+    """x [m], y [m], width to the right [m], width to the left [m], shape (n, 4), in driving direction; closed, the
+    first point is not repeated."""
+    race_line: Floats | None = None
+    """s [m], x [m], y [m], heading psi [rad], curvature kappa [1/m], speed vx [m/s], acceleration ax [m/s^2], shape
+    (m, 7); s starts at 0 at the start line; closed, the first point is not repeated."""
+    walls: tuple[Floats, ...] = ()
+    """Faces of the barriers as closed lines, shape (k, 2) each; the free side is on the left."""
+    title: str = ""
+    note: str = ""
+    barrier: BarrierSpec = field(default_factory=BarrierSpec)
+
+    def __post_init__(self) -> None:
+        def array(values: Any) -> Floats:
+            return read_only_copy(np.ascontiguousarray(values, np.float64))
+
+        object.__setattr__(self, "centre_line", array(self.centre_line))
+        object.__setattr__(self, "race_line", None if self.race_line is None else array(self.race_line))
+        object.__setattr__(self, "walls", tuple(map(array, self.walls)))
+        errors = [
+            f"{place[0]}{''.join(f'[{part}]' for part in place[1:])}: {text}"
+            for place, text in _problems(self.centre_line, self.race_line, list(self.walls))
+        ]
+        if errors:
+            raise SpecError([f"track '{self.name}': {error}" for error in errors])
+
+    @classmethod
+    def load(cls, name: str | Path) -> Track:
+        """The track of that name, or of that YAML file. Raises `SpecError` with all errors."""
+        path = specs.find("track", name)
+        return cls.of(specs.read("track", path, TrackSpec), path.stem)
+
+    @classmethod
+    def of(cls, spec: TrackSpec, name: str) -> Track:
+        """The track of the contents of a file."""
+        return cls(
+            name,
+            np.array(spec.centre_line),
+            np.array(spec.race_line) if spec.race_line else None,
+            tuple(np.array(wall) for wall in spec.walls),
+            spec.title,
+            spec.note,
+            spec.barrier,
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the YAML file; `Track.load` of it returns the same numbers."""
+        write_file(Path(path), self.text())
+
+    def text(self) -> str:
+        """The contents of the YAML file."""
+        barrier = ", ".join(f"{key}: {value}" for key, value in self.barrier.model_dump(exclude_none=True).items())
+        lines = [f"{key}: {_quoted(value)}" for key, value in (("title", self.title), ("note", self.note)) if value]
+        lines += [f"barrier: {{{barrier}}}", "centre_line:  # x y width_right width_left [m]"]
+        lines += _rows(self.centre_line, "  ")
+        if self.race_line is not None:
+            lines += ["race_line:  # s x y psi kappa vx ax", *_rows(self.race_line, "  ")]
+        lines += ["walls:  # x y [m]; the free side is on the left"] if self.walls else []
+        for wall in self.walls:
+            first, *others = _rows(wall, "    ")
+            lines += [f"  - {first.lstrip()}", *others]
+        return "\n".join(lines) + "\n"
+
+    @cached_property
+    def length(self) -> float:
+        """Length of the centre line [m]."""
+        return float(self.line.along[-1])
+
+    @property
+    def start_pose(self) -> Pose:
+        """Pose on the centre line at the start line."""
+        return self.pose_at(0.0)
+
+    def pose_at(self, s: float, lateral: float = 0.0) -> Pose:
+        """Position and heading at the distance `s` [m] along the centre line, `lateral` [m] to the left of it."""
+        x, y, dx, dy = point_on_line(self.line, s)
+        return x - lateral * dy, y + lateral * dx, atan2(dy, dx)
+
+    def project(self, x: float, y: float) -> tuple[float, float]:
+        """Distance s [m] along the centre line of its point nearest to x, y, and how far x, y is to the left of it.
+
+        s is from 0 up to `length`. Takes about 2 us.
+        """
+        return nearest_on_line(self.line, float(x), float(y))
+
+    def widths_at(self, s: float) -> tuple[float, float]:
+        """Width of the track to the right and to the left of the centre line [m]."""
+        at = s % self.length
+        along, rows = self.line.along, self.centre_line
+        i = min(max(int(np.searchsorted(along, at, side="right")) - 1, 0), len(rows) - 1)
+        f = (at - along[i]) / (along[i + 1] - along[i])
+        right, left = (1.0 - f) * rows[i, 2:] + f * rows[(i + 1) % len(rows), 2:]
+        return float(right), float(left)
+
+    def grid_pose(self, place: int, vehicles: int = 1) -> Pose:
+        """Where the vehicle in that place, from 0, starts: behind the start line, in two rows if there are several.
+
+        The pose is that of the centre of the rear axle, with room for 0.5 m of the vehicle in front of it.
+        """
+        back = GRID_FRONT + GRID_STEP * place
+        right, left = self.widths_at(-back)
+        if vehicles == 1:
+            return self.pose_at(-back)
+        return self.pose_at(-back, left / 2.0 if place % 2 == 0 else -right / 2.0)
+
+    @cached_property
+    def line(self) -> Line:
+        """The centre line for compiled functions."""
+        return closed_line(self.centre_line[:, :2])
+
+    @cached_property
+    def edges(self) -> tuple[Floats, Floats]:
+        """Right and left edge: the centre line, moved by its widths, shape (n, 2) each."""
+        points = self.centre_line[:, :2]
+        ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+        ahead /= np.sqrt(np.sum(ahead * ahead, axis=1))[:, None]
+        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+        return points - self.centre_line[:, 2:3] * left, points + self.centre_line[:, 3:4] * left
+
+
+GRID_FRONT, GRID_STEP = 0.5, 0.8
+"""Distance of the first rear axle from the start line, and between places on the grid, along the centre line [m]."""
+
+
+def _problems(centre_line: Floats, race_line: Floats | None, walls: list[Floats]) -> list[specs.Rule]:
+    """What is wrong with the arrays of a track, and where."""
+    found: list[specs.Rule] = []
+    arrays: list[tuple[tuple[str | int, ...], Floats, int, int]] = [(("centre_line",), centre_line, 4, 4)]
+    arrays += [(("race_line",), race_line, 4, 7)] if race_line is not None else []
+    arrays += [(("walls", i), wall, 3, 2) for i, wall in enumerate(walls)]
+    for place, rows, least, columns in arrays:
+        if rows.ndim != 2 or rows.shape[1] != columns or len(rows) < least:
+            found.append((place, f"must have at least {least} rows of {columns} numbers; its shape is {rows.shape}"))
+            continue
+        points = rows[:, 1:3] if columns == 7 else rows[:, :2]
+        if not np.isfinite(rows).all() or np.abs(points).max() > MAX_COORDINATE:
+            found.append((place, f"all numbers must be finite and positions at most {MAX_COORDINATE:g} m"))
+            continue
+        near = np.flatnonzero(np.hypot(*(np.roll(points, -1, axis=0) - points).T) < POINT_GAP)
+        if len(near):
+            last = int(near[0]) == len(rows) - 1
+            what = "the first point must not be repeated at the end" if last else "the next point is at the same place"
+            found.append(((*place, int(near[0])), f"{what}: neighbouring points must be at least 1 mm apart"))
+    if not found and (narrow := np.flatnonzero((centre_line[:, 2:] <= 0.0).any(axis=1))).size:
+        found.append((("centre_line", int(narrow[0])), "the widths to the right and to the left must be above 0"))
+    if not found and race_line is not None and not np.all(np.diff(race_line[:, 0]) > 0.0):
+        row = int(np.flatnonzero(np.diff(race_line[:, 0]) <= 0.0)[0]) + 1
+        found.append((("race_line", row), "s must increase from row to row"))
+    return found
+
+
+def _rows(rows: Floats, indent: str) -> list[str]:
+    return [f"{indent}- {' '.join(map(_number, row))}" for row in rows.tolist()]
+
+
+def _number(value: float) -> str:
+    """The shortest text with the same value."""
+    return repr(value + 0.0).removesuffix(".0") if math.isfinite(value) else str(value)
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'

@@ -1,0 +1,33 @@
+"""MJCF of a vehicle: one free body with colliders. The wheel colliders do not touch the floor."""
+
+from __future__ import annotations
+
+from autodrive.base.transforms import quaternion_from_yaw
+from autodrive.physics.engine import text
+from autodrive.protocol.messages import WHEEL_NAMES
+from autodrive.scenario.vehicles.spec import ColliderSpec, VehicleSpec
+
+
+def vehicle_mjcf(name: str, spec: VehicleSpec, x: float, y: float, yaw: float) -> str:
+    """MJCF of a vehicle that stands at x, y [m] with heading yaw [rad]."""
+    body = spec.body
+    geoms = [_box(f"{name}/platform_{i}", box) for i, box in enumerate(spec.platforms, start=1)]
+    geoms.append(_box(f"{name}/lidar", spec.lidar_collider))
+    # The suspension ray supports the wheel; this collider, smaller by the travel, is for contacts with walls.
+    radius = spec.wheels.radius - spec.wheels.suspension.compression_max
+    geoms += [
+        f'<geom name="{name}/wheel_{side}" class="wheel" size="{radius:.17g} {spec.wheels.width / 2:.17g}" '
+        f'pos="{text(hub)}"/>'
+        for side, hub in zip(WHEEL_NAMES, spec.hubs, strict=True)
+    ]
+    return (
+        f'<body name="{name}" pos="{text((x, y, spec.ride_height))}" quat="{text(quaternion_from_yaw(yaw))}">'
+        f'<freejoint name="{name}"/>'
+        f'<inertial pos="{text(body.center_of_mass)}" mass="{body.mass:.17g}" diaginertia="{text(body.inertia)}"/>'
+        f"{''.join(geoms)}</body>"
+    ).replace('class="chassis"', f'class="chassis" friction="{body.friction:.17g} 0.005 0.0001"')
+
+
+def _box(name: str, box: ColliderSpec) -> str:
+    half = tuple(length / 2 for length in box.size)
+    return f'<geom name="{name}" class="chassis" type="box" size="{text(half)}" pos="{text(box.position)}"/>'

@@ -1,0 +1,205 @@
+"""The Model's tables of vehicles and wheels, computed from the vehicles' Specs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from autodrive.base.arrays import Floats
+from autodrive.base.elementary import exp
+from autodrive.base.transforms import rotation_from_quaternion
+from autodrive.base.units import RPM
+from autodrive.physics.actuators.drivetrain import DrivetrainSpec
+from autodrive.physics.engine import Engine, Geom
+from autodrive.physics.model import BOX, COVER, CURVE_POINTS, VEHICLE, WHEEL, Table
+from autodrive.scenario.vehicles.spec import MagicFormulaSpec, VehicleSpec
+
+AIR_DENSITY = 1.2
+"""At 20 degrees Celsius and sea level [kg/m^3]."""
+HOLD_DAMPING_RATIO = 0.7
+"""Damping of a locked wheel's holding spring, relative to critical damping."""
+
+
+def vehicle_table(vehicles: Mapping[str, VehicleSpec], engine: Engine, geoms: Sequence[Geom], dt: float) -> Table:
+    """`Model.vehicles` for a substep of `dt` [s]; each vehicle is a free body of the engine with its name."""
+    table = np.zeros(len(vehicles), dtype=VEHICLE)
+    for row, (name, spec) in zip(table, vehicles.items(), strict=True):
+        row["body"], row["qpos"], row["dof"] = engine.body(name)
+        _set_outline(row, spec, [geom for geom in geoms if geom.body == row["body"]])
+        for field in ("mass", "inertia", "center_of_mass", "drag", "angular_drag", "angular_velocity_max"):
+            row[field] = getattr(spec.body, field)
+        row["air_drag"] = 0.5 * AIR_DENSITY * spec.body.drag_area
+        row["wheelbase"] = spec.wheelbase
+        row["steering_limit"] = spec.steering.limit
+        row["steering_rate_limit"] = math.inf if spec.steering.rate_limit is None else spec.steering.rate_limit
+        row["steering_response"] = _response(spec.steering.time_constant, dt)
+        row["steering_delay"] = round(spec.steering.dead_time / dt)
+        row["drive_is_speed_controlled"] = spec.drivetrain.control == "speed"
+        row["drive_speed_limit"] = spec.drivetrain.speed_limit
+        row["drive_torque_limit"] = spec.drivetrain.torque_limit
+        row["drive_servo_gain"] = spec.drivetrain.servo_gain
+        row["drive_response"] = _response(spec.drivetrain.time_constant, dt)
+        row["drive_delay"] = round(spec.drivetrain.dead_time / dt)
+        row["brake_torque"] = spec.drivetrain.brake_torque
+        _set_motor(row, spec.drivetrain)
+    return table
+
+
+def _set_motor(row: Table, drivetrain: DrivetrainSpec) -> None:
+    points = row["torque_curve_points"] = len(drivetrain.torque_curve)
+    for k, (speed_rpm, share) in enumerate(drivetrain.torque_curve):
+        row["torque_curve_speed"][k], row["torque_curve_share"][k] = speed_rpm * RPM, share
+    assert points <= CURVE_POINTS
+    differentials = drivetrain.differentials
+    for place in ("front", "centre", "rear"):
+        row[f"{place}_differential"] = getattr(differentials, place).limits
+    row["has_differentials"] = any(one.kind != "open" for _, one in differentials)
+
+
+def _set_outline(row: Table, spec: VehicleSpec, colliders: Sequence[Geom]) -> None:
+    """The spheres around the colliders and the box around those that the floor stops."""
+    boxes = np.array([_box_around(geom) for geom in colliders])
+    *centre, row["sphere_radius"] = _sphere_around(boxes)
+    row["sphere_centre"] = centre
+    row["cover"] = cover(boxes)
+    suspension = spec.wheels.suspension
+    ray = spec.wheels.radius + suspension.compression_max + suspension.droop_max
+    row["reach"] = max(row["sphere_radius"], *(math.dist(hub, centre) + ray for hub in spec.hubs))
+    chassis = boxes[[geom.is_stopped_by_floor for geom in colliders]]
+    row["chassis_low"], row["chassis_high"] = chassis[:, 0].min(axis=0), chassis[:, 1].max(axis=0)
+
+
+def _box_around(geom: Geom) -> Floats:
+    """Lowest and highest corner of a collider in the vehicle frame [m], shape (2, 3)."""
+    size = geom.size if geom.kind == BOX else geom.size[[0, 0, 1]]
+    rotation = np.abs(np.array(rotation_from_quaternion(geom.orientation)).reshape(3, 3))
+    half = np.sum(rotation * size, axis=1)
+    return np.array([geom.position - half, geom.position + half])
+
+
+def cover(boxes: Floats) -> list[list[float]]:
+    """Spheres, from rear to front, each around one of COVER slices of equal length of the boxes: centre and radius."""
+    spheres = []
+    for rear, front in pairwise(np.linspace(boxes[:, 0, 0].min(), boxes[:, 1, 0].max(), COVER + 1).tolist()):
+        slices = boxes[(boxes[:, 0, 0] <= front) & (boxes[:, 1, 0] >= rear)]
+        slices[:, :, 0] = slices[:, :, 0].clip(rear, front)
+        spheres.append(_sphere_around(slices) if len(slices) else spheres[-1])  # the first slice has a box
+    return spheres
+
+
+def _sphere_around(boxes: Floats) -> list[float]:
+    """Centre and radius [m] of a sphere around boxes: its centre is that of the box around them all."""
+    centre = 0.5 * (boxes[:, 0].min(axis=0) + boxes[:, 1].max(axis=0))
+    return [*centre.tolist(), max(_farthest(corners, centre) for corners in boxes)]
+
+
+def _farthest(corners: Floats, centre: Floats) -> float:
+    """Distance of the farthest point of a box from a point [m]."""
+    return math.hypot(*np.maximum(np.abs(corners[0] - centre), np.abs(corners[1] - centre)).tolist())
+
+
+def wheel_table(vehicles: Sequence[VehicleSpec], grips: Sequence[float], dt: float) -> Table:
+    """`Model.wheels` for a substep of `dt` [s]; `grips`: factors of the friction values of each vehicle's wheels."""
+    table = np.zeros(4 * len(vehicles), dtype=WHEEL)
+    for i, (spec, grip) in enumerate(zip(vehicles, grips, strict=True)):
+        rows = table[4 * i : 4 * i + 4]
+        rows["hub"] = spec.hubs
+        for axle, wheels in ((spec.axles.front, rows[:2]), (spec.axles.rear, rows[2:])):
+            for field in ("is_steered", "is_driven", "is_braked"):
+                wheels[field] = getattr(axle, field)
+        _set_wheels(rows, spec)
+        _set_suspension(rows, spec, dt)
+        _set_tyres(rows, spec, grip, dt)
+    return table
+
+
+def _set_wheels(rows: Table, spec: VehicleSpec) -> None:
+    wheel = spec.wheels
+    for field in ("radius", "damping_rate", "force_height"):
+        rows[field] = getattr(wheel, field)
+    rows["inertia"] = 0.5 * wheel.mass * wheel.radius * wheel.radius
+
+
+def _set_suspension(rows: Table, spec: VehicleSpec, dt: float) -> None:
+    suspension = spec.wheels.suspension
+    for field in ("stiffness", "damping", "compression_max", "droop_max", "bump_stiffness"):
+        rows[field] = getattr(suspension, field)
+    rows["look_ahead"] = suspension.look_ahead(dt)
+    rows["sprung_mass"] = sprung_masses(spec)
+    rows["effective_mass"] = effective_masses(spec)
+
+
+def _set_tyres(rows: Table, spec: VehicleSpec, grip: float, dt: float) -> None:
+    wheel, regular = spec.wheels, spec.wheels.regularisation
+    magic = wheel.magic_formula
+    if magic is None:
+        factor = (1.0, grip, 1.0, grip, 1.0)
+        assert wheel.forward_friction is not None
+        assert wheel.sideways_friction is not None
+        rows["forward"] = np.multiply(wheel.forward_friction.numbers, factor)
+        rows["sideways"] = np.multiply(wheel.sideways_friction.numbers, factor)
+    else:
+        _set_magic_formula(rows, spec, magic, grip)
+    for field in ("active_slip_offset", "passive_slip_minimum", "slip_angle_offset", "hold_speed"):
+        rows[field] = getattr(regular, field)
+    # a quarter of the mass on each spring; the frequency is limited to what the substep can follow
+    frequency = 2.0 * math.pi * min(regular.hold_frequency, 0.04 / dt)
+    rows["hold_stiffness"] = spec.body.mass / 4 * frequency * frequency
+    rows["hold_damping"] = 2.0 * HOLD_DAMPING_RATIO * spec.body.mass / 4 * frequency
+
+
+def _set_magic_formula(rows: Table, spec: VehicleSpec, magic: MagicFormulaSpec, grip: float) -> None:
+    rows["is_magic"] = True
+    rows["nominal_load"] = magic.nominal_load
+    rows["stiffness_degression"] = 0.0 if magic.peak_stiffness_load is None else magic.peak_stiffness_load**-2
+    stiffness = np.repeat((magic.front_cornering_stiffness, magic.rear_cornering_stiffness), 2)
+    sides = (("forward", magic.forward, np.full(4, magic.slip_stiffness)), ("sideways", magic.sideways, stiffness))
+    for side, (name, curve, stiffnesses) in enumerate(sides):
+        peak = grip * curve.friction
+        rows[name][:, 1] = peak
+        for row, k in zip(rows, stiffnesses.tolist(), strict=True):
+            row[f"magic_{name}"] = peak, k, curve.shape, curve.curvature, curve.load_sensitivity
+            row["peak_slip"][side] = curve.normalised_peak_slip * peak / k
+            length = magic.relaxation_length[side]
+            row["relaxation_length"][side] = length
+            # a quarter of the mass on the spring k F_z / length, critically damped
+            row["slip_damping"][side] = 2.0 * math.sqrt(0.25 * spec.body.mass / (length * k * magic.nominal_load))
+
+
+def _response(time_constant: float, dt: float) -> float:
+    """Fraction of the difference to its target that a first-order lag covers in one step."""
+    return 1.0 - exp(-dt / time_constant) if time_constant > 0.0 else 1.0
+
+
+def sprung_masses(spec: VehicleSpec) -> Floats:
+    """Mass on the spring of each wheel [kg], shape (4,).
+
+    They sum to the mass M of the vehicle, balance about its centre of mass x, y, and differ as little as possible
+    (PhysX, PxVehicleComputeSprungMasses): the least squares solution m = A^T (A A^T)^-1 b of A m = b, where A has a row
+    of ones, a row of the hubs' x and one of their y, and b = M (1, x, y). With the hubs at 0 or the wheelbase L and at
+    +-T/2 of the track T, measured from their centre, the rows are perpendicular to each other, with the squares 4, L^2
+    and T^2. So m_i = M / 4 + (+-L/2) M (x - L/2) / L^2 + (+-T/2) M y / T^2, as below.
+    """
+    x, y, _ = spec.body.center_of_mass
+    front, left = x / spec.wheelbase, y / spec.track
+    shares = (front + left, front - left, 1.0 - front + left, 1.0 - front - left)
+    return 0.5 * spec.body.mass * np.array(shares)
+
+
+def effective_masses(spec: VehicleSpec) -> Floats:
+    """Smallest effective mass for a horizontal force at each contact point [kg], shape (4,), for four wheels together.
+
+    1 / (1/m + (r x d) . I^-1 (r x d)) for a unit force d at r from the centre of mass (Featherstone (2.74)).
+    """
+    ix, iy, iz = spec.body.inertia
+    masses = []
+    for hub in spec.hubs:
+        x, y, z = (a - b for a, b in zip(hub, spec.body.center_of_mass, strict=True))
+        z -= spec.wheels.radius
+        # r x d is (0, z, -y) for d along x and (-z, 0, x) along y
+        inverse = 1.0 / spec.body.mass + max(z * z / iy + y * y / iz, z * z / ix + x * x / iz)
+        masses.append(0.25 / inverse)
+    return np.array(masses)

@@ -1,5 +1,0 @@
-"""Tracks: closed race tracks with centre line, race line and barriers, their files, and their generator."""
-
-from autodrive.tracks.track import BarrierSpec, Track
-
-__all__ = ["BarrierSpec", "Track"]

@@ -1,0 +1,416 @@
+"""BatchWorld: n worlds of one scenario, which one compiled call steps, on several threads."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.errors import CommandError
+from autodrive.base.jit import resolved
+from autodrive.base.specs import suggest
+from autodrive.base.transforms import quaternion_from_yaw
+from autodrive.physics.model import Table
+from autodrive.physics.sensors.tables import most_rays, reset_noise, sensor_tables
+from autodrive.protocol.commands import MAX_DISTANCE, check_seed
+from autodrive.scenario import DEFAULT, ScenarioSpec
+from autodrive.scenario import FACTOR_LIMITS as LIMITS
+from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
+from autodrive.scenario.vehicles.spec import VehicleSpec
+from autodrive.world.batch.columns import Thread, empty_worlds, new_thread
+from autodrive.world.batch.readings import Readings, readings_of
+from autodrive.world.batch.tick import begin_worlds, step_worlds
+from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import read_scenario
+from autodrive.world.one_thread import OneThread, by_one_thread
+from autodrive.world.referee import SEPARATION
+
+BLOCK = 16
+"""Worlds that a thread takes at a time, at least."""
+
+BLOCKS = 8
+"""Blocks of worlds for each thread, at most: worlds in contact take longer than others."""
+
+MAX_SPEED = 1000.0
+"""At the start [m/s] or [rad/s]."""
+
+
+class BatchWorld(OneThread):
+    """n worlds of one scenario. World k has the bits of a single `World` with the same seed and commands.
+
+    All sensors have readings, but the cameras. The result does not depend on the number of threads.
+    """
+
+    def __init__(
+        self,
+        scenario: str | Path | ScenarioSpec = DEFAULT,
+        n: int = 1,
+        *,
+        seed: int = 0,
+        threads: int | None = None,
+        engine: Literal["auto", "always"] = "auto",
+    ) -> None:
+        """World k starts with the seed `seed` + k. `threads`: at most; None: as many as there are processors.
+
+        `scenario` and `engine`: see `autodrive.make`. Raises `SpecError`, and `CommandError` for other arguments.
+        """
+        super().__init__()
+        check_seed(seed)
+        for name, value in (("n", n), ("threads", threads)):
+            if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
+                raise CommandError(f"{name} must be a whole number from 1 on, not {value!r}")
+        if engine not in ("auto", "always"):
+            raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
+        spec, text = read_scenario(scenario)
+        self._compiled = c = compile_scenario(spec, text)
+        self.n = n
+        self.spec = spec
+        """The scenario from which `reset` starts."""
+        self.map = c.map
+        self.vehicle_names = list(c.vehicles)
+        self.object_names = list(c.objects)
+        self.tick_duration = spec.tick
+        self._tick = Fraction(str(spec.tick))
+        self._substeps = spec.substeps
+        self._sensors = sensor_tables(list(c.configured.values()), Fraction(str(spec.substep)), spec.gravity)
+        rays, rolling_rays = most_rays(self._sensors)
+        self._has_rolling_lidar = rolling_rays > 0
+        self._worlds = empty_worlds(c, n, rays, rolling_rays)
+        self._time = np.zeros(n)
+        self.readings = readings_of(self._worlds, self._time, len(self.object_names))
+        """Of the present instant."""
+        self._seeds = [seed + k for k in range(n)]
+        self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
+        """Of the present episodes."""
+        self._has_own_vehicles = np.zeros(n, np.bool_)
+        self._specs = {
+            name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
+        }
+        count = min(threads or _processors(), math.ceil(n / BLOCK))
+        self._block = max(BLOCK, n // (BLOCKS * count))
+        engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]
+        self._threads = [new_thread(c, one, rays) for one in engines]
+        self._engines = engines  # they own the memory of the views
+        self._pool = ThreadPoolExecutor(count - 1, "batch") if count > 1 else None
+        ids = {owner: i for i, owner in enumerate(dict.fromkeys(c.owners))}
+        self._owners = np.array([ids[owner] for owner in c.owners], np.int64)
+        self._separation = SEPARATION / spec.tick
+        self._is_always = engine == "always"
+        self._step = resolved(step_worlds, *self._arguments(self._threads[0], 0, 0, 1))
+        self._begin = resolved(begin_worlds, *self._begin_arguments(np.zeros(0, np.int64)))
+        self.reset()
+
+    def __repr__(self) -> str:
+        return f"<BatchWorld of {self.n} worlds of map '{self.spec.map}': vehicles {', '.join(self.vehicle_names)}>"
+
+    @by_one_thread
+    def step(self, commands: ArrayLike, ticks: int = 1) -> Readings:
+        """Run so many ticks with these commands: throttle and steering (left positive), each in [-1, 1].
+
+        `commands` has the shape (n, v, 2); greater values are limited. Raises `CommandError` for another shape, or a
+        value that is not finite; nothing has moved then.
+        """
+        values = self._checked_commands(commands)
+        if isinstance(ticks, bool) or not isinstance(ticks, int) or ticks < 1:
+            raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
+        np.clip(values[..., 0], -1.0, 1.0, out=self._worlds.throttle)
+        np.clip(values[..., 1], -1.0, 1.0, out=self._worlds.steering)
+        if self._pool is None:
+            self._step(*self._arguments(self._threads[0], 0, self.n, ticks))
+        else:
+            blocks = itertools.count(0, self._block)
+            others = [self._pool.submit(self._run, one, blocks, ticks) for one in self._threads[1:]]
+            self._run(self._threads[0], blocks, ticks)
+            for other in others:
+                other.result()
+        return self._show()
+
+    @by_one_thread
+    def reset(
+        self,
+        worlds: ArrayLike | None = None,
+        seeds: ArrayLike | None = None,
+        *,
+        poses: Mapping[str, ArrayLike] | None = None,
+        motions: Mapping[str, ArrayLike] | None = None,
+        vehicles: Mapping[str, Sequence[VehicleSpec]] | None = None,
+        mass: ArrayLike = 1.0,
+        grip: ArrayLike = 1.0,
+        noise: ArrayLike = 1.0,
+    ) -> Readings:
+        """Return some worlds to the start, all at once; nothing of their last episode remains.
+
+        `worlds`: a mask of shape (n,), or m numbers of worlds; None: all. `seeds`: new ones, shape (m,); a seed stays
+        until the next one. `poses`: x, y [m] and yaw [rad] of vehicles or objects on the ground, by name, shape (m, 3)
+        or (3,); the others are where the scenario places them. `mass`, `grip`, `noise`: the factors of
+        `VehiclePlacement` in addition to those of the scenario, one number or shape (m,) or (m, v).
+
+        `motions`: vehicles start in motion, with rolling wheels: forward and left speed [m/s], yaw rate [rad/s], and
+        the throttle and the steering that they have obeyed, by name, shape (m, 5) or (5,); the others start at rest.
+        `vehicles`: other parameters of dynamics and actuators until the next reset, by name, a Spec for each of the m
+        worlds; colliders, sensors and the longest dead times remain those of the scenario.
+
+        Raises `CommandError` for wrong values, and for poses that let two bodies overlap; nothing has changed then.
+        """
+        chosen = self._checked_worlds(worlds)
+        new_seeds = self._checked_seeds(seeds, chosen)
+        given = {"mass": mass, "grip": grip, "noise": noise}
+        factors = {name: self._checked_factor(name, factor, chosen) for name, factor in given.items()}
+        qpos = self._checked_starts(poses or {}, chosen)
+        moving = {self._vehicle(name): self._checked_motion(name, one, chosen) for name, one in (motions or {}).items()}
+        own = self._checked_vehicles(vehicles or {}, chosen)
+        w = self._worlds
+        for column in w.state:
+            column[chosen] = 0.0
+        w.state.qpos[chosen] = qpos
+        for column in (w.tick, w.is_unstable, w.throttle, w.steering, w.recent_count, w.collision_count):
+            column[chosen] = 0
+        w.has_collided[chosen] = w.is_off_road[chosen] = False
+        tables: dict[tuple[float, ...], tuple[Table, Table]] = {}
+        for row, k in enumerate(chosen.tolist()):
+            self._seeds[k] = new_seeds[row]
+            self._set_parameters(k, {name: values[row] for name, values in factors.items()}, own[row], tables)
+        for i, motion in moving.items():
+            self._set_motion(chosen, i, motion)
+        self._begin(*self._begin_arguments(chosen))
+        return self._show()
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    # -- parts of a step -----------------------------------------------------------------------------------------
+
+    def _run(self, thread: Thread, blocks: itertools.count[int], ticks: int) -> None:
+        """Take blocks of worlds until none is left."""
+        for first in iter(blocks.__next__, None):
+            if first >= self.n:
+                return
+            self._step(*self._arguments(thread, first, min(first + self._block, self.n), ticks))
+
+    def _arguments(self, thread: Thread, first: int, last: int, ticks: int) -> tuple[Any, ...]:
+        c = self._compiled
+        return (
+            c.model,
+            self._worlds,
+            thread,
+            self._sensors,
+            self._owners,
+            c.map.drivable_edges,
+            self._separation,
+            first,
+            last,
+            ticks,
+            self._substeps,
+            self._is_always,
+            self._has_rolling_lidar,
+        )
+
+    def _begin_arguments(self, chosen: Integers) -> tuple[Any, ...]:
+        c = self._compiled
+        return c.model, self._worlds, self._threads[0], self._sensors, chosen, self._substeps
+
+    def _show(self) -> Readings:
+        numerator, denominator = self._tick.numerator, self._tick.denominator
+        np.divide(self._worlds.tick * numerator, denominator, out=self._time)
+        return self.readings
+
+    def _set_parameters(
+        self,
+        k: int,
+        factors: Mapping[str, Floats],
+        own: Mapping[str, VehicleSpec],
+        tables: dict[tuple[float, ...], tuple[Table, Table]],
+    ) -> None:
+        """Set the tables and the noise of world k. `tables`: those of Specs that other worlds have, too."""
+        w = self._worlds
+        is_other = any((before[k] != factors[name]).any() for name, before in self._factors.items())
+        if is_other or own or self._has_own_vehicles[k]:
+            for name, before in self._factors.items():
+                before[k] = factors[name]
+            self._has_own_vehicles[k] = bool(own)
+            key = (*map(id, own.values()), *factors["mass"].tolist(), *factors["grip"].tolist())
+            if key not in tables:
+                tables[key] = self._tables(factors["mass"].tolist(), factors["grip"].tolist(), own)
+            w.vehicles[k], w.wheels[k] = tables[key]
+        for i, (name, specs_of) in enumerate(self._specs.items()):
+            reset_noise(w.noise, k, i, name, specs_of, float(factors["noise"][i]), self._seeds[k])
+
+    def _tables(
+        self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec]
+    ) -> tuple[Table, Table]:
+        """Tables of vehicles and wheels of a world."""
+        c, placed = self._compiled, self.spec.vehicles
+        specs = {
+            name: (own[name].with_mass_factor(placed[name].mass_factor) if name in own else spec).with_mass_factor(mass)
+            for (name, spec), mass in zip(c.vehicles.items(), masses, strict=True)
+        }
+        vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep) if own else c.model.vehicles.copy()
+        for row, spec in zip(vehicles, specs.values(), strict=True):
+            row["mass"], row["inertia"] = spec.body.mass, spec.body.inertia
+        grips = [c.map.ground.grip * (p.grip_factor * one) for p, one in zip(placed.values(), grips, strict=True)]
+        return vehicles, wheel_table([*specs.values()], grips, c.spec.substep)
+
+    def _set_motion(self, chosen: Integers, i: int, motion: Floats) -> None:
+        """Set velocities and actuators of a vehicle at the start, whose pose is set; `motion` has the shape (m, 5)."""
+        s, w = self._worlds.state, self._worlds
+        table = w.vehicles[0, i]
+        dof, at = int(table["dof"]), int(table["qpos"])
+        forward, left, rate, throttle, steering = motion.T
+        yaw = 2.0 * np.arctan2(s.qpos[chosen, at + 6], s.qpos[chosen, at + 3])
+        s.qvel[chosen, dof] = np.cos(yaw) * forward - np.sin(yaw) * left
+        s.qvel[chosen, dof + 1] = np.sin(yaw) * forward + np.cos(yaw) * left
+        s.qvel[chosen, dof + 5] = rate
+        wheels = w.wheels[chosen, 4 * i : 4 * i + 4]
+        spin = (forward[:, None] - rate[:, None] * wheels["hub"][..., 1]) / wheels["radius"]
+        s.wheel_angular_velocity[chosen, 4 * i : 4 * i + 4] = spin
+        angle = steering * w.vehicles[chosen, i]["steering_limit"]
+        s.throttle[chosen, i] = s.drive_level[chosen, i] = throttle
+        s.steering_target[chosen, i] = s.steering_angle[chosen, i] = angle
+        s.throttle_queue[chosen, i], s.steering_queue[chosen, i] = throttle[:, None], angle[:, None]
+
+    # -- checks of arguments -------------------------------------------------------------------------------------
+
+    def _checked_commands(self, commands: ArrayLike) -> Floats:
+        try:
+            values = np.asarray(commands, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise CommandError(f"commands must be numbers of the shape {self._command_shape}") from None
+        if values.shape != self._command_shape:
+            raise CommandError(
+                f"commands must have the shape (worlds, vehicles, 2) = {self._command_shape}, not {values.shape}"
+            )
+        if not np.isfinite(values).all():
+            k, i, part = np.argwhere(~np.isfinite(values))[0].tolist()
+            raise CommandError(
+                f"the {('throttle', 'steering')[part]} of vehicle '{self.vehicle_names[i]}' of world {k} must be a "
+                f"finite number, not {values[k, i, part]}"
+            )
+        return values
+
+    @property
+    def _command_shape(self) -> tuple[int, int, int]:
+        return self.n, len(self.vehicle_names), 2
+
+    def _checked_worlds(self, worlds: ArrayLike | None) -> Integers:
+        """Numbers of the chosen worlds."""
+        if worlds is None:
+            return np.arange(self.n)
+        given = np.asarray(worlds)
+        if given.dtype == np.bool_ and given.shape == (self.n,):
+            return np.flatnonzero(given)
+        if given.size == 0:
+            return np.zeros(0, np.int64)
+        is_integer = np.issubdtype(given.dtype, np.integer) and given.ndim == 1
+        if not is_integer or given.min() < 0 or given.max() >= self.n or len(np.unique(given)) < len(given):
+            raise CommandError(
+                f"worlds must be a mask of the shape ({self.n},), or different numbers from 0 to {self.n - 1}"
+            )
+        return given.astype(np.int64)
+
+    def _checked_seeds(self, seeds: ArrayLike | None, chosen: Integers) -> list[int]:
+        if seeds is None:
+            return [self._seeds[k] for k in chosen.tolist()]
+        given = np.asarray(seeds).ravel().tolist() if np.ndim(seeds) <= 1 else []
+        if len(given) != len(chosen):
+            raise CommandError(f"there must be a seed for each of the {len(chosen)} worlds, shape ({len(chosen)},)")
+        for one in given:
+            check_seed(one)
+        return [int(one) for one in given]
+
+    def _checked_factor(self, name: str, factor: ArrayLike, chosen: Integers) -> Floats:
+        """Shape (m, v)."""
+        m, v = len(chosen), len(self.vehicle_names)
+        limits = LIMITS[name]
+        try:
+            values = np.asarray(factor, dtype=np.float64)
+            values = np.broadcast_to(values[:, None] if values.ndim == 1 else values, (m, v))
+        except (TypeError, ValueError):
+            raise CommandError(f"{name} must be one number, or have the shape ({m},) or ({m}, {v})") from None
+        if not ((values >= limits[0]) & (values <= limits[1])).all():
+            raise CommandError(f"{name} is a factor from {limits[0]:g} to {limits[1]:g}")
+        return values
+
+    def _vehicle(self, name: str) -> int:
+        """Number of a vehicle."""
+        if name not in self.vehicle_names:
+            raise CommandError(f"vehicle '{name}' is not in these worlds. {suggest(str(name), self.vehicle_names)}")
+        return self.vehicle_names.index(name)
+
+    def _checked_motion(self, name: str, motion: ArrayLike, chosen: Integers) -> Floats:
+        """Shape (m, 5)."""
+        try:
+            values = np.broadcast_to(np.asarray(motion, dtype=np.float64), (len(chosen), 5))
+        except (TypeError, ValueError):
+            raise CommandError(
+                f"the motions of '{name}' must have the shape ({len(chosen)}, 5): forward and left speed, yaw rate, "
+                "throttle, steering"
+            ) from None
+        if not (np.abs(values) <= (*(MAX_SPEED,) * 3, 1.0, 1.0)).all():
+            raise CommandError(
+                f"the speeds of '{name}' must be numbers from {-MAX_SPEED:g} to {MAX_SPEED:g}, its throttle and "
+                "steering from -1 to 1"
+            )
+        return values
+
+    def _checked_vehicles(
+        self, vehicles: Mapping[str, Sequence[VehicleSpec]], chosen: Integers
+    ) -> list[dict[str, VehicleSpec]]:
+        """The Specs that differ from those of the scenario, of each chosen world."""
+        longest = self._worlds.state.throttle_queue.shape[-1] - 1
+        for name, specs in vehicles.items():
+            self._vehicle(name)
+            if len(specs) != len(chosen):
+                raise CommandError(f"there must be a Spec of '{name}' for each of the {len(chosen)} worlds")
+            for part in ("steering", "drivetrain"):
+                if any(round(getattr(one, part).dead_time / self.spec.substep) > longest for one in specs):
+                    raise CommandError(
+                        f"the longest dead time of the vehicles of the scenario is {longest * self.spec.substep:g} s; "
+                        f"{part}.dead_time of '{name}' is longer"
+                    )
+        return [{name: specs[row] for name, specs in vehicles.items()} for row in range(len(chosen))]
+
+    def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers) -> Floats:
+        """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
+        c = self._compiled
+        qpos = np.tile(c.engine.start, (len(chosen), 1))
+        heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
+        heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
+        for name, pose in poses.items():
+            if name not in heights:
+                raise CommandError(f"'{name}' is not in these worlds. {suggest(str(name), list(heights))}")
+            try:
+                values = np.broadcast_to(np.asarray(pose, dtype=np.float64), (len(chosen), 3))
+            except (TypeError, ValueError):
+                raise CommandError(f"the poses of '{name}' must have the shape ({len(chosen)}, 3): x, y, yaw") from None
+            if not (np.abs(values) <= MAX_DISTANCE).all():
+                raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
+            start = c.engine.body(name)[1]
+            for row, (x, y, yaw) in zip(qpos, values.tolist(), strict=True):
+                w, _, _, z = quaternion_from_yaw(yaw)
+                row[start : start + 7] = x, y, heights[name], w, 0.0, 0.0, z
+        if poses:
+            self._check_overlaps(qpos, chosen)
+        return qpos
+
+    def _check_overlaps(self, qpos: NDArray[np.float64], chosen: Integers) -> None:
+        c = self._compiled
+        for k, row in zip(chosen.tolist(), qpos, strict=True):
+            if pairs := c.engine.overlapping(row):
+                one, other = (c.owners[geom] for geom in pairs[0])
+                raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
+
+
+def _processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

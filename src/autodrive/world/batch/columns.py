@@ -1,0 +1,152 @@
+"""The numbers of all worlds of a batch: one row for each world, in arrays that compiled code reads and writes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.jit import inlined
+from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
+from autodrive.physics.engine import Engine, Views
+from autodrive.physics.model import Model, Table
+from autodrive.physics.sensors.columns import (
+    NoiseColumns,
+    ReadingColumns,
+    Working,
+    noise_columns,
+    reading_columns,
+    working_memory,
+)
+from autodrive.physics.state import State
+from autodrive.world.compile import Compiled
+
+RECENT = 64
+"""Contacts that are remembered for each world, to tell a new collision from an old one."""
+
+
+class Worlds(NamedTuple):
+    """All numbers of n worlds with v vehicles."""
+
+    state: State
+    """Columns with n rows; without the poses of shapes, which follow from those of the bodies: shape (n, 0, ...)."""
+    vehicles: Table
+    """`Model.vehicles` of each world, shape (n, v)."""
+    wheels: Table
+    """`Model.wheels` of each world, shape (n, 4 v)."""
+    tick: Integers
+    """Ticks since the reset of each world, shape (n,)."""
+    is_unstable: NDArray[np.bool_]
+    """Whether the physics of a world has diverged, shape (n,)."""
+    throttle: Floats
+    """Commands in [-1, 1], shape (n, v)."""
+    steering: Floats
+    """Likewise."""
+    # referee
+    recent: Integers
+    """Vehicle, other object and tick of the latest contacts, shape (n, RECENT, 3)."""
+    recent_count: Integers
+    """Shape (n,)."""
+    collision_count: Integers
+    """Since the reset, shape (n, v)."""
+    has_collided: NDArray[np.bool_]
+    """Whether there was a new collision in the last call, shape (n, v)."""
+    is_off_road: NDArray[np.bool_]
+    """Shape (n, v)."""
+    noise: NoiseColumns
+    readings: ReadingColumns
+
+
+class Thread(NamedTuple):
+    """Working memory of one thread. Nothing in it is read after a world."""
+
+    views: Views
+    contacts: VehicleContacts
+    scratch: Scratch
+    shape_position: Floats
+    """`State.shape_position`; the fixed shapes are always there."""
+    shape_rotation: Floats
+    """Likewise."""
+    sensors: Working
+
+
+def empty_worlds(compiled: Compiled, n: int, rays: int, rolling_rays: int) -> Worlds:
+    """Worlds of zeros with the Model of the scenario; LIDARs, and rolling ones, have at most so many rays."""
+    v, model = len(compiled.vehicles), compiled.model
+    columns = State(*(np.zeros((n, *column.shape)) for column in compiled.state._replace(**_NO_SHAPES)))
+    return Worlds(
+        state=columns,
+        vehicles=np.tile(model.vehicles, (n, 1)),
+        wheels=np.tile(model.wheels, (n, 1)),
+        tick=np.zeros(n, np.int64),
+        is_unstable=np.zeros(n, np.bool_),
+        throttle=np.zeros((n, v)),
+        steering=np.zeros((n, v)),
+        recent=np.zeros((n, RECENT, 3), np.int64),
+        recent_count=np.zeros(n, np.int64),
+        collision_count=np.zeros((n, v), np.int64),
+        has_collided=np.zeros((n, v), np.bool_),
+        is_off_road=np.zeros((n, v), np.bool_),
+        noise=noise_columns(n, v),
+        readings=reading_columns(n, v, rays, rolling_rays),
+    )
+
+
+_NO_SHAPES = {"shape_position": np.zeros((0, 3)), "shape_rotation": np.zeros((0, 9))}
+
+
+def new_thread(compiled: Compiled, engine: Engine, rays: int) -> Thread:
+    """Working memory with that engine, for LIDARs of at most so many rays."""
+    shapes = compiled.model.shapes
+    return Thread(
+        views=engine.views(),
+        contacts=vehicle_contacts(len(compiled.vehicles), compiled.contacts.geom_vehicle),
+        scratch=scratch(compiled.model, engine.body_count),
+        shape_position=shapes.position.copy(),
+        shape_rotation=shapes.rotation.copy(),
+        sensors=working_memory(shapes, len(compiled.vehicles), rays),
+    )
+
+
+@inlined
+def model_of(k: int, model: Model, worlds: Worlds) -> Model:
+    """The Model of world k."""
+    return Model(model.dt, model.gravity, worlds.vehicles[k], worlds.wheels[k], model.shapes)
+
+
+@inlined
+def state_of(k: int, worlds: Worlds, thread: Thread) -> State:
+    """The State of world k; the poses of its shapes are those of the thread's last world."""
+    s = worlds.state
+    return State(
+        qpos=s.qpos[k],
+        qvel=s.qvel[k],
+        qacc=s.qacc[k],
+        asleep=s.asleep[k],
+        vehicle_position=s.vehicle_position[k],
+        vehicle_orientation=s.vehicle_orientation[k],
+        vehicle_velocity=s.vehicle_velocity[k],
+        vehicle_angular_velocity=s.vehicle_angular_velocity[k],
+        vehicle_acceleration=s.vehicle_acceleration[k],
+        vehicle_angular_acceleration=s.vehicle_angular_acceleration[k],
+        throttle=s.throttle[k],
+        drive_level=s.drive_level[k],
+        steering_target=s.steering_target[k],
+        steering_angle=s.steering_angle[k],
+        throttle_queue=s.throttle_queue[k],
+        steering_queue=s.steering_queue[k],
+        wheel_angular_velocity=s.wheel_angular_velocity[k],
+        wheel_rotation=s.wheel_rotation[k],
+        wheel_steering_angle=s.wheel_steering_angle[k],
+        wheel_compression=s.wheel_compression[k],
+        wheel_normal_load=s.wheel_normal_load[k],
+        wheel_slip_ratio=s.wheel_slip_ratio[k],
+        wheel_slip_angle=s.wheel_slip_angle[k],
+        wheel_force=s.wheel_force[k],
+        wheel_lagged_slip=s.wheel_lagged_slip[k],
+        wheel_hold=s.wheel_hold[k],
+        shape_position=thread.shape_position,
+        shape_rotation=thread.shape_rotation,
+    )

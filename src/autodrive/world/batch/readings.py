@@ -1,0 +1,141 @@
+"""What a batch reports: the state of all vehicles and the latest readings of their sensors, as arrays."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.physics.sensors.columns import ANGLES, DISTANCE, ENCODERS, IMU, IPS, LIDAR, MOTION, POSITION, RANGE
+from autodrive.world.batch.columns import Worlds
+
+
+class Readings(NamedTuple):
+    """Read-only arrays with a row for each of n worlds, v vehicles, o movable objects. The next call overwrites them.
+
+    The values are those of the Frames of single worlds; axes, units and frames as in `VehicleFrame`.
+    """
+
+    time: Floats
+    """Since the reset of each world [s], shape (n,)."""
+    tick: Integers
+    """Likewise, in ticks."""
+    is_unstable: NDArray[np.bool_]
+    """Whether the physics has diverged (`World.step` raises `EngineError`); such a world waits for its reset."""
+    position: Floats
+    """Centre of the rear axle in the map [m], shape (n, v, 3)."""
+    orientation: Floats
+    """Quaternion wxyz, map from vehicle, shape (n, v, 4)."""
+    velocity: Floats
+    """Of that point, in vehicle axes [m/s], shape (n, v, 3)."""
+    angular_velocity: Floats
+    """In vehicle axes [rad/s], shape (n, v, 3)."""
+    throttle: Floats
+    """Throttle after the dead time of the drive [-1, 1], shape (n, v)."""
+    steering: Floats
+    """Angle of the steering actuator, left positive [rad], shape (n, v)."""
+    wheel_steering_angle: Floats
+    """[rad], shape (n, v, 4), wheels in the order of `WHEEL_NAMES`; likewise the next six."""
+    wheel_rotation_angle: Floats
+    """[rad]."""
+    wheel_angular_velocity: Floats
+    """[rad/s]."""
+    wheel_compression: Floats
+    """[m]."""
+    wheel_normal_load: Floats
+    """[N]."""
+    wheel_slip_ratio: Floats
+    wheel_slip_angle: Floats
+    """[rad]."""
+    encoder_time: Floats
+    """Time of the latest reading [s], shape (n, v)."""
+    encoder_ticks: Integers
+    """Left and right, shape (n, v, 2)."""
+    encoder_angles: Floats
+    """[rad], shape (n, v, 2)."""
+    ips_time: Floats
+    """Time of the latest reading [s], shape (n, v)."""
+    ips_position: Floats
+    """[m], shape (n, v, 3)."""
+    imu_time: Floats
+    """Time of the latest reading [s], shape (n, v)."""
+    imu_orientation: Floats
+    """Quaternion wxyz, shape (n, v, 4)."""
+    imu_euler: Floats
+    """Roll, pitch, yaw [rad], shape (n, v, 3)."""
+    imu_angular_velocity: Floats
+    """[rad/s], shape (n, v, 3)."""
+    imu_linear_acceleration: Floats
+    """[m/s^2], shape (n, v, 3)."""
+    lidar_ranges: Floats
+    """[m], shape (n, v, most rays of a LIDAR); not a number where a vehicle has fewer rays or no LIDAR."""
+    lidar_time: Floats
+    """Time of the scan [s], shape (n, v); not a number without a LIDAR."""
+    range_distance: Floats
+    """[m], shape (n, v); not a number without a range sensor."""
+    range_time: Floats
+    """Time of that reading [s], likewise."""
+    collision_count: Integers
+    """Collisions since the reset, shape (n, v)."""
+    has_collided: NDArray[np.bool_]
+    """Whether there was a new collision in the last call of `step`, shape (n, v)."""
+    is_off_road: NDArray[np.bool_]
+    """Whether a wheel is outside the drivable area, shape (n, v)."""
+    object_pose: Floats
+    """Position in the map [m] and quaternion wxyz, shape (n, o, 7)."""
+
+
+def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
+    """Views of the arrays of `worlds`; `time` [s] is kept by the caller."""
+    s, r = worlds.state, worlds.readings
+    orientation, euler, angular_velocity, linear_acceleration = (r.values[..., part] for part in MOTION)
+    n, v = worlds.throttle.shape
+    wheels = {
+        "wheel_steering_angle": s.wheel_steering_angle,
+        "wheel_rotation_angle": s.wheel_rotation,
+        "wheel_angular_velocity": s.wheel_angular_velocity,
+        "wheel_compression": s.wheel_compression,
+        "wheel_normal_load": s.wheel_normal_load,
+        "wheel_slip_ratio": s.wheel_slip_ratio,
+        "wheel_slip_angle": s.wheel_slip_angle,
+    }
+    objects = s.qpos[:, : 7 * n_object].reshape(n, n_object, 7)  # the objects come before the vehicles
+    readings = Readings(
+        time=time,
+        tick=worlds.tick,
+        is_unstable=worlds.is_unstable,
+        position=s.vehicle_position,
+        orientation=s.vehicle_orientation,
+        velocity=s.vehicle_velocity,
+        angular_velocity=s.vehicle_angular_velocity,
+        throttle=s.throttle,
+        steering=s.steering_angle,
+        **{name: column.reshape(n, v, 4) for name, column in wheels.items()},
+        encoder_time=r.time[..., ENCODERS],
+        encoder_ticks=r.encoder_ticks,
+        encoder_angles=r.values[..., ANGLES],
+        ips_time=r.time[..., IPS],
+        ips_position=r.values[..., POSITION],
+        imu_time=r.time[..., IMU],
+        imu_orientation=orientation,
+        imu_euler=euler,
+        imu_angular_velocity=angular_velocity,
+        imu_linear_acceleration=linear_acceleration,
+        lidar_ranges=r.lidar_ranges,
+        lidar_time=r.time[..., LIDAR],
+        range_distance=r.values[..., DISTANCE],
+        range_time=r.time[..., RANGE],
+        collision_count=worlds.collision_count,
+        has_collided=worlds.has_collided,
+        is_off_road=worlds.is_off_road,
+        object_pose=objects,
+    )
+    return Readings(*map(_read_only, readings))
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view

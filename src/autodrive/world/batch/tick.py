@@ -1,0 +1,159 @@
+"""The compiled tick of many worlds: physics, referee, sensors. It is that of `World.step`, world after world."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.physics.buffers import VehicleContacts
+from autodrive.physics.engine import AWAKE
+from autodrive.physics.model import Model
+from autodrive.physics.sensors.columns import Poses, motion_of
+from autodrive.physics.sensors.sampling import sample
+from autodrive.physics.sensors.tables import SensorTables
+from autodrive.physics.state import State
+from autodrive.physics.tick import advance, move_shapes, observe
+from autodrive.world.batch.columns import Thread, Worlds, model_of, state_of
+from autodrive.world.referee import any_wheel_outside
+
+
+@jit_uncounted
+def step_worlds(
+    model: Model,
+    worlds: Worlds,
+    thread: Thread,
+    sensors: SensorTables,
+    owners: Integers,
+    edges: Floats,
+    separation: float,
+    first: int,
+    last: int,
+    ticks: int,
+    substeps: int,
+    always_engine: bool,
+    has_rolling_lidar: bool,
+) -> None:
+    """Moves the worlds `first` to `last` - 1 by `ticks` of so many `substeps`. A world that has diverged stays still.
+
+    `owners`: number of the object of each of the engine's geoms. `edges`: see `referee.any_wheel_outside`.
+    `separation`: ticks between two collisions with the same object.
+    """
+    for k in range(first, last):
+        for i in range(model.vehicles.shape[0]):
+            worlds.has_collided[k, i] = False
+        if worlds.is_unstable[k]:
+            continue
+        own = model_of(k, model, worlds)
+        state = state_of(k, worlds, thread)
+        move_shapes(own, state)
+        for _tick in range(ticks):
+            for kind in range(thread.views.warnings.shape[0]):
+                thread.views.warnings[kind] = 0  # the engine is for all worlds of the thread
+            if has_rolling_lidar:
+                _note_poses(state, own.shapes.n_fixed, thread.sensors.before)
+            is_sound = advance(
+                own,
+                state,
+                thread.views,
+                thread.contacts,
+                thread.scratch,
+                worlds.throttle[k],
+                worlds.steering[k],
+                worlds.tick[k] * substeps,
+                substeps,
+                always_engine,
+            )
+            worlds.tick[k] += 1
+            _judge(
+                worlds.tick[k],
+                thread.contacts,
+                owners,
+                separation,
+                worlds.recent[k],
+                worlds.recent_count[k : k + 1],
+                worlds.collision_count[k],
+                worlds.has_collided[k],
+            )
+            if not is_sound:
+                worlds.is_unstable[k] = True
+                break
+            if edges.shape[0] > 0:  # a map without roads has none
+                for i in range(model.vehicles.shape[0]):
+                    worlds.is_off_road[k, i] = any_wheel_outside(
+                        edges, own.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
+                    )
+            now = int(worlds.tick[k]) * substeps
+            sample(
+                k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors
+            )
+
+
+@jit_uncounted
+def begin_worlds(
+    model: Model,
+    worlds: Worlds,
+    thread: Thread,
+    sensors: SensorTables,
+    chosen: Integers,
+    substeps: int,
+) -> None:
+    """Completes the reset of the `chosen` worlds, whose rows are at the start: columns of vehicles, first readings."""
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        own = model_of(k, model, worlds)
+        state = state_of(k, worlds, thread)
+        for b in range(state.asleep.shape[0]):
+            state.asleep[b] = AWAKE
+        observe(own, state)
+        now = int(worlds.tick[k]) * substeps
+        sample(k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
+
+
+@inlined
+def _note_poses(state: State, n_fixed: int, before: Poses) -> None:
+    for i in range(state.vehicle_position.shape[0]):
+        for axis in range(3):
+            before.position[i, axis] = state.vehicle_position[i, axis]
+        for axis in range(4):
+            before.orientation[i, axis] = state.vehicle_orientation[i, axis]
+    for s in range(n_fixed, state.shape_position.shape[0]):
+        for axis in range(3):
+            before.shape_position[s, axis] = state.shape_position[s, axis]
+        for axis in range(9):
+            before.shape_rotation[s, axis] = state.shape_rotation[s, axis]
+
+
+@inlined
+def _judge(
+    tick: int,
+    contacts: VehicleContacts,
+    owners: Integers,
+    separation: float,
+    recent: Integers,
+    recent_count: Integers,
+    collision_count: Integers,
+    has_collided: NDArray[np.bool_],
+) -> None:
+    """Counts the new collisions of a tick, as `referee.Referee`, and clears the contacts."""
+    for p in range(contacts.pair_count[0]):
+        vehicle, geom = contacts.pairs[p, 0], contacts.pairs[p, 1]
+        contacts.impulse[vehicle, geom] = 0.0
+        other = owners[geom]
+        count = recent_count[0]
+        at = 0
+        while at < count and not (recent[at, 0] == vehicle and recent[at, 1] == other):
+            at += 1
+        if at == count or tick - recent[at, 2] > separation:
+            collision_count[vehicle] += 1
+            has_collided[vehicle] = True
+        if at == count and count < recent.shape[0]:
+            recent_count[0] += 1
+        elif at == count:  # the oldest contact is forgotten
+            at = 0
+            for r in range(count):
+                if recent[r, 2] < recent[at, 2]:
+                    at = r
+        recent[at, 0], recent[at, 1], recent[at, 2] = vehicle, other, tick
+    contacts.pair_count[0] = 0

@@ -1,0 +1,356 @@
+"""Compiles a ScenarioSpec into a Model, a State, an Engine and sensors, once before the first tick."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from autodrive.base.errors import EngineError, SpecError
+from autodrive.base.specs import Source, suggest
+from autodrive.base.transforms import rotation_from_quaternion
+from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
+from autodrive.physics.engine import Engine, Geom, Views
+from autodrive.physics.grid import fixed_grid
+from autodrive.physics.model import Model, Shapes
+from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
+from autodrive.physics.sensors.suite import SensorSuite
+from autodrive.physics.state import State, empty_state
+from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, read_map
+from autodrive.scenario.maps.mjcf import world_mjcf
+from autodrive.scenario.maps.placing import overlaps
+from autodrive.scenario.tracks import Track
+from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
+from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
+from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
+from autodrive.world.racing import Race, load_rules
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """All parts of a World."""
+
+    spec: ScenarioSpec
+    map: Map
+    vehicles: dict[str, VehicleSpec]
+    """By name, in the order of the rows of the Model."""
+    configured: dict[str, dict[str, ConfiguredSensor]]
+    """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
+    sensors: SensorSuite
+    cameras: dict[str, dict[str, CameraSpec]]
+    """Cameras that are on, by vehicle name and camera name."""
+    model: Model
+    state: State
+    engine: Engine
+    views: Views
+    contacts: VehicleContacts
+    scratch: Scratch
+    objects: dict[str, int]
+    """Movable objects: name -> index of the pose in `State.qpos`."""
+    boxes: list[BoxPlacement]
+    """The same objects in the same order, as they were placed."""
+    race: Race | None
+    """None if the scenario has none."""
+    owners: list[str]
+    """Name of the vehicle, box or fixed object of each of the engine's geoms."""
+
+
+def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compiled:
+    """Compiles a scenario, including its map and vehicles. Raises `SpecError` with all errors.
+
+    `source`: the text of the scenario, for the path and the lines in errors.
+    """
+    source = source or Source()
+    map_, vehicles, errors = _load(spec, source)
+    if map_ is None:
+        raise SpecError(errors, source.path)
+    spec = on_grid(spec, map_)
+    configured, wrong_sensors = _configured(spec, vehicles)
+    boxes, unknown_boxes = _boxes(spec, map_, source)
+    race, wrong_race = _race(spec, map_, source)
+    twice = _names_used_twice(spec, map_, boxes, source)
+    errors += [*wrong_sensors, *unknown_boxes, *wrong_race, *twice]
+    if len(boxes) > MAX_BOXES:
+        errors.append(
+            f"{source.at('boxes')}: {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
+        )
+    if twice or len(boxes) > MAX_BOXES or not vehicles:  # without an engine, overlaps are not known
+        raise SpecError(errors, source.path)
+    bodies = [
+        vehicle_mjcf(name, vehicle, spec.vehicles[name].x, spec.vehicles[name].y, spec.vehicles[name].yaw)
+        for name, vehicle in vehicles.items()
+    ]
+    try:
+        engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity))
+    except EngineError as error:
+        place = source.at("boxes" if spec.boxes else "vehicles")
+        raise SpecError([*errors, f"{place}: {error}. Many bodies at the same place?"], source.path) from None
+    errors += _overlapping_vehicles(vehicles, engine, source)
+    if errors:
+        raise SpecError(errors, source.path)
+    geoms = engine.geoms()
+    body_vehicle = {engine.body(name)[0]: i for i, name in enumerate(vehicles)}
+    shapes = _shapes(geoms, body_vehicle)
+    model = Model(
+        dt=spec.substep,
+        gravity=spec.gravity,
+        vehicles=vehicle_table(vehicles, engine, geoms, spec.substep),
+        wheels=wheel_table(
+            [*vehicles.values()],
+            [map_.ground.grip * placement.grip_factor for placement in spec.vehicles.values()],
+            spec.substep,
+        ),
+        shapes=shapes,
+    )
+    state = empty_state(model, engine.body_count)
+    geom_vehicle = np.array([body_vehicle.get(body, -1) for body in engine.geom_bodies], dtype=np.int64)
+    return Compiled(
+        spec=spec,
+        map=map_,
+        vehicles=vehicles,
+        configured=configured,
+        sensors=SensorSuite(
+            configured,
+            shapes,
+            state,
+            substep=Fraction(str(spec.substep)),
+            substeps=spec.substeps,
+            gravity=spec.gravity,
+        ),
+        cameras=_cameras(configured),
+        model=model,
+        state=state,
+        engine=engine,
+        views=engine.views(),
+        contacts=vehicle_contacts(len(vehicles), geom_vehicle),
+        scratch=scratch(model, engine.body_count),
+        objects={box.name: engine.body(box.name)[1] for box in boxes},
+        boxes=boxes,
+        race=race,
+        owners=_owners(engine),
+    )
+
+
+def set_factors(c: Compiled, factors: Mapping[str, Mapping[str, float]]) -> tuple[ScenarioSpec, dict[str, VehicleSpec]]:
+    """Set the tables of the Model and the noise of the sensors in place; see `World.set_factors`.
+
+    Returns scenario and vehicles with these factors.
+    """
+    of = {name: {"mass": 1.0, "grip": 1.0, "noise": 1.0, **factors.get(name, {})} for name in c.vehicles}
+    vehicles = {name: vehicle.with_mass_factor(of[name]["mass"]) for name, vehicle in c.vehicles.items()}
+    for row, vehicle in zip(c.model.vehicles, vehicles.values(), strict=True):
+        row["mass"], row["inertia"] = vehicle.body.mass, vehicle.body.inertia
+    grips = [c.map.ground.grip * (c.spec.vehicles[name].grip_factor * its["grip"]) for name, its in of.items()]
+    c.model.wheels[:] = wheel_table([*vehicles.values()], grips, c.spec.substep)
+    c.sensors.set_noise_factors([its["noise"] for its in of.values()])
+    placed = {
+        name: place.model_copy(
+            update={f"{kind}_factor": getattr(place, f"{kind}_factor") * one for kind, one in of[name].items()}
+        )
+        for name, place in c.spec.vehicles.items()
+    }
+    return c.spec.model_copy(update={"vehicles": placed}), vehicles
+
+
+def _race(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[Race | None, list[str]]:
+    """The race of a scenario, and errors. On a race track laps are always timed."""
+    race = spec.race or RaceSpec()
+    try:
+        track = Track.load(race.track) if race.track else map_.track
+        if track is None:
+            return None, [f"{source.at('race')}: map '{spec.map}' is no track; set 'track'"] if spec.race else []
+        rules = load_rules(race.rules)
+        if race.laps is not None:
+            rules = rules.model_copy(update={"race_laps": race.laps})
+        return Race([*spec.vehicles], track, rules, spec.tick), []
+    except SpecError as error:
+        return None, [f"{source.at('race')}: {text}" for text in error.errors]
+
+
+def _shapes(geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
+    """`body_vehicle`: number of the vehicle of each body that is one."""
+    n_fixed = sum(geom.dof < 0 for geom in geoms)
+    kind = np.array([geom.kind for geom in geoms], dtype=np.int64)
+    size = np.array([geom.size for geom in geoms], dtype=np.float64).reshape(-1, 3)
+    position = np.array([geom.position for geom in geoms], dtype=np.float64).reshape(-1, 3)
+    rotation = np.array([rotation_from_quaternion(geom.orientation) for geom in geoms], dtype=np.float64).reshape(-1, 9)
+    return Shapes(
+        kind=kind,
+        size=size,
+        bounding_radius=np.array([geom.bounding_radius for geom in geoms], dtype=np.float64),
+        position=position,
+        rotation=rotation,
+        vehicle=np.array([body_vehicle.get(geom.body, -1) for geom in geoms], dtype=np.int64),
+        dof=np.array([geom.dof for geom in geoms], dtype=np.int64),
+        qpos=np.array([geom.qpos for geom in geoms], dtype=np.int64),
+        n_fixed=n_fixed,
+        grid=fixed_grid(kind[:n_fixed], size[:n_fixed], position[:n_fixed], rotation[:n_fixed]),
+    )
+
+
+def on_grid(spec: ScenarioSpec, map_: Map) -> ScenarioSpec:
+    """On a race track, vehicles without a pose start on the grid behind the start line."""
+    if map_.track is None:
+        return spec
+    count = len(spec.vehicles)
+    placed: dict[str, VehiclePlacement] = {}
+    for place, (name, one) in enumerate(spec.vehicles.items()):
+        x, y, yaw = map_.track.grid_pose(place, count)
+        pose = {"x": round(x, 4), "y": round(y, 4), "yaw_deg": round(math.degrees(yaw), 4)}
+        placed[name] = one if one.model_fields_set & {*pose} else one.model_copy(update=pose)
+    return spec.model_copy(update={"vehicles": placed})
+
+
+def placement_errors(spec: ScenarioSpec, source: Source) -> list[str]:
+    """Probable mistakes that a run accepts: vehicles outside the walls, and boxes that overlap other objects."""
+    try:
+        map_, _, _ = read_map(spec.map)
+    except SpecError:
+        return []
+    if map_ is None:
+        return []
+    spec = on_grid(spec, map_)
+    return [*_vehicles_outside(spec, map_, source), *_overlapping_boxes(spec, map_, source)]
+
+
+def _load(spec: ScenarioSpec, source: Source) -> tuple[Map | None, dict[str, VehicleSpec], list[str]]:
+    """The map without its faulty placements, the vehicles that can be loaded, and the errors of all files."""
+    errors: list[str] = []
+
+    def add(place: str, messages: list[str], path: str | Path) -> None:
+        errors.extend(f"{place}: {one}" + (f"  ({path})" if path else "") for one in messages)
+
+    map_: Map | None = None
+    vehicles: dict[str, VehicleSpec] = {}
+    try:
+        map_, messages, path = read_map(spec.map)
+        add(source.at("map"), messages, path)
+    except SpecError as error:
+        add(source.at("map"), error.errors, error.path)
+    loaded: dict[str, VehicleSpec | SpecError] = {}
+    for name, placement in spec.vehicles.items():
+        if placement.type not in loaded:
+            try:
+                loaded[placement.type] = load_vehicle(placement.type)
+            except SpecError as error:
+                loaded[placement.type] = error
+        vehicle = loaded[placement.type]
+        if isinstance(vehicle, SpecError):
+            add(source.at("vehicles", name, "type"), vehicle.errors, vehicle.path)
+        else:
+            vehicles[name] = vehicle.with_mass_factor(placement.mass_factor)
+    return map_, vehicles, errors
+
+
+def _owners(engine: Engine) -> list[str]:
+    """Name of the object of each geom."""
+    return [name.split("/")[0] for name in engine.geom_names]
+
+
+def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine, source: Source) -> list[str]:
+    """An error for each vehicle that overlaps another object."""
+    owners = _owners(engine)
+    pairs = {tuple(sorted((owners[a], owners[b]))) for a, b in engine.overlapping()}
+    return [
+        f"{source.at('vehicles', [name for name in pair if name in vehicles][-1])}: '{pair[0]}' and '{pair[1]}' "
+        "overlap at the start; move one of them"
+        for pair in sorted(pairs)
+        if set(pair) & set(vehicles)
+    ]
+
+
+def _vehicles_outside(spec: ScenarioSpec, map_: Map, source: Source) -> list[str]:
+    """An error for each vehicle outside the walls that enclose the roads of the map."""
+    if map_.enclosure is None:
+        return []
+    x0, y0, x1, y1 = map_.enclosure.bounds
+    return [
+        f"{source.at('vehicles', name)}: ({vehicle.x:g}, {vehicle.y:g}) is outside the walls of map '{map_.name}', "
+        f"which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m"
+        for name, vehicle in spec.vehicles.items()
+        if not map_.enclosure.covers(shapely.Point(vehicle.x, vehicle.y))
+    ]
+
+
+def _overlapping_boxes(spec: ScenarioSpec, map_: Map, source: Source) -> list[str]:
+    """An error for each box of the scenario that overlaps a box or a fixed object."""
+    boxes, _ = _boxes(spec, map_, source)
+    own = [box for box in boxes if box.name in spec.boxes]
+    lines = {box.name: source.line("boxes", box.name) for box in own}
+    labels = {name: f"box '{name}'{f' (line {line})' if line else ''}" for name, line in lines.items()}
+    solids = [(labels[box.name], box.plan, *box.span) for box in own]
+    solids += [(f"'{one.name}'", one.plan, *one.span) for one in (*boxes, *map_.statics) if one.name not in spec.boxes]
+    return overlaps(solids, len(own))
+
+
+def _boxes(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[list[BoxPlacement], list[str]]:
+    """The boxes of the map, then those of the scenario, which may replace a box of the map; and errors."""
+    of_map = {box.name: box for box in map_.boxes}
+    errors = [
+        f"{source.at('removed_boxes')}: the map has no box '{name}'. {suggest(name, list(of_map))}"
+        for name in spec.removed_boxes
+        if name not in of_map
+    ]
+    placed = {
+        name: BoxPlacement(
+            name=name,
+            size=box.size,
+            mass=box.mass,
+            position=(box.x, box.y, box.size[2] / 2 if box.z is None else box.z),
+            yaw=math.radians(box.yaw_deg),
+        )
+        for name, box in spec.boxes.items()
+    }
+    removed = set(spec.removed_boxes)
+    kept = [
+        placed[name] if name in removed else box
+        for name, box in of_map.items()
+        if name in placed or name not in removed
+    ]
+    return [*kept, *(box for name, box in placed.items() if name not in removed)], errors
+
+
+def _names_used_twice(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement], source: Source) -> list[str]:
+    names = Counter([*spec.vehicles, *(box.name for box in boxes), *(shape.name for shape in map_.statics), *RESERVED])
+    return [
+        f"{source.at('boxes' if name in spec.boxes else 'vehicles', name)}: the name '{name}' is used twice; vehicles, "
+        f"boxes and fixed objects need different names, and none of them may be {' or '.join(RESERVED)}"
+        for name in sorted({*spec.vehicles, *spec.boxes})
+        if names[name] > 1
+    ]
+
+
+def _configured(
+    spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]
+) -> tuple[dict[str, dict[str, ConfiguredSensor]], list[str]]:
+    """The sensors and cameras of all vehicles, and errors."""
+    errors: list[str] = []
+    configured: dict[str, dict[str, ConfiguredSensor]] = {}
+    for name, vehicle in vehicles.items():
+        own = spec.vehicles[name]
+        try:
+            configured[name] = configured_sensors(
+                vehicle.sensors,
+                vehicle.cameras,
+                own.sensors,
+                is_realistic=own.has_realistic_sensors,
+                noise_factor=own.noise_factor,
+            )
+        except SpecError as error:
+            errors += [f"vehicles.{name}.sensors.{one}" for one in error.errors]
+    return configured, errors
+
+
+def _cameras(configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, dict[str, CameraSpec]]:
+    return {
+        name: {camera: its.spec for camera, its in sensors.items() if isinstance(its.spec, CameraSpec) and its.is_on}
+        for name, sensors in configured.items()
+    }

@@ -1,0 +1,91 @@
+"""The commands that the vehicles of a world obey, with their time-out, and the lamps and modes that commands switch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from autodrive.base.errors import CommandError
+from autodrive.base.specs import suggest
+from autodrive.protocol.commands import check_command, check_commands
+from autodrive.protocol.messages import Command, Headlights, Indicators
+
+NO_COMMAND = Command()
+
+
+@dataclass
+class VehicleControls:
+    """What one vehicle has been commanded to do."""
+
+    is_autonomous: bool
+    command: Command = NO_COMMAND
+    since: float = -math.inf
+    """Tick of the latest command."""
+    headlights: Headlights = Headlights.OFF
+    indicators: Indicators = Indicators.OFF
+    indicators_since: int = 0
+    """Tick at which the indicators were switched on."""
+
+
+class Controls:
+    """The controls of all vehicles of a world."""
+
+    def __init__(self, is_autonomous: Mapping[str, bool], timeout: int) -> None:
+        """`is_autonomous`: driving mode of each vehicle after a reset; `timeout` of a command [ticks]."""
+        self._is_autonomous = dict(is_autonomous)
+        self._timeout = timeout
+        self.throttle = np.zeros(len(self._is_autonomous))
+        """What the vehicles obey in this tick, shape (n_vehicle,); see `update`."""
+        self.steering = np.zeros(len(self._is_autonomous))
+        """Likewise."""
+        self.names = list(self._is_autonomous)
+        self._numbers = {name: i for i, name in enumerate(self.names)}
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all commands; every vehicle is in the driving mode that it starts in."""
+        self.restore([VehicleControls(is_autonomous) for is_autonomous in self._is_autonomous.values()])
+
+    def index(self, vehicle: str) -> int:
+        """Number of that vehicle. Raises `CommandError` if there is none."""
+        number = self._numbers.get(vehicle) if isinstance(vehicle, str) else None
+        if number is None:
+            raise CommandError(f"vehicle '{vehicle}' is not in this world. {suggest(str(vehicle), self.names)}")
+        return number
+
+    def accept(self, commands: Mapping[str, Command], tick: int) -> None:
+        """Take commands at that tick. Raises `CommandError` if one of them is wrong, and takes none of them then."""
+        check_commands(commands)
+        obeying: list[tuple[VehicleControls, Command]] = []
+        for name, command in commands.items():
+            obeying.append((self.vehicles[self.index(name)], command))
+            check_command(name, command)
+        for controls, command in obeying:
+            controls.command, controls.since = command, tick
+            if command.headlights is not None:
+                controls.headlights = Headlights(command.headlights)
+            if command.indicators is not None and command.indicators != controls.indicators:
+                if controls.indicators == Indicators.OFF:
+                    controls.indicators_since = tick
+                controls.indicators = Indicators(command.indicators)
+
+    def update(self, tick: int) -> None:
+        """Write what the vehicles obey at that tick into `throttle` and `steering`: clamped, 0 after the time-out."""
+        for i, controls in enumerate(self.vehicles):
+            command = controls.command if tick - controls.since <= self._timeout else NO_COMMAND
+            self.throttle[i], self.steering[i] = _clamped(command.throttle), _clamped(command.steering)
+
+    def save(self) -> Sequence[VehicleControls]:
+        """Everything that the future depends on, for `restore`."""
+        return [replace(controls) for controls in self.vehicles]
+
+    def restore(self, saved: Sequence[VehicleControls]) -> None:
+        """Go back to the state of `save`."""
+        self.vehicles = [replace(controls) for controls in saved]
+
+
+def _clamped(value: float) -> float:
+    return 1.0 if value > 1.0 else -1.0 if value < -1.0 else value

@@ -1,0 +1,130 @@
+"""Edits a running World, and remembers its edits for undo and redo."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from autodrive.base.arrays import Floats
+from autodrive.base.errors import CommandError
+from autodrive.protocol.messages import AddBox, Edit, Place, RemoveBox
+from autodrive.scenario import ScenarioSpec
+from autodrive.world import World
+from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.editing.edits import edited, name_of
+
+MAX_EDITS = 200
+"""Edits that can be undone; older ones are forgotten."""
+
+Poses: TypeAlias = Mapping[str, Floats | None]
+"""Where vehicles and objects are placed, by name; None: where the scenario starts with them."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """An edit that was made."""
+
+    name: str
+    before: ScenarioSpec
+    after: ScenarioSpec
+    poses_before: Poses
+    poses_after: Poses
+
+
+class Editor:
+    """One history of edits for all clients. `make` makes the World of a scenario; None: edits can only change poses.
+
+    A move, which changes poses only, happens in the World. Every other edit makes a new World, which continues from the
+    present one: time continues, and everything that was not edited keeps its pose, speed and readings.
+    """
+
+    def __init__(self, make: Callable[[ScenarioSpec], World] | None) -> None:
+        self._make = make
+        self._undo: deque[Change] = deque(maxlen=MAX_EDITS)
+        self._redo: list[Change] = []
+
+    @property
+    def undo_name(self) -> str:
+        """The edit that `undo` reverts; empty if there is none."""
+        return self._undo[-1].name if self._undo else ""
+
+    @property
+    def redo_name(self) -> str:
+        """The edit that `redo` makes again; empty if there is none."""
+        return self._redo[-1].name if self._redo else ""
+
+    def edit(self, world: World, edit: Edit) -> World:
+        """Make an edit; the World after it, which may be a new one. Raises `AutodriveError`; then nothing changes."""
+        spec = world.spec
+        after = edited(spec, world.boxes, edit)
+        before: dict[str, Floats | None] = {}
+        if isinstance(edit, Place | RemoveBox):
+            before = {edit.name: world.pose(edit.name)}
+        moved: Poses = {edit.name: None} if isinstance(edit, Place | AddBox) else {}
+        result = self._changed(world, after, moved)
+        self._undo.append(Change(name_of(edit), spec, after, before, moved))
+        self._redo.clear()
+        return result
+
+    def undo(self, world: World) -> World:
+        """Revert the latest edit."""
+        if not self._undo:
+            raise CommandError("there is no edit to undo")
+        change = self._undo[-1]
+        result = self._changed(world, change.before, change.poses_before)
+        self._redo.append(self._undo.pop())
+        return result
+
+    def redo(self, world: World) -> World:
+        """Make the edit again that was reverted last."""
+        if not self._redo:
+            raise CommandError("there is no edit to redo")
+        change = self._redo[-1]
+        result = self._changed(world, change.after, change.poses_after)
+        self._undo.append(self._redo.pop())
+        return result
+
+    def on_reset(self) -> None:
+        """After a reset, undoing an earlier edit moves its vehicle or object to its start."""
+        for i, change in enumerate(self._undo):
+            self._undo[i] = replace(change, poses_before=dict.fromkeys(change.poses_before))
+
+    def forget(self) -> None:
+        """Forget all edits: another scenario was loaded."""
+        self._undo.clear()
+        self._redo.clear()
+
+    def _changed(self, world: World, spec: ScenarioSpec, poses: Poses) -> World:
+        """The World of another scenario; `poses` are those of the things that are placed."""
+        compiled = compile_scenario(spec)
+        targets = {name: _start(compiled, name) if pose is None else pose for name, pose in poses.items()}
+        if _bodies(compiled) == _bodies(world):
+            world.set_poses(targets)
+            world.start_from(compiled)
+            return world
+        if self._make is None:
+            raise CommandError("this Simulation was made for one World: only poses of vehicles and boxes can be edited")
+        made = self._make(spec)
+        try:
+            made.continue_from(world)
+            made.set_poses(targets)
+        except BaseException:
+            made.close()
+            raise
+        return made
+
+
+def _start(compiled: Compiled, name: str) -> Floats:
+    qpos = compiled.engine.body(name)[1]
+    return compiled.engine.start[qpos : qpos + 7]
+
+
+def _bodies(of: Compiled | World) -> object:
+    """What makes a World but poses."""
+    boxes = of.boxes.values() if isinstance(of, World) else of.boxes
+    vehicles = {
+        name: one.model_copy(update={"x": 0.0, "y": 0.0, "yaw_deg": 0.0}) for name, one in of.spec.vehicles.items()
+    }
+    return vehicles, [(box.name, box.size, box.mass) for box in boxes]

@@ -1,0 +1,139 @@
+"""Builds Frames from the State of a world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from operator import itemgetter
+
+import numpy as np
+
+from autodrive.base.arrays import Floats, Integers, read_only_copy
+from autodrive.base.units import RPM
+from autodrive.physics.actuators.lights import lit_lamps
+from autodrive.physics.state import State, numbers, places
+from autodrive.protocol.messages import Event, Frame, Lights, ObjectFrame, Pose, RaceState, VehicleFrame, WheelsReading
+from autodrive.world.compile import Compiled
+from autodrive.world.controls import VehicleControls
+
+REVERSE_SPEED = -0.05 * RPM
+"""The reverse lights are on while the rear wheels turn slower than this [rad/s]."""
+
+
+class FrameBuilder:
+    """Builds the Frames of one world; each Frame has copies of the State, which later ticks do not change."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._numbers = numbers(compiled.state)
+        self._qpos = compiled.state.qpos
+        self._sensors = compiled.sensors
+        self._objects = compiled.objects
+        where = places(compiled.state)
+        self._places = [_places_of(where, i) for i in range(len(compiled.vehicles))]
+        self._blink_ticks = [
+            (name, vehicle.lights.blink_period, compiled.spec.tick) for name, vehicle in compiled.vehicles.items()
+        ]
+        self._lights: list[tuple[object, Lights | None]] = [(None, None) for _ in compiled.vehicles]
+        """The latest lights of each vehicle, and what they depend on: they seldom change."""
+
+    def build(
+        self,
+        tick: int,
+        time: float,
+        controls: Sequence[VehicleControls],
+        collision_counts: Sequence[int],
+        events: tuple[Event, ...],
+        scene_light: bool,
+        time_of_day: float | None = None,
+        *,
+        races: Sequence[RaceState] | None = None,
+    ) -> Frame:
+        """The Frame of the State at `time` [s]; what is given of the vehicles is by their number."""
+        return Frame(
+            time=time,
+            tick=tick,
+            vehicles={
+                name: self._vehicle_frame(
+                    i,
+                    controls[i],
+                    (tick - controls[i].indicators_since) * duration / period,
+                    collision_counts[i],
+                    races[i] if races else None,
+                )
+                for i, (name, period, duration) in enumerate(self._blink_ticks)
+            },
+            objects={name: ObjectFrame(_pose(self._qpos, start)) for name, start in self._objects.items()},
+            events=events,
+            scene_light=scene_light,
+            time_of_day=time_of_day,
+        )
+
+    def _vehicle_frame(
+        self,
+        i: int,
+        controls: VehicleControls,
+        blinks: float,
+        collision_count: int,
+        race: RaceState | None,
+    ) -> VehicleFrame:
+        """`blinks`: periods of the indicators since they were switched on."""
+        values = self._numbers[self._places[i]]  # one copy: many small ones take longer than all the rest
+        values.setflags(write=False)
+        throttle, steering, rear_left_spin, rear_right_spin = values[SCALARS].tolist()
+        is_reversing = throttle < 0.0 or 0.5 * (rear_left_spin + rear_right_spin) < REVERSE_SPEED
+        position, orientation, velocity, angular_velocity, *wheels = _arrays_of(values)
+        return VehicleFrame(
+            pose=Pose(position, orientation),
+            velocity=velocity,
+            angular_velocity=angular_velocity,
+            throttle=throttle,
+            steering=steering,
+            lights=self._lit_lamps(i, controls, blinks % 1.0, throttle == 0.0, is_reversing),
+            wheels=WheelsReading(*wheels),
+            is_autonomous=controls.is_autonomous,
+            collision_count=collision_count,
+            race=race,
+            **self._sensors.readings(i),
+        )
+
+    def _lit_lamps(
+        self, i: int, controls: VehicleControls, blink_phase: float, is_braking: bool, is_reversing: bool
+    ) -> Lights:
+        key = controls.headlights, controls.indicators, blink_phase >= 0.5, is_braking, is_reversing
+        before, lights = self._lights[i]
+        if lights is None or key != before:
+            lights = lit_lamps(controls.headlights, controls.indicators, blink_phase, is_braking, is_reversing)
+            self._lights[i] = key, lights
+        return lights
+
+
+SCALARS = slice(0, 4)
+"""Where throttle, steering and the spin of the rear wheels are in `_places_of`."""
+ARRAYS = (slice(4, 7), slice(7, 11), slice(11, 14), slice(14, 17), *(slice(k, k + 4) for k in range(17, 45, 4)))
+"""Where position, orientation, both velocities and the fields of `WheelsReading` are."""
+_arrays_of: Callable[[Floats], tuple[Floats, ...]] = itemgetter(*ARRAYS)
+
+
+def _places_of(where: State, i: int) -> Integers:
+    """Where the numbers of vehicle i are; throttle and steering are virtual sensors (report, tables 2 and 3)."""
+    wheels = slice(4 * i, 4 * i + 4)
+    parts = (
+        where.throttle[i : i + 1],
+        where.steering_angle[i : i + 1],
+        where.wheel_angular_velocity[4 * i + 2 : 4 * i + 4],
+        where.vehicle_position[i],
+        where.vehicle_orientation[i],
+        where.vehicle_velocity[i],
+        where.vehicle_angular_velocity[i],
+        where.wheel_steering_angle[wheels],
+        where.wheel_rotation[wheels],
+        where.wheel_angular_velocity[wheels],
+        where.wheel_compression[wheels],
+        where.wheel_normal_load[wheels],
+        where.wheel_slip_ratio[wheels],
+        where.wheel_slip_angle[wheels],
+    )
+    return np.concatenate(parts).astype(np.int64)
+
+
+def _pose(qpos: Floats, start: int) -> Pose:
+    return Pose(read_only_copy(qpos[start : start + 3]), read_only_copy(qpos[start + 3 : start + 7]))

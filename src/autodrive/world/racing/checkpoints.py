@@ -1,0 +1,138 @@
+"""Checkpoints of a track, and the compiled function that finds who passed one in a tick."""
+
+from __future__ import annotations
+
+from math import hypot, nan
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from autodrive.base.arrays import Floats, Integers
+from autodrive.base.jit import jit_uncounted
+from autodrive.scenario.tracks import Track
+from autodrive.scenario.tracks.line import Line, nearest_on_line
+
+MARGIN = 0.3
+"""A checkpoint is this much wider than the track on each side [m]."""
+MAX_SPEED = 100.0
+"""A vehicle that moves faster than this from tick to tick was placed elsewhere [m/s]; it passes nothing."""
+WRONG_WAY = 0.5
+"""A vehicle drives the wrong way after this distance against the direction of the track [m]."""
+
+
+class Progress(NamedTuple):
+    """Where the vehicles are on the track: one element of each array for each vehicle."""
+
+    x: Floats
+    """Position of the rear axle centre at the end of the latest tick [m]."""
+    y: Floats
+    s: Floats
+    """Distance of its nearest point along the centre line, from 0 to the length [m]."""
+    lateral: Floats
+    """How far it is to the left of that point [m]."""
+    travelled: Floats
+    """Sum of all changes of `s`, without jumps at the start line [m]."""
+    farthest: Floats
+    """Greatest `travelled` since the vehicle last turned into the direction of the track [m]."""
+    backmost: Floats
+    """Least `travelled` while it drives the wrong way [m]."""
+    is_wrong_way: Integers
+    """1 while it drives against the direction of the track."""
+    has_turned: Integers
+    """1 if it became so in the latest tick."""
+    next_gate: Integers
+    """Number of the checkpoint that it must pass next; 0 is the finish line."""
+    passed: Floats
+    """When it passed that checkpoint, as a fraction of the latest tick; NaN if it did not."""
+
+
+def progress(vehicles: int) -> Progress:
+    """The arrays for that many vehicles."""
+    whole = {"is_wrong_way", "has_turned", "next_gate"}
+    columns: dict[str, Any] = {
+        name: np.zeros(vehicles, np.int64 if name in whole else np.float64) for name in Progress._fields
+    }
+    return Progress(**columns)
+
+
+def gates(track: Track, distance: float) -> Floats:
+    """Checkpoints about `distance` [m] apart, shape (n, 6); the first is the finish line.
+
+    Columns: a point of the centre line [m], the direction of the track there, widths to the right and left [m].
+    """
+    count = max(3, round(track.length / distance))
+    rows = []
+    for s in (track.length * i / count for i in range(count)):
+        x, y, _ = track.pose_at(s)
+        rows.append((x, y, *_direction(track, s), *track.widths_at(s)))
+    return np.array(rows)
+
+
+def _direction(track: Track, s: float) -> tuple[float, float]:
+    """Mean direction of the centre line around s: at a corner of the line, the direction of its bisector."""
+    (xa, ya, _), (xb, yb, _) = track.pose_at(s - 1e-3), track.pose_at(s + 1e-3)
+    length = hypot(xb - xa, yb - ya)
+    return (xb - xa) / length, (yb - ya) / length
+
+
+@jit_uncounted
+def start(line: Line, positions: Floats, i: int, p: Progress) -> None:
+    """Let vehicle i be where it is now, without having moved there."""
+    p.x[i], p.y[i] = positions[i, 0], positions[i, 1]
+    p.s[i], p.lateral[i] = nearest_on_line(line, p.x[i], p.y[i])
+    p.farthest[i] = p.backmost[i] = p.travelled[i]
+    p.is_wrong_way[i] = p.has_turned[i] = 0
+    p.passed[i] = nan
+
+
+@jit_uncounted
+def advance(line: Line, gates: Floats, positions: Floats, tick: float, p: Progress) -> bool:
+    """Update the progress at the end of a tick; whether a vehicle passed a checkpoint or turned the wrong way.
+
+    A crossing is interpolated within the tick: the path is straight, and its speed changes by at most a few cm/s.
+    """
+    length = line.along[-1]
+    has_news = False
+    for i in range(len(p.x)):
+        x0, y0, x1, y1 = p.x[i], p.y[i], positions[i, 0], positions[i, 1]
+        if x0 == x1 and y0 == y1:
+            p.passed[i] = nan
+            p.has_turned[i] = 0
+            continue
+        if hypot(x1 - x0, y1 - y0) > MAX_SPEED * tick:
+            start(line, positions, i, p)
+            continue
+        s, p.lateral[i] = nearest_on_line(line, x1, y1)
+        change = s - p.s[i]
+        p.travelled[i] += change - length * np.round(change / length)
+        p.x[i], p.y[i], p.s[i] = x1, y1, s
+        _update_direction(p, i)
+        has_news |= p.has_turned[i] == 1
+        gx, gy, dx, dy, right, left = gates[p.next_gate[i]]
+        before = (x0 - gx) * dx + (y0 - gy) * dy
+        after = (x1 - gx) * dx + (y1 - gy) * dy
+        p.passed[i] = nan
+        if before < 0.0 <= after:
+            fraction = before / (before - after)
+            side = (y0 + fraction * (y1 - y0) - gy) * dx - (x0 + fraction * (x1 - x0) - gx) * dy
+            if -right - MARGIN <= side <= left + MARGIN:
+                p.passed[i] = fraction
+                has_news = True
+    return has_news
+
+
+@jit_uncounted
+def _update_direction(p: Progress, i: int) -> None:
+    """Update `is_wrong_way` and `has_turned` of vehicle i."""
+    travelled = p.travelled[i]
+    p.has_turned[i] = 0
+    if not p.is_wrong_way[i]:
+        p.farthest[i] = max(p.farthest[i], travelled)
+        p.backmost[i] = travelled
+        if p.farthest[i] - travelled > WRONG_WAY:
+            p.is_wrong_way[i] = p.has_turned[i] = 1
+        return
+    p.backmost[i] = min(p.backmost[i], travelled)
+    if travelled - p.backmost[i] > WRONG_WAY:
+        p.is_wrong_way[i] = 0
+        p.farthest[i] = travelled

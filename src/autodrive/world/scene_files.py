@@ -1,0 +1,142 @@
+"""The files that a client needs to draw a world: its Scene, and the .glb files that the Scene names."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from math import hypot
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from autodrive.graphics.cameras.viewpoints import scene_cameras
+from autodrive.graphics.meshes import store
+from autodrive.graphics.render.look import light_table
+from autodrive.physics.actuators.lights import LAMPS, LightsSpec
+from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.settings import ConfiguredSensor, noise_presets
+from autodrive.protocol.messages import Pose
+from autodrive.protocol.native import Lamp, Plan, Scene, SensorScene, VehicleScene
+from autodrive.scenario.maps.draw import drawn_bounds, to_svg
+
+if TYPE_CHECKING:
+    from autodrive.physics.sensors.noise import NoiseSpec
+    from autodrive.physics.sensors.sensor import Mount
+    from autodrive.scenario.maps.map import Map
+    from autodrive.scenario.vehicles.spec import VehicleSpec
+    from autodrive.world import World
+
+PLAN_RESOLUTION = 60.0
+"""Of the drawing of the map [pixels/m]; browsers scale it."""
+
+FOLDER = "scene"
+"""Folder of the files, relative to the page."""
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """The Scene of a world and the content of its files by name; equal objects share a file."""
+
+    scene: Scene
+    files: dict[str, bytes]
+
+    @staticmethod
+    def of(world: World, scenario: str) -> SceneFiles:
+        """The files of a world made from the scenario of that name. Missing .glb files are built first."""
+        files = _Files()
+        scene = Scene(
+            scenario=scenario,
+            title=world.spec.title,
+            map=world.spec.map,
+            tick=world.tick_duration,
+            model=files.url("map", world.map),
+            plan=files.plan(world.map),
+            vehicles={
+                name: _vehicle(spec, world.spec.vehicles[name].type, world.sensors[name], files)
+                for name, spec in world.vehicle_specs.items()
+            },
+            objects={name: files.url("box", box.size) for name, box in world.boxes.items()},
+            light_table=light_table(),
+            scene_cameras=scene_cameras(),
+            object_sizes={name: box.size for name, box in world.boxes.items()},
+        )
+        return SceneFiles(scene, files.content)
+
+
+@dataclass
+class _Files:
+    content: dict[str, bytes] = field(default_factory=dict)
+
+    def url(self, kind: store.Kind, of: Any) -> str:
+        """Address of the file, relative to the page."""
+        name, data = store.file(kind, of)
+        self.content[name] = data
+        return f"{FOLDER}/{name}"
+
+    def plan(self, map_: Map) -> Plan:
+        """The drawing of the map."""
+        svg = _plan(map_)
+        name = f"plan-{hashlib.sha256(svg).hexdigest()[:16]}.svg"
+        self.content[name] = svg
+        return Plan(f"{FOLDER}/{name}", drawn_bounds(map_))
+
+
+def _plan(map_: Map) -> bytes:
+    """The drawing without boxes, which can be moved."""
+    return to_svg(replace(map_, boxes=()), pixels_per_metre=PLAN_RESOLUTION, overlays=("lanes",)).encode()
+
+
+def _vehicle(spec: VehicleSpec, type_: str, sensors: dict[str, ConfiguredSensor], files: _Files) -> VehicleScene:
+    lidar = spec.sensors.lidar if "lidar" in sensors and sensors["lidar"].is_on else None
+    return VehicleScene(
+        type=type_,
+        model=files.url("vehicle", spec),
+        half_length=0.5 * max(spec.size),
+        steering_limit=spec.steering.limit,
+        lamps=_lamps(spec.lights),
+        cameras=[name for name in spec.cameras if sensors[name].is_on],
+        lidar=lidar and _pose(lidar.mount),
+        wheelbase=spec.wheelbase,
+        wheel_radius=spec.wheels.radius,
+        speed_limit=spec.drivetrain.speed_limit * spec.wheels.radius,
+        sensor_noise=_noise({name: sensor.spec for name, sensor in sensors.items()}),
+        size=spec.size,
+        sensors={name: _sensor(sensor) for name, sensor in sensors.items()},
+    )
+
+
+def _sensor(sensor: ConfiguredSensor) -> SensorScene:
+    return SensorScene(
+        is_on=sensor.is_on,
+        rate=sensor.spec.rate,
+        noise=sensor.noise,
+        noises=list(noise_presets(sensor.spec)),
+        is_camera=isinstance(sensor.spec, CameraSpec),
+    )
+
+
+def _noise(specs: dict[str, Any]) -> dict[str, float]:
+    """Standard deviation by quantity; rounding to a step d adds the variance d^2 / 12."""
+    noises: dict[str, NoiseSpec] = {
+        "encoder_angle": specs["encoders"].noise,
+        "ips": specs["ips"].noise,
+        "imu_orientation": specs["imu"].noise.orientation,
+        "imu_angular_velocity": specs["imu"].noise.angular_velocity,
+        "imu_linear_acceleration": specs["imu"].noise.linear_acceleration,
+    }
+    return {name: hypot(noise.sigma, noise.offset, noise.step / 12**0.5) for name, noise in noises.items()}
+
+
+def _lamps(lights: LightsSpec) -> dict[str, Lamp]:
+    """The lamps of both sides."""
+    lamps = {}
+    for name in LAMPS:
+        lamp, _, side = name.rpartition("_")
+        spec = getattr(lights, lamp)
+        x, y, z = spec.position
+        lamps[name] = Lamp((x, y if side == "left" else -y, z), spec.color, spec.range)
+    return lamps
+
+
+def _pose(mount: Mount) -> Pose:
+    return Pose(np.array(mount.position), np.array(mount.orientation))

@@ -1,0 +1,446 @@
+"""Runs a World at a pace, in the thread of the caller or in a thread of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import reprlib
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Protocol, get_args
+
+from autodrive.base.errors import AutodriveError, CommandError, EngineError
+from autodrive.base.pace import Pace
+from autodrive.protocol.commands import check_command, check_commands, is_number
+from autodrive.protocol.messages import (
+    AddBox,
+    Command,
+    Frame,
+    Hold,
+    LoadScenario,
+    Operation,
+    Pause,
+    Place,
+    Redo,
+    RemoveBox,
+    Reset,
+    Resume,
+    Retire,
+    SaveScenario,
+    SetDrivingMode,
+    SetSceneLight,
+    SetSensor,
+    SetSpeed,
+    SetTimeOfDay,
+    Step,
+    Teleport,
+    Undo,
+)
+from autodrive.protocol.native import Source
+from autodrive.world.editing.editor import Editor
+from autodrive.world.simulation.checks import check_request, check_speed, check_vehicle
+from autodrive.world.simulation.clock import Clock, WallClock
+from autodrive.world.simulation.sinks import Publisher, Sink
+
+if TYPE_CHECKING:
+    from autodrive.scenario import ScenarioSpec
+    from autodrive.world import World
+
+NO_COMMANDS: Mapping[str, Command] = {}
+
+SOURCES: tuple[Source, ...] = get_args(Source)
+
+log = logging.getLogger(__name__)
+
+SHORT = 10
+"""A Step of at most this many ticks may run in the thread of the caller."""
+
+IMAGE_POLL_PERIOD = 0.01
+"""A paused World is asked this often for images that are still being rendered [s]."""
+
+
+class Observer(Sink, Protocol):
+    """A Sink that also learns what the World is given, for example a recorder."""
+
+    def given(self, commands: Mapping[str, Command]) -> None:
+        """The next tick runs with these commands."""
+
+    def executed(self, request: Operation) -> None:
+        """A request was executed; its Frame follows, if it made one."""
+
+
+class Simulation(Publisher):
+    """One World at a time, ticking in real time, at another speed, or as fast as it can.
+
+    `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario: by
+    name for `LoadScenario`, by Spec for edits; it raises `AutodriveError` if it cannot. With `pause_on_error` an
+    `EngineError` pauses the simulation and is kept in `error`, and an unexpected error of a request is logged;
+    otherwise both end the run. `clock` replaces the wall clock, for tests. All methods may be called from any thread;
+    only one thread at a time uses the World: the simulation's own, except for Steps that run `here`.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        *,
+        speed: float | None = 1.0,
+        is_paused: bool = False,
+        load: Callable[[str | ScenarioSpec], World] | None = None,
+        pause_on_error: bool = False,
+        clock: Clock | None = None,
+    ) -> None:
+        check_speed(speed)
+        super().__init__(world.frame)
+        self.world = world
+        self.error = ""
+        """Why the physics cannot continue; empty if it can. A Reset or another scenario clears it."""
+        self._load = load
+        self._editor = Editor(load)
+        self._pause_on_error = pause_on_error
+        self._clock: Clock = clock or WallClock()
+        self._is_paused = is_paused
+        self._pace = Pace(world.tick_duration, speed)
+        self._observers: tuple[Observer, ...] = ()
+        self._commands: dict[tuple[str, Source], Command] = {}
+        self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
+        self._mailbox = threading.Condition()
+        self._world_lock = threading.Lock()
+        """Held by the thread that uses the World; taken before the mailbox's lock, never after. The thread of the
+        simulation releases it while it sleeps in a pause."""
+        self._thread: threading.Thread | None = None
+        self._is_stopping = False
+        self._error: BaseException | None = None
+
+    # -- state ------------------------------------------------------------------------------------------
+
+    @property
+    def speed(self) -> float | None:
+        """Target of simulated seconds per wall second; None is as fast as possible."""
+        return self._pace.speed
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per wall second, measured over about the last second; 0 before the first measurement."""
+        return self._pace.real_time_factor
+
+    @property
+    def ticks(self) -> int:
+        """Ticks run by this Simulation; a Reset does not change the count."""
+        return self._pace.ticks
+
+    @property
+    def late_ticks(self) -> int:
+        """Ticks that ran more than the duration of a tick too late."""
+        return self._pace.late_ticks
+
+    @property
+    def simulated_time(self) -> float:
+        """Simulated time that this Simulation has run [s]; a Reset does not change it."""
+        return self._pace.simulated_time
+
+    @property
+    def running_time(self) -> float:
+        """Wall time spent running, without pauses [s]."""
+        return self._pace.running_time(self._clock.now())
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether simulated time is stopped until a Resume."""
+        return self._is_paused
+
+    @property
+    def undo_name(self) -> str:
+        """The edit that an `Undo` reverts, for example 'place V1'; empty if there is none."""
+        return self._editor.undo_name
+
+    @property
+    def redo_name(self) -> str:
+        """The edit that a `Redo` makes again; empty if there is none."""
+        return self._editor.redo_name
+
+    @property
+    def is_running(self) -> bool:
+        """Whether its thread, or a `run`, is active (also while paused)."""
+        return self._thread is not None
+
+    # -- commands, requests and sinks ---------------------------------------------------------------------------
+
+    def submit(self, vehicle: str, command: Command, source: Source = "script") -> None:
+        """Set the command for the next tick; the latest of each source wins. Raises `CommandError`.
+
+        The vehicle obeys it only if its driving mode selects this source at that tick.
+        """
+        check_vehicle(vehicle, self._frame)
+        check_commands({vehicle: command})
+        check_command(vehicle, command)
+        if source not in SOURCES:
+            raise CommandError(f"the source of a command must be 'person' or 'script', not {source!r}")
+        with self._mailbox:
+            self._commands[vehicle, source] = command
+
+    def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
+        """Execute a request before the next tick, in the order of the calls. Raises `CommandError`.
+
+        The result of the Future is the Frame after the request. `here`: a short Step of a paused simulation may run in
+        the thread of the caller, including the sinks, which avoids two thread switches.
+        """
+        check_request(request, self._frame, error=self.error, can_load=self._load is not None)
+        done: Future[Frame] = Future()
+        if here and isinstance(request, Step) and request.ticks <= SHORT and self._step_here(request, done):
+            return done
+        with self._mailbox:
+            self._requests.append((request, done))
+            self._mailbox.notify_all()
+        return done
+
+    def _step_here(self, step: Step, done: Future[Frame]) -> bool:
+        """Returns False if another thread uses the World or other requests are waiting."""
+        if not self._world_lock.acquire(blocking=False):
+            return False
+        try:
+            is_free = self.is_running and self.is_paused and not self._requests and not self._is_stopping
+            if not is_free or self.world.belongs_to_thread:
+                return False
+            try:
+                self._execute(step)
+            except Exception as error:
+                done.set_exception(error)
+            else:
+                done.set_result(self._frame)
+            return True
+        finally:
+            self._world_lock.release()
+
+    def add_observer(self, observer: Observer) -> None:
+        """As `add_sink`, and tell it the commands of each tick and the requests, in their order."""
+        with self._mailbox:
+            self._observers = (*self._observers, observer)
+        self.add_sink(observer)
+
+    def remove_observer(self, observer: Observer) -> None:
+        """Tell `observer` nothing more; does nothing if it was not added."""
+        with self._mailbox:
+            self._observers = tuple(other for other in self._observers if other is not observer)
+        self.remove_sink(observer)
+
+    # -- running ------------------------------------------------------------------------------------------------
+
+    def run(self, duration: float | None = None) -> Frame:
+        """Run in the caller's thread for `duration` simulated seconds (None: until `stop`); the last Frame."""
+        ticks = self._ticks_in(duration)
+        self._claim(threading.current_thread())
+        try:
+            self._loop(ticks)
+        finally:
+            self._release()
+        return self._frame
+
+    def start(self, duration: float | None = None) -> None:
+        """Run in a thread of its own for `duration` simulated seconds (None: until `stop`)."""
+        ticks = self._ticks_in(duration)
+        thread = threading.Thread(target=self._run_thread, args=(ticks,), name="autodrive-simulation", daemon=True)
+        self._claim(thread)
+        thread.start()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until the run ends; False if `timeout` [s] came first. Raises the error that ended the thread early."""
+        with self._mailbox:
+            if self._thread is not threading.current_thread():
+                self._mailbox.wait_for(lambda: self._thread is None, timeout)
+            error, self._error = self._error, None
+        if error is not None:
+            raise error
+        return not self.is_running
+
+    def stop(self) -> None:
+        """End the run after the current tick. Raises the error that ended the thread early."""
+        with self._mailbox:
+            self._is_stopping = True
+            self._mailbox.notify_all()
+        self.wait()
+
+    def __enter__(self) -> Simulation:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    # -- the thread ---------------------------------------------------------------------------------------------
+
+    def _claim(self, thread: threading.Thread) -> None:
+        with self._mailbox:
+            if self.is_running:
+                raise RuntimeError("this Simulation is running already")
+            self._thread = thread
+            self._is_stopping = False
+
+    def _release(self) -> None:
+        with self._mailbox:
+            self._thread = None
+            self._mailbox.notify_all()
+
+    def _run_thread(self, ticks: float) -> None:
+        try:
+            self._loop(ticks)
+        except BaseException as error:  # raised by wait()
+            self._error = error
+        finally:
+            self._release()
+
+    def _loop(self, ticks: float) -> None:
+        end = self._pace.ticks + ticks
+        if not self.is_paused:
+            self._pace.restart(self._clock.now())
+        self._world_lock.acquire()
+        try:
+            while not self._is_stopping and self._pace.ticks < end:
+                self._execute_requests()
+                if self._is_due():
+                    self._tick_or_pause()
+        finally:
+            self._world_lock.release()
+            self._pace.rest(self._clock.now())
+
+    def _is_due(self) -> bool:
+        """Whether to tick now. If not, sleeps until the tick is due, a request arrives or images are to be polled."""
+        delay = None if self.is_paused else self._pace.delay(self._clock.now())
+        if delay is not None and delay <= 0:
+            return True
+        if self.is_paused and self.world.is_looking:
+            delay = IMAGE_POLL_PERIOD
+            if self.world.look() is not self._frame:
+                self._publish(self.world.frame)
+        with self._world_released() if self.is_paused else contextlib.nullcontext(), self._mailbox:
+            if not self._requests and not self._is_stopping:
+                self._clock.wait(self._mailbox, delay)
+        return False
+
+    @contextlib.contextmanager
+    def _world_released(self) -> Iterator[None]:
+        """Other threads may use the World meanwhile."""
+        self._world_lock.release()
+        try:
+            yield
+        finally:
+            self._world_lock.acquire()
+
+    def _tick(self, step_commands: Mapping[str, Command] = NO_COMMANDS) -> None:
+        """Run one tick with the commands of the drivers, and with `step_commands`, which take precedence."""
+        with self._mailbox:
+            received, self._commands = self._commands, {}
+        commands: dict[str, Command] = {}
+        for name, vehicle in self._frame.vehicles.items():
+            command = received.get((name, "script" if vehicle.is_autonomous else "person"))
+            if command is not None:
+                commands[name] = command
+        given = {**commands, **step_commands}
+        for observer in self._observers:
+            observer.given(given)
+        self._publish(self.world.step(given))
+        if self._pace.count(self._clock.now()):
+            log.warning("cannot keep up with speed %g: simulated time slows down", self.speed)
+
+    def _tick_or_pause(self) -> None:
+        try:
+            self._tick()
+        except EngineError as error:
+            if not self._pause_on_error:
+                raise
+            log.error("%s; the simulation is paused", error)
+            self.error = str(error)
+            self._execute(Pause())
+
+    def _execute_requests(self) -> None:
+        while self._requests:
+            with self._mailbox:
+                request, done = self._requests.popleft()
+            if not done.set_running_or_notify_cancel():
+                continue
+            try:
+                self._execute(request)
+            except Exception as error:
+                done.set_exception(error)
+                if not isinstance(error, AutodriveError):
+                    if not self._pause_on_error:
+                        raise
+                    log.exception("a request failed: %s", reprlib.repr(request))
+            else:
+                done.set_result(self._frame)
+
+    def _execute(self, request: Operation) -> None:
+        match request:
+            case Pause():
+                self._is_paused = True
+                self._pace.rest(self._clock.now())
+            case Resume():
+                self._is_paused = False
+                self._pace.restart(self._clock.now())
+            case Step(ticks=ticks, commands=commands):
+                self._step(ticks, commands)
+            case LoadScenario(name=name):
+                self._load_world(name)
+                self.error = ""
+            case SetSpeed(factor=factor):
+                self._pace.set_speed(factor, self._clock.now())
+            case Reset(seed=seed):
+                self.world.reset(seed)
+                self._editor.on_reset()
+                self.error = ""
+            case Place() | AddBox() | RemoveBox() | SetSensor():
+                self._use(self._editor.edit(self.world, request))
+            case Undo():
+                self._use(self._editor.undo(self.world))
+            case Redo():
+                self._use(self._editor.redo(self.world))
+            case SaveScenario():
+                pass  # the caller reads the scenario from the world; the request only waits for earlier ones
+            case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
+                self.world.teleport(vehicle, x, y, yaw)
+            case Hold(vehicle=vehicle, position=position, orientation=orientation):
+                self.world.hold(vehicle, position, orientation)
+            case SetSceneLight(enabled=enabled):
+                self.world.set_scene_light(enabled)
+            case SetTimeOfDay(time=time_of_day, scale=scale):
+                self.world.set_time_of_day(time_of_day, scale)
+            case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
+                self.world.set_driving_mode(vehicle, is_autonomous)
+            case Retire(vehicle=vehicle, reason=reason, is_disqualified=is_disqualified):
+                self.world.retire(vehicle, reason, is_disqualified=is_disqualified)
+        for observer in self._observers:
+            observer.executed(request)
+        if self.world.frame is not self._frame:
+            self._publish(self.world.frame)
+
+    def _step(self, ticks: int, commands: dict[str, Command]) -> None:
+        """Run the ticks of a Step. Does nothing while the simulation is not paused."""
+        for _ in range(ticks if self.is_paused else 0):
+            if self._is_stopping:
+                break
+            self._tick(commands)
+            commands = {}
+
+    def _load_world(self, name: str) -> None:
+        """Replace the World by that of another scenario; keeps the World if the other cannot be made."""
+        assert self._load is not None
+        self._use(self._load(name))
+        self._editor.forget()
+        with self._mailbox:
+            self._commands = {}
+
+    def _use(self, world: World) -> None:
+        """Run that World from now on."""
+        before, self.world = self.world, world
+        if world is not before:
+            before.close()
+            self._pace.set_tick_duration(world.tick_duration, self._clock.now())
+
+    def _ticks_in(self, duration: float | None) -> float:
+        if duration is None:
+            return math.inf
+        if not (is_number(duration) and duration >= 0):
+            raise ValueError(f"duration must be 0 or more seconds, not {duration}")
+        return math.ceil(duration / self.world.tick_duration - 1e-6)  # a rounding error must not add a tick

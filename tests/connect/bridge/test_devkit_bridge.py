@@ -1,0 +1,563 @@
+"""The devkit bridge on a running simulation against valid and faulty servers, over real sockets."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import itertools
+import json
+import re
+import socket
+import threading
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection
+
+from autodrive import AutodriveError, Frame, Simulation
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.bridge.engineio import Dialect
+from autodrive.protocol.devkit import black_image
+from autodrive.protocol.devkit_profile import DevkitSettings, Side
+from autodrive.protocol.messages import Pause, Reset, SetDrivingMode
+from tests.connect.bridge.conftest import peer
+from tests.support.waiting import LIMIT, free_port, wait_until
+
+FULL_THROTTLE = {"V1 Throttle": "1.000000", "V1 Steering": "0.000000", "V1 Headlights": "1", "V1 Indicators": "0"}
+"""As the C++ devkit writes numbers."""
+
+
+def bridge_messages(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """What the bridge logged: on a busy machine the simulation logs that it is late, too."""
+    return [record.getMessage() for record in caplog.records if record.name.startswith("autodrive.connect.bridge")]
+
+
+def packet(commands: Mapping[str, object]) -> str:
+    return "42" + json.dumps(["Bridge", commands])
+
+
+def telemetry_in(connection: ServerConnection) -> Iterator[dict[str, str]]:
+    """Telemetry of the client, parsed as strictly as by the C++ devkit; other packets are skipped."""
+    with contextlib.suppress(ConnectionClosed):
+        for text in connection:
+            if str(text).startswith("42"):
+                yield checked(str(text))
+
+
+def checked(text: str) -> dict[str, str]:
+    assert text.endswith("}]")
+    assert len(text) < 1_000_000
+    assert "null" not in text
+    name, data = json.loads(text[2:])
+    assert name == "Bridge"
+    assert all(isinstance(value, str) for value in data.values())
+    return data
+
+
+def cpp_devkit(connection: ServerConnection) -> None:
+    """Sends nothing on connect and answers each telemetry message: no handshake, no pings."""
+    for _ in telemetry_in(connection):
+        connection.send(packet(FULL_THROTTLE))
+
+
+def test_the_raw_dialect_drives_the_car(simulation: Simulation) -> None:
+    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
+        assert bridge.status == "connected"
+        assert bridge.counters.dialect is Dialect.RAW
+        assert bridge.counters.profile == "2023"
+        assert bridge.counters.resends == bridge.counters.bad_packets == 0
+    assert bridge.status == "closed"
+
+
+def test_a_fast_server_gets_one_telemetry_a_tick_and_no_more(simulation: Simulation) -> None:
+    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.telemetry_sent > 10)
+        sent, ticks = bridge.counters.telemetry_sent, simulation.ticks
+        wait_until(lambda: simulation.ticks >= ticks + 50)
+        assert bridge.counters.telemetry_sent - sent <= simulation.ticks - ticks + 1  # read at slightly other times
+        assert bridge.counters.telemetry_sent - sent > 10
+
+
+def test_the_state_is_sent_again_to_a_silent_server_with_one_warning(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture
+) -> None:
+    received: list[dict[str, str]] = []
+
+    def silent(connection: ServerConnection) -> None:
+        received.extend(telemetry_in(connection))
+
+    with peer(silent) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.resends == 2)
+    assert len([line for line in caplog.messages if "the script sends no commands" in line]) == 1
+    # it has sent no packet: a C++ devkit, which reads no gzip
+    assert [data["V1 LIDAR Range Array"][:4] for data in received] == ["inf "] * 3
+
+
+@contextlib.contextmanager
+def engine_io_4(talk: Callable[[ServerConnection, dict[str, str]], None]) -> Iterator[int]:
+    """A server of python-socketio 5 that calls `talk` with each telemetry message; its port."""
+
+    def serve(connection: ServerConnection) -> None:
+        connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000,"maxPayload":1000000}')
+        connection.send('40{"sid":"y"}')
+        for text in connection:
+            if event := re.fullmatch(r"42\d*(\[.*)", str(text), re.DOTALL):
+                talk(connection, json.loads(event[1])[1])
+
+    with peer(serve) as port:
+        yield port
+
+
+@pytest.mark.parametrize(
+    ("settings", "formats"),
+    [
+        (DevkitSettings(), ["inf ", "H4sI", "inf "]),
+        (DevkitSettings(profile="2025"), ["H4sI", "inf ", "H4sI"]),
+        (DevkitSettings(profile="2025", lidar="text"), ["inf "] * 3),
+    ],
+)
+def test_a_script_that_does_not_answer_gets_the_scan_in_another_format(
+    simulation: Simulation, settings: DevkitSettings, formats: list[str]
+) -> None:
+    received: list[str] = []
+    with (
+        engine_io_4(lambda _, data: received.append(data["V1 LIDAR Range Array"][:4])) as port,
+        DevkitBridge(simulation, port=port, settings=settings),
+    ):
+        wait_until(lambda: len(received) >= 3)
+    assert received[:3] == formats
+
+
+OLD, NEW = {"V1 Throttle": "0", "V1 Headlights": "0"}, {"V1 Throttle": "0", "V1 Reset": "False"}
+
+
+@pytest.mark.parametrize(
+    ("settings", "commands", "expected"),
+    [
+        (DevkitSettings(), OLD, "inf "),
+        (DevkitSettings(), NEW, "H4sI"),
+        (DevkitSettings(profile="2025"), OLD, "inf "),
+        (DevkitSettings(profile="2023"), NEW, "H4sI"),
+        (DevkitSettings(profile="2025", lidar="gzip"), OLD, "H4sI"),
+        (DevkitSettings(lidar="text"), NEW, "inf "),
+    ],
+)
+def test_scans_have_the_format_that_the_commands_imply(
+    simulation: Simulation, settings: DevkitSettings, commands: dict[str, str], expected: str
+) -> None:
+    received: list[str] = []
+
+    def answer(connection: ServerConnection, data: dict[str, str]) -> None:
+        received.append(data["V1 LIDAR Range Array"][:4])
+        connection.send(packet(commands))
+
+    with engine_io_4(answer) as port, DevkitBridge(simulation, port=port, settings=settings) as bridge:
+        wait_until(lambda: len(received) > 5)
+        devkit = bridge.counters.devkit
+    assert "" not in received
+    assert received[-1] == expected
+    assert f"LIDAR as {'text' if expected == 'inf ' else 'gzip'}" in devkit
+
+
+def test_the_next_connection_begins_with_the_format_of_the_last_one(simulation: Simulation) -> None:
+    received: list[list[str]] = []
+
+    def answer(connection: ServerConnection, data: dict[str, str]) -> None:
+        received[-1].append(data["V1 LIDAR Range Array"][:4])
+        connection.send(packet(NEW))
+
+    with DevkitBridge(simulation, port=free_port()) as bridge:
+        for _ in range(2):
+            received.append([])
+            with engine_io_4(answer) as port:
+                bridge.connect("127.0.0.1", port)
+                wait_until(lambda: len(received[-1]) > 5)
+    assert received[0][:2] == ["inf ", "H4sI"]
+    assert set(received[1]) == {"H4sI"}
+
+
+def test_the_first_message_has_a_scan_and_its_rate_also_after_a_reset(simulation: Simulation) -> None:
+    simulation.request(Pause()).result(LIMIT)
+    received: list[dict[str, str]] = []
+
+    def answer(connection: ServerConnection) -> None:
+        for data in telemetry_in(connection):
+            received.append(data)
+            connection.send(packet(OLD))
+
+    simulation.request(Reset()).result(LIMIT)
+    with peer(answer) as port, DevkitBridge(simulation, port=port):
+        wait_until(lambda: received)
+        simulation.request(Reset()).result(LIMIT)
+        wait_until(lambda: len(received) > 2)
+    for data in received:
+        assert float(data["V1 LIDAR Scan Rate"]) == 7.0
+        assert len(data["V1 LIDAR Range Array"].split()) == len(data["V1 LIDAR Intensity Array"].split()) == 360
+
+
+def test_a_server_that_never_clears_its_buffer_reads_every_message(simulation: Simulation) -> None:
+    """Like the published C++ devkit: the text of a message ends at the last `}]` of what its buffer contains."""
+    buffer = bytearray(2**21)
+    sizes: list[int] = []
+
+    def unclean(connection: ServerConnection) -> None:
+        for text in connection:
+            message = str(text).encode()
+            buffer[: len(message)] = message
+            if message.startswith(b"42"):
+                end = buffer.rfind(b"}]") + 2
+                json.loads(buffer[2:end])
+                sizes.append(len(message))
+                connection.send(packet(FULL_THROTTLE))
+
+    noise = np.random.default_rng(1)
+
+    def images(frame: Frame, _: float) -> dict[tuple[str, str], bytes]:
+        return {
+            ("V1", camera): b"\xff\xd8" + noise.bytes(1000 + frame.tick * 7919 % 30000) for camera in ("front", "rear")
+        }
+
+    def image_sizes() -> dict[tuple[str, str], tuple[int, int]]:
+        return dict.fromkeys([("V1", "front"), ("V1", "rear")], (640, 480))
+
+    with (
+        peer(unclean) as port,
+        DevkitBridge(simulation, port=port, images=images, image_sizes=image_sizes) as bridge,
+    ):
+        wait_until(lambda: len(sizes) > 20)
+        assert bridge.counters.connections == 1
+    assert len(set(sizes)) == 1
+    assert sizes[0] > 4 / 3 * 2 * 31000  # room for two images, which the first one may not fill
+
+
+def test_no_frame_mask_contains_the_end_of_a_message(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """uWebSockets 0.14 leaves the mask behind the text of a frame, and the published C++ devkit reads it."""
+    masks: list[bytes] = []
+
+    def token_bytes(count: int) -> bytes:
+        if count != 4:  # the key of the handshake
+            return bytes(count)
+        masks.append((b"a}]b", b"safe")[len(masks) % 2])
+        return masks[-1]
+
+    monkeypatch.setattr("websockets.frames.secrets.token_bytes", token_bytes)
+    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 5)
+        assert len(masks) >= 2 * bridge.counters.telemetry_sent  # each frame was made twice
+
+
+def test_a_script_sets_the_time_of_day_and_places_the_vehicle(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    environment = {"Auto Time": "False", "Time Scale": "60", "Time": "1320", "Weather": "3", "Fog": "0.2"}
+    pose = {"PosX": "3", "PosY": "4", "PosZ": "0.5", "RotX": "0", "RotY": "0", "RotZ": "0", "RotW": "1"}
+    orders = environment | {f"V1 {key}": text for key, text in {"CoSim": "1", **pose}.items()}
+
+    def placing(connection: ServerConnection) -> None:
+        for _ in telemetry_in(connection):
+            connection.send(packet(orders))
+
+    def position() -> list[float]:
+        return simulation.frame.vehicles["V1"].pose.position.tolist()
+
+    with peer(placing) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: position() == [3.0, 4.0, 0.5])
+        wait_until(lambda: simulation.frame.time_of_day == 22 * 3600.0)
+        assert not simulation.frame.scene_light
+        orders.update({"Auto Time": "True", "V1 CoSim": "0"})
+        wait_until(lambda: (simulation.frame.time_of_day or 0.0) > 22 * 3600.0 + 6.0)  # 60 times as fast: 0.1 s
+        wait_until(lambda: position()[2] < 0.1)  # it falls
+        received = bridge.counters.commands_received
+        wait_until(lambda: bridge.counters.commands_received > received + 10)
+        assert bridge.counters.refused_values == 0
+    assert len([line for line in caplog.messages if "the weather" in line]) == 1
+
+
+def test_ambiguous_keys_are_reported(simulation: Simulation) -> None:
+    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 3)
+        counters = bridge.counters
+    assert counters.devkit == (
+        "devkit 2023 (detected): keys 'V1 Throttle', LIDAR as text, positive steering turns left, its feedback is "
+        "positive to the left, raw"
+    )
+    assert "--devkit-profile 2022" in counters.note
+    settings = DevkitSettings(profile="2022")
+    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port, settings=settings) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 3)
+        assert bridge.counters.note == ""
+        assert "devkit 2022 (chosen)" in bridge.counters.devkit
+        assert "turns right" in bridge.counters.devkit
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_the_side_of_a_positive_command_can_be_chosen(simulation: Simulation, side: Side, sign: float) -> None:
+    def turning(connection: ServerConnection) -> None:
+        for _ in telemetry_in(connection):
+            connection.send(packet({"V1 Throttle": "0.0", "V1 Steering": "1"}))
+
+    settings = DevkitSettings(steering=side)
+    with peer(turning) as port, DevkitBridge(simulation, port=port, settings=settings):
+        wait_until(lambda: sign * simulation.frame.vehicles["V1"].steering > 0.1)
+
+
+def test_while_the_simulation_is_paused_the_script_still_gets_the_state(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture
+) -> None:
+    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 3)
+        simulation.request(Pause()).result(LIMIT)
+        wait_until(lambda: bridge.counters.resends >= 2)
+    assert "no commands" not in caplog.text
+
+
+def test_an_invalid_packet_is_counted_with_one_warning(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture
+) -> None:
+    def sends_invalid_packets(connection: ServerConnection) -> None:
+        for nonsense in [
+            "hello",
+            b"\x00\xff",
+            "42[",
+            '42["Bridge"]',
+            '42["Other",{}]',
+            '42["Bridge",[]]',
+            "0",
+            "9" * 5000,
+        ]:
+            connection.send(nonsense)
+        cpp_devkit(connection)
+
+    with peer(sends_invalid_packets) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
+        assert bridge.counters.bad_packets == 8
+        assert bridge.counters.connections == 1
+    assert len(bridge_messages(caplog)) == 1
+
+
+def test_refused_values_are_counted_with_one_warning(simulation: Simulation, caplog: pytest.LogCaptureFixture) -> None:
+    def sends_invalid_values(connection: ServerConnection) -> None:
+        for _ in telemetry_in(connection):
+            connection.send(packet(FULL_THROTTLE | {"V1 Steering": "nan", "V7 Throttle": "1"}))
+
+    with peer(sends_invalid_values) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.refused_values >= 20)
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
+    assert len(bridge_messages(caplog)) == 1
+    assert "V1 Steering: must be a finite number, not 'nan'" in caplog.text
+
+
+def test_a_flood_of_commands_does_not_stop_the_simulation_and_is_not_answered_in_full(simulation: Simulation) -> None:
+    def flood(connection: ServerConnection) -> None:
+        reading = threading.Thread(target=lambda: list(telemetry_in(connection)), daemon=True)
+        reading.start()
+        for i in itertools.count():
+            connection.send(packet(FULL_THROTTLE | {"V1 Throttle": f"{(i % 100) / 100}"}))
+
+    with peer(flood) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 10)
+        ticks = simulation.ticks
+        wait_until(lambda: bridge.counters.commands_received > 5000)
+        wait_until(lambda: simulation.ticks > ticks + 20)
+        assert bridge.counters.telemetry_sent <= simulation.ticks + 2
+
+
+def test_the_bridge_reconnects_after_a_break_within_a_websocket_frame(simulation: Simulation) -> None:
+    visits: list[int] = []
+
+    def breaking(connection: ServerConnection) -> None:
+        visits.append(1)
+        if len(visits) < 3:
+            connection.recv()
+            connection.socket.sendall(
+                b"\x81\x7e\x04\x00only a few of 1024 bytes"
+            )  # RFC 6455: text frame, 16-bit length
+            connection.socket.shutdown(socket.SHUT_RDWR)
+        else:
+            cpp_devkit(connection)
+
+    with peer(breaking) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
+        assert bridge.counters.reconnects == 2
+
+
+def test_a_server_without_websocket_is_tried_again_with_one_warning(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture
+) -> None:
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        DevkitBridge(simulation, port=listener.getsockname()[1]) as bridge,
+    ):
+        for _ in range(3):
+            connection, _ = listener.accept()
+            connection.recv(1000)
+            connection.sendall(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n")
+            connection.close()
+        assert bridge.status == "connecting"
+    assert len(bridge_messages(caplog)) == 1
+    assert "HTTP 404" in caplog.text
+
+
+def test_a_server_that_comes_up_late_is_found(simulation: Simulation, caplog: pytest.LogCaptureFixture) -> None:
+    port = free_port()
+    with DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: "trying again" in caplog.text)
+        with peer(cpp_devkit, port):
+            wait_until(lambda: bridge.counters.commands_received > 3)
+        assert bridge.counters.reconnects == 0
+
+
+def test_host_and_port_can_be_changed_while_running(simulation: Simulation) -> None:
+    with peer(cpp_devkit) as first, peer(cpp_devkit) as second, DevkitBridge(simulation, port=first) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 3)
+        bridge.connect("localhost", second)
+        assert bridge.address == f"localhost:{second}"
+        wait_until(lambda: bridge.counters.reconnects == 1 and bridge.counters.commands_received > 10)
+
+
+def test_close_sends_the_close_packets(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("autodrive.connect.bridge.session.CLOSE_TIMEOUT", LIMIT)
+    last: list[str] = []
+
+    def listening(connection: ServerConnection) -> None:
+        for text in connection:
+            last.append(str(text)[:5])
+            if str(text).startswith("42"):  # the client reads no more after its close packets
+                with contextlib.suppress(ConnectionClosed):  # it may have closed: the rest is still to be read
+                    connection.send(packet(FULL_THROTTLE))
+
+    with peer(listening) as port:
+        with DevkitBridge(simulation, port=port) as bridge:
+            wait_until(lambda: bridge.counters.commands_received > 3)
+        wait_until(lambda: last[-2:] == ["41", "1"])
+
+
+def test_in_manual_mode_telemetry_is_sent_and_commands_are_ignored(simulation: Simulation) -> None:
+    simulation.request(SetDrivingMode("V1", is_autonomous=False)).result(LIMIT)
+    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 30)
+        assert simulation.frame.vehicles["V1"].throttle == 0.0
+
+
+def test_a_held_reset_resets_once(simulation: Simulation) -> None:
+    steps = itertools.count()
+
+    def resetting(connection: ServerConnection) -> None:
+        for _ in telemetry_in(connection):
+            is_held = 50 <= next(steps) < 60
+            connection.send(packet({"V1 Throttle": "1", "V1 Reset": str(is_held)}))
+
+    resets: list[float] = []
+
+    class Watch:
+        before = -1.0
+
+        def publish(self, frame: Frame) -> None:
+            if frame.time < self.before:
+                resets.append(self.before)
+            self.before = frame.time
+
+    simulation.add_sink(Watch())
+    with peer(resetting) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 80)
+        assert bridge.counters.profile == "2025"
+    assert len(resets) == 1
+
+
+def test_images_that_make_a_message_too_long_are_omitted(simulation: Simulation) -> None:
+    received: list[dict[str, str]] = []
+
+    def listening(connection: ServerConnection) -> None:
+        for data in telemetry_in(connection):
+            received.append(data)
+            connection.send(packet(FULL_THROTTLE))
+
+    too_large = {("V1", "front"): b"\xff\xd8" + bytes(10**6)}
+    sizes = dict.fromkeys([("V1", "front"), ("V1", "rear")], (64, 48))
+    with (
+        peer(listening) as port,
+        DevkitBridge(simulation, port=port, images=lambda *_: too_large, image_sizes=lambda: sizes) as bridge,
+    ):
+        wait_until(lambda: len(received) > 10)
+        assert bridge.counters.oversized == 0
+    assert all(
+        data["V1 Front Camera Image"] == data["V1 Rear Camera Image"] == black_image(64, 48) for data in received
+    )
+
+
+def test_image_quality_is_reduced_until_the_message_fits(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture
+) -> None:
+    received: list[dict[str, str]] = []
+
+    def listening(connection: ServerConnection) -> None:
+        for data in telemetry_in(connection):
+            received.append(data)
+            connection.send(packet(FULL_THROTTLE))
+
+    def images(_: Frame, share: float) -> dict[tuple[str, str], bytes]:
+        return {("V1", "front"): b"\xff\xd8" + bytes(round(1.5e6 * share))}  # base64: 2 MB at full quality
+
+    with (
+        peer(listening) as port,
+        DevkitBridge(simulation, port=port, settings=DevkitSettings(profile="2025"), images=images) as bridge,
+    ):
+        wait_until(lambda: len(received) > 10)
+        assert bridge.counters.oversized == 0
+    sizes = {len(base64.b64decode(data["V1 Front Camera Image"])) for data in received}
+    assert sizes == {2 + round(1.5e6 * 0.45)}  # 0.9 MB in base64; 0.7 would be 1.4
+    assert len([line for line in caplog.messages if "images are sent at 45% of their quality" in line]) == 1
+
+
+def test_a_message_above_the_limit_of_the_server_is_never_sent(
+    simulation: Simulation, caplog: pytest.LogCaptureFixture
+) -> None:
+    received: list[str] = []
+
+    def small(connection: ServerConnection) -> None:
+        connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000,"maxPayload":2000}')
+        for text in connection:
+            received.append(str(text))
+            if text == "40":
+                connection.send('40{"sid":"y"}')
+
+    with peer(small) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.oversized >= 2)
+        assert bridge.counters.telemetry_sent == 0
+    assert received == ["40", "41", "1"]
+    assert len([line for line in caplog.messages if "limit of 2000 characters" in line]) == 1
+
+
+def test_a_given_profile_is_used_from_the_first_message(simulation: Simulation) -> None:
+    received: list[dict[str, str]] = []
+
+    def listening(connection: ServerConnection) -> None:
+        for data in telemetry_in(connection):
+            received.append(data)
+            connection.send(packet({"V1 Throttle": "1", "V1 Reset": "False"}))
+
+    with (
+        peer(listening) as port,
+        DevkitBridge(simulation, port=port, settings=DevkitSettings(profile="2020")) as bridge,
+    ):
+        wait_until(lambda: len(received) > 3)
+        assert bridge.counters.profile == "2020"
+    assert all("Throttle" in data and "V1 Throttle" not in data for data in received)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"port": 0}, "devkit port 0 is not between 1 and 65535"),
+        ({"host": ""}, "devkit host '' is not a host name or IP address"),
+        ({"host": "ws://robot"}, "devkit host 'ws://robot' is not"),
+    ],
+)
+def test_invalid_options_raise_at_once(simulation: Simulation, options: dict[str, object], words: str) -> None:
+    with pytest.raises(AutodriveError) as raised:
+        DevkitBridge(simulation, **options)  # pyright: ignore[reportArgumentType]
+    assert words in str(raised.value)

@@ -1,0 +1,46 @@
+"""A simulator in this process, served on a free port."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+import autodrive
+from autodrive.connect.server.server import Server
+from autodrive.protocol.native import Scene, VehicleScene
+from autodrive.world import World
+from autodrive.world.scene_files import SceneFiles
+from autodrive.world.simulation import Simulation
+
+SCENARIOS = {"mini_map": "Mini-map", "boxes": "Boxes"}
+
+
+def bare(world: World) -> SceneFiles:
+    """A Scene without its .glb files, which no script needs."""
+    vehicles = {
+        name: VehicleScene("nigel", "", 0.15, 0.5236, {}, ["front", "rear"], None, 0.14, 0.03, 0.44, {})
+        for name in world.vehicle_specs
+    }
+    return SceneFiles(Scene(world.spec.title, world.spec.title, "", world.tick_duration, "", vehicles, {}, {}, {}), {})
+
+
+def started(world: World) -> World:
+    """After a tick, so that what is compiled at the first is there, and at its beginning again."""
+    world.step()
+    world.reset()
+    return world
+
+
+@pytest.fixture
+def simulation() -> Iterator[Simulation]:
+    """Runs in real time."""
+    with Simulation(started(autodrive.make("mini_map")), load=lambda name: started(autodrive.make(name))) as running:
+        yield running
+
+
+@pytest.fixture
+def server(simulation: Simulation) -> Iterator[Server]:
+    """Serves it."""
+    with Server(simulation, scene_files=bare, scenarios=SCENARIOS, port=0) as serving:
+        yield serving

@@ -1,0 +1,59 @@
+"""Edits through the client: what another client sees, the shared history, and the text of the scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import autodrive
+from autodrive import Client, CommandError
+from autodrive.connect.server.server import Server
+from tests.support.waiting import LIMIT, wait_until
+
+
+@pytest.fixture
+def sim(server: Server) -> Iterator[Client]:
+    with Client(server.address, name="script", timeout=LIMIT) as client:
+        yield client
+
+
+def test_another_client_sees_an_edit_and_can_undo_it(server: Server, sim: Client) -> None:
+    with Client(server.address, name="viewer", timeout=LIMIT) as viewer:
+        before = viewer.frame
+        frame = sim.add_box("crate", 1.0, 0.9, 0.5, mass=0.3)
+        assert frame.objects["crate"].pose.position == pytest.approx((1.0, 0.9, 0.05), abs=1e-3)
+        wait_until(lambda: "crate" in viewer.frame.objects)
+        assert viewer.frame.time >= before.time
+        sim.place("V1", 0.3, 0.1)
+        wait_until(lambda: viewer.frame.vehicles["V1"].pose.position[0] == pytest.approx(0.3, abs=1e-3))
+        wait_until(lambda: viewer.status.undo == "place V1")
+        assert viewer.undo().vehicles["V1"].pose.position[0] == pytest.approx(0.0, abs=1e-3)
+        wait_until(lambda: (sim.status.undo, sim.status.redo) == ("add crate", "place V1"))
+        assert "crate" not in viewer.undo().objects
+        assert "crate" in sim.redo().objects
+        assert "crate" not in sim.remove_box("crate").objects
+
+
+def test_a_sensor_of_a_vehicle_is_set(sim: Client) -> None:
+    frame = sim.set_sensor("V1", "lidar", rate=20.0, noise="strong")
+    assert frame.tick > 0
+    wait_until(lambda: (scan := sim.frame.vehicles["V1"].lidar) is not None and scan.scan_rate == 20.0)
+    sim.set_sensor("V1", "lidar", is_on=False)
+    wait_until(lambda: sim.frame.vehicles["V1"].lidar is None)
+    with pytest.raises(CommandError, match="Did you mean 'lidar'"):
+        sim.set_sensor("V1", "lidr")
+
+
+def test_the_text_of_the_scenario_is_that_of_the_edited_world(sim: Client, tmp_path: Path) -> None:
+    sim.place("V1", 0.3, 0.1, 0.2)
+    sim.add_box("crate", 1.0, 0.9)
+    sim.set_scene_light(False)
+    file = tmp_path / "mine.yaml"
+    file.write_text(sim.scenario_text(), encoding="utf-8")
+    frame = autodrive.make(file).frame
+    assert frame.vehicles["V1"].pose.position == pytest.approx((0.3, 0.1, 0.0325))
+    assert "crate" in frame.objects
+    assert not frame.scene_light
+    assert sim.scenario_text() == file.read_text(encoding="utf-8")

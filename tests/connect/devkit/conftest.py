@@ -1,0 +1,5 @@
+"""The running Simulation of the bridge tests, as a fixture."""
+
+from tests.connect.bridge.conftest import one_world, simulation
+
+__all__ = ["one_world", "simulation"]

@@ -1,0 +1,467 @@
+"""The bridge without ROS, against a running simulator with both protocols: published messages equal the Frame."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+
+import autodrive
+from autodrive import AutodriveError, Command, Simulation
+from autodrive.base.transforms import rotate
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.ros import Bridge, Config, Message
+from autodrive.connect.ros.cars import NIGEL as NIGEL_FIGURES
+from autodrive.connect.ros.cars import ROBORACER, Car
+from autodrive.connect.ros.devkit_source import DevkitSource
+from autodrive.connect.ros.source import Update, VehicleInfo
+from autodrive.connect.server.server import Server
+from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings
+from autodrive.protocol.messages import Frame, LoadScenario, Pause, Reset, Resume, SetDrivingMode, Step, VehicleFrame
+from autodrive.scenario.vehicles.spec import load_vehicle
+from autodrive.world.scene_files import SceneFiles
+from tests.connect.client.conftest import started
+from tests.support.ros.recorder import Recorder
+from tests.support.ros.transform_tree import Tree, matrix
+from tests.support.waiting import LIMIT, free_port, is_listening, wait_until
+
+ROOT = Path(__file__).parents[3]
+URDF = (ROOT / "ros/autodrive_description/urdf/nigel.urdf").read_text()
+NIGEL = load_vehicle("nigel")
+SCENARIOS = {"mini_map": "Mini-map", "two_cars": "Two cars"}
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Iterator[Simulation]:
+    with Simulation(started(autodrive.make("mini_map")), load=lambda name: started(autodrive.make(name))) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def server(simulation: Simulation) -> Iterator[Server]:
+    with served(simulation) as one:
+        yield one
+
+
+def served(simulation: Simulation, port: int = 0) -> Server:
+    return Server(
+        simulation, scene_files=lambda world: SceneFiles.of(world, world.spec.title), scenarios=SCENARIOS, port=port
+    )
+
+
+@pytest.fixture(autouse=True)
+def fresh(simulation: Simulation) -> None:
+    simulation.request(SetDrivingMode("V1", False)).result(LIMIT)
+    simulation.request(Reset()).result(LIMIT)
+    simulation.request(Resume()).result(LIMIT)
+
+
+@pytest.fixture
+def node() -> Recorder:
+    return Recorder()
+
+
+@pytest.fixture
+def bridge(server: Server, node: Recorder) -> Iterator[Bridge]:
+    with running(Config(port=server.port, robot_description=URDF), node) as one:
+        wait_until(lambda: "/tf" in node.messages)
+        yield one
+
+
+class running:  # noqa: N801 - reads as a word
+    """A bridge that is started, and closed at the end."""
+
+    def __init__(self, config: Config, node: Recorder) -> None:
+        self._bridge = Bridge(config, node)
+
+    def __enter__(self) -> Bridge:
+        self._bridge.start()
+        return self._bridge
+
+    def __exit__(self, *_: object) -> None:
+        self._bridge.close()
+
+
+def after_drive(simulation: Simulation, node: Recorder, command: autodrive.Command) -> tuple[Frame, VehicleFrame]:
+    """Drive for 40 ticks with this command, then pause; the last state is published."""
+    simulation.request(Pause()).result(LIMIT)
+    for _ in range(3):
+        simulation.request(Step(10, {"V1": command})).result(LIMIT)
+    frame = simulation.request(Step(10, {"V1": command})).result(LIMIT)
+
+    def stamp() -> float:
+        """Of the transforms, which are published after all other states."""
+        return seconds(node.last("/tf")["transforms"][0].fields["header"]["stamp"])
+
+    wait_until(lambda: stamp() == pytest.approx(frame.time, abs=1e-9))
+    return frame, frame.vehicles["V1"]
+
+
+def seconds(stamp: Any) -> float:
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def vector(fields: dict[str, float]) -> list[float]:
+    return [*fields.values()]
+
+
+def tree(node: Recorder) -> Tree:
+    return Tree(*(Message("", node.last(name)) for name in ("/tf_static", "/tf")))
+
+
+# -- direct mode: published messages -------------------------------------------------------------------------------
+
+
+def test_all_readings_equal_the_frame(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
+    frame, vehicle = after_drive(simulation, node, autodrive.Command(-0.7, 0.5, 2, 1))  # type: ignore[arg-type]
+    assert node.last("throttle")["data"] == vehicle.throttle == -0.7
+    assert node.last("steering")["data"] == vehicle.steering > 0.2
+    assert node.last("speed")["data"] == -vehicle.speed > 0.01
+    for i, side in enumerate(("left", "right")):
+        message = node.last(f"{side}_encoder")
+        assert message["position"] == pytest.approx([vehicle.encoders.angles[i]])
+        assert message["name"] == [f"{side}_encoder"]
+    assert vector(node.last("ips")) == pytest.approx(vehicle.ips.position)
+    for name in ("imu", "imu/data"):
+        imu = node.last(name)
+        assert vector(imu["orientation"]) == pytest.approx(np.roll(vehicle.imu.orientation, -1))
+        assert vector(imu["angular_velocity"]) == pytest.approx(vehicle.imu.angular_velocity)
+        assert vector(imu["linear_acceleration"]) == pytest.approx(vehicle.imu.linear_acceleration)
+        assert seconds(imu["header"]["stamp"]) == pytest.approx(vehicle.imu.time)
+    truth = node.last("ground_truth/odom")
+    assert vector(truth["pose"]["pose"]["position"]) == pytest.approx(vehicle.pose.position)
+    assert vector(truth["twist"]["twist"]["linear"]) == pytest.approx(vehicle.velocity)
+    lights = node.last("lights")
+    assert (lights["headlights"], lights["indicators"], lights["reverse_lights"]) == (2, 1, True)
+    assert node.last("wheels")["normal_load"] == pytest.approx(vehicle.wheels.normal_load)
+    assert seconds(node.last("/clock")["clock"]) == pytest.approx(frame.time)
+
+
+def test_the_scan_equals_the_frame(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
+    _, vehicle = after_drive(simulation, node, autodrive.Command())
+    assert vehicle.lidar is not None
+    for name in ("lidar", "scan"):
+        message = node.last(name)
+        assert message["ranges"] == pytest.approx(vehicle.lidar.ranges.astype(np.float32))
+        assert seconds(message["header"]["stamp"]) == pytest.approx(vehicle.lidar.time)
+    assert len(node.messages["autodrive/nigel_1/scan"]) == len(node.messages["autodrive/nigel_1/lidar"])
+
+
+def test_transforms_are_those_of_the_vehicle(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
+    _, vehicle = after_drive(simulation, node, autodrive.Command(0.9, -0.6))
+    frames = tree(node)
+    truth = matrix(vehicle.pose.position, np.roll(vehicle.pose.orientation, -1))
+    assert frames.pose("world", "base_link") == pytest.approx(truth, abs=1e-9)
+    assert frames.pose("map", "nigel_1") == pytest.approx(truth, abs=1e-9)
+    mount = NIGEL.sensors.lidar and NIGEL.sensors.lidar.mount
+    assert mount is not None
+    lidar = matrix(mount.position, np.roll(mount.orientation, -1))
+    assert frames.pose("base_link", "lidar") == pytest.approx(lidar, abs=1e-6)
+    left = frames.pose("base_link", "front_left_wheel")
+    assert left[:3, 3] == pytest.approx((NIGEL.wheelbase, NIGEL.track / 2, 0.0), abs=1e-6)
+    assert math.atan2(-left[0, 1], left[1, 1]) == pytest.approx(vehicle.wheels.steering_angle[0], abs=1e-6)
+    assert frames.pose("map", "odom") @ frames.pose("odom", "base_link") == pytest.approx(truth, abs=1e-9)
+
+
+def test_odometry_is_close_to_the_truth_after_a_short_drive(
+    simulation: Simulation, bridge: Bridge, node: Recorder
+) -> None:
+    before = tree(node).pose("map", "base_link")
+    _, vehicle = after_drive(simulation, node, autodrive.Command(0.8, 0.3))
+    driven = np.linalg.norm(vehicle.pose.position - before[:3, 3])
+    odom = node.last("odom")["pose"]["pose"]["position"]
+    assert math.hypot(odom["x"], odom["y"]) == pytest.approx(driven, rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("profile", "root", "steering"),
+    [("2020", "ego_vehicle", "steering_angle"), ("2022", "v1", "steering"), ("2023", "nigel_1", "steering")],
+)
+def test_names_and_signs_are_those_of_the_profile(
+    simulation: Simulation, server: Server, node: Recorder, profile: str, root: str, steering: str
+) -> None:
+    devkit = PROFILES[profile]
+    with running(Config(port=server.port, profile=profile, robot_description=URDF), node):
+        wait_until(lambda: f"autodrive/{root}/lidar" in node.messages)
+        simulation.request(Pause()).result(LIMIT)
+        vehicle = simulation.request(Step(20, {"V1": autodrive.Command(0.0, 1.0)})).result(LIMIT).vehicles["V1"]
+        topic = f"autodrive/{root}/{steering}"
+        wait_until(lambda: node.last(topic)["data"] == devkit.feedback_sign * vehicle.steering)
+        frames = tree(node)
+        assert frames.pose("base_link", root)[:3, 3] == pytest.approx(devkit.origin)
+        assert frames.pose("map", root)[:3, 3] == pytest.approx(vector(node.last(f"autodrive/{root}/ips")))
+        begin = node.last(f"autodrive/{root}/lidar")["angle_min"]
+        ahead = frames.pose("base_link", "lidar")[:3, :3] @ (math.cos(begin), math.sin(begin), 0.0)
+        assert ahead == pytest.approx((1.0, 0.0, 0.0), abs=1e-6), "ray 0 points ahead"
+
+
+# -- direct mode: commands and requests ----------------------------------------------------------------------------
+
+
+def test_throttle_and_steering_drive_and_the_vehicle_stops_without_commands(
+    simulation: Simulation, bridge: Bridge, node: Recorder
+) -> None:
+    def driven() -> bool:
+        node.send("nigel_1/throttle_command", data=0.8)
+        node.send("nigel_1/steering_command", data=1.0)
+        now = simulation.frame.vehicles["V1"]
+        return now.speed > 0.2 and now.steering > 0.4
+
+    wait_until(driven)
+    assert simulation.frame.vehicles["V1"].is_autonomous, "the command switches to autonomous mode"
+    wait_until(lambda: abs(simulation.frame.vehicles["V1"].speed) < 0.001)
+
+
+def test_lamps_are_commanded(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
+    node.send("nigel_1/headlights_command", data=1)
+    node.send("nigel_1/indicators_command", data=3)
+    wait_until(lambda: [*map(int, _lamps(simulation))] == [1, 3])
+
+
+def _lamps(simulation: Simulation) -> tuple[int, int]:
+    lights = simulation.frame.vehicles["V1"].lights
+    return lights.headlights, lights.indicators
+
+
+def test_an_initial_pose_teleports_the_vehicle(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
+    simulation.request(Pause()).result(LIMIT)
+    spot = SimpleNamespace(x=1.0, y=0.1, z=0.0)
+    turn = SimpleNamespace(x=0.0, y=0.0, z=math.sin(0.5), w=math.cos(0.5))
+    node.send("nigel_1/initialpose", pose=SimpleNamespace(pose=SimpleNamespace(position=spot, orientation=turn)))
+    pose = simulation.frame.vehicles["V1"].pose
+    assert pose.position[:2] == pytest.approx((1.0, 0.1), abs=1e-6)
+    assert 2 * math.atan2(pose.orientation[3], pose.orientation[0]) == pytest.approx(1.0)
+
+
+def test_a_reset_restarts_the_odometry(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
+    after_drive(simulation, node, autodrive.Command(0.9))
+    assert node.last("odom")["pose"]["pose"]["position"]["x"] > 0.01
+    node.send("nigel_1/reset_command", data=True)
+    wait_until(lambda: node.last("odom")["pose"]["pose"]["position"]["x"] == 0.0)
+
+
+def test_a_refused_request_raises(bridge: Bridge) -> None:
+    with pytest.raises(AutodriveError, match="aused"):
+        bridge.request(Step(1))
+
+
+def test_another_scenario_has_its_own_vehicles(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
+    assert bridge.request(LoadScenario("two_cars"))
+
+    def is_in_the_tree(frame: str) -> bool:
+        with contextlib.suppress(KeyError):
+            return tree(node).pose("map", frame).shape == (4, 4)
+        return False
+
+    wait_until(lambda: is_in_the_tree("nigel_2/lidar"))
+    wait_until(lambda: "autodrive/nigel_2/odom" in node.messages)
+    node.send("nigel_2/throttle_command", data=1.0)
+    wait_until(lambda: simulation.frame.vehicles["V2"].throttle == 1.0)
+    assert bridge.request(LoadScenario("mini_map"))
+    wait_until(lambda: [*simulation.frame.vehicles] == ["V1"])
+
+
+def test_a_restarted_simulator_is_found(simulation: Simulation, node: Recorder) -> None:
+    port = free_port()
+    with running(Config(port=port, robot_description=URDF), node):
+        for _ in range(2):
+            before = len(node.messages.get("/tf", []))
+            with served(simulation, port):
+                wait_until(lambda before=before: len(node.messages.get("/tf", [])) > before + 3)
+
+
+def test_images_without_subscribers_are_not_requested(simulation: Simulation, server: Server) -> None:
+    node = Recorder(unsubscribed="camera")
+    with running(Config(port=server.port, robot_description=URDF), node) as bridge:
+        wait_until(lambda: "/tf" in node.messages)
+        assert not bridge.wants_images
+
+
+# -- devkit mode ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("profile", ["2020", "2022", "2023", "2025"])
+def test_devkit_messages_are_published_with_the_values_of_the_frame(simulation: Simulation, profile: str) -> None:
+    node, port = Recorder(), free_port()
+    root = f"autodrive/{Config(profile=profile).vehicle_name(1)}"
+    simulation.request(SetDrivingMode("V1", True)).result(LIMIT)
+    config = Config(mode="devkit", port=port, profile=profile, robot_description=URDF)
+    with running(config, node), DevkitBridge(simulation, port=port, settings=DevkitSettings(profile=profile)):
+
+        def driven() -> bool:
+            for name, value in (("throttle", 0.8), ("steering", 0.5)):
+                node.subscriptions[f"{root}/{name}_command"].callback(SimpleNamespace(data=value))
+            vehicle = simulation.frame.vehicles["V1"]
+            return vehicle.speed > 0.2 and side * vehicle.steering > 0.2 and f"{root}/lidar" in node.messages
+
+        side = PROFILES[profile].command_sign
+        wait_until(driven)
+        frame = simulation.request(Pause()).result(LIMIT)
+        vehicle = frame.vehicles["V1"]
+        ips, lever = f"{root}/ips", PROFILES[profile].origin
+        expected = vehicle.pose.position + rotate(vehicle.pose.orientation, lever)
+        truth = matrix(vehicle.pose.position, np.roll(vehicle.pose.orientation, -1))
+        wait_until(lambda: ips in node.messages and vector(node.last(ips)) == pytest.approx(expected, abs=1e-3))
+        wait_until(lambda: tree(node).pose("map", "base_link") == pytest.approx(truth, abs=2e-3))  # published later
+        assert node.last(f"{root}/throttle")["data"] == pytest.approx(vehicle.throttle, abs=1e-3)
+        assert node.last(f"{root}/imu")["angular_velocity"]["z"] == pytest.approx(
+            vehicle.imu.angular_velocity[2], abs=2e-3
+        )
+        message = vehicle.lidar
+        assert message is not None
+        assert node.last(f"{root}/lidar")["ranges"] == pytest.approx(message.ranges, rel=1e-6)
+        image = node.last(f"{root}/front_camera")
+        assert len(image["data"]) == 3 * image["width"] * image["height"] > 0
+
+
+def test_a_recorded_message_of_the_original_simulator_is_published_and_answered(node: Recorder) -> None:
+    """It sends telemetry at once, without a handshake, and waits for an answer to each message."""
+    recorded = json.loads((ROOT / "tests/protocol/data/devkit_2023.json").read_text(encoding="utf-8"))["telemetry"]
+    port = free_port()
+    with running(Config(mode="devkit", port=port, profile="2023", robot_description=URDF), node):
+        wait_until(lambda: is_listening(port))
+        url = f"ws://127.0.0.1:{port}/socket.io/?EIO=4&transport=websocket"
+        with connect(url, compression=None, max_size=None) as original:
+            for throttle in (0.0, 0.25):
+                original.send("42" + json.dumps(["Bridge", recorded]))
+                answer = next(text for text in original if str(text).startswith("42"))
+                event, commands = json.loads(str(answer)[2:])
+                assert float(commands["V1 Throttle"]) == throttle
+                node.send("nigel_1/throttle_command", data=0.25)
+                node.send("nigel_1/steering_command", data=-1.0)
+    assert event == "Bridge"
+    assert float(commands["V1 Steering"]) == -1.0
+    assert {"V1 Headlights", "V1 Indicators", "TL1 State", "TL4 State"} <= commands.keys()
+    assert vector(node.last("ips")) == pytest.approx((-1.1, 0.15, 0.033))
+    assert node.last("lidar")["ranges"][:3] == pytest.approx([math.inf, 1.008726, 1.01745])
+    assert node.last("lidar")["angle_min"] == pytest.approx(-math.pi)
+    assert node.last("autodrive/signal_1/state")["data"] == 0
+
+
+class Listening:
+    """A listener that records updates and warnings."""
+
+    wants_clock = wants_images = is_closed = False
+    max_wait = 0.0
+
+    def __init__(self) -> None:
+        self.updates: list[Update] = []
+        self.warnings: list[str] = []
+
+    def on_vehicles(self, vehicles: dict[str, VehicleInfo]) -> None:
+        pass
+
+    def on_update(self, update: Update) -> None:
+        self.updates.append(update)
+
+    def on_idle(self) -> None:
+        pass
+
+    def warn(self, text: str) -> None:
+        self.warnings.append(text)
+
+
+def test_answers_are_delayed_to_the_configured_rate() -> None:
+    now, listener = [10.0], Listening()
+
+    def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    config = Config(mode="devkit", rate=50.0)
+    source = DevkitSource(config, lambda: now[0], lambda: {"V1": Command()}, clock=lambda: now[0], sleep=sleep)
+    times = []
+    for _ in range(10):
+        source.respond({"V1 Position": "0 0 0"}, listener)
+        times.append(now[0])
+    assert np.diff(times) == pytest.approx(1.0 / 50.0)
+    now[0] += 5.0  # a late message is answered at once
+    source.respond({"V1 Position": "0 0 0"}, listener)
+    assert now[0] == pytest.approx(times[-1] + 5.0)
+
+
+MALFORMED = [
+    {"V1 Position": "here"},
+    {"V1 Position": "0 0 0", "V1 Encoder Angles": "nan"},
+    {"V1 Position": "0 0 0", "V1 Throttle": "full"},
+    {"V1 Position": "0 0 0", "V1 LIDAR Range Array": "H4sI"},
+    {"V1 Position": "0 0 0", "V1 Orientation Quaternion": "0 0 0 0", "TL1 State": "red"},
+    {"V1 Position": "0 0 0", "V1 Front Camera Image": "%%%"},
+    {"V1 Position": ["0"], "V1 Speed": {}},
+]
+
+
+@pytest.mark.parametrize("malformed", MALFORMED, ids=str)
+def test_malformed_messages_are_answered_and_the_next_one_is_published(malformed: dict[str, Any]) -> None:
+    listener = Listening()
+    commands = {"V1": Command(0.25)}
+    source = DevkitSource(Config(mode="devkit"), lambda: 1.0, lambda: commands, sleep=lambda _: None)
+    for data in (malformed, {"V1 Position": "1 2 0.5", "V1 Throttle": "0.5"}):
+        assert source.respond(data, listener)["V1 Throttle"] == "0.250"
+    vehicle = listener.updates[-1].frame.vehicles["V1"]
+    assert vehicle.ips.position.tolist() == [1.0, 2.0, 0.5]
+    assert vehicle.throttle == 0.5
+
+
+@pytest.mark.parametrize("car", [NIGEL_FIGURES, ROBORACER], ids=lambda car: car.name)
+def test_figures_of_the_cars_are_those_of_their_files(car: Car) -> None:
+    """`autodrive.connect.ros.cars` repeats them for installations without the simulator."""
+    spec = load_vehicle(car.name)
+    lidar = spec.sensors.lidar
+    assert lidar is not None
+    assert spec.wheelbase == car.wheelbase
+    assert spec.wheels.radius == car.wheel_radius
+    assert spec.drivetrain.speed_limit * spec.wheels.radius == pytest.approx(car.speed_limit, abs=1e-3)
+    assert spec.steering.limit == pytest.approx(car.steering_limit, abs=1e-5)
+    assert tuple(spec.cameras) == car.cameras
+    assert (lidar.range_min, lidar.range_max, lidar.rate) == (
+        car.lidar_range_min,
+        car.lidar_range_max,
+        car.lidar_rate,
+    )
+    assert math.degrees(lidar.rays * lidar.angle_increment) == pytest.approx(car.lidar_field_of_view)
+    for camera in spec.cameras.values():
+        angle = 2.0 * math.atan(0.5 * camera.intrinsics.height / camera.intrinsics.fy)
+        assert math.degrees(angle) == pytest.approx(car.vertical_field_of_view, abs=1e-2)
+
+
+def test_in_devkit_mode_requests_raise() -> None:
+    bridge = Bridge(Config(mode="devkit"), Recorder())
+    with pytest.raises(AutodriveError, match="mode 'direct'"):
+        bridge.request(Reset())
+
+
+# -- invalid input -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("invalid", "message"),
+    [
+        ({"mode": "magic"}, "mode must be"),
+        ({"profile": "1999"}, "profile must be"),
+        ({"race": True}, "race needs the profile 'roboracer', not '2025'"),
+        ({"port": 70000}, "port must be"),
+        ({"rate": 0.0}, "rate must be"),
+        ({"command_timeout": math.nan}, "command_timeout must be"),
+        ({"picture_quality": 0}, "picture_quality must be"),
+    ],
+)
+def test_invalid_configuration_raises(invalid: dict[str, Any], message: str) -> None:
+    with pytest.raises(AutodriveError, match=message):
+        Config(**invalid)
+
+
+@pytest.mark.parametrize("text", ["", "<robot", "<robot><joint/></robot>", "no xml"])
+def test_an_invalid_urdf_raises(text: str) -> None:
+    if text:
+        with pytest.raises(AutodriveError, match="not a valid URDF"):
+            Bridge(Config(robot_description=text), Recorder())
+    else:
+        assert Bridge(Config(), Recorder()).frame is None

@@ -1,0 +1,324 @@
+"""The server against another WebSocket library and another reader of MessagePack: handshake, Frames, requests."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import simplejpeg
+from websockets.exceptions import ConnectionClosed
+
+import autodrive
+from autodrive import Command, Simulation
+from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server.server import Server
+from autodrive.protocol.messages import Collision, Frame, Pause, SetSpeed
+from autodrive.scenario import ScenarioSpec
+from autodrive.world import World
+from tests.support.frames import bytes_of
+from tests.support.native_clients import NativeClient, native_client, raw, scene_files
+from tests.support.waiting import LIMIT, free_port, wait_until
+
+
+@pytest.fixture
+def server(simulation: Simulation) -> Iterator[Server]:
+    with Server(
+        simulation,
+        scene_files=scene_files,
+        bridge=DevkitBridge(simulation),
+        scenarios={"two_cars": "Two cars", "plane": "One"},
+        port=free_port(),
+    ) as serving:
+        yield serving
+
+
+@pytest.fixture
+def one(server: Server) -> Iterator[NativeClient]:
+    with native_client(server, "one") as it:
+        yield it
+
+
+def test_a_client_gets_welcome_and_scene_before_the_first_frame(one: NativeClient) -> None:
+    welcome = one.receive()
+    assert (welcome["type"], welcome["protocol"], welcome["name"]) == ("Welcome", 2, "one")
+    assert welcome["version"] == autodrive.__version__
+    assert welcome["scenarios"] == {"two_cars": "Two cars", "plane": "One"}
+    types = [one.receive()["type"] for _ in range(8)]
+    assert one.socket.subprotocol == "autodrive.v2"
+    assert types.index("Scene") < types.index("Frame")
+
+
+@pytest.mark.parametrize(("version", "message"), [(1, "Fault"), (3, "Error")])
+def test_a_client_of_another_version_gets_an_error_that_it_can_read(server: Server, version: int, message: str) -> None:
+    with raw(server) as socket:
+        strange = NativeClient.__new__(NativeClient)
+        strange.socket = socket
+        strange.send("Hello", protocol=version)
+        error = strange.receive()
+        assert (error["type"], error["code"]) == (message, "version")
+        assert f"speaks version 2 of the native protocol, not {version}" in error["text"]
+        with pytest.raises(ConnectionClosed):
+            strange.receive()
+
+
+def test_a_client_without_hello_is_disconnected(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("autodrive.connect.server.handshake.HELLO_TIMEOUT", LIMIT)
+    mute = NativeClient.__new__(NativeClient)
+    with raw(server) as socket:
+        mute.socket = socket
+        mute.send("Subscribe")
+        assert "the first message must be a Hello" in mute.error("message")
+    monkeypatch.setattr("autodrive.connect.server.handshake.HELLO_TIMEOUT", 0.1)
+    with raw(server) as socket:
+        mute.socket = socket
+        assert "no Hello" in mute.error("message")
+
+
+def test_clients_with_the_same_name_get_different_names(server: Server) -> None:
+    with (
+        native_client(server, "page") as first,
+        native_client(server, "page") as second,
+        native_client(server, "\n") as third,
+    ):
+        assert [it.receive()["name"] for it in (first, second, third)] == ["page", "page 2", "client"]
+
+
+def test_frames_have_the_subscribed_rate(one: NativeClient) -> None:
+    one.until("Frame")
+    start = time.monotonic()
+    one.send("Subscribe", frame_rate=20.0)
+    one.ask("SetSpeed", factor=1.0)  # what comes before its Response was sent at the rate before
+    for _ in range(21):
+        one.until("Frame")
+    assert time.monotonic() - start > 0.9 * 20 / 20.0  # a busy machine takes longer
+
+
+def test_a_subscription_without_frames_gets_none(one: NativeClient) -> None:
+    one.until("Frame")
+    one.send("Subscribe", frame_rate=0.0)
+    one.ask("SetSpeed", factor=1.0)
+    statuses = [one.receive()["type"] for _ in range(4)]
+    assert set(statuses) == {"Status"}
+
+
+def test_a_subscription_of_all_frames_gets_each_tick(one: NativeClient) -> None:
+    one.ask("Pause")
+    one.send("Subscribe", frame_rate=None)
+    begin = one.ask("Step")["frame"]["tick"]
+    ticks = [one.ask("Step")["frame"]["tick"] for _ in range(20)]
+    assert ticks == list(range(begin + 1, begin + 21))
+
+
+def test_a_scan_precedes_the_first_frame_that_contains_it(one: NativeClient) -> None:
+    one.send("Subscribe", frame_rate=None, scans=True)
+    one.until("Frame")
+    scan = one.until("Scan")
+    after = one.until("Frame")
+    assert scan["vehicle"] == "V1"
+    assert scan["scan"]["time"] <= after["time"] <= scan["scan"]["time"] + 0.5
+    assert len(scan["scan"]["ranges"]) == 360
+    assert after["vehicles"]["V1"]["lidar"] is None
+
+
+def test_a_slow_reader_gets_the_latest_and_no_backlog(server: Server, simulation: Simulation) -> None:
+    with native_client(server, "slow", max_queue=2) as slow:
+        slow.send("Subscribe", frame_rate=None, scans=True)
+        slow.until("Frame")
+        simulation.request(SetSpeed(None)).result(LIMIT)
+        then = simulation.ticks
+        wait_until(lambda: simulation.ticks > then + 3000)
+        simulation.request(Pause()).result(LIMIT)
+        last = simulation.frame.tick
+        count = 1
+        while slow.until("Frame")["tick"] < last:
+            count += 1
+        assert count < 1500  # what the system holds of both sides, not 3000
+
+
+def test_events_are_kept_for_a_client_with_a_low_frame_rate(server: Server, simulation: Simulation) -> None:
+    position = np.zeros(3)
+    with native_client(server) as rare:
+        rare.ask("Pause")
+        rare.send("Subscribe", frame_rate=0.0)
+        rare.ask("Resume")
+        hub = server._hub
+        for number in range(5):
+            event = Collision(0.0, "V1", f"box {number}", 1.0, position)
+            with_event = _with_events(simulation.frame, event)
+            hub._broadcast.queue.publish(with_event)
+            time.sleep(0.02)
+        events = rare.ask("Pause")["frame"]["events"]
+        assert [event["other"] for event in events] == [f"box {number}" for number in range(5)]
+        assert not rare.ask("Step")["frame"]["events"]
+
+
+def _with_events(frame: Frame, *events: Any) -> Frame:
+    from msgspec.structs import replace
+
+    return replace(frame, events=events)
+
+
+def test_a_step_needs_a_pause(one: NativeClient) -> None:
+    error = one.ask("Step")
+    assert (error["type"], error["code"]) == ("Error", "request")
+    assert "request Pause first" in error["text"]
+
+
+def test_a_pause_and_a_step_can_be_requested_together(one: NativeClient) -> None:
+    pause, step = one.begin("Pause"), one.begin("Step", ticks=3)
+    assert one.answer(step)["frame"]["tick"] - 3 >= 0
+    assert pause < step
+
+
+def test_steps_of_a_client_equal_those_of_a_world_in_the_process(server: Server, simulation: Simulation) -> None:
+    from autodrive.protocol.codec import decode_server, encode, streamed
+
+    commands = [{"V1": Command(0.3 + 0.01 * n, 0.2 * (-1) ** n)} for n in range(60)]
+    with native_client(server) as script:
+        script.ask("Pause")
+        script.ask("SetDrivingMode", vehicle="V1", is_autonomous=True)
+        script.ask("Reset", seed=3)
+        script.send("Subscribe", frame_rate=0.0)
+        over_wire = [
+            script.ask("Step", commands={"V1": {"throttle": its.throttle, "steering": its.steering}})["frame"]
+            for (its,) in (command.values() for command in commands)
+        ]
+    own = autodrive.make("plane")
+    own.reset(3)
+    own.set_driving_mode("V1", True)
+    mine = own.frame
+    for command, frame in zip(commands, over_wire, strict=True):
+        mine = own.step(command)
+        theirs = frame["vehicles"]["V1"]
+        assert frame["tick"] == mine.tick
+        assert theirs["pose"]["position"] == tuple(mine.vehicles["V1"].pose.position)
+        assert theirs["imu"]["linear_acceleration"] == tuple(mine.vehicles["V1"].imu.linear_acceleration)
+    last = decode_server(encode(streamed(simulation.frame, simulation.frame.events)))
+    assert isinstance(last, Frame)
+    assert list(bytes_of(last)) == list(bytes_of(streamed(mine, mine.events)))
+
+
+def test_a_reset_keeps_all_clients(server: Server, one: NativeClient) -> None:
+    with native_client(server, "two") as two:
+        one.until(lambda message: message["type"] == "Status" and message["clients"] == 2)
+        assert one.ask("Reset", seed=1)["frame"]["tick"] <= 1
+        assert two.until("Frame")["tick"] >= 0
+        assert two.until("Status")["clients"] == 2
+
+
+def test_every_simple_request_is_executed(one: NativeClient, simulation: Simulation) -> None:
+    assert one.ask("SetSceneLight", enabled=False)["frame"]["scene_light"] is False
+    teleported = one.ask("Teleport", vehicle="V1", x=1.0, y=2.0, yaw=0.5)["frame"]
+    assert teleported["vehicles"]["V1"]["pose"]["position"][:2] == pytest.approx((1.0, 2.0), abs=1e-6)
+    assert not one.ask("SetDrivingMode", vehicle="V1", is_autonomous=False)["frame"]["vehicles"]["V1"]["is_autonomous"]
+    one.ask("SetSpeed", factor=2.0)
+    one.ask("Pause")
+    status = one.until(lambda message: message["type"] == "Status" and message["is_paused"])
+    assert status["speed"] == 2.0
+    one.ask("Resume")
+    assert not simulation.is_paused
+
+
+@pytest.mark.parametrize(
+    ("request_", "text"),
+    [
+        ({"type": "Teleport", "vehicle": "V9", "x": 0, "y": 0}, "vehicle 'V9' is not known"),
+        ({"type": "SetSpeed", "factor": -1.0}, "speed must be a number from 1e-06 to"),
+        ({"type": "LoadScenario", "name": "../secret"}, "scenario '../secret' is not known"),
+        ({"type": "ConnectBridge", "host": "not a host", "port": 4567}, "is not a host name or IP address"),
+        ({"type": "ConnectBridge", "host": "127.0.0.1", "port": 70000}, "is not between 1 and 65535"),
+        ({"type": "SetCamera", "camera": "Devil's Eye"}, "scene camera 'Devil's Eye' is not known"),
+        ({"type": "SetCamera", "camera": "Orbit", "rate": 0.0}, "more than 0 Hz"),
+    ],
+)
+def test_an_impossible_request_is_answered_with_an_error_and_its_id(
+    one: NativeClient, request_: dict[str, Any], text: str
+) -> None:
+    error = one.ask(request_.pop("type"), **request_)
+    assert (error["type"], error["code"]) == ("Error", "request")
+    assert text in error["text"]
+    assert one.until("Frame")
+
+
+def test_the_bridge_connects_reports_its_error_and_disconnects(one: NativeClient) -> None:
+    port = free_port()
+    for _ in range(2):  # again after an end
+        assert one.ask("ConnectBridge", host="127.0.0.1", port=port)["type"] == "Response"
+        status = one.until(lambda message: message["type"] == "Status" and message["bridge"]["error"])
+        assert status["bridge"]["state"] == "connecting"
+        assert status["bridge"]["error"] == f"no script at 127.0.0.1:{port} (connection refused); trying again"
+        assert one.ask("DisconnectBridge")["type"] == "Response"
+        status = one.until(lambda message: message["type"] == "Status" and message["bridge"]["state"] == "closed")
+        assert status["bridge"]["error"] == ""
+
+
+def test_a_new_scenario_starts_with_its_scene(one_world: World) -> None:
+    one_world.reset(0)
+    is_note_seen = threading.Event()  # a quick load would leave no time for a Status with its note
+
+    def load(scenario: str | ScenarioSpec) -> World:
+        is_note_seen.wait()
+        return autodrive.make(scenario)
+
+    simulation = Simulation(one_world, load=load)
+    with (
+        Server(simulation, scene_files=scene_files, scenarios={"two_cars": "Two cars"}, port=free_port()) as server,
+        simulation,
+        native_client(server) as it,
+        native_client(server) as watcher,
+    ):
+        it.until("Frame")
+        watcher.until("Frame")
+        id = it.begin("LoadScenario", name="two_cars")
+        try:
+            it.until(lambda message: message["type"] == "Status" and "Two cars" in message["note"])
+        finally:
+            is_note_seen.set()
+        for each in (it, watcher):
+            has_scene = False
+            while True:
+                message = each.receive()
+                has_scene |= message["type"] == "Scene"
+                frame = message["frame"] if message.get("id") == id else message
+                if frame["type"] == "Frame" and "V2" in frame["vehicles"]:
+                    break
+            assert has_scene
+        it.until(lambda message: message["type"] == "Status" and not message["note"])
+        simulation.stop()
+        simulation.world.close()
+
+
+def test_scene_cameras_are_rendered_for_other_clients(gl: str, one: NativeClient, simulation: Simulation) -> None:
+    one.ask("SetCamera", camera="Bird's Eye", width=320)
+    driven = one.until("Rendered")
+    later = one.until("Rendered")
+    assert later["time"] > driven["time"]
+    assert simplejpeg.decode_jpeg(later["jpeg"]).shape == (180, 320, 3)
+    one.ask("Pause")
+    one.ask("Reset")
+    while one.until("Rendered")["time"] > 0.0:  # the last Frame before a pause is drawn too
+        pass
+    one.ask("SetCamera", camera=None)
+    one.ask("Resume")
+    seen = [one.receive()["type"] for _ in range(30)]
+    assert "Rendered" not in seen[10:]
+
+
+def test_scene_cameras_continue_in_another_scenario(gl: str, one_world: World) -> None:
+    one_world.reset(0)
+    simulation = Simulation(one_world, load=autodrive.make)
+    scenarios = {"two_cars": "Two cars"}
+    with Server(simulation, scene_files=scene_files, scenarios=scenarios, port=free_port()) as server, simulation:
+        with native_client(server) as it:
+            it.ask("SetCamera", camera="Driver's Eye", width=160)
+            it.until("Rendered")
+            assert it.ask("LoadScenario", name="two_cars")["type"] == "Response"
+            it.until("Rendered")  # it may be the last of the world before
+            it.until("Frame")
+            it.until("Rendered")
+        simulation.stop()
+        simulation.world.close()

@@ -1,5 +1,0 @@
-"""The running Simulation of the bridge tests, as a fixture."""
-
-from tests.bridge.conftest import one_world, simulation
-
-__all__ = ["one_world", "simulation"]

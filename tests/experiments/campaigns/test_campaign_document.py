@@ -1,0 +1,64 @@
+"""The example and the page docs/campaigns.md run."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from autodrive.experiments.campaigns.campaign import Campaign, CampaignSpec
+from autodrive.experiments.campaigns.metrics import METRICS
+from autodrive.experiments.campaigns.runner import Runner
+from autodrive.experiments.campaigns.runs import run_campaign
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs/campaigns.md").read_text(encoding="utf-8")
+EXAMPLE = ROOT / "examples/campaign/grip_noise_latency.yaml"
+
+
+def test_the_file_of_the_page_is_the_example() -> None:
+    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    assert text == EXAMPLE.read_text(encoding="utf-8")
+
+
+def test_a_small_version_of_the_example_runs(tmp_path: Path) -> None:
+    full = Campaign.load(EXAMPLE)
+    assert len(full) == 1024
+    small = full.spec.samples.model_copy(update={"count": 4})
+    stop = full.spec.stop.model_copy(update={"time": 4.0})
+    campaign = replace(full, spec=full.spec.model_copy(update={"samples": small, "stop": stop}))
+    outcome = run_campaign(campaign, tmp_path / "out", workers=0, uses_cache=False)
+    assert outcome.summary["counts"].get("error", 0) == 0
+    assert outcome.summary["pass"]["runs"] == 8
+    assert outcome.summary["metrics"]["distance"]["mean"] > 0.5
+
+
+def test_the_campaign_of_the_race_policy_runs() -> None:
+    full = Campaign.load(ROOT / "examples/learning/robustness.yaml")
+    assert len(full) == 144
+    stop = full.spec.stop.model_copy(update={"time": 2.0})
+    runner = Runner(replace(full, spec=full.spec.model_copy(update={"stop": stop, "metrics": ("distance",)})))
+    for number in (0, 143):  # `fast` without noise; `technical` with latency, another grip and another mass
+        result = runner.run(full.run(number))
+        assert (result.error, result.end) == ("", "time")
+        assert result.metrics["distance"] > 1.0
+
+
+def test_the_programs_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    driver, program = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "my_driver.py").write_text(driver)
+    exec(program, names)
+    assert names["outcome"].is_complete
+    text = (tmp_path / "grip.yaml").read_text().replace("driver.py:", "my_driver.py:")
+    (tmp_path / "mine.yaml").write_text(text)
+    assert run_campaign(Campaign.load("mine.yaml"), workers=0).summary["counts"] == {"pass": 2}
+
+
+def test_the_page_names_all_keys_and_metrics() -> None:
+    keys = {field.alias or name for name, field in CampaignSpec.model_fields.items()} - {"title", "scenario"}
+    assert not {name for name in keys | set(METRICS) if f"`{name}`" not in PAGE}

@@ -1,0 +1,156 @@
+"""The vector environment has the bits of single environments, in all autoreset modes."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+
+from autodrive.base.errors import SpecError
+from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+
+TASKS = {"NigelLaneKeeping-v0": "state", "NigelParking-v0": "lidar", "NigelNavigation-v0": "state"}
+"""With the observation that the other tests do not use."""
+
+
+def vector_env(id_: str, count: int, **settings: Any) -> DrivingVectorEnv:
+    env = gymnasium.make_vec(f"autodrive:{id_}", count, **settings)
+    assert isinstance(env, DrivingVectorEnv)
+    return env
+
+
+def equal(a: Any, b: Any) -> bool:
+    return data_equivalence(a, b, exact=True)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize("id_", TASKS)
+def test_a_vector_environment_has_the_bits_of_single_ones(id_: str, mode: AutoresetMode) -> None:
+    settings: dict[str, Any] = {"frame_skip": 10, "max_episode_steps": 12}
+    if mode == AutoresetMode.SAME_STEP:
+        settings |= {"observation": TASKS[id_], "action": "discrete"}
+    ours = vector_env(id_, 3, autoreset_mode=mode, **settings)
+    assert ours.metadata["autoreset_mode"] is mode
+    theirs = SyncVectorEnv([lambda: gymnasium.make(f"autodrive:{id_}", **settings)] * 3, autoreset_mode=mode)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    assert equal(ours.reset(seed=5), theirs.reset(seed=5))
+    ours.action_space.seed(1)
+    ends = 0
+    for _ in range(30):
+        actions = ours.action_space.sample()
+        step = ours.step(actions)
+        assert equal(step, theirs.step(actions))
+        ended = step[2] | step[3]
+        ends += int(ended.sum())
+        if mode == AutoresetMode.DISABLED and ended.any():
+            reset = [env.reset(options={"reset_mask": ended.copy()}) for env in (ours, theirs)]
+            assert equal(*reset)
+    assert ends >= 6
+    ours.close()
+    theirs.close()
+
+
+def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
+    one, two = (vector_env("NigelNavigation-v0", 40, threads=threads, max_episode_steps=8) for threads in (1, 2))
+    assert equal(one.reset(seed=3), two.reset(seed=3))
+    one.action_space.seed(1)
+    for _ in range(20):
+        actions = one.action_space.sample()
+        assert equal(one.step(actions), two.step(actions))
+
+
+@pytest.mark.parametrize("id_", TASKS)
+def test_reset_equals_fresh_worlds_in_every_bit(id_: str) -> None:
+    used, fresh = vector_env(id_, 4), vector_env(id_, 4)
+    used.action_space.seed(1)
+    used.reset(seed=1)
+    for _ in range(20):
+        used.step(used.action_space.sample())
+    assert equal(used.reset(seed=8), fresh.reset(seed=8))
+    for _ in range(5):
+        actions = used.action_space.sample()
+        assert equal(used.step(actions), fresh.step(actions))
+
+
+def test_what_was_returned_is_not_written_again() -> None:
+    envs = vector_env("NigelNavigation-v0", 3)
+    returned = [envs.reset(seed=1)]
+    returned += [envs.step(envs.action_space.sample()) for _ in range(3)]
+    copies = deepcopy(returned)
+    for _ in range(3):
+        envs.step(envs.action_space.sample())
+    envs.reset(seed=2)
+    assert all(equal(one, other) for one, other in zip(returned, copies, strict=True))
+
+
+def test_wrappers_of_vector_environments_work() -> None:
+    envs = RecordEpisodeStatistics(vector_env("NigelParking-v0", 3, max_episode_steps=4))
+    envs.reset(seed=1)
+    *_, truncated, info = [envs.step(envs.action_space.sample()) for _ in range(4)][-1]
+    assert truncated.all()
+    assert info["episode"]["l"].tolist() == [4, 4, 4]
+
+
+def test_a_disabled_autoreset_waits_for_a_mask() -> None:
+    envs = vector_env("NigelParking-v0", 2, autoreset_mode="DISABLED", max_episode_steps=1)
+    envs.reset(seed=1)
+    envs.step(envs.action_space.sample())
+    with pytest.raises(SpecError, match=r"environments \[0, 1\] have ended; reset them with a reset_mask"):
+        envs.step(envs.action_space.sample())
+    for mask in ([True, True], np.ones(3, np.bool_), np.ones(2), np.zeros(2, np.bool_)):
+        with pytest.raises(ValueError, match="reset_mask"):
+            envs.reset(options={"reset_mask": mask})
+
+
+def test_an_unstable_world_ends_its_episode_only() -> None:
+    envs = vector_env("NigelParking-v0", 3)
+    envs.reset(seed=1)
+    envs.batch._worlds.state.qvel[1, 0] = np.nan
+    observations, rewards, terminated, _, _ = envs.step(np.zeros((3, 2), np.float32))
+    assert terminated.tolist() == [False, True, False]
+    assert rewards[1] == -1.0
+    assert observations in envs.observation_space
+    envs.step(np.zeros((3, 2), np.float32))
+    assert envs.step(np.zeros((3, 2), np.float32))[0] in envs.observation_space
+
+
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"render_mode": "rgb_array"}, "render_mode 'rgb_array': a vector environment draws no images for people"),
+        ({"autoreset_mode": "SAMESTEP"}, "autoreset_mode: 'SAMESTEP' is not known.*Did you mean 'SAME_STEP'"),
+        ({"observation": "lidra"}, "Did you mean 'lidar'"),
+    ],
+)
+def test_a_wrong_setting_is_named(settings: dict[str, Any], error: str) -> None:
+    with pytest.raises(SpecError, match=error):
+        vector_env("NigelParking-v0", 2, **settings)
+
+
+def test_a_wrong_number_of_seeds_is_named() -> None:
+    with pytest.raises(ValueError, match="there must be 2 seeds, one for each environment, not 3"):
+        vector_env("NigelParking-v0", 2).reset(seed=[1, 2, 3])
+
+
+def test_images_of_a_vector_environment_are_those_of_single_ones(gl: str) -> None:
+    settings: dict[str, Any] = {"observation": "camera", "max_episode_steps": 3}
+    ours = vector_env("NigelNavigation-v0", 2, autoreset_mode="SameStep", **settings)
+    theirs = SyncVectorEnv(
+        [lambda: gymnasium.make("autodrive:NigelNavigation-v0", **settings)] * 2, autoreset_mode=AutoresetMode.SAME_STEP
+    )
+    steps = [[env.reset(seed=5)[0] for env in (ours, theirs)]]
+    steps += [[env.step(np.ones((2, 2), np.float32))[0] for env in (ours, theirs)] for _ in range(4)]
+    for one, other in steps:
+        assert one in ours.observation_space
+        assert one["state"].tobytes() == other["state"].tobytes()
+        difference = np.abs(one["image"].astype(int) - other["image"])
+        assert (difference > 2).mean() < 0.01  # equal but for rounding, and for pixels at edges
+    ours.close()
+    theirs.close()

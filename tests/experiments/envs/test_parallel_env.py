@@ -1,0 +1,83 @@
+"""The environment of several cars passes the tests of PettingZoo."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from autodrive.base.errors import SpecError
+from autodrive.experiments.envs.parallel_env import DrivingParallelEnv
+from autodrive.experiments.envs.task import MOTION
+from autodrive.protocol.display import yaw
+
+
+@pytest.mark.parametrize("settings", [{"cars": 2}, {"cars": 8, "observation": "state", "action": "discrete"}])
+def test_the_tests_of_pettingzoo_pass(settings: dict[str, Any]) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(DrivingParallelEnv(**settings, max_episode_steps=20), num_cycles=30)
+        parallel_seed_test(lambda: DrivingParallelEnv(**settings), num_cycles=5)
+
+
+def test_reset_equals_a_fresh_world_in_every_bit() -> None:
+    used, fresh = DrivingParallelEnv(3), DrivingParallelEnv(3)
+    ahead = dict.fromkeys(used.possible_agents, np.array([1.0, 0.4], np.float32))
+    used.reset(seed=1)
+    for _ in range(20):
+        used.step({agent: ahead[agent] for agent in used.agents})
+    for _ in range(5):
+        assert bits(used.reset(seed=7)) == bits(fresh.reset(seed=7))
+        assert bits(used.step(ahead)) == bits(fresh.step(ahead))
+
+
+def test_a_car_whose_episode_has_ended_stays_and_the_others_drive_on() -> None:
+    env = DrivingParallelEnv(4, observation="state")
+    env.reset(seed=3)
+    aside, still = np.array([1.0, 1.0]), np.zeros(2)
+    _, rewards, terminated, truncated, _ = until_the_end(env, "V2", {"V2": aside})
+    assert (rewards["V2"], terminated["V2"], truncated["V2"]) == (-1.0, True, False)
+    assert env.agents == ["V1", "V3", "V4"]
+    for _ in range(20):
+        for part in env.step(dict.fromkeys(env.agents, still)):
+            assert list(part) == ["V1", "V3", "V4"]
+    assert abs(env.frame.vehicles["V2"].speed) < 1e-3
+
+
+def test_a_car_sees_another_one_and_may_hit_it() -> None:
+    env = DrivingParallelEnv(2)
+    env.reset(seed=3)
+    pose = env.frame.vehicles["V1"].pose
+    ahead = complex(*pose.position[:2].tolist()) + 0.6 * np.exp(1j * yaw(pose))
+    env._rendered.world.teleport("V2", ahead.real, ahead.imag, yaw(pose))
+    observations, _, terminated, _, _ = until_the_end(env, "V1", {"V1": np.array([1.0, 0.0])})
+    assert terminated["V1"]
+    assert env.frame.vehicles["V1"].collision_count == 1
+    assert observations["V1"][len(MOTION) + 1] < 0.5  # straight ahead
+
+
+@pytest.mark.parametrize("cars", [1, 9, 2.0])
+def test_a_wrong_number_of_cars_is_refused(cars: Any) -> None:
+    with pytest.raises(SpecError, match="cars: must be a whole number from 2 to 8"):
+        DrivingParallelEnv(cars)
+
+
+def until_the_end(env: DrivingParallelEnv, agent: str, actions: dict[str, Any]) -> tuple[Any, ...]:
+    """The step in which the episode of an agent ends; the others stand still."""
+    for _ in range(200):
+        step = env.step({one: actions.get(one, np.zeros(2)) for one in env.agents})
+        if agent not in env.agents:
+            return step
+    raise AssertionError("the episode has not ended")
+
+
+def bits(step: Any) -> Any:
+    """A comparable form of nested dictionaries with arrays."""
+    if isinstance(step, dict):
+        return {key: bits(value) for key, value in step.items()}
+    if isinstance(step, tuple):
+        return [bits(value) for value in step]
+    return step.tobytes() if isinstance(step, np.ndarray) else step

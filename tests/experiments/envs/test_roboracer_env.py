@@ -1,0 +1,283 @@
+"""The time trial and the race of the car RoboRacer: single, vector and PettingZoo environments on random tracks."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from autodrive.base.errors import SpecError
+from autodrive.experiments.envs.conditions import Conditions
+from autodrive.experiments.envs.episodes import observed
+from autodrive.experiments.envs.race_env import RaceParallelEnv
+from autodrive.experiments.envs.race_tracks import APART, AREA, ROWS, RaceTracks
+from autodrive.experiments.envs.roboracer_env import RoboRacerEnv, RoboRacerVectorEnv
+from autodrive.experiments.envs.time_trial import FAILURE, TRACK
+from autodrive.scenario.maps.map import load_map
+from autodrive.scenario.tracks.generate import generate_track
+from tests.experiments.envs.test_driving_vector_env import equal
+
+BEARINGS = np.linspace(-132.5, 132.5, 54)
+"""Of the sectors of the observation 'lidar' [deg]."""
+SPEED, SCAN = 0, 5
+"""Where an observation has the forward speed, and the first range."""
+
+
+def made(**settings: Any) -> RoboRacerEnv:
+    env = gymnasium.make("autodrive:RoboRacer-v0", **settings).unwrapped
+    assert isinstance(env, RoboRacerEnv)
+    return env
+
+
+def action_for(observation: np.ndarray, top_speed: float = 2.5) -> np.ndarray:
+    """A driver that steers into the widest gap ahead, away from the nearer wall."""
+    ranges = observation[SCAN:]
+    left, right = (ranges[(side * BEARINGS > 40) & (side * BEARINGS < 100)].min() for side in (1, -1))
+    free = np.minimum.reduce([np.roll(ranges, k) for k in range(-4, 5)])
+    free = np.where(np.abs(BEARINGS) < 75, free, 0.0)
+    gap = math.radians(BEARINGS[free >= free.max() - 0.3].mean())
+    speed = min(0.6 + 0.6 * ranges[np.abs(BEARINGS) < 8].min(), top_speed)
+    steering = (0.9 * gap + 0.25 * (left - right)) / 0.5236
+    return np.array([speed / 22.88, min(max(steering, -1.0), 1.0)], np.float32)
+
+
+@pytest.mark.slow
+def test_a_driver_of_a_few_lines_drives_a_lap_on_every_track() -> None:
+    env, tracks = made(), set()
+    for seed in range(4):
+        observation, _ = env.reset(seed=seed)
+        tracks.add(int(env.vector._episodes.memory[0, TRACK]))
+        total, info = 0.0, {"is_success": False}
+        for _ in range(1000):
+            observation, reward, terminated, _, info = env.step(action_for(observation))
+            total += reward
+            assert not terminated, "a collision"
+            if info["is_success"]:
+                break
+        assert info["is_success"]
+        assert total == pytest.approx(env.distance)
+        assert total == pytest.approx(40.0, rel=0.06)  # a lap
+    assert len(tracks) > 1
+
+
+def test_the_environment_passes_the_checks_of_gymnasium() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*render.*")  # it draws only where OpenGL is
+        check_env(made(), skip_render_check=True)
+    names = [one.name for one in observed(made().vector.task, "lidar")]
+    assert (names[SPEED], names[SCAN], names[-1]) == ("speed", "range_-132.5", "range_132.5")
+
+
+def test_a_vector_environment_has_the_bits_of_single_ones_in_every_condition() -> None:
+    settings: dict[str, Any] = {
+        "friction": (0.6, 1.0),
+        "mass": (0.9, 1.2),
+        "noise": (0.0, 2.0),
+        "latency": (0.0, 0.06),
+        "max_episode_steps": 25,
+    }
+    ours = gymnasium.make_vec("autodrive:RoboRacer-v0", 3, autoreset_mode="SameStep", **settings)
+    assert isinstance(ours, RoboRacerVectorEnv)
+    theirs = SyncVectorEnv(
+        [lambda: gymnasium.make("autodrive:RoboRacer-v0", **settings)] * 3, autoreset_mode=AutoresetMode.SAME_STEP
+    )
+    assert equal(ours.reset(seed=5), theirs.reset(seed=5))
+    ours.action_space.seed(1)
+    ends = 0
+    for _ in range(40):
+        step = ours.step(actions := ours.action_space.sample())
+        assert equal(step, theirs.step(actions))
+        ends += int((step[2] | step[3]).sum())
+    assert ends >= 3
+    ours.close()
+    theirs.close()
+
+
+def after(steps: int, throttle: float, **settings: Any) -> RoboRacerEnv:
+    env = made(**settings)
+    env.reset(seed=2)
+    for _ in range(steps):
+        env.step(np.array([throttle, 0.0], np.float32))
+    return env
+
+
+def test_each_condition_changes_what_it_names() -> None:
+    speed = {
+        name: after(8, 1.0, **settings).vector.batch.readings.velocity[0, 0, 0]
+        for name, settings in {
+            "as it is": {},
+            "slippery": {"friction": 0.2},
+            "heavy": {"mass": 2.0},
+            "late": {"latency": 0.05},
+        }.items()
+    }
+    assert speed["slippery"] < 0.5 * speed["as it is"]
+    assert speed["heavy"] == pytest.approx(0.5 * speed["as it is"], rel=0.1)
+    # 0.05 s are two of the eight actions
+    assert speed["late"] == pytest.approx(after(6, 1.0).vector.batch.readings.velocity[0, 0, 0], rel=1e-9)
+    scans = [made(noise=noise).reset(seed=2)[0][SCAN:] for noise in (0.0, 0.0, 3.0)]
+    assert (scans[0] == scans[1]).all()
+    assert 0.001 < np.abs(scans[2] - scans[0]).max() < 2.0
+
+
+def test_conditions_may_change_from_episode_to_episode() -> None:
+    env = made()
+    env.conditions = Conditions(mass=(2.0, 2.0))
+    env.reset(seed=2)
+    assert env.vector.batch._factors["mass"][0, 0] == 2.0
+
+
+def test_a_latency_that_is_no_whole_number_of_steps_delays_by_ticks() -> None:
+    env = made(latency=0.015, frame_skip=5)  # three ticks
+    env.reset(seed=2)
+    env.step(np.array([1.0, 1.0], np.float32))
+    steered = made(frame_skip=2)
+    steered.reset(seed=2)
+    steered.step(np.array([1.0, 1.0], np.float32))
+    assert env.vector.batch.readings.steering[0, 0] == pytest.approx(steered.vector.batch.readings.steering[0, 0])
+
+
+def test_a_collision_ends_the_episode() -> None:
+    env = made()
+    env.reset(seed=1)
+    for _ in range(400):
+        _, reward, terminated, _, _ = env.step(np.array([0.2, 1.0], np.float32))
+        if terminated:
+            assert reward == FAILURE
+            return
+    pytest.fail("no collision")
+
+
+def test_tracks_have_curves_of_the_radius_that_was_asked_for() -> None:
+    """By the circle through points 0.3 m apart."""
+    for radius in (0.8, 1.5):
+        tracks = RaceTracks(2, 0, (1.0, 1.1), (55.0, 60.0), (radius, radius))
+        for line, count in zip(tracks.lines, tracks.count.tolist(), strict=True):
+            b = line[:count, :2]
+            a, c = np.roll(b, 6, axis=0), np.roll(b, -6, axis=0)
+            (x, y), (u, v) = (b - a).T, (c - a).T
+            area = 0.5 * np.abs(x * v - y * u)
+            sides = [np.hypot(*(one - other).T) for one, other in ((a, b), (b, c), (c, a))]
+            least = (np.prod(sides, axis=0) / np.maximum(4.0 * area, 1e-9)).min()
+            assert 0.98 * radius < least < 1.6 * radius
+
+
+def test_tracks_lie_apart_in_rows_and_columns() -> None:
+    tracks = RaceTracks(ROWS + 1, 0, (1.4, 1.4), (40.0, 40.0), None)
+    corners = [(line[:count, :2].min(0), line[:count, :2].max(0)) for line, count in zip(tracks.lines, tracks.count)]  # noqa: B905
+    for (low, high), (other_low, other_high) in itertools.combinations(corners, 2):
+        assert np.maximum(other_low - high, low - other_high).max() > APART
+    assert load_map(tracks.file).track is not None  # it is not too large
+
+
+def test_a_length_that_does_not_fit_is_drawn_again() -> None:
+    """Of seed 10, the first draw has no track on its ground."""
+    tracks = RaceTracks(1, 10, (0.9, 1.3), (45.0, 70.0), None)
+    first = np.random.default_rng([10, 0, 1]).random(2)
+    with pytest.raises(SpecError, match="no track of"):
+        generate_track(10, width=round(0.9 + 0.4 * first[0], 3), length=round(45.0 + 25.0 * first[1], 3), area=AREA)
+    assert 43.0 < tracks.length[0] < 69.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"friction": 0.0}, "friction: must be a number from 0.01 to 10"),
+        ({"latency": (0.3, 0.1)}, "latency: .* the lesser one first"),
+        ({"mass": (1, 2, 3)}, "mass: "),
+        ({"track_radius": 0.1}, "track_radius: must be a number from 0.6 to 4"),
+        ({"track_radius": (1.2, 0.8)}, "track_radius: .* the lesser one first"),
+        ({"tracks": 0}, "tracks: must be a whole number from 1 to 32, not 0"),
+        ({"render_mode": "human"}, "render_mode: 'human' is not known. Known: rgb_array"),
+    ],
+)
+def test_a_wrong_setting_is_named(settings: dict[str, Any], error: str) -> None:
+    with pytest.raises(SpecError, match=error):
+        RoboRacerEnv(**settings)
+
+
+def test_an_image_of_the_front_camera_is_rendered(gl: str) -> None:
+    env = made(render_mode="rgb_array")
+    env.reset(seed=1)
+    image = env.render()
+    assert image is not None
+    assert image.shape == (360, 640, 3)
+    assert image.std() > 10.0
+    env.close()
+
+
+# -- the race ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("settings", [{"cars": 2}, {"cars": 8, "observation": "state", "action": "discrete"}])
+def test_the_race_passes_the_tests_of_pettingzoo(settings: dict[str, Any]) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(RaceParallelEnv(**settings, max_episode_steps=20), num_cycles=30)
+        parallel_seed_test(lambda: RaceParallelEnv(**settings, latency=(0.0, 0.05)), num_cycles=5)
+
+
+@pytest.mark.slow
+def test_the_race_ends_when_the_first_car_has_driven_all_laps() -> None:
+    race = RaceParallelEnv(3, laps=1)
+    observations, _ = race.reset(seed=3)
+    assert race.distance.max() == pytest.approx(-1.0, abs=0.05), "the first place is behind the start line"
+    grid = [race.possible_agents[k] for k in np.argsort(-race.distance)]
+    infos, terminated = {}, {}
+    for step in range(1200):
+        # the cars start one after the other, so that a driver without overtaking hits no other car
+        tops = {agent: (2.5 - 0.5 * k) * (step >= 60 * k) for k, agent in enumerate(grid)}
+        actions = {agent: action_for(observations[agent], tops[agent]) for agent in race.agents}
+        observations, _, terminated, _, infos = race.step(actions)
+        if not race.agents:
+            break
+        assert not any(terminated.values()), "a collision"
+    assert terminated == dict.fromkeys(race.possible_agents, True)
+    assert [infos[agent]["rank"] for agent in grid] == [1, 2, 3]
+    assert [infos[agent]["is_success"] for agent in grid] == [True, False, False]
+    assert infos[grid[0]]["distance"] == pytest.approx(40.0, rel=0.06)
+
+
+def test_a_car_that_collides_leaves_the_race_and_the_others_go_on() -> None:
+    race = RaceParallelEnv(2)
+    race.reset(seed=3)
+    first = race.possible_agents[int(race.distance.argmax())]
+    for _ in range(400):
+        actions = {agent: np.array([0.2, 1.0] if agent == first else [0.0, 0.0], np.float32) for agent in race.agents}
+        _, rewards, terminated, _, _ = race.step(actions)
+        if terminated[first]:
+            assert rewards[first] == FAILURE
+            assert first not in race.agents
+            assert len(race.agents) == 1
+            return
+    pytest.fail("no collision")
+
+
+def test_a_car_sees_the_other_ones() -> None:
+    race = RaceParallelEnv(2)
+    observations, _ = race.reset(seed=3)
+    behind = race.possible_agents[int(race.distance.argmin())]
+    ahead = observations[behind][SCAN:][np.abs(BEARINGS) < 60]
+    assert ahead.min() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"cars": 1}, "cars: must be a whole number from 2 to 8, not 1"),
+        ({"observation": "camera"}, "a race has no images"),
+        ({"laps": 0}, "laps: must be a whole number from 1"),
+    ],
+)
+def test_a_wrong_setting_of_a_race_is_named(settings: dict[str, Any], error: str) -> None:
+    with pytest.raises(SpecError, match=error):
+        RaceParallelEnv(**settings)

@@ -1,0 +1,184 @@
+"""Policies: their numbers against NumPy, their files, what they read, and how they drive."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import autodrive
+from autodrive.base.errors import AutodriveError
+from autodrive.connect.devkit import Server
+from autodrive.experiments.envs.episodes import Episodes, observed
+from autodrive.experiments.envs.task import CarReadings
+from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.experiments.policies import Policy
+from autodrive.experiments.policies.racer import INPUTS, PERIOD, PolicyRacer, drive_laps, sectors
+from autodrive.physics.sensors.settings import SensorSettings
+from autodrive.protocol.messages import Command
+from autodrive.run.play import responder
+from autodrive.run.race import RaceOptions, race
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from tests.support.command_line import call, refused
+
+
+def random_policy(seed: int = 1, inputs: tuple[str, ...] = INPUTS, width: int = 16) -> Policy:
+    rng = np.random.default_rng(seed)
+    sizes = (len(inputs), width, width, 2)
+    layers = tuple(
+        (rng.normal(0.0, 0.4, (out, into)).astype(np.float32), rng.normal(0.0, 0.1, out).astype(np.float32))
+        for into, out in itertools.pairwise(sizes)
+    )
+    return Policy("time_trial", inputs, (0.2,) * len(inputs), (0.0, 0.4), layers, {"seed": seed})
+
+
+@given(st.integers(0, 1000))
+@settings(deadline=None, max_examples=20)
+def test_the_outputs_are_those_of_matrices_in_numpy(seed: int) -> None:
+    policy = random_policy(seed)
+    features = np.random.default_rng(seed).uniform(-10.0, 10.0, len(INPUTS))
+    values = 0.2 * features
+    for weight, bias in policy.layers[:-1]:
+        values = np.tanh(weight.astype(float) @ values + bias)
+    weight, bias = policy.layers[-1]
+    drive, steer = np.clip(weight.astype(float) @ values + bias, -1.0, 1.0)
+    assert policy.act(features) == pytest.approx((0.2 * (drive + 1.0), steer), abs=1e-12)
+
+
+def test_large_numbers_saturate() -> None:
+    policy = random_policy()
+    for sign in (-1.0, 1.0):
+        throttle, steering = policy.act(np.full(len(INPUTS), sign * 1e30))
+        assert 0.0 <= throttle <= 0.4
+        assert -1.0 <= steering <= 1.0
+
+
+def test_a_file_has_everything(tmp_path: Path) -> None:
+    policy = random_policy()
+    policy.save(tmp_path / "policy.npz")
+    loaded = Policy.load(tmp_path / "policy.npz")
+    features = np.linspace(-1.0, 1.0, len(INPUTS))
+    assert loaded.act(features) == policy.act(features)
+    for name in ("task", "inputs", "scale", "throttle", "training"):
+        assert getattr(loaded, name) == getattr(policy, name)
+
+
+def changed(file: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None]) -> None:
+    with np.load(file) as archive:
+        arrays = dict(archive)
+    about = json.loads(str(arrays.pop("about")))
+    change(about, arrays)
+    np.savez(file, about=np.array(json.dumps(about)), **arrays)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda about, arrays: about.update(format=2), "its format is 2; this version reads 1"),
+        (lambda about, arrays: about.pop("inputs"), "is not a policy: 'inputs'"),
+        (lambda about, arrays: about.update(scale=[1.0]), "57 inputs needs as many scales, not 1"),
+        (lambda about, arrays: about.update(throttle=[0.0]), "is not a policy"),
+        (lambda about, arrays: about.update(scale=[float("nan")] * 57), "not finite"),
+        (lambda about, arrays: arrays.pop("weight_2"), "two outputs, throttle and steering, not 16"),
+        (lambda about, arrays: arrays["bias_1"].fill(np.inf), "layer 1 of the policy has numbers that are not finite"),
+        (lambda about, arrays: arrays.update(weight_1=np.zeros((16, 3))), r"shape \(16, 3\)"),
+        (lambda about, arrays: arrays.update(weight_0=np.array(["a"])), "is not a policy"),
+    ],
+)
+def test_a_wrong_file_is_one_line(
+    tmp_path: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None], message: str
+) -> None:
+    file = tmp_path / "policy.npz"
+    random_policy().save(file)
+    changed(file, change)
+    with pytest.raises(AutodriveError, match=message) as error:
+        Policy.load(file)
+    assert "\n" not in str(error.value)
+    assert "policy.npz" in str(error.value)
+
+
+def test_other_files_are_no_policies(tmp_path: Path) -> None:
+    file = tmp_path / "policy.npz"
+    with pytest.raises(AutodriveError, match="No such file"):
+        Policy.load(file)
+    random_policy().save(file)
+    whole = file.read_bytes()
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as other:
+        other.writestr("about.npy", b"no array")
+    for data in (b"", b"text", archive.getvalue(), *(whole[: len(whole) * k // 50] for k in range(50))):
+        file.write_bytes(data)
+        with pytest.raises(AutodriveError, match="is not a policy"):
+            Policy.load(file)
+
+
+def test_a_racer_reads_what_the_environment_shows() -> None:
+    """From the encoders, the gyroscope and the LIDAR, at the same time in the same world."""
+    task = TimeTrial(5)
+    car = VehiclePlacement(type="roboracer", sensors={"lidar": SensorSettings(noise="realistic")})
+    world = autodrive.make(ScenarioSpec(map="practice", vehicles={"V1": car}, tick=PERIOD))
+    places = [[one.name for one in observed(task, "lidar")].index(name) for name in INPUTS]
+    episodes = Episodes(task, "lidar", 1)
+    seen: list[np.ndarray] = []
+
+    class Spy(Policy):
+        def act(self, features: np.ndarray) -> tuple[float, float]:
+            seen.append(features)
+            return 0.1, 0.05
+
+    racer = PolicyRacer(Spy("time_trial", INPUTS, (1.0,) * 57, (0.0, 1.0), random_policy().layers))
+    for _ in range(60):
+        readings = CarReadings.of_frame(world.frame)
+        episodes.advance(readings)
+        racer.act(world.frame.vehicles["V1"])
+        world.step({"V1": Command(0.1, 0.05)})
+    expected = episodes.numbers()[0, places]
+    assert seen[-1][2:] == pytest.approx(expected[2:], abs=1e-6)  # steering, ranges
+    assert seen[-1][1] == pytest.approx(expected[1], abs=0.05)  # yaw rate, of a gyroscope
+    assert seen[-1][0] == pytest.approx(expected[0], rel=0.03)  # speed; the tyres slip
+    assert expected[0] > 1.0
+
+
+def test_what_a_racer_cannot_read_is_refused() -> None:
+    with pytest.raises(AutodriveError, match="reads offset, which no script can read in a race"):
+        PolicyRacer(random_policy(inputs=("offset",)))
+    with pytest.raises(AutodriveError, match="a scan of 1080 rays, not of 361"):
+        sectors(np.ones(361))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("track", ["fast", "practice", "technical"])
+def test_the_included_policy_drives_laps_on_tracks_that_it_has_not_seen(track: str) -> None:
+    result = drive_laps(Policy.find("race"), track, laps=4)
+    assert (len(result.laps), result.collisions, result.status) == (4, 0, "finished")
+
+
+def test_an_unknown_policy_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(AutodriveError, match=r"policy 'rice' is not known\. .*race"):
+        Policy.find("rice")
+    with pytest.raises(AutodriveError, match=r"nothing\.npz is not a policy"):
+        Policy.find("nothing.npz")
+
+
+@pytest.mark.process
+def test_the_command_plays_in_a_race_and_as_a_devkit_script(tmp_path: Path) -> None:
+    arguments = ("play", "race", "practice", "--laps", "1", "--lockstep", "--headless", "-o", "result")
+    done = call(*arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "| 1 | race |" in done.stdout
+    played = json.loads((tmp_path / "result" / "result.json").read_text())
+    with Server(responder(Policy.find("race")), port=0) as server:
+        options = RaceOptions("practice", (("127.0.0.1", server.port),), rules="practice", laps=1)
+        raced = race(replace(options, is_lockstep=True, has_page=False))
+    assert raced.standings[0].laps[0].time == played["standings"][0]["laps"][0]["time"]
+    assert "policy 'none' is not known" in refused("play", "none", "practice", cwd=tmp_path)

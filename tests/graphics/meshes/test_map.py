@@ -1,0 +1,139 @@
+"""Meshes of maps, against the polygons of which they are made."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+import shapely
+
+from autodrive.base import specs
+from autodrive.graphics.meshes.map import box_asset, map_asset
+from autodrive.protocol.labels import Label
+from autodrive.scenario.maps import load_map
+from autodrive.scenario.maps.draw import module_alone
+from autodrive.scenario.maps.ground import SIMPLIFY_TOLERANCE, floor_extent
+
+pytestmark = pytest.mark.slow
+
+MAPS = [("map", name) for name in specs.names("map")]
+ALL = MAPS + [("module", name) for name in specs.names("module")]
+
+
+def of(kind, name):
+    return load_map(name) if kind == "map" else module_alone(name)
+
+
+def ground(asset):
+    """Label, and corners of the triangles (n, 3, 3), of all surfaces of the ground."""
+    nodes = [node for node in asset.nodes if node.name == "floor" or node.name.startswith("tile_")]
+    return [(s.label, s.positions[s.triangles].astype(float)) for node in nodes for s in node.surfaces["full"]]
+
+
+def level_ground(asset):
+    """The same without upright faces; triangles without area, which fill a straight side, are among them."""
+    nodes = [node for node in asset.nodes if node.name == "floor" or node.name.startswith("tile_")]
+    surfaces = [s for node in nodes for s in node.surfaces["full"] if s.normals[:, 2].min() > 0.1]
+    return [s.positions[s.triangles].astype(float) for s in surfaces]
+
+
+def plan_area(corners):
+    """Of each triangle seen from above, left turning positive; of upright ones it is nothing."""
+    a, b = (corners[:, 1] - corners[:, 0])[:, :2].T, (corners[:, 2] - corners[:, 0])[:, :2].T
+    return 0.5 * (a[0] * b[1] - a[1] * b[0])
+
+
+@pytest.mark.parametrize(("kind", "name"), ALL)
+def test_every_point_of_the_floor_has_one_surface(kind, name):
+    map_ = of(kind, name)
+    areas = [plan_area(corners) for _, corners in ground(map_asset(map_))]
+    x0, y0, x1, y1 = floor_extent(map_)
+    assert min(area.min() for area in areas) > -1e-9  # none upside down
+    # coordinates are single precision: 3e-5 m at the far edge of 2 km of floor
+    assert sum(area.sum() for area in areas) == pytest.approx((x1 - x0) * (y1 - y0), abs=0.05)
+
+
+@pytest.mark.parametrize(("kind", "name"), ALL)
+def test_road_and_paint_cover_the_drivable_area(kind, name):
+    map_ = of(kind, name)
+    driven = {Label.ROAD, Label.EDGE_LINE, Label.SEPARATION_LINE, Label.STOP_LINE, Label.CROSSING, Label.BAY_LINE}
+    area = sum(plan_area(corners).sum() for label, corners in ground(map_asset(map_)) if label in driven)
+    assert area == pytest.approx(map_.drivable.area, abs=SIMPLIFY_TOLERANCE * map_.drivable.length + 1e-4)
+
+
+@pytest.mark.parametrize(("kind", "name"), ALL)
+def test_ground_is_labelled_as_its_polygons_say(kind, name):
+    """The middles of all triangles, against the markings, the road and the lawn that they lie in."""
+    map_ = of(kind, name)
+    lawn = shapely.union_all([s.geometry for s in map_.surfaces if s.kind == "lawn"])
+    painted = shapely.union_all([m.geometry for m in map_.markings])
+    found = [(label, c[np.abs(plan_area(c)) > 1e-6].mean(1)[:, :2]) for label, c in ground(map_asset(map_))]
+    x, y = np.concatenate([middles for _, middles in found]).T
+    label = np.repeat([label for label, _ in found], [len(middles) for _, middles in found])
+
+    def within(area):  # sure of it: arcs of the mesh are simpler than those of the polygon
+        return shapely.contains_xy(area.buffer(-2.0 * SIMPLIFY_TOLERANCE), x, y)
+
+    def beyond(area):
+        return ~shapely.intersects_xy(area.buffer(2.0 * SIMPLIFY_TOLERANCE), x, y)
+
+    on_road = within(map_.drivable)
+    assert not np.isin(label[on_road], (Label.GROUND, Label.LAWN, Label.KERB)).any()
+    assert (label[on_road & beyond(painted)] == Label.ROAD).all()
+    assert (label[on_road & within(painted)] != Label.ROAD).all()
+    off_road = beyond(map_.drivable)
+    assert np.isin(label[off_road & within(lawn)], (Label.LAWN, Label.KERB)).all()
+    assert np.isin(label[off_road & beyond(lawn)], (Label.GROUND, Label.KERB)).all()
+
+
+@pytest.mark.parametrize(("kind", "name"), MAPS)
+def test_no_crack_opens_between_pieces_of_ground(kind, name):
+    """Each edge of a triangle of the floor is another's, the other way round, but for the outer border."""
+    map_ = of(kind, name)
+    x0, y0, x1, y1 = floor_extent(map_)
+    edges = Counter()
+    for corners in level_ground(map_asset(map_)):
+        level = corners[:, :, :2]
+        for i in range(3):
+            pairs = np.stack([level[:, i], level[:, (i + 1) % 3]], axis=1).astype(np.float32)
+            edges.update(pair.tobytes() for pair in pairs)
+    for pair in edges:
+        a, b = np.frombuffer(pair, np.float32).reshape(2, 2)
+        if not edges[np.stack([b, a]).tobytes()]:
+            at_border = [abs(a[0] - x) < 1e-3 and abs(b[0] - x) < 1e-3 for x in (x0, x1)]
+            at_border += [abs(a[1] - y) < 1e-3 and abs(b[1] - y) < 1e-3 for y in (y0, y1)]
+            assert any(at_border), (a, b)
+
+
+@pytest.mark.parametrize("name", ["mini_map", "tiny_town"])
+def test_the_drivable_area_is_flat(name):
+    map_ = load_map(name)
+    inner = map_.drivable.buffer(-2.0 * SIMPLIFY_TOLERANCE)
+    shapely.prepare(inner)
+    for _, corners in ground(map_asset(map_)):
+        raised = corners.reshape(-1, 3)[corners.reshape(-1, 3)[:, 2] > 0.0]
+        assert not shapely.intersects_xy(inner, raised[:, 0], raised[:, 1]).any()
+        assert corners[..., 2].max() < 0.01
+
+
+@pytest.mark.parametrize("name", ["mini_map", "tiny_town"])
+def test_solids_look_as_large_as_they_are_hit_or_smaller(name):
+    map_ = load_map(name)
+    nodes = {node.name: node for node in map_asset(map_).nodes}
+    for shape in map_.statics:
+        node = nodes[shape.name]
+        points = np.concatenate([s.positions for s in node.surfaces["full"]])
+        half = shape.size if shape.material != "post" else (shape.size[0], shape.size[0], shape.size[1])
+        # the octagon of the stop sign is a little larger across its corners
+        assert (np.abs(points).max(0) <= np.array(half) * (1.0 if shape.material != "plate" else 1.09) + 1e-6).all()
+        assert np.allclose(node.position, shape.position)
+        assert "shadow" in node.surfaces
+
+
+def test_town_is_cheap_to_draw():
+    assert map_asset(load_map("tiny_town")).triangle_count("full") < 15_000
+
+
+def test_construction_box_has_its_size():
+    (node,) = box_asset((0.1, 0.2, 0.25)).nodes
+    points = np.concatenate([s.positions for s in node.surfaces["full"]])
+    assert np.allclose(np.ptp(points, axis=0), (0.1, 0.2, 0.25))

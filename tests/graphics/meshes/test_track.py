@@ -1,0 +1,37 @@
+"""Tests of the meshes of race tracks: they are where the solid pieces are, and face outward."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from autodrive.graphics.meshes.track import barrier_nodes
+from autodrive.scenario.maps.map import load_map
+
+
+@pytest.mark.parametrize("name", ["practice", "fast"])
+def test_barriers_are_drawn_where_they_are_and_face_outward(name: str) -> None:
+    map_ = load_map(name)
+    assert map_.track is not None
+    nodes = list(barrier_nodes(map_.track))
+    solid = shapely.union_all([shape.plan for shape in map_.statics])
+    # the pieces are boxes with square ends, which leave wedges on the outside of bends
+    near = solid.buffer(0.03)
+    tops = []
+    for node in nodes:
+        for surface in node.surfaces["full"]:
+            points = surface.positions.astype(np.float64)
+            assert shapely.contains_xy(near, points[:, 0], points[:, 1]).all()
+            a, b, c = (points[surface.triangles[:, i]] for i in range(3))
+            facing = np.cross(b - a, c - a)
+            area = np.linalg.norm(facing, axis=1)
+            normal = surface.normals[surface.triangles].mean(axis=1)
+            is_inward = np.sum(facing * normal, axis=1) < 0.0
+            # where a duct begins a millimetre before a corner, strips of a millimetre overlap
+            assert area[is_inward].sum() < 5e-3 * area.sum()
+            tops.append(points[:, 2].max())
+            assert points[:, 2].min() >= -1e-6
+    assert max(tops) == pytest.approx(map_.track.barrier.height, rel=0.03)
+    total = sum(len(surface.triangles) for node in nodes for surface in node.surfaces["shadow"])
+    assert total < 14 * len(map_.statics)

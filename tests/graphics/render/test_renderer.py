@@ -1,0 +1,356 @@
+"""Images of small scenes, compared with geometry computed by hand."""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from autodrive.base.errors import AutodriveError
+from autodrive.base.transforms import quaternion_from_euler
+from autodrive.graphics.assets.asset import Asset, Material
+from autodrive.graphics.render.look import DAY, sun_at
+from autodrive.graphics.render.renderer import Renderer
+from autodrive.graphics.render.scene import RenderScene, rigid
+from autodrive.physics.actuators.lights import LAMPS
+from autodrive.protocol.labels import Label
+from autodrive.protocol.messages import CameraIntrinsics
+from tests.support.scenes import (
+    BLACK,
+    GREY,
+    WHITE,
+    box,
+    ground,
+    lights,
+    needs_gl,
+    node,
+    pinhole,
+    render_state,
+    scene,
+    thing,
+    view,
+)
+
+pytestmark = needs_gl
+
+SIDES = ("left", "right")
+QUALITIES = ("software", "software-fxaa", "gpu")
+
+
+def luminance(rgba: np.ndarray) -> np.ndarray:
+    return rgba[..., :3].astype(float) @ (0.2126, 0.7152, 0.0722)
+
+
+def rays(own: CameraIntrinsics) -> np.ndarray:
+    """Directions with z = 1 through the middle of each pixel, optical frame, shape (h, w, 3)."""
+    u, v = np.meshgrid(np.arange(own.width) + 0.5, np.arange(own.height) + 0.5)
+    return np.stack([(u - own.cx) / own.fx, (v - own.cy) / own.fy, np.ones_like(u)], axis=-1)
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_the_corners_of_a_marker_are_where_they_project(quality: str) -> None:
+    """A white square on black ground, seen obliquely."""
+    corners = np.array([(1.2, -0.2), (1.6, -0.2), (1.6, 0.3), (1.2, 0.3)])
+    marker = ground(1.2, -0.2, 1.6, 0.3, WHITE)
+    around = [
+        ground(-50, -50, 1.2, 50, BLACK),
+        ground(1.6, -50, 50, 50, BLACK),
+        ground(1.2, -50, 1.6, -0.2, BLACK),
+        ground(1.2, 0.3, 1.6, 50, BLACK),
+    ]
+    look = view(0.1, 0.05, 0.5, yaw_deg=3.0, pitch_deg=28.0, own=pinhole(640, 480, 50.0))
+    with Renderer(scene(node("marker", marker, *around, casts=False)), quality) as renderer:
+        seen = luminance(renderer.draw(render_state(), [look])[0].rgba) > 60.0
+    optical = np.linalg.inv(rigid(look.position, look.orientation))
+    points = (optical[:3, :3] @ np.column_stack([corners, np.zeros(4)]).T).T + optical[:3, 3]
+    k = look.intrinsics
+    expected = np.column_stack([k.cx + k.fx * points[:, 0] / points[:, 2], k.cy + k.fy * points[:, 1] / points[:, 2]])
+    # a pixel shows the square if its centre is inside: then every edge and corner is at its place
+    square = shapely.Polygon(expected)
+    u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
+    margin = 1.0 if quality == "software-fxaa" else 0.5  # FXAA rounds the pixel at a corner
+    clear = shapely.distance(square.exterior, shapely.points(u, v)) > margin
+    assert np.array_equal(seen[clear], shapely.contains_xy(square, u, v)[clear])
+    assert seen[clear].sum() > 5000
+
+
+def test_depth_of_every_pixel_is_the_analytic_distance() -> None:
+    wall = box((3.0, 0.0, 0.5), (0.2, 8.0, 1.0), GREY, Label.WALL)
+    own = pinhole(320, 240, 41.669)
+    look = view(0.0, 0.0, 0.15, pitch_deg=7.294, own=own)
+    with Renderer(scene(node("floor", ground(-9, -9, 9, 9), casts=False), node("wall", wall))) as renderer:
+        picture = renderer.draw(render_state(), [look], depth=True, labels=True)[0]
+    assert picture.depth is not None
+    assert picture.labels is not None
+    turn = rigid(look.position, look.orientation)[:3, :3]
+    d = rays(own) @ turn.T
+    to_floor = np.where(d[..., 2] < 0, -0.15 / np.minimum(d[..., 2], -1e-12), np.inf)
+    to_wall = np.where(d[..., 0] > 0, 2.9 / np.maximum(d[..., 0], 1e-12), np.inf)
+    height = 0.15 + to_wall * d[..., 2]
+    to_wall[(height < 0) | (height > 1.0)] = np.inf
+    expected = np.minimum(to_floor, to_wall)
+    # a depth buffer of 24 bits, near 0.01 m: z^2 / (near 2^24); pixels on an edge may show either side
+    inner = np.isfinite(expected) & (expected < 6.0) & (np.abs(to_floor - to_wall) > 0.15)
+    resolution = expected[inner] ** 2 / (0.01 * 2**24)
+    assert np.all(np.abs(picture.depth[inner] - expected[inner]) < 4.0 * resolution + 2e-5)
+    assert inner.sum() > 40_000
+    sky = ~np.isfinite(expected)
+    assert np.all(np.isinf(picture.depth[sky]))
+    assert np.all(picture.labels[sky] == Label.NOTHING)
+    assert np.all(picture.labels[inner & (to_floor < to_wall)] == Label.ROAD)
+    assert np.all(picture.labels[inner & (to_wall < to_floor)] == Label.WALL)
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_the_shadow_of_a_box_points_away_from_the_sun(quality: str) -> None:
+    """The shadow ends at height / tan(elevation) from the box; sunlit ground is bright."""
+    height = 0.5
+    tower = box((0.0, 0.0, height / 2), (0.1, 0.1, height), GREY, Label.BLOCK)
+    sun = np.array(DAY.sun_direction)
+    own = pinhole(400, 400, 60.0)
+    look = view(0.0, 0.0, 3.0, pitch_deg=90.0, own=own)
+    with Renderer(scene(node("floor", ground(-4, -4, 4, 4), casts=False), node("tower", tower)), quality) as renderer:
+        seen = luminance(renderer.draw(render_state(), [look])[0].rgba)
+
+    def brightness(x: float, y: float) -> float:
+        """Of the ground there: the camera looks down; x of the map is up in the image, y to the left."""
+        u, v = own.cx - own.fx * y / 3.0, own.cy - own.fy * x / 3.0
+        return float(seen[int(v), int(u)])
+
+    away = -sun[:2] / np.linalg.norm(sun[:2])
+    reach = height * np.linalg.norm(sun[:2]) / sun[2]
+    lit = brightness(*(-1.0 * away))
+    for share in (0.4, 0.6, 0.8):
+        assert brightness(*(share * reach * away)) < 0.7 * lit
+    assert brightness(*((reach + 0.15) * away)) == pytest.approx(lit, rel=0.02)
+
+
+def test_shadows_follow_the_time_of_day() -> None:
+    """In the morning, at noon and in the afternoon; the shadow map of the towers is rendered again."""
+    tower = box((0.0, 0.0, 0.25), (0.1, 0.1, 0.5), GREY, Label.BLOCK)
+    own = pinhole(400, 400, 60.0)
+    look = view(0.0, 0.0, 3.0, pitch_deg=90.0, own=own)
+    places = {hour: np.array(sun_at(3600.0 * hour)) for hour in (9, 12, 15)}
+    world = scene(node("floor", ground(-4, -4, 4, 4), casts=False), node("tower", tower))
+    with Renderer(world, "software") as renderer:
+        for hour in (9, 12, 15):
+            now = render_state()
+            now.header["time_of_day"] = 3600.0 * hour
+            seen = luminance(renderer.draw(now, [look])[0].rgba)
+            shade = {}
+            for other, sun in places.items():
+                x, y = -0.5 * 0.5 * sun[:2] / sun[2]
+                shade[other] = seen[int(own.cy - own.fy * x / 3.0), int(own.cx - own.fx * y / 3.0)]
+            assert min(shade, key=shade.__getitem__) == hour
+            assert sorted(shade.values())[1] > 1.3 * shade[hour]
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_the_shadow_of_a_vehicle_moves_with_it(quality: str) -> None:
+    away = -np.array(DAY.sun_direction[:2]) / DAY.sun_direction[2]
+    own = pinhole(400, 400, 60.0)
+    look = view(0.5, 0.0, 3.0, pitch_deg=90.0, own=own)
+    with Renderer(scene(node("floor", ground(-4, -4, 4, 4), casts=False), vehicles=1), quality) as renderer:
+        for x in (0.0, 0.7):
+            now = render_state(1)
+            now.vehicles["position"][0] = x, 0.0, 0.0
+            seen = luminance(renderer.draw(now, [look])[0].rgba)
+            place = np.array([x + 0.08, 0.0]) + 0.085 * away  # shadow of the far edge of the roof
+            edge = place + 0.05 * away / np.linalg.norm(away)
+            u, v = own.cx - own.fx * edge[1] / 3.0, own.cy - own.fy * (edge[0] - 0.5) / 3.0
+            lit = seen[int(own.cy - own.fy * (-0.4) / 3.0), int(own.cx - own.fx * 1.0 / 3.0)]
+            assert seen[int(v), int(u)] < 0.75 * lit, x
+
+
+@pytest.mark.parametrize("is_day", [True, False])
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_a_vehicle_darkens_the_road_beside_it_and_not_the_wall_above_it(quality: str, is_day: bool) -> None:
+    wall = box((0.0, 0.09, 0.2), (4.0, 0.02, 0.4), GREY, Label.WALL)  # 1 cm beside the car, which is 0.09 m high
+    world = scene(node("floor", ground(-4, -4, 4, 4), casts=False), node("wall", wall), vehicles=1)
+    look = view(0.08, -1.5, 0.25, yaw_deg=90.0)
+    with Renderer(world, quality) as renderer:
+        beside = luminance(renderer.draw(render_state(1, is_day=is_day), [look])[0].rgba)
+        away = render_state(1, is_day=is_day)
+        away.vehicles["position"][0] = 3.0, 0.0, 0.0
+        alone = luminance(renderer.draw(away, [look])[0].rgba)
+
+    def row(height: float) -> int:
+        return int(120 + look.intrinsics.fy * (0.25 - height) / 1.58)
+
+    for height in (0.16, 0.25, 0.35):  # above the car and its shadow
+        assert beside[row(height), 160] == pytest.approx(alone[row(height), 160], rel=0.03)
+    road = int(120 + look.intrinsics.fy * 0.25 / 1.42)  # 1 cm before the car
+    assert beside[road, 160] < 0.8 * alone[road, 160]
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_night_is_dark_but_not_black_and_headlights_light_the_road(quality: str) -> None:
+    world = scene(node("floor", ground(-6, -6, 6, 6), casts=False), vehicles=1)
+    look = view(0.2, 0.0, 0.15, pitch_deg=12.0)
+    with Renderer(world, quality) as renderer:
+        day = luminance(renderer.draw(render_state(1), [look])[0].rgba)
+        night = luminance(renderer.draw(render_state(1, is_day=False), [look])[0].rgba)
+        lit = render_state(1, is_day=False)
+        lit.vehicles["lamps"][0, [LAMPS.index("head_left"), LAMPS.index("head_right")]] = 1.0
+        lamps = luminance(renderer.draw(lit, [look])[0].rgba)
+    road = slice(150, 240)
+    assert 2.0 < night[road].mean() < 0.35 * day[road].mean()
+    assert lamps[road, 140:180].mean() > 3.0 * night[road, 140:180].mean()
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_headlights_cast_shadows(quality: str) -> None:
+    """The high beam is lit together with the low beam: the difference is its own light."""
+    post = box((1.0, 0.0, 0.1), (0.1, 0.3, 0.2), GREY, Label.BLOCK)
+    walls = {
+        side: node(side, box((2.0, 1.0 * k, 0.1), (0.1, 0.4, 0.2), GREY, Label.WALL))
+        for side, k in (("l", 1), ("r", -1))
+    }
+    middle = node("m", box((2.0, 0.0, 0.1), (0.1, 0.3, 0.2), GREY, Label.WALL))
+    look = view(0.0, 0.0, 1.2, pitch_deg=30.0)
+    images = []
+    for static in ([*walls.values(), middle], [*walls.values(), middle, node("post", post)]):
+        floor = node("floor", ground(-6, -6, 6, 6), casts=False)
+        with Renderer(scene(floor, *static, vehicles=1), quality) as renderer:
+            shown = []
+            for lamps in (("head",), ("head", "high_beam")):
+                lit = render_state(1, is_day=False)
+                lit.vehicles["lamps"][0, [LAMPS.index(f"{lamp}_{side}") for lamp in lamps for side in SIDES]] = 1.0
+                image = renderer.draw(lit, [look], labels=True)[0]
+                shown.append(luminance(image.rgba))
+            assert image.labels is not None
+            images.append(({"head": shown[0], "high_beam": shown[1] - shown[0]}, image.labels))
+    (free_by_beam, _), (hidden_by_beam, labels) = images
+    for beam, least in (("head", 40.0), ("high_beam", 15.0)):  # the night without lamps is darker
+        free, hidden = free_by_beam[beam], hidden_by_beam[beam]
+        is_lit = (labels == Label.WALL) & (free > least)
+        behind = is_lit & (np.abs(np.arange(320) - 160)[None] < 15)
+        assert behind.sum() > 50, beam
+        assert hidden[behind].mean() < 0.6 * free[behind].mean(), beam
+        if beam == "head":  # the high beam is too narrow for the walls beside
+            beside = is_lit & (np.abs(np.arange(320) - 160)[None] > 60)
+            assert hidden[beside].mean() == pytest.approx(free[beside].mean(), rel=0.02)
+
+
+def test_each_lamp_glows_alone() -> None:
+    """Twelve lamps side by side: the lit one is bright, the others do not change."""
+    glass = Material("glass", (0.1, 0.1, 0.1), emission=(5.0, 5.0, 5.0))
+    # between the front and rear lamps, which point away from it
+    places = [(0.1, 0.06 * (i - 5.5), 0.0) for i in range(len(LAMPS))]
+    nodes = tuple(
+        node(f"lamp_{lamp}", box(place, (0.02, 0.03, 0.03), glass, Label.VEHICLE), lamp=lamp)
+        for lamp, place in zip(LAMPS, places, strict=True)
+    )
+    look = view(-0.9, 0.0, 0.0)
+    k = look.intrinsics
+    world = RenderScene(Asset("nothing", ()), [Asset("car", nodes)], [], [lights()])
+    with Renderer(world) as renderer:
+        dark = luminance(renderer.draw(render_state(1, is_day=False), [look])[0].rgba)
+        for i in range(len(LAMPS)):
+            lit = render_state(1, is_day=False)
+            lit.vehicles["lamps"][0, i] = 1.0
+            seen = luminance(renderer.draw(lit, [look])[0].rgba)
+            columns = [round(k.cx - k.fx * y / (x + 0.9 - 0.01)) for x, y, _ in places]
+            brighter = [seen[120, u] - dark[120, u] > 100.0 for u in columns]
+            assert brighter == [j == i for j in range(len(LAMPS))], LAMPS[i]
+
+
+def test_the_same_state_gives_the_same_bytes_in_another_renderer_too() -> None:
+    world = scene(node("floor", ground(-6, -6, 6, 6), casts=False), vehicles=2)
+    now = render_state(2, is_day=False)
+    now.vehicles["position"][1] = 0.8, 0.1, 0.0
+    now.vehicles["lamps"][:] = 1.0
+    looks = [view(0.2, 0.0, 0.15, pitch_deg=12.0), view(-1.0, 0.5, 0.6, yaw_deg=-20, pitch_deg=20.0)]
+    with Renderer(world) as renderer:
+        first = [p.rgba.tobytes() for p in renderer.draw(now, looks)]
+        renderer.draw(render_state(2), looks)
+        assert [p.rgba.tobytes() for p in renderer.draw(now, looks)] == first
+    with Renderer(world) as another:
+        assert [p.rgba.tobytes() for p in another.draw(now, looks)] == first
+
+
+def test_images_are_in_the_order_of_the_views_and_are_not_reused() -> None:
+    looks = [view(0, 0, 1, own=pinhole(*size)) for size in ((64, 48), (32, 40), (64, 48), (10, 10))]
+    with Renderer(scene(node("floor", ground(-6, -6, 6, 6), casts=False))) as renderer:
+        images = renderer.draw(render_state(), looks)
+        kept = [p.rgba.copy() for p in images]
+        renderer.draw(render_state(is_day=False), looks)
+    assert [p.rgba.shape for p in images] == [(48, 64, 4), (40, 32, 4), (48, 64, 4), (10, 10, 4)]
+    assert all(np.array_equal(p.rgba, k) for p, k in zip(images, kept, strict=True))
+    assert all((p.rgba[..., 3] == 255).all() for p in images)
+
+
+def test_a_moved_object_is_at_its_new_place_and_its_old_shadow_is_gone() -> None:
+    crate = thing("crate", box((0, 0, 0), (0.2, 0.2, 0.2), WHITE, Label.BOX))
+    look = view(0.0, 0.0, 3.0, pitch_deg=90.0)
+    world = scene(node("floor", ground(-4, -4, 4, 4), casts=False), objects=(crate,))
+    with Renderer(world) as renderer:
+        images = []
+        for x in (-0.5, 0.5):
+            now = render_state(objects=1)
+            now.objects["position"][0] = x, 0.0, 0.1
+            images.append(renderer.draw(now, [look], labels=True)[0])
+        now.objects["position"][0] = -0.5, 0.0, 0.1
+        again = renderer.draw(now, [look])[0]
+    rows = [np.nonzero(p.labels == Label.BOX)[0].mean() for p in images if p.labels is not None]
+    expected = [120 - pinhole().fy * x / (3.0 - 0.2) for x in (-0.5, 0.5)]
+    assert rows == pytest.approx(expected, abs=1.5)
+    assert np.array_equal(again.rgba, images[0].rgba)
+
+
+def test_an_empty_scene_shows_the_sky() -> None:
+    with Renderer(RenderScene(Asset("nothing", ()), [], [], [])) as renderer:
+        image = renderer.draw(render_state(), [view(0, 0, 1, pitch_deg=-30)], depth=True, labels=True)[0]
+    assert image.depth is not None
+    assert np.isinf(image.depth).all()
+    assert luminance(image.rgba).min() > 50
+
+
+def test_an_unknown_quality_is_an_error() -> None:
+    with pytest.raises(AutodriveError, match=r"'ultra'.*auto, software, .*gpu"):
+        Renderer(scene(), "ultra")
+
+
+def test_a_rolled_vehicle_is_drawn_rolled() -> None:
+    """Its silhouette from behind rolls with it."""
+    world = scene(vehicles=1)
+    look = view(-1.5, 0.0, 0.05)
+    with Renderer(world) as renderer:
+        spans = []
+        for roll in (0.0, math.pi / 2):
+            now = render_state(1)
+            now.vehicles["orientation"][0] = quaternion_from_euler(roll, 0.0, 0.0)
+            labels = renderer.draw(now, [look], labels=True)[0].labels
+            assert labels is not None
+            v, u = np.nonzero(labels == Label.VEHICLE)
+            spans.append((np.ptp(u), np.ptp(v)))
+    assert spans[0] == pytest.approx(spans[1][::-1], abs=2)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the memory of the process from /proc")
+def test_many_frames_leak_no_memory() -> None:
+    """Nor do many renderers. (benchmarks/camera.py draws ten thousand.)"""
+
+    def resident() -> int:
+        gc.collect()
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    world = scene(node("floor", ground(-6, -6, 6, 6), casts=False), vehicles=1)
+    look = view(0.2, 0.0, 0.15, pitch_deg=12.0, own=pinhole(64, 48))
+    with Renderer(world) as renderer:
+        for _ in range(50):
+            renderer.draw(render_state(1), [look])
+        before = resident()
+        for _ in range(400):
+            renderer.draw(render_state(1), [look])
+        assert resident() - before < 2e6  # one image of each frame would be 5 MB
+    before = resident()
+    for _ in range(5):
+        with Renderer(world) as renderer:
+            renderer.draw(render_state(1), [look])
+    assert resident() - before < 60e6  # the shadow maps of one renderer are 20 MB

@@ -1,0 +1,92 @@
+"""The steering servo: its formula against closed forms, and the SG90 of the report in a world."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import autodrive
+from autodrive.physics.actuators.steering import steered
+from autodrive.protocol.messages import Command
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from tests.support.cars import OBEYS_AT_ONCE, car_file
+
+LIMIT = math.radians(30.0)
+angles = st.floats(-LIMIT, LIMIT)
+
+
+def response(time_constant: float, dt: float) -> float:
+    return 1.0 - math.exp(-dt / time_constant)
+
+
+def test_a_servo_without_rate_limit_approaches_its_target_exponentially() -> None:
+    angle, dt, time_constant = 0.0, 0.001, 0.02
+    for k in range(1, 200):
+        angle = steered(angle, 0.5, response(time_constant, dt), math.inf, dt)
+        expected = 0.5 * (1.0 - math.exp(-k * dt / time_constant))
+        assert angle == pytest.approx(expected, rel=1e-12)  # exact for a constant target, except for rounding
+
+
+def test_a_servo_without_lag_moves_at_its_rate_limit_and_stops_at_its_target() -> None:
+    angle, dt, rate = -0.3, 0.001, 2.0
+    for k in range(1, 400):
+        angle = steered(angle, 0.3, 1.0, rate, dt)
+        assert angle == pytest.approx(min(0.3, -0.3 + rate * k * dt), abs=1e-12)  # rounding of 400 sums
+    assert angle == 0.3
+
+
+@given(angles, angles, st.floats(0.001, 1.0), st.floats(0.1, 50.0), st.sampled_from([0.0005, 0.001, 0.005]))
+def test_a_servo_never_overshoots_or_exceeds_its_rate_limit(
+    angle: float, target: float, share: float, rate: float, dt: float
+) -> None:
+    after = steered(angle, target, share, rate, dt)
+    assert min(angle, target) - 1e-15 <= after <= max(angle, target) + 1e-15  # a rounding of 1 in 2^53
+    assert abs(after - angle) <= rate * dt + 1e-15
+
+
+@given(angles, angles, st.floats(0.001, 1.0), st.floats(0.1, 50.0))
+def test_left_mirrors_right(angle: float, target: float, share: float, rate: float) -> None:
+    assert steered(-angle, -target, share, rate, 0.001) == -steered(angle, target, share, rate, 0.001)
+
+
+def steering_after_each_substep(vehicle: str, steering: list[float]) -> list[float]:
+    """Steering angle [rad] after each tick of one substep (1 ms)."""
+    world = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=vehicle)}, tick=0.001))
+    return [world.step({"V1": Command(steering=value)}).vehicles["V1"].steering for value in steering]
+
+
+def test_sg90_takes_a_tenth_of_a_second_for_sixty_degrees(tmp_path: Path) -> None:
+    servo = car_file(tmp_path, OBEYS_AT_ONCE)
+    angle = steering_after_each_substep(servo, [1.0] * 100 + [-1.0] * 105)
+    assert angle[49] == pytest.approx(LIMIT, abs=1e-5)  # 30 degrees in 0.05 s; the file writes the rate with 5 digits
+    assert angle[99] == LIMIT
+    assert angle[149] == pytest.approx(0.0, abs=1e-5)
+    assert angle[198] > -LIMIT + 0.009  # one substep earlier it is 0.010 rad away
+    assert angle[199] == pytest.approx(-LIMIT, abs=1e-5)
+    assert angle[204] == -LIMIT
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 0.003, 0.010, 0.017])
+def test_dead_time_is_exact_to_the_substep(tmp_path: Path, dead_time: float) -> None:
+    servo = car_file(tmp_path, {"steering.dead_time": dead_time})
+    angle = steering_after_each_substep(servo, [0.5] * 30)
+    waiting = round(dead_time / 0.001)
+    assert angle[:waiting] == [0.0] * waiting
+    assert angle[waiting] > 0.0
+
+
+def test_each_command_of_a_stream_arrives_after_the_dead_time(tmp_path: Path) -> None:
+    servo = car_file(tmp_path, {**OBEYS_AT_ONCE, "steering.dead_time": 0.007, "steering.rate_limit": 1e9})
+    sent = [math.sin(0.1 * k) for k in range(60)]
+    got = steering_after_each_substep(servo, sent)
+    assert got[:7] == [0.0] * 7
+    assert got[7:] == pytest.approx([LIMIT * value for value in sent[:-7]], abs=1e-15)  # rounding of one product
+
+
+@pytest.mark.parametrize("steering", [1.0, -1.0, 7.0, -1e300])
+def test_angle_is_limited_to_thirty_degrees(steering: float) -> None:
+    angle = steering_after_each_substep("nigel", [steering] * 400)
+    assert angle[-1] == pytest.approx(math.copysign(LIMIT, steering), abs=1e-6)  # e^(-300 ms / 20 ms) is 3e-7
+    assert max(abs(value) for value in angle) <= LIMIT

@@ -1,0 +1,70 @@
+"""Exports for learning libraries and for Rerun, read back by pyarrow, PyAV, Minari and Rerun."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import av
+import minari
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from autodrive.recording import Recording
+from autodrive.recording.exports import export
+from autodrive.recording.exports.learning import ACTION, STATE
+from autodrive.recording.exports.options import ExportOptions
+
+
+def test_lerobot_layout_is_complete(lap: Recording, tmp_path: Path) -> None:
+    folder = export(lap, "lerobot", tmp_path / "lerobot", ExportOptions(rate=20.0))
+    info = json.loads((folder / "meta/info.json").read_text())
+    assert (info["codebase_version"], info["fps"], info["total_frames"]) == ("v3.0", 20, 21)
+    data = pq.read_table(folder / info["data_path"].format(chunk_index=0, file_index=0)).to_pydict()
+    np.testing.assert_allclose(data["timestamp"], np.arange(21) / 20.0, atol=1e-6)  # float32
+    state = np.array(data["observation.state"])
+    np.testing.assert_array_equal(
+        state[:, STATE.index("position.x")], lap["V1/ips/position"][::5, 0].astype(np.float32)
+    )
+    action = np.array(data["action"])
+    np.testing.assert_array_equal(action[:, 0], np.float32(0.8))
+    assert action[10, 1] == 0.0
+    assert action[11, 1] == np.float32(0.2)  # the command of tick 55
+    episodes = pq.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [(one["episode_index"], one["length"], one["dataset_to_index"]) for one in episodes] == [(0, 21, 21)]
+    assert pq.read_table(folder / "meta/tasks.parquet").to_pylist()[0]["task"].startswith("drive: ")
+    assert json.loads((folder / "meta/stats.json").read_text())["action"]["count"] == [21]
+    video = info["video_path"].format(video_key="observation.images.front", chunk_index=0, file_index=0)
+    with av.open(str(folder / video)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(frames) == 21
+    assert [*frames[0].shape] == info["features"]["observation.images.front"]["shape"]
+    image = lap.frame_at(1.0).vehicles["V1"].cameras["front"].rgb
+    assert np.abs(frames[-1].astype(int) - image.astype(int)).mean() < 8.0  # of 255: the video is compressed again
+
+
+def test_minari_loads_the_dataset(lap: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = export(lap, "minari", tmp_path / "drives", ExportOptions(rate=20.0))
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
+    dataset = minari.load_dataset("autodrive/drives-v0")
+    assert (dataset.total_episodes, dataset.total_steps) == (1, 20)
+    (episode,) = dataset.iterate_episodes()
+    assert episode.observations.shape == (21, len(STATE))
+    assert episode.actions.shape == (20, len(ACTION))
+    np.testing.assert_array_equal(episode.observations[:, 3], lap["V1/velocity"][::5, 0].astype(np.float32))
+    assert episode.truncations[-1]
+
+
+@pytest.mark.process
+def test_rerun_reads_its_file(lap: Recording, tmp_path: Path) -> None:
+    path = export(lap, "rerun", tmp_path / "lap.rrd")
+    command = [sys.executable, "-m", "rerun_cli"]
+    subprocess.run([*command, "rrd", "verify", str(path)], timeout=120, check=True)
+    shown = subprocess.run(
+        [*command, "rrd", "print", str(path)], capture_output=True, text=True, timeout=120, check=True
+    )
+    for entity in ("/world/V1/lidar", "/images/V1/front", "/signals/V1/velocity", "/world/map"):
+        assert entity in shown.stdout

@@ -1,0 +1,156 @@
+"""Scenarios: contents, and errors of invalid ones."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+import autodrive
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import names
+from autodrive.protocol.messages import Command
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario.maps import load_map
+
+
+@pytest.mark.parametrize("name", names("scenario"))
+def test_every_included_scenario_runs(name: str) -> None:
+    world = autodrive.make(name)
+    frame = world.frame
+    for _ in range(20):
+        frame = world.step()
+    assert list(frame.vehicles) == list(load_scenario(name).vehicles)
+    for vehicle in frame.vehicles.values():
+        assert vehicle.collision_count == 0
+        assert abs(vehicle.speed) < 1e-6  # it stands still
+
+
+def test_four_cars_stand_on_lanes_and_drive() -> None:
+    world = autodrive.make("four_cars")
+    lanes = load_map("mini_map").lane_graph
+    for name, vehicle in world.frame.vehicles.items():
+        x, y, _ = vehicle.pose.position.tolist()
+        place = lanes.nearest(x, y, float(vehicle.imu.euler[2]))
+        assert place is not None
+        assert abs(place.offset) < 0.002, name
+    assert list(world.frame.vehicles) == ["V1", "V2", "V3", "V4"]
+    for _ in range(100):
+        world.step({name: Command(throttle=0.5) for name in world.vehicle_names})
+    for vehicle in world.frame.vehicles.values():
+        assert vehicle.speed > 0.1
+        assert vehicle.collision_count == 0
+
+
+def test_vehicles_begin_where_the_scenario_puts_them() -> None:
+    spec = ScenarioSpec(vehicles={"A": VehiclePlacement(x=1.0, y=-2.0, yaw_deg=90.0), "B": VehiclePlacement()})
+    vehicles = autodrive.make(spec).frame.vehicles
+    assert vehicles["A"].pose.position == pytest.approx([1.0, -2.0, 0.0325])
+    assert vehicles["A"].pose.orientation == pytest.approx([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])
+    assert vehicles["B"].pose.position == pytest.approx([0.0, 0.0, 0.0325])
+
+
+def test_boxes_of_the_scenario_stand_on_the_ground_or_where_they_are_put() -> None:
+    boxes = {"low": BoxSpec(x=1.0, y=0.0, size=(0.2, 0.2, 0.4)), "high": BoxSpec(x=1.0, y=0.0, z=0.45)}
+    objects = autodrive.make(ScenarioSpec(boxes=boxes)).frame.objects
+    assert objects["low"].pose.position == pytest.approx([1.0, 0.0, 0.2])
+    assert objects["high"].pose.position == pytest.approx([1.0, 0.0, 0.45])
+
+
+def test_a_scenario_made_in_python_takes_plain_values() -> None:
+    scenario = autodrive.Scenario(vehicles={"V1": {"x": 0.5}, "V2": {"x": 2.0}}, boxes={"crate": {"x": 1.0, "y": 1.0}})  # pyright: ignore
+    frame = autodrive.make(scenario).frame
+    assert frame.vehicles["V2"].pose.position[0] == pytest.approx(2.0)
+    assert list(frame.objects) == ["crate"]
+
+
+def test_a_scenario_made_in_python_reports_all_its_errors() -> None:
+    with pytest.raises(autodrive.SpecError) as caught:
+        autodrive.Scenario(vehicles={"V1": {"yaw": 90}}, seed=-1)  # pyright: ignore
+    assert [error.partition(":")[0] for error in caught.value.errors] == ["vehicles.V1.yaw", "seed"]
+
+
+def test_tick_must_be_a_whole_number_of_substeps() -> None:
+    with pytest.raises(ValueError, match=r"tick 0\.01 s must be a whole number of substeps of 0\.003 s"):
+        ScenarioSpec(substep=0.003)
+    assert ScenarioSpec(tick=0.03, substep=0.001).substeps == 30  # 0.03 / 0.001 is 29.999... in binary
+
+
+def test_seed_given_to_make_replaces_that_of_the_file() -> None:
+    assert autodrive.make("plane", seed=7).spec.seed == 7
+
+
+def test_unknown_map_and_vehicles_are_reported_together() -> None:
+    spec = ScenarioSpec(map="tiny_twon", vehicles={"V1": VehiclePlacement(type="nigle")})
+    with pytest.raises(SpecError) as caught:
+        autodrive.make(spec)
+    assert len(caught.value.errors) == 2
+    assert "Did you mean 'tiny_town'?" in caught.value.errors[0]
+    assert caught.value.errors[1].startswith("vehicles.V1.type: ")
+
+
+def test_vehicles_that_overlap_are_reported() -> None:
+    spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=0.1)})
+    with pytest.raises(SpecError, match="'V1' and 'V2' overlap at the start"):
+        autodrive.make(spec)
+
+
+def test_a_vehicle_in_a_wall_is_reported() -> None:
+    spec = ScenarioSpec(map="tiny_town", vehicles={"V1": VehiclePlacement(x=4.95)})
+    with pytest.raises(SpecError, match=r"'(V1|wall.*)' and '(V1|wall.*)' overlap"):
+        autodrive.make(spec)
+
+
+def test_a_duplicate_name_is_reported() -> None:
+    spec = ScenarioSpec(map="mini_map", boxes={"pile_1": BoxSpec(x=0.0, y=0.15)})
+    with pytest.raises(SpecError, match="the name 'pile_1' is used twice"):
+        autodrive.make(spec)
+
+
+def test_a_scenario_can_be_given_as_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("map: mini_map\nvehicles:\n  V1: {x: 0.2}\nscene_light: false\n")
+    frame = autodrive.make(file).frame
+    assert not frame.scene_light
+    assert frame.vehicles["V1"].pose.position[0] == pytest.approx(0.2)
+
+
+def test_realistic_sensors_have_errors_and_ideal_ones_have_none() -> None:
+    spec = ScenarioSpec(
+        map="mini_map",
+        vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=1.0, has_realistic_sensors=True)},
+    )
+    world = autodrive.make(spec)
+    readings = []
+    for _ in range(50):
+        vehicles = world.step().vehicles
+        readings.append([float(vehicles[name].imu.angular_velocity[2]) for name in ("V1", "V2")])
+    ideal, real = zip(*readings, strict=True)
+    assert max(map(abs, ideal)) < 1e-9
+    assert len(set(real)) > 10  # each reading has its own noise, rounded to the resolution
+
+
+@pytest.mark.parametrize("vehicle", names("vehicle"))
+def test_each_vehicle_can_have_realistic_sensors(vehicle: str) -> None:
+    spec = ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=vehicle, has_realistic_sensors=True)})
+    world = autodrive.make(spec)
+    assert len({float(world.step().vehicles["V1"].imu.angular_velocity[2]) for _ in range(50)}) > 10
+
+
+@pytest.mark.parametrize("name", ["", 'q"<&', "a/b", "two words"])
+def test_box_whose_name_is_not_plain_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="a name is letters, digits and '_'"):
+        ScenarioSpec(boxes={name: BoxSpec(x=0.0, y=0.0)})
+
+
+def test_box_under_the_ground_is_refused() -> None:
+    with pytest.raises(ValueError, match="z is the height of its centre"):
+        BoxSpec(x=0.0, y=0.0, z=-3.0)
+
+
+def test_teleport_into_a_box_is_refused_and_nothing_moves() -> None:
+    world = autodrive.make(ScenarioSpec(boxes={"crate": BoxSpec(x=1.0, y=0.0)}))
+    with pytest.raises(autodrive.CommandError, match="it would overlap 'crate'"):
+        world.teleport("V1", 1.0, 0.0)
+    assert world.step().vehicles["V1"].pose.position == pytest.approx([0.0, 0.0, 0.0325])
+    world.teleport("V1", 2.0, 0.0)
+    assert world.frame.vehicles["V1"].pose.position == pytest.approx([2.0, 0.0, 0.0325])

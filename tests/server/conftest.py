@@ -1,5 +1,0 @@
-"""Fixtures of the server's tests."""
-
-from tests.bridge.conftest import one_world, simulation
-
-__all__ = ["one_world", "simulation"]

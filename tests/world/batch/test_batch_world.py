@@ -1,0 +1,450 @@
+"""Each world of a batch has the bits of a single World; the other axioms of a batch."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from autodrive import Command, Frame, make
+from autodrive.base.arrays import Floats
+from autodrive.base.errors import CommandError, SpecError
+from autodrive.base.specs import find
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario.vehicles.spec import load_vehicle
+from autodrive.world.batch import BatchWorld, Readings
+from tests.support.cars import car_file
+
+CARS: dict[str, Any] = {
+    "V1": {"type": "nigel", "has_realistic_sensors": True, "sensors": {"range": {"noise": "strong"}}},
+    "V2": {"type": "nigel_2023", "x": 1.0, "yaw_deg": 90, "sensors": {"lidar": {"rate": 30}, "imu": {"rate": 12.5}}},
+}
+"""Two different cars, with noise and different rates."""
+
+TWO_CARS = ScenarioSpec(
+    map="mini_map",
+    vehicles={
+        "V1": {**CARS["V1"], "sensors": {"ips": {"noise": "strong"}, "encoders": {"is_on": False}}},
+        "V2": CARS["V2"],
+    },  # pyright: ignore[reportArgumentType]
+    boxes={"box": {"x": 0.5, "y": 0.1}},  # pyright: ignore[reportArgumentType]
+)
+DOCS = Path(__file__).parents[3] / "docs"
+FORWARD = np.array([1.0, 0.0])
+
+
+def random_commands(n: int, v: int, steps: int, seed: int = 0) -> Floats:
+    """First straight on at full throttle, then turning, so that cars hit boxes, walls and each other.
+
+    Shape (steps, n, v, 2).
+    """
+    rng = np.random.default_rng(seed)
+    commands = np.empty((steps, n, v, 2))
+    commands[..., 0] = rng.choice([1.0, 1.0, 0.5, 0.0, -1.0], (1 + steps // 40, n, v)).repeat(40, axis=0)[:steps]
+    commands[..., 1] = rng.uniform(-1.5, 1.5, (1 + steps // 20, n, v)).repeat(20, axis=0)[:steps]
+    commands[:80] = FORWARD
+    return commands
+
+
+def as_commands(names: Sequence[str], values: Floats) -> dict[str, Command]:
+    return {name: Command(*one) for name, one in zip(names, values.tolist(), strict=True)}
+
+
+def assert_same(readings: Readings, k: int, frame: Frame) -> None:
+    """World k of the batch shows what the Frame shows, bit by bit."""
+    r = readings
+    assert (r.time[k], r.tick[k]) == (frame.time, frame.tick)
+    for o, one in enumerate(frame.objects.values()):
+        np.testing.assert_array_equal(r.object_pose[k, o, :3], one.pose.position)
+        np.testing.assert_array_equal(r.object_pose[k, o, 3:], one.pose.orientation)
+    for i, car in enumerate(frame.vehicles.values()):
+        pairs = {
+            "position": car.pose.position,
+            "orientation": car.pose.orientation,
+            "velocity": car.velocity,
+            "angular_velocity": car.angular_velocity,
+            "throttle": car.throttle,
+            "steering": car.steering,
+            **{f"wheel_{name}": getattr(car.wheels, name) for name in car.wheels.__struct_fields__},
+            "encoder_time": car.encoders.time,
+            "ips_time": car.ips.time,
+            "imu_time": car.imu.time,
+            "encoder_ticks": car.encoders.ticks,
+            "encoder_angles": car.encoders.angles,
+            "ips_position": car.ips.position,
+            "imu_orientation": car.imu.orientation,
+            "imu_euler": car.imu.euler,
+            "imu_angular_velocity": car.imu.angular_velocity,
+            "imu_linear_acceleration": car.imu.linear_acceleration,
+            "collision_count": car.collision_count,
+        }
+        if car.lidar is not None:
+            np.testing.assert_array_equal(r.lidar_ranges[k, i, : len(car.lidar.ranges)], car.lidar.ranges)
+            pairs["lidar_time"] = car.lidar.time
+        if car.range is not None:
+            pairs |= {"range_distance": car.range.range, "range_time": car.range.time}
+        for name, expected in pairs.items():
+            np.testing.assert_array_equal(getattr(r, name)[k, i], expected, err_msg=name)
+
+
+def copies(readings: Readings) -> list[Any]:
+    return [column.copy() for column in readings]
+
+
+def test_cars_with_other_tyres_and_differentials_have_the_bits_of_single_worlds() -> None:
+    """Between two resets, so that what their tyres remember is cleared."""
+    cars: Any = {"V1": {"type": "roboracer_f1tenth"}, "V2": {"type": "roboracer", "y": 1.0}}
+    spec = ScenarioSpec(vehicles=cars)
+    batch, world = BatchWorld(spec, 2), make(spec)
+    for t, commands in enumerate(random_commands(2, 2, 90)):
+        if t == 60:
+            batch.reset()
+            world.reset()
+        assert_same(batch.step(commands), 1, world.step(as_commands(batch.vehicle_names, commands[1])))
+
+
+@pytest.mark.slow
+def test_each_world_has_the_bits_of_a_single_world() -> None:
+    """With contacts, noise, two cars, and resets of single worlds with other seeds."""
+    steps, n = 200, 3
+    batch = BatchWorld(TWO_CARS, n, seed=5)
+    worlds = [make(TWO_CARS, seed=5 + k) for k in range(n)]
+    for k, world in enumerate(worlds):
+        assert_same(batch.readings, k, world.frame)
+    off_road: list[set[str]] = [set() for _ in range(n)]
+    seen: set[str] = set()
+    for t, commands in enumerate(random_commands(n, 2, steps)):
+        if t == 110:
+            batch.reset([2, 0], [9, 2**62])
+            worlds[2].reset(9)
+            worlds[0].reset(2**62)
+            off_road[0], off_road[2] = set(), set()
+        if t == 140:
+            batch.reset(np.array([False, True, False]))
+            worlds[1].reset()
+            off_road[1] = set()
+        readings = batch.step(commands)
+        for k, world in enumerate(worlds):
+            frame = world.step(as_commands(batch.vehicle_names, commands[k]))
+            assert_same(readings, k, frame)
+            happened = {name: {e.vehicle for e in frame.events if type(e).__name__ == name} for name in NAMES}
+            off_road[k] = (off_road[k] | happened["OffRoad"]) - happened["BackOnRoad"]
+            assert happened["Collision"] == vehicles_of(batch, readings.has_collided[k])
+            assert off_road[k] == vehicles_of(batch, readings.is_off_road[k])
+            seen |= {name for name, vehicles in happened.items() if vehicles}
+    assert {"Collision", "OffRoad"} <= seen
+
+
+NAMES = ("Collision", "OffRoad", "BackOnRoad")
+
+
+def vehicles_of(batch: BatchWorld, mask: Any) -> set[str]:
+    return {name for name, is_meant in zip(batch.vehicle_names, mask.tolist(), strict=True) if is_meant}
+
+
+@pytest.mark.parametrize("engine", ["auto", "always"])
+def test_an_action_that_lasts_several_ticks(engine: Any) -> None:
+    batch, world = BatchWorld("boxes", 2, engine=engine), make("boxes", seed=1, engine=engine)
+    collisions = 0
+    for commands in random_commands(2, 1, 20):
+        readings = batch.step(commands, ticks=7)
+        frames = [world.step(as_commands(["V1"], commands[1])) for _ in range(7)]
+        assert_same(readings, 1, frames[-1])
+        new = any(type(event).__name__ == "Collision" for frame in frames for event in frame.events)
+        assert readings.has_collided[1, 0] == new
+        collisions += new
+    assert collisions
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("is_rolling", [False, True])
+def test_lidars_of_both_kinds_and_directions(tmp_path: Path, is_rolling: bool, direction: int) -> None:
+    vehicle = yaml.safe_load(find("vehicle", "nigel").read_text())
+    vehicle["sensors"]["lidar"] |= {
+        "rays": 200,
+        "rate": 40,
+        "is_rolling": is_rolling,
+        "angle_min_deg": -135.0 * direction,
+        "angle_increment_deg": 1.35 * direction,
+        "noise": "realistic",
+    }
+    (tmp_path / "car.yaml").write_text(yaml.safe_dump(vehicle))
+    cars = {"V1": {"type": str(tmp_path / "car.yaml")}, "V2": {"x": 1.0, "type": str(tmp_path / "car.yaml")}}
+    spec = ScenarioSpec(map="mini_map", vehicles=cars)  # pyright: ignore[reportArgumentType]
+    batch, world = BatchWorld(spec, 2), make(spec, seed=1)
+    for t, commands in enumerate(random_commands(2, 2, 60)):
+        if t == 33:
+            batch.reset([1])
+            world.reset()
+        assert_same(batch.step(commands), 1, world.step(as_commands(batch.vehicle_names, commands[1])))
+    assert np.isfinite(batch.readings.lidar_ranges).sum() > 200
+
+
+@pytest.mark.slow
+def test_factors_of_mass_grip_and_noise_are_those_of_a_scenario() -> None:
+    """In contact as well, where the engine has the masses; each world has its own."""
+    spec = ScenarioSpec(map="mini_map", boxes={"box": {"x": 0.5, "y": 0.05}})  # pyright: ignore[reportArgumentType]
+    factors = {"mass": [1.0, 2.0, 0.5], "grip": [0.6, 1.0, 1.5], "noise": [0.0, 1.0, 3.0]}
+    own = spec.vehicles["V1"].model_copy(update={"has_realistic_sensors": True})
+    spec = spec.model_copy(update={"vehicles": {"V1": own}})
+    batch = BatchWorld(spec, 3)
+    batch.reset(mass=factors["mass"], grip=factors["grip"], noise=factors["noise"])
+    worlds = []
+    for k in range(3):
+        placed = own.model_copy(update={f"{name}_factor": values[k] for name, values in factors.items()})
+        worlds.append(make(spec.model_copy(update={"vehicles": {"V1": placed}}), seed=k))
+    for commands in random_commands(3, 1, 150, seed=1):
+        readings = batch.step(commands)
+        for k, world in enumerate(worlds):
+            assert_same(readings, k, world.step(as_commands(["V1"], commands[k])))
+    assert batch.readings.collision_count.min() > 0
+    batch.reset()
+    np.testing.assert_array_equal(
+        batch.readings.imu_angular_velocity[0], make(spec, seed=0).frame.vehicles["V1"].imu.angular_velocity[None]
+    )
+
+
+def test_mass_and_noise_are_multiplied() -> None:
+    """At rest the springs carry the weight; the same random numbers make twice the error."""
+    noisy = {"V1": {"sensors": {"ips": {"noise": "strong"}}}}
+    batch = BatchWorld(ScenarioSpec(vehicles=noisy, seed=4), 3)  # pyright: ignore[reportArgumentType]
+    batch.reset(seeds=[4, 4, 4], mass=[1.0, 2.0, 1.0], noise=[1.0, 1.0, 2.0])
+    errors = batch.readings.ips_position[:, 0] - batch.readings.position[:, 0]
+    np.testing.assert_allclose(errors[2], 2.0 * errors[0], rtol=1e-9)
+    for _ in range(200):
+        batch.step(np.zeros((3, 1, 2)))
+    loads = batch.readings.wheel_normal_load[:, 0].sum(axis=1)
+    mass = batch._compiled.vehicles["V1"].body.mass
+    np.testing.assert_allclose(loads, np.array([1.0, 2.0, 1.0]) * mass * 9.81, rtol=1e-3)  # the springs are damped
+
+
+@pytest.mark.slow
+def test_the_number_of_threads_does_not_matter() -> None:
+    n = 40
+    batches = [BatchWorld("tiny_town", n, threads=threads) for threads in (1, 2, 3)]
+    for commands in random_commands(n, 1, 120):
+        one, *others = (batch.step(commands, ticks=5) for batch in batches)
+        for other in others:
+            for name, expected, column in zip(Readings._fields, one, other, strict=True):
+                np.testing.assert_array_equal(column, expected, err_msg=name)
+    assert batches[0].readings.collision_count.any()
+
+
+def test_a_reset_world_is_a_new_world_and_leaves_the_others_alone() -> None:
+    batch = BatchWorld(TWO_CARS, 3)
+    for commands in random_commands(3, 2, 60):
+        batch.step(commands, ticks=2)
+    before = copies(batch.readings)
+    batch.reset([1], [77])
+    new = BatchWorld(TWO_CARS, 1, seed=77)
+    for step in range(30):
+        for name, column, old, fresh in zip(Readings._fields, batch.readings, before, new.readings, strict=True):
+            np.testing.assert_array_equal(column[1], fresh[0], err_msg=name)
+            if step == 0:
+                np.testing.assert_array_equal(column[[0, 2]], old[[0, 2]], err_msg=name)
+        commands = random_commands(1, 2, 1, seed=step)[0]
+        batch.step(np.broadcast_to(commands, (3, 2, 2)))
+        new.step(commands)
+
+
+def test_start_poses_are_those_of_a_scenario() -> None:
+    poses = {"V1": [[-0.4, 0.1, 0.3], [0.0, 0.0, 0.0], [-1.0, -0.5, -2.0]], "single_1": [1.0, 1.0, 0.7]}
+    batch = BatchWorld("boxes", 4)
+    batch.reset([3, 0, 2], poses=poses)
+    spec = load_scenario("boxes")
+    for k, (x, y, yaw) in zip([3, 0, 2], poses["V1"], strict=True):
+        moved = spec.model_dump() | {
+            "vehicles": {"V1": {"x": x, "y": y, "yaw_deg": np.degrees(yaw)}},
+            "boxes": {
+                **spec.model_dump()["boxes"],
+                "single_1": {"x": 1.0, "y": 1.0, "yaw_deg": np.degrees(0.7), "mass": 0.15},
+            },
+        }
+        world = make(ScenarioSpec(**moved), seed=k)
+        assert_close(batch.readings, k, world.frame)
+    assert_same(batch.readings, 1, make("boxes", seed=1).frame)
+    batch.reset()
+    for k in range(4):
+        assert_same(batch.readings, k, make("boxes", seed=k).frame)
+
+
+def assert_close(readings: Readings, k: int, frame: Frame) -> None:
+    """Angles in degrees differ in their last bit from those in radians."""
+    car, box = frame.vehicles["V1"], frame.objects["single_1"]
+    np.testing.assert_allclose(readings.position[k, 0], car.pose.position, atol=1e-15)
+    np.testing.assert_allclose(readings.orientation[k, 0], car.pose.orientation, atol=1e-15)
+    np.testing.assert_allclose(readings.object_pose[k, 5, 3:], box.pose.orientation, atol=1e-15)
+
+
+def test_poses_that_overlap_are_refused_and_nothing_changes() -> None:
+    batch = BatchWorld(TWO_CARS, 3)
+    batch.step(random_commands(3, 2, 1)[0], ticks=20)
+    before = copies(batch.readings)
+    with pytest.raises(CommandError, match="world 2 cannot start: 'V1' and 'V2' would overlap"):
+        batch.reset([0, 2], [1, 2], poses={"V1": [[0.0, 0.0, 0.0], [0.9, 0.0, 0.0]]})
+    for column, old in zip(batch.readings, before, strict=True):
+        np.testing.assert_array_equal(column, old)
+
+
+def test_a_world_that_diverges_waits_for_its_reset() -> None:
+    spec = ScenarioSpec()
+    batch = BatchWorld(spec, 3)
+    batch.step(np.broadcast_to(FORWARD, (3, 1, 2)), ticks=50)
+    batch._worlds.state.qvel[1, 0] = np.nan
+    batch.step(np.broadcast_to(FORWARD, (3, 1, 2)), ticks=50)
+    assert batch.readings.is_unstable.tolist() == [False, True, False]
+    assert batch.step(np.broadcast_to(FORWARD, (3, 1, 2))).tick.tolist() == [101, 51, 101]
+    world = make(spec)
+    for _ in range(101):
+        world.step({"V1": Command(throttle=1.0)})
+    assert_same(batch.readings, 0, world.frame)
+    batch.reset([1])
+    assert not batch.readings.is_unstable.any()
+    assert_same(batch.readings, 1, make(spec, seed=1).frame)
+
+
+def test_a_world_needs_less_than_64_kib() -> None:
+    """Of `tiny_town` with a LIDAR of 1080 rays: all arrays with a row for each world."""
+    n = 8
+    batch = BatchWorld("tiny_town", n)
+    rows = 0
+    pending: list[Any] = [batch._worlds]
+    while pending:
+        one = pending.pop()
+        if isinstance(one, tuple):
+            pending += one
+        else:
+            assert len(one) == n
+            rows += one.nbytes
+    rays = batch.readings.lidar_ranges.shape[-1]
+    assert rows / n + 8 * (1080 - rays) < 64 * 1024
+
+
+def test_the_example_of_the_documentation_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "batch.md").read_text(), flags=re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert names["batch"].readings.tick[:3].tolist() == [0, 0, 5]
+    assert len(capsys.readouterr().out.split("\n")) > 5
+
+
+def test_readings_cannot_be_written() -> None:
+    batch = BatchWorld("plane", 2)
+    for column in batch.readings:
+        with pytest.raises(ValueError, match="read-only"):
+            column[:] = 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"n": 0}, "n must be a whole number from 1 on, not 0"),
+        ({"n": 2.5}, "n must be a whole number"),
+        ({"threads": 0}, "threads must be a whole number"),
+        ({"engine": "fast"}, "engine must be 'auto' or 'always'"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(CommandError, match=message):
+        BatchWorld("plane", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("commands", "message"),
+    [
+        (np.zeros((2, 2)), r"the shape \(worlds, vehicles, 2\) = \(2, 1, 2\), not \(2, 2\)"),
+        ([[[0.0, np.nan]], [[0.0, 0.0]]], "steering of vehicle 'V1' of world 0 must be a finite number, not nan"),
+        ("forward", "commands must be numbers"),
+    ],
+)
+def test_wrong_commands_are_refused(commands: Any, message: str) -> None:
+    batch = BatchWorld("plane", 2)
+    with pytest.raises(CommandError, match=message):
+        batch.step(commands)
+    with pytest.raises(CommandError, match="ticks must be"):
+        batch.step(np.zeros((2, 1, 2)), ticks=0)
+    assert batch.readings.tick.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"worlds": [2]}, "numbers from 0 to 1"),
+        ({"worlds": [0, 0]}, "different numbers"),
+        ({"worlds": [0.5]}, "worlds must be a mask"),
+        ({"seeds": [1]}, "a seed for each of the 2 worlds"),
+        ({"seeds": [1, -1]}, "seed"),
+        ({"mass": 20.0}, "mass is a factor from 0.1 to 10"),
+        ({"grip": np.nan}, "grip is a factor"),
+        ({"noise": [1.0, 2.0, 3.0]}, r"noise must be one number, or have the shape \(2,\) or \(2, 1\)"),
+        ({"poses": {"V2": [0, 0, 0]}}, "'V2' is not in these worlds"),
+        ({"poses": {"V1": [0, 0]}}, r"the poses of 'V1' must have the shape \(2, 3\)"),
+        ({"poses": {"V1": [0, np.inf, 0]}}, "must be numbers from"),
+    ],
+)
+def test_wrong_resets_are_refused(arguments: dict[str, Any], message: str) -> None:
+    batch = BatchWorld("plane", 2)
+    batch.step(np.broadcast_to(FORWARD, (2, 1, 2)), ticks=3)
+    with pytest.raises(CommandError, match=message):
+        batch.reset(**arguments)
+    assert batch.readings.tick.tolist() == [3, 3]
+
+
+def test_all_errors_of_a_scenario_are_reported() -> None:
+    with pytest.raises(SpecError, match="map"):
+        BatchWorld(ScenarioSpec(map="no_such_map"), 2)
+
+
+def test_other_parameters_of_a_vehicle_are_those_of_its_file(tmp_path: Path) -> None:
+    changes = {"wheels.damping_rate": 0.4, "steering.limit_deg": 20.0, "body.mass": 2.5, "steering.dead_time": 0.02}
+    spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car_file(tmp_path, changes, "nigel_2023"))})
+    own = load_vehicle(spec.vehicles["V1"].type)
+    others = {**changes, "wheels.damping_rate": 0.2, "steering.dead_time": 0.03}
+    (tmp_path / "other").mkdir()
+    other = ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car_file(tmp_path / "other", others, "nigel_2023"))})
+    batch = BatchWorld(other, 3)
+    batch.reset([1], vehicles={"V1": [own]})
+    commands = random_commands(1, 1, 60)
+    world, unchanged = make(spec, seed=1), make(other, seed=0)
+    for command in commands:
+        batch.step(np.tile(command, (3, 1, 1)))
+        world.step(as_commands(["V1"], command[0]))
+        unchanged.step(as_commands(["V1"], command[0]))
+    assert_same(batch.readings, 1, world.frame)
+    assert_same(batch.readings, 0, unchanged.frame)
+    batch.reset([1])
+    batch.step(np.tile(FORWARD, (3, 1, 1)))
+    assert batch.readings.wheel_angular_velocity[1, 0, 2] != world.frame.vehicles["V1"].wheels.angular_velocity[2]
+    with pytest.raises(CommandError, match=r"the longest dead time of the vehicles of the scenario is 0\.03 s"):
+        batch.reset([1], vehicles={"V1": [load_vehicle(car_file(tmp_path, {"steering.dead_time": 0.04}))]})
+    with pytest.raises(CommandError, match="a Spec of 'V1' for each of the 3 worlds"):
+        batch.reset(vehicles={"V1": [own]})
+    with pytest.raises(CommandError, match="vehicle 'V2' is not in these worlds"):
+        batch.reset(vehicles={"V2": [own] * 3})
+
+
+def test_a_vehicle_that_starts_in_motion_goes_on_as_one_that_has_driven() -> None:
+    """The suspension and the slip at the start are those at rest, so that the speed differs for some ticks."""
+    commands = np.tile([0.7, 0.3], (2, 1, 1))
+    batch = BatchWorld(ScenarioSpec(), 2)
+    readings = batch.step(commands, ticks=200)
+    speed, rate = readings.velocity[0, 0, 0], readings.angular_velocity[0, 0, 2]
+    position, angle = readings.position[0, 0].copy(), readings.steering[0, 0]
+    batch.reset([1], poses={"V1": [1.0, 2.0, 0.5]}, motions={"V1": [speed, 0.0, rate, 0.7, 0.3]})
+    assert readings.velocity[1, 0] == pytest.approx([speed, 0.0, 0.0])
+    assert readings.steering[1, 0] == pytest.approx(angle)
+    batch.step(commands, ticks=50)
+    way = [math.dist(readings.position[0, 0, :2], position[:2]), math.dist(readings.position[1, 0, :2], (1.0, 2.0))]
+    assert way[1] == pytest.approx(way[0], rel=0.01)
+    assert readings.angular_velocity[1, 0, 2] == pytest.approx(rate, rel=0.01)
+    with pytest.raises(CommandError, match="throttle and steering from -1 to 1"):
+        batch.reset(motions={"V1": [0.0, 0.0, 0.0, 2.0, 0.0]})
+    with pytest.raises(CommandError, match=r"the motions of 'V1' must have the shape \(2, 5\)"):
+        batch.reset(motions={"V1": [0.0, 0.0]})

@@ -1,0 +1,86 @@
+"""The example drivers: ten laps on each shipped track without a collision, and a start of both as devkit scripts."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import autodrive
+from autodrive.base.specs import names
+from autodrive.protocol.messages import Command, RaceStatus, VehicleFrame
+from autodrive.run.race import TICK, RaceOptions, race
+from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.world.racing import Race
+from autodrive.world.racing.results import RaceRecorder
+from tests.support.waiting import free_port, is_listening, wait_until
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "racing.md"
+EXAMPLES = Path(__file__).parents[3] / "examples" / "racing"
+Driver = Callable[[VehicleFrame], tuple[float, float]]
+
+
+def follow_the_gap(race: Race) -> Driver:
+    command = runpy.run_path(str(EXAMPLES / "follow_the_gap.py"))["command"]
+    angles = np.radians(np.linspace(-135.0, 135.0, 1080))
+
+    def drive(car: VehicleFrame) -> tuple[float, float]:
+        assert car.lidar is not None
+        return command(car.lidar.ranges, angles)
+
+    return drive
+
+
+def race_line(race: Race) -> Driver:
+    line = runpy.run_path(str(EXAMPLES / "race_line.py"))["RaceLine"](race.track)
+    return lambda car: line.command(*car.ips.position[:2], car.imu.euler[2], car.speed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make_driver", [follow_the_gap, race_line])
+@pytest.mark.parametrize("track", names("track"))
+def test_ten_laps_without_a_collision(track: str, make_driver: Callable[[Race], Driver]) -> None:
+    rules = RaceSpec(rules="practice", laps=10)
+    car = {"V1": VehiclePlacement(type="roboracer")}
+    world = autodrive.make(ScenarioSpec(map=track, vehicles=car, race=rules, tick=TICK))
+    assert world.race is not None
+    drive, recorder = make_driver(world.race), RaceRecorder()
+    recorder.publish(world.frame)
+    while not recorder.is_over:
+        recorder.publish(world.step({"V1": Command(*drive(world.frame.vehicles["V1"]))}))
+        assert world.time < 600.0
+    (result,) = recorder.standings()
+    assert (result.status, result.collisions, world.frame.vehicles["V1"].collision_count) == ("finished", 0, 0)
+    assert len(result.laps) == 10
+    column = ["follow_the_gap", "race_line"].index(make_driver.__name__)
+    if row := re.search(rf"^\| {track} \| ([\d.]+) \| ([\d.]+) \|$", DOCUMENT.read_text(), flags=re.MULTILINE):
+        # small changes of the car or of the track need no new table
+        assert result.best_lap == pytest.approx(float(row[column + 1]), rel=0.03)
+
+
+@pytest.mark.process
+def test_both_examples_start_side_by_side_as_devkit_scripts(tmp_path: Path) -> None:
+    rules = tmp_path / "rules.yaml"
+    rules.write_text(yaml.safe_dump({"race_laps": 1, "time_limit": 4.0, "vehicle_contact": "none"}))
+    ports = [free_port(), free_port()]
+    with ExitStack() as stack:
+        for name, port in zip(("follow_the_gap", "race_line"), ports, strict=True):
+            script = subprocess.Popen([sys.executable, str(EXAMPLES / f"{name}.py"), str(port)])
+            stack.enter_context(script)
+            stack.callback(script.kill)
+        for port in ports:
+            wait_until(lambda port=port: is_listening(port))
+        devkits = tuple(("127.0.0.1", port) for port in ports)
+        options = RaceOptions("practice", devkits, rules=str(rules), is_lockstep=True, has_page=False)
+        result = race(options)
+    assert [one.status for one in result.standings] == [RaceStatus.RETIRED.name.lower()] * 2
+    assert [one.collisions for one in result.standings] == [0, 0]
+    assert {one.reason for one in result.standings} == {"not finished after 4 s"}
