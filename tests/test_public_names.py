@@ -16,27 +16,25 @@ import pytest
 
 import autodrive
 
+HOMES = {
+    alias.name: statement.module
+    for statement in ast.parse(Path(autodrive.__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body
+    if isinstance(statement, ast.ImportFrom)
+    for alias in statement.names
+    if alias.asname == alias.name  # `name as name` marks a public import
+}
 HEAVY = {"mujoco", "numba", "numpy", "pydantic", "shapely", "typer", "rich", "websockets", "moderngl", "yaml"}
 
 
 @pytest.mark.parametrize("name", autodrive.__all__)
 def test_every_public_name_is_the_object_of_its_module(name: str) -> None:
-    home = importlib.import_module(f"autodrive.{autodrive._home_of[name]}")
+    home = importlib.import_module(f"autodrive.{HOMES[name]}")
     assert getattr(autodrive, name) is getattr(home, name)
     assert name in dir(autodrive)
 
 
 def test_type_checkers_see_the_same_names() -> None:
-    tree = ast.parse(Path(autodrive.__file__).read_text(encoding="utf-8"))
-    (typing_block,) = (node for node in tree.body if isinstance(node, ast.If))
-    seen = {
-        alias.name: statement.module
-        for statement in typing_block.body
-        if isinstance(statement, ast.ImportFrom)
-        for alias in statement.names
-        if alias.asname == alias.name  # `name as name` marks a public import
-    }
-    assert seen == {name: f"autodrive.{module}" for name, module in autodrive._home_of.items()}
+    assert sorted(HOMES) == sorted(autodrive.__all__)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
@@ -60,7 +58,7 @@ def test_import_loads_no_other_module_and_a_command_no_physics() -> None:
     assert not {"mujoco", "numba"} & second
 
 
-@pytest.mark.parametrize("missing", ["autodrive.world.factory", "mujoco", "numba.core"])
+@pytest.mark.parametrize("missing", ["autodrive.world", "mujoco", "numba.core"])
 def test_a_missing_simulator_is_reported_as_a_client_without_the_simulator(
     monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
@@ -68,13 +66,7 @@ def test_a_missing_simulator_is_reported_as_a_client_without_the_simulator(
         make_without(monkeypatch, missing)
 
 
-def test_a_missing_package_is_reported_as_a_client_without_the_simulator(monkeypatch: pytest.MonkeyPatch) -> None:
-    # without autodrive/maps, the import of autodrive.scenario.maps.map fails with the name of the package
-    with pytest.raises(ImportError, match=r"autodrive\.load_map needs the simulator"):
-        make_without(monkeypatch, "autodrive.scenario.maps", "load_map")
-
-
-@pytest.mark.parametrize("missing", ["autodrive.wings", "autodrive.factory_parts", "some_package"])
+@pytest.mark.parametrize("missing", ["autodrive.wings", "autodrive.world.factory_parts", "some_package"])
 def test_a_broken_import_of_the_simulator_is_reported_as_it_is(monkeypatch: pytest.MonkeyPatch, missing: str) -> None:
     with pytest.raises(ModuleNotFoundError, match=f"No module named '{missing}'"):
         make_without(monkeypatch, missing)
@@ -94,7 +86,7 @@ def make_without(monkeypatch: pytest.MonkeyPatch, missing: str, name: str = "mak
 def test_the_dependencies_that_the_client_leaves_out_are_known() -> None:
     root = Path(__file__).parents[1]
     simulator, client = (dependencies(root / file) for file in ("pyproject.toml", "clients/python/pyproject.toml"))
-    import_names = {"mujoco-core": "mujoco", "pyyaml": "yaml", "resvg-py": "resvg_py"}
+    import_names = {"mujoco-core": "mujoco", "protobuf": "google", "pyyaml": "yaml", "resvg-py": "resvg_py"}
     assert {import_names.get(name, name) for name in simulator - client} == autodrive._SIMULATOR_DEPENDENCIES
 
 

@@ -10,123 +10,20 @@ import importlib
 import sys
 from typing import TYPE_CHECKING, Any
 
+import lazy_loader
+
 if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
-    from autodrive.base.errors import AutodriveError as AutodriveError
-    from autodrive.base.errors import CommandError as CommandError
-    from autodrive.base.errors import EngineError as EngineError
-    from autodrive.base.errors import NoImageError as NoImageError
-    from autodrive.base.errors import SnapshotError as SnapshotError
-    from autodrive.base.errors import SpecError as SpecError
-    from autodrive.base.errors import WorldInUseError as WorldInUseError
-    from autodrive.connect.client import Client as Client
-    from autodrive.connect.client import NoSimulatorError as NoSimulatorError
-    from autodrive.experiments.identification import Identification as Identification
-    from autodrive.experiments.identification import IdentificationError as IdentificationError
-    from autodrive.experiments.identification import identify as identify
-    from autodrive.graphics.render.gl import GlUnavailable as GlUnavailable
-    from autodrive.protocol.messages import BackOnRoad as BackOnRoad
-    from autodrive.protocol.messages import CameraImage as CameraImage
-    from autodrive.protocol.messages import CameraIntrinsics as CameraIntrinsics
-    from autodrive.protocol.messages import CheckpointPassed as CheckpointPassed
-    from autodrive.protocol.messages import Collision as Collision
-    from autodrive.protocol.messages import Command as Command
-    from autodrive.protocol.messages import EncoderReading as EncoderReading
-    from autodrive.protocol.messages import Frame as Frame
-    from autodrive.protocol.messages import Headlights as Headlights
-    from autodrive.protocol.messages import ImuReading as ImuReading
-    from autodrive.protocol.messages import Indicators as Indicators
-    from autodrive.protocol.messages import IpsReading as IpsReading
-    from autodrive.protocol.messages import LapCompleted as LapCompleted
-    from autodrive.protocol.messages import LidarScan as LidarScan
-    from autodrive.protocol.messages import Lights as Lights
-    from autodrive.protocol.messages import ObjectFrame as ObjectFrame
-    from autodrive.protocol.messages import OffRoad as OffRoad
-    from autodrive.protocol.messages import Pose as Pose
-    from autodrive.protocol.messages import RacePenalty as RacePenalty
-    from autodrive.protocol.messages import RaceState as RaceState
-    from autodrive.protocol.messages import RaceStatus as RaceStatus
-    from autodrive.protocol.messages import RaceStatusChanged as RaceStatusChanged
-    from autodrive.protocol.messages import RangeReading as RangeReading
-    from autodrive.protocol.messages import SetBack as SetBack
-    from autodrive.protocol.messages import TailLights as TailLights
-    from autodrive.protocol.messages import VehicleFrame as VehicleFrame
-    from autodrive.protocol.messages import WheelsReading as WheelsReading
-    from autodrive.protocol.messages import WrongWay as WrongWay
-    from autodrive.scenario import BoxSpec as BoxSpec
-    from autodrive.scenario import Scenario as Scenario
-    from autodrive.scenario import ScenarioSpec as ScenarioSpec
-    from autodrive.scenario import VehiclePlacement as VehiclePlacement
-    from autodrive.scenario import load_scenario as load_scenario
-    from autodrive.scenario.maps.map import Map as Map
-    from autodrive.scenario.maps.map import MapSpec as MapSpec
-    from autodrive.scenario.maps.map import load_map as load_map
-    from autodrive.scenario.vehicles.spec import VehicleSpec as VehicleSpec
-    from autodrive.scenario.vehicles.spec import load_vehicle as load_vehicle
-    from autodrive.world import World as World
-    from autodrive.world.batch import BatchWorld as BatchWorld
-    from autodrive.world.factory import make as make
-    from autodrive.world.simulation import Simulation as Simulation
-    from autodrive.world.simulation import Sink as Sink
+_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""The names of `__init__.pyi`."""
 
-_HOME = {
-    "world.batch": ("BatchWorld",),
-    "connect.client": ("Client", "NoSimulatorError"),
-    "base.errors": (
-        "AutodriveError",
-        "CommandError",
-        "EngineError",
-        "NoImageError",
-        "SnapshotError",
-        "SpecError",
-        "WorldInUseError",
-    ),
-    "protocol.messages": (
-        "BackOnRoad",
-        "CameraImage",
-        "CameraIntrinsics",
-        "CheckpointPassed",
-        "Collision",
-        "Command",
-        "EncoderReading",
-        "Frame",
-        "Headlights",
-        "ImuReading",
-        "Indicators",
-        "IpsReading",
-        "LapCompleted",
-        "LidarScan",
-        "Lights",
-        "ObjectFrame",
-        "OffRoad",
-        "Pose",
-        "RacePenalty",
-        "RaceState",
-        "RaceStatus",
-        "RaceStatusChanged",
-        "RangeReading",
-        "SetBack",
-        "TailLights",
-        "VehicleFrame",
-        "WheelsReading",
-        "WrongWay",
-    ),
-    "experiments.identification": ("Identification", "IdentificationError", "identify"),
-    "scenario.maps.map": ("Map", "MapSpec", "load_map"),
-    "graphics.render.gl": ("GlUnavailable",),
-    "scenario": ("BoxSpec", "Scenario", "ScenarioSpec", "VehiclePlacement", "load_scenario"),
-    "world.simulation": ("Simulation", "Sink"),
-    "scenario.vehicles.spec": ("VehicleSpec", "load_vehicle"),
-    "world.factory": ("make",),
-    "world": ("World",),
-}
-"""Module of this package -> the public names that it defines."""
-
-_home_of = {name: module for module, names in _HOME.items() for name in names}
+_LEFT_OUT = {f"autodrive.{group}" for group in ("physics", "scenario", "graphics", "world", "experiments")}
+"""Groups with public names that autodrive-client leaves out."""
 
 _SIMULATOR_DEPENDENCIES = {
+    "google",
     "manifold3d",
     "moderngl",
     "mujoco",
@@ -140,43 +37,98 @@ _SIMULATOR_DEPENDENCIES = {
     "uvicorn",
     "uvloop",
     "yaml",
+    "zstandard",
 }
-"""Import names of the packages that autodrive-simulator depends on and autodrive-client does not."""
+"""Import names of the packages that autodrive-simulator depends on and autodrive-client does not; an editable
+installation of the client has all modules, but not these."""
 
 __version__ = "0.1.0"
-__all__ = [*_home_of]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _home_of:
-        raise AttributeError(f"module 'autodrive' has no attribute '{name}'")
-    home = f"autodrive.{_home_of[name]}"
     try:
-        module = importlib.import_module(home)
+        value = _public(name)
+    except AttributeError:  # the traceback adds the most similar name
+        raise AttributeError(
+            f"module 'autodrive' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
+        ) from None
     except ModuleNotFoundError as error:
-        if _is_client_only(home, error.name or ""):
+        missing = error.name or ""
+        if missing in _LEFT_OUT or missing.partition(".")[0] in _SIMULATOR_DEPENDENCIES:
             raise ImportError(
                 f"autodrive.{name} needs the simulator, and only autodrive-client is installed. Install the "
                 "distribution autodrive-simulator; in a checkout of its repository, run:  pip install ."
             ) from None
         raise
-    value = getattr(module, name)
     globals()[name] = value
     return value
 
 
-def _is_client_only(home: str, missing: str) -> bool:
-    """Whether a module is missing because autodrive-client is installed without the simulator.
+# -- former import paths -----------------------------------------------------------------------------------------------
 
-    The client leaves out whole modules: `missing` is then `home` or a package that contains it. An editable
-    installation of the client has all modules, but not the dependencies of the simulator.
-    """
-    return f"{home}.".startswith(f"{missing}.") or missing.partition(".")[0] in _SIMULATOR_DEPENDENCIES
+_FORMER = {
+    "assets": "graphics.assets",
+    "batch": "world.batch",
+    "bridge": "connect.bridge",
+    "cameras": "graphics.cameras",
+    "cameras.batch_camera": "world.batch_camera",
+    "campaigns": "experiments.campaigns",
+    "client": "connect.client",
+    "devkit.server": "connect.devkit.server",
+    "devkit.vehicles": "connect.devkit.vehicles",
+    "elementary": "base.elementary",
+    "envs": "experiments.envs",
+    "errors": "base.errors",
+    "exports": "recording.exports",
+    "factory": "world.factory",
+    "identification": "experiments.identification",
+    "maps": "scenario.maps",
+    "model": "physics.model",
+    "policies": "experiments.policies",
+    "racing": "world.racing",
+    "render": "graphics.render",
+    "replay": "recording.replay",
+    "sensors": "physics.sensors",
+    "simulation": "world.simulation",
+    "specs": "base.specs",
+    "testing": "run.testing",
+    "tracks": "scenario.tracks",
+    "vehicles": "scenario.vehicles",
+}
+"""Paths that earlier documentation names -> where the module is now."""
 
 
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+class _FormerPaths:
+    """Finds a module by its former path: the same module object, which has its present name."""
 
+    def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Nothing but former paths."""
+        if not name.startswith("autodrive."):
+            return None
+        former, inner = name.removeprefix("autodrive."), ""
+        while former and former not in _FORMER:
+            former, _, last = former.rpartition(".")
+            inner = f".{last}{inner}"
+        if not former:
+            return None
+        from importlib.util import find_spec, spec_from_loader  # noqa: PLC0415  as below
+
+        present = f"autodrive.{_FORMER[former]}{inner}"
+        return spec_from_loader(name, self, origin=present) if find_spec(present) else None  # type: ignore[arg-type]
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """The module at its present place."""
+        module = importlib.import_module(str(spec.origin))
+        spec.loader_state = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """It has been executed; importing it by a former path leaves it as it was."""
+        assert module.__spec__ is not None
+        module.__spec__ = module.__spec__.loader_state
+
+
+sys.meta_path.insert(0, _FormerPaths())  # type: ignore[arg-type]
 
 # -- learning environments ---------------------------------------------------------------------------------------------
 

@@ -17,3 +17,4 @@ script needs no web framework:
 from autodrive.connect.devkit import F1TENTH, Nigel, RoboRacer, Server, TrafficLight, Vehicle, drive
 
 __all__ = ["F1TENTH", "Nigel", "RoboRacer", "Server", "TrafficLight", "Vehicle", "drive"]
+__path__: list[str] = []  # its modules have former paths

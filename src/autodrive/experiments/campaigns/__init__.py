@@ -11,36 +11,6 @@ FILE.yaml` runs a campaign; `docs/campaigns.md` describes the file. From Python:
 Names are imported when they are first used.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-import importlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from autodrive.experiments.campaigns.campaign import Campaign as Campaign
-    from autodrive.experiments.campaigns.executor import Executor as Executor
-    from autodrive.experiments.campaigns.executor import LocalExecutor as LocalExecutor
-    from autodrive.experiments.campaigns.runs import Observer as Observer
-    from autodrive.experiments.campaigns.runs import Outcome as Outcome
-    from autodrive.experiments.campaigns.runs import run_campaign as run_campaign
-    from autodrive.experiments.campaigns.scene import Scene as Scene
-
-_MODULE_OF = {
-    "Campaign": "campaign",
-    "Executor": "executor",
-    "LocalExecutor": "executor",
-    "Observer": "runs",
-    "Outcome": "runs",
-    "Scene": "scene",
-    "run_campaign": "runs",
-}
-
-__all__ = ["Campaign", "Executor", "LocalExecutor", "Observer", "Outcome", "Scene", "run_campaign"]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'autodrive.experiments.campaigns' has no attribute '{name}'")
-    value = getattr(importlib.import_module(f"autodrive.experiments.campaigns.{_MODULE_OF[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
