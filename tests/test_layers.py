@@ -11,6 +11,7 @@ from tests.support.layers import GROUPS, LEVEL, PACKAGE, distributions_imported,
 
 FILES = layers.files()
 REAL_TIME = {
+    "base/installation.py",
     "base/tcp_options.py",
     "graphics/cameras/camera_worker.py",
     "graphics/cameras/jpeg.py",
@@ -21,8 +22,8 @@ REAL_TIME = {
     "world/batch/batch_world.py",
     "world/one_thread.py",
 }
-"""They render and encode images asynchronously, set options of connections, step worlds in several threads, or refuse a
-second thread."""
+"""They render and encode images asynchronously, set options of connections, step worlds in several threads, refuse a
+second thread, or read the address of a package."""
 IN_THE_TICK = [
     path
     for path in FILES

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import json
 import os
 import subprocess
 import sys
@@ -177,3 +178,35 @@ def test_the_server_runs_without_uvloop(monkeypatch: pytest.MonkeyPatch) -> None
         autodrive.Client(server.url) as client,
     ):
         assert client.frame.vehicles.keys() == {"V1"}
+
+
+@pytest.mark.parametrize(
+    ("noted", "requirement"),
+    [
+        ({"url": "file:///home/a%20b/sim", "dir_info": {"editable": True}}, "--editable '/home/a b/sim[film]'"),
+        ({"url": "file:///sim", "dir_info": {}}, "'/sim[film]'"),
+        (
+            {"url": "https://example.org/sim", "vcs_info": {"vcs": "git", "commit_id": "12ab"}},
+            "'autodrive-simulator[film] @ git+https://example.org/sim@12ab'",
+        ),
+        (
+            {"url": "https://example.org/sim.whl", "archive_info": {}},
+            "'autodrive-simulator[film] @ https://example.org/sim.whl'",
+        ),
+        ({}, "'autodrive-simulator[film]'"),
+    ],
+)
+def test_an_extra_comes_from_where_the_package_came(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noted: dict[str, object], requirement: str
+) -> None:
+    metadata = tmp_path / "autodrive_simulator-0.1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: autodrive-simulator\nVersion: 0.1.0\n")
+    if noted:
+        (metadata / "direct_url.json").write_text(json.dumps(noted))
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    monkeypatch.setattr(installation, "checkout", lambda: None)
+    assert installation.install_extra("film") == f"{installation.pip('install')} {requirement}"
+    assert installation.missing("av", "film").startswith(
+        "av is not installed: it is in the extra 'film'. Install it:  "
+    )

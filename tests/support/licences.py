@@ -98,7 +98,7 @@ versions.
 
 EXTRAS_HEAD = """## Extras
 
-`pip install "autodrive-simulator[EXTRA]"` adds these packages. The wheels of av also contain FFmpeg under
+`pip install '.[EXTRA]'` adds these packages. The wheels of av also contain FFmpeg under
 the LGPL, and x264 and x265 under the GPL; the simulator uses only the encoders SVT-AV1 and libvpx.
 
 """

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import json
 import re
+import shlex
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
 
 from autodrive.base.cache import PACKAGE
 
+DISTRIBUTION = "autodrive-simulator"
 MUJOCO = "mujoco-core>=4.0.0,<5"
 """The requirement in pyproject.toml."""
 
@@ -60,6 +65,37 @@ def pip(action: str) -> str:
     if uv is None and root is not None and (root / ".venv-uv/bin/uv").is_file():
         uv = str(root / ".venv-uv/bin/uv")
     return f"{uv or 'uv'} pip {action} --python {sys.executable}"
+
+
+def install_extra(extra: str) -> str:
+    """The command that adds an extra to this installation, from where the package came as pip has noted it (PEP 610)."""
+    return f"{pip('install')} {shlex.join(_requirement(extra, _origin()))}"
+
+
+def missing(package: str, extra: str) -> str:
+    """The error of a package that is not installed."""
+    return f"{package} is not installed: it is in the extra '{extra}'. Install it:  {install_extra(extra)}"
+
+
+def _requirement(extra: str, origin: dict[str, Any]) -> list[str]:
+    """Arguments of pip: a folder, editable or not, the address of a repository or archive, or the release."""
+    url = origin.get("url", "")
+    if "dir_info" in origin:
+        folder = unquote(urlsplit(url).path)
+        return [*(["--editable"] if origin["dir_info"].get("editable") else []), f"{folder}[{extra}]"]
+    if "vcs_info" in origin:
+        url = f"{origin['vcs_info']['vcs']}+{url}@{origin['vcs_info']['commit_id']}"
+    return [f"{DISTRIBUTION}[{extra}]" + (f" @ {url}" if url else "")]
+
+
+def _origin() -> dict[str, Any]:
+    """Content of the file direct_url.json of this distribution; empty for a release from an index."""
+    try:
+        text = importlib.metadata.distribution(DISTRIBUTION).read_text("direct_url.json")
+    except importlib.metadata.PackageNotFoundError:
+        text = None
+    root = checkout()
+    return json.loads(text) if text else {"url": root.as_uri(), "dir_info": {"editable": True}} if root else {}
 
 
 def checkout() -> Path | None:

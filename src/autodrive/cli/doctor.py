@@ -19,10 +19,9 @@ from typing import NamedTuple
 import typer
 
 from autodrive.base.cache import PACKAGE
-from autodrive.base.installation import checkout, mujoco_error, mujoco_fix, pip, version_of
+from autodrive.base.installation import DISTRIBUTION, checkout, mujoco_error, mujoco_fix, pip, version_of
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
-DISTRIBUTION = "autodrive-simulator"
 CLIENT = "autodrive-client"
 """A part of `DISTRIBUTION`, for environments without a simulator."""
 

@@ -15,11 +15,11 @@ from typing import Any
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
+from autodrive.base.installation import missing
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.keys import versions
 from autodrive.experiments.campaigns.luggage import Luggage
 from autodrive.experiments.campaigns.runner import Result
-from autodrive.experiments.campaigns.sampling import missing
 from autodrive.experiments.campaigns.worker import Worker
 
 LOCAL, AUTO = "local", "auto"

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import AutodriveError
-from autodrive.base.installation import pip
+from autodrive.base.installation import missing
 from autodrive.base.specs import Spec
 
 Value: TypeAlias = bool | int | float | str
@@ -137,8 +137,3 @@ class Design:
             return qmc.LatinHypercube(width, rng=rng).random(count)
         # The length of the whole sequence is a power of 2; its beginning is taken.
         return qmc.Sobol(width, rng=rng).random_base2(max(0, math.ceil(math.log2(count))))[:count]
-
-
-def missing(package: str, extra: str) -> str:
-    """The error of a package that is not installed."""
-    return f"{package} is not installed: it is in the extra '{extra}'. Install it:  {pip('install')} {package}"

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.installation import missing
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.executor import Executor
 from autodrive.experiments.campaigns.runner import Result
-from autodrive.experiments.campaigns.sampling import Range, Value, missing
+from autodrive.experiments.campaigns.sampling import Range, Value
 
 NO_MARGIN = 1e9
 """Margin of a run that has none, such as one that passes an equality."""

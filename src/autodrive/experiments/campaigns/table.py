@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 from autodrive.base.cache import make_folder, new_file
 from autodrive.base.errors import AutodriveError
+from autodrive.base.installation import missing
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.runner import Result
-from autodrive.experiments.campaigns.sampling import missing
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,6 +11,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
+from autodrive.base.installation import missing
 from autodrive.experiments.identification.drive import Drive, IdentificationError
 from autodrive.experiments.identification.parameters import Free, VehicleFile
 from autodrive.experiments.identification.windows import Simulator, Windows
@@ -242,8 +243,6 @@ def _optuna() -> Any:
         import cmaes  # noqa: F401, PLC0415
         import optuna  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        raise IdentificationError(
-            f'identification needs the package {error.name}: pip install "autodrive-simulator[search]"'
-        ) from None
+        raise IdentificationError(missing(error.name or "optuna", "search")) from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna

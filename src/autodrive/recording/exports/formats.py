@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from autodrive.base.cache import make_folder
-from autodrive.base.installation import pip
+from autodrive.base.installation import missing
 from autodrive.base.specs import suggest
 from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.options import ExportOptions
@@ -80,7 +80,4 @@ def _writer(form: Format) -> Callable[[Recording, Path, ExportOptions, str], Non
     except ModuleNotFoundError as error:
         if not form.extra or (error.name or "").startswith("autodrive"):
             raise
-        raise RecordingError(
-            f"this export needs the package {error.name}. Install it:  "
-            f"{pip('install')} 'autodrive-simulator[{form.extra}]'"
-        ) from None
+        raise RecordingError(missing(error.name or "a package", form.extra)) from None

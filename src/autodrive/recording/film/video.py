@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
-from autodrive.base.installation import pip
+from autodrive.base.installation import missing
 from autodrive.base.specs import suggest
 from autodrive.recording.film.encoder import open_stream
 
@@ -103,6 +103,5 @@ def _av() -> Any:
     try:
         import av  # noqa: PLC0415  an extra
     except ImportError:
-        text = "a film needs the package 'av', which is not installed. Install it"
-        raise AutodriveError(f'{text}: {pip("install")} "autodrive-simulator[film]"') from None
+        raise AutodriveError(f"a film cannot be made: {missing('av', 'film')}") from None
     return av
