@@ -1,6 +1,6 @@
 """Small images of many worlds: one call for all of them beside one World after another, front camera of two cars.
 
-    .venv/bin/python benchmarks/batch_camera.py [SIZE]
+    python benchmarks/batch_camera.py [SIZE]
 
 CPU time of all cores for an image [ms], images in a second of it, and how many times as many as one at a time: medians
 of rounds that take turns, so that the load of the machine affects all equally. The boxes stand still, the cars drive.

@@ -31,7 +31,7 @@ def sensors(text: str) -> dict[str, Any]:
 
 def test_scenario_of_the_document_runs(tmp_path: Path) -> None:
     file = tmp_path / "delivery.yaml"
-    file.write_text(examples("scenarios.md")[0])
+    file.write_text(examples("scenarios.md")[1])
     assert load_scenario(file).seed == 7
     world = autodrive.make(file)
     frame = world.frame
@@ -51,7 +51,7 @@ def test_the_scenario_made_in_python_is_like_that_of_the_file() -> None:
 
 def test_map_of_the_document_is_in_order(tmp_path: Path) -> None:
     file = tmp_path / "street.yaml"
-    file.write_text(examples("scenarios.md")[1])
+    file.write_text(examples("scenarios.md")[0])
     map_ = load_map(file)
     assert len(map_.joins) == 4  # two joints, in both directions
     assert [box.mass for box in map_.boxes] == [0.5]

@@ -28,6 +28,7 @@ RUN_BY = {
     "adding_a_sensor.md": {"yaml": "tests/test_docs.py"},
     "README.md": {"python": "tests/test_readme.py", "yaml": "tests/test_readme.py"},
     "client.md": {"python": "tests/connect/client/test_document.py"},
+    "first_drive.md": {"python": "tests/connect/devkit/test_python_examples.py"},
     "cpp.md": {"cpp": "tests/clients/test_cpp_docs.py", "cmake": "tests/clients/test_cpp_docs.py"},
     "racing.md": {
         "python": "tests/world/racing/test_race_document.py",
@@ -73,6 +74,7 @@ FOREIGN = (
     ".",
     "python",
     "python3",
+    "pre-commit",
 )
 """Programs of others that a shell block may call: they are not run here."""
 

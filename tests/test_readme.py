@@ -34,11 +34,11 @@ def test_the_commands_for_a_scenario_of_your_own_run(tmp_path: Path) -> None:
     """In the order of README.md, with the scenario that stands there."""
     (scenario,) = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
     (tmp_path / "my_scenario.yaml").write_text(scenario)
-    _, block = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    block = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)[-1]
     commands = [line.partition("#")[0].split() for line in block.splitlines()]
     assert len(commands) == 5
     for program, *arguments in commands:
-        assert program == "scripts/run"
+        assert program == "autodrive"
         if arguments != ["doctor"]:  # its result depends on the machine
             done = call(*arguments, cwd=tmp_path)
             assert done.returncode == 0, done.stderr
@@ -47,19 +47,22 @@ def test_the_commands_for_a_scenario_of_your_own_run(tmp_path: Path) -> None:
 
 
 ELSEWHERE = {
-    ".venv/bin/python examples/python/4_stop_before_box.py": "tests/connect/devkit/test_python_examples.py",
+    "autodrive race practice --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
+    "autodrive run mini_map --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
+    "python examples/client/1_lockstep.py": "tests/connect/client/test_document.py",
+    "python examples/python/6_simulate.py": "tests/connect/devkit/test_python_examples.py",
+    "python examples/python/7_gymnasium.py": "tests/experiments/envs/test_document.py",
     "scripts/cpp": "scripts/test",
     "scripts/ros1 roslaunch autodrive_ros simulator_bringup_headless.launch": "tests/connect/ros/test_ros1.py",
     "scripts/ros2": "scripts/test",
-    "scripts/run race practice --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
-    "scripts/run run mini_map --devkit 127.0.0.1:4567": "tests/cli/test_cli.py",
+    "scripts/run": "tests/cli/test_cli.py",
 }
-"""Command in the table of that section -> the file that runs it."""
+"""Command in the table of interfaces -> the file that runs it."""
 
 
-def test_each_command_that_connects_software_is_run() -> None:
-    table = README.partition("## Connect your software")[2].partition("\n## ")[0]
-    commands = re.findall(r"`((?:scripts/|\.venv/)[^`]+)`", table.partition("|")[2])
+def test_each_command_of_the_table_of_interfaces_is_run() -> None:
+    table = README.partition("## Which interface do I choose?")[2].partition("\n## ")[0]
+    commands = re.findall(r"`((?:scripts/|autodrive |python )[^`]+)`", table)
     assert set(commands) == set(ELSEWHERE)
     for command, file in ELSEWHERE.items():
         program = next(word for word in reversed(command.split()) if not word.startswith("-"))

@@ -68,7 +68,7 @@ def pip(action: str) -> str:
 
 
 def install_extra(extra: str) -> str:
-    """The command that adds an extra to this installation, from where the package came as pip has noted it (PEP 610)."""
+    """The command that adds an extra to this installation: from where the package came, as pip noted it (PEP 610)."""
     return f"{pip('install')} {shlex.join(_requirement(extra, _origin()))}"
 
 

@@ -25,7 +25,13 @@ from autodrive.protocol.ports import DEVKIT_PORT, PORT
 CLIENT = "autodrive-client"
 """A part of `DISTRIBUTION`, for environments without a simulator."""
 
-_IMPORT_NAMES = {"mujoco-core": "mujoco", "pyyaml": "yaml", "resvg-py": "resvg_py"}
+_IMPORT_NAMES = {
+    "lazy-loader": "lazy_loader",
+    "mujoco-core": "mujoco",
+    "protobuf": "google.protobuf",
+    "pyyaml": "yaml",
+    "resvg-py": "resvg_py",
+}
 """Import names of distributions, where the two names differ."""
 
 

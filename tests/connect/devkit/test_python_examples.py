@@ -26,6 +26,7 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.scenario import VehiclePlacement, load_scenario
 from autodrive.scenario.maps import load_map
+from tests.support.command_line import call
 from tests.support.lockstep import answered_ticks
 from tests.support.waiting import free_port, is_listening, wait_until
 
@@ -102,6 +103,38 @@ def test_the_car_stops_before_the_box() -> None:
     assert abs(car.speed) < 1e-3
     assert car.pose.position[0] > 0.3
     assert car.lights.headlights == 1
+
+
+@pytest.mark.process
+def test_the_script_for_boxes_finds_another_scenario() -> None:
+    port = free_port()
+    command = [sys.executable, str(EXAMPLES / "4_stop_before_box.py"), str(port)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        wait_until(lambda: is_listening(port) or process.poll() is not None)
+        with Simulation(autodrive.make("mini_map")) as simulation, DevkitBridge(simulation, port=port):
+            _, error = process.communicate(timeout=60.0)
+    assert process.returncode == 1
+    assert f"Start the simulator with:  autodrive run boxes --devkit 127.0.0.1:{port}" in error
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_the_ten_lines_of_the_first_drive_complete_a_lap(tmp_path: Path) -> None:
+    """In lock-step, with the track and the rules of docs/first_drive.md; the port is another."""
+    text = (EXAMPLES.parents[1] / "docs" / "first_drive.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    port = free_port()
+    (tmp_path / "first_lap.py").write_text(code.replace("drive(step, car)", f"drive(step, car, port={port})"))
+    with subprocess.Popen([sys.executable, tmp_path / "first_lap.py"], stdout=subprocess.DEVNULL) as process:
+        try:
+            wait_until(lambda: is_listening(port))
+            options = ["--devkit", f"127.0.0.1:{port}", "--lockstep", "--headless", "--laps", "1"]
+            done = call("race", "practice", *options, cwd=tmp_path)
+        finally:
+            process.kill()
+    assert done.returncode == 0, done.stderr
+    (lap,) = re.findall(r"\| 1 \| \S+ \| ([\d.]+) \| 0 \|", done.stdout)  # no collision
+    assert 29.0 < float(lap) < 33.0  # the page says about 31 s
 
 
 @pytest.mark.process

@@ -1,0 +1,89 @@
+"""The commands of the pages run as they are written, in the environment of `scripts/run`, in the root of a clone.
+
+A folder with links to the files of the repository stands for the clone, so that what the commands write goes away.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.waiting import LIMIT
+from tests.test_documentation import DOCUMENTS, ROOT, blocks
+
+NOT_RUN_HERE = {
+    r"(sudo apt-get|pip|python3 -m venv|simulator/bin/pip|pre-commit) ": "changes the machine or the environment",
+    r"\. ": "changes the shell",
+    r"(ssh|ray|export|rosdep|colcon|ros2|mkdir|cmake) ": "a program that this project does not ship",
+    r"scripts/": "scripts/test runs it, or it runs scripts/test",
+    r"\.venv-devkit": "tests/connect/bridge runs it",
+    r"python (examples/|first_lap.py|my_script.py)": "tests/connect/devkit and tests/experiments run it",
+    r"python -m tests.support": "writes a file of the repository; a test compares the file",
+    r"autodrive campaign ": "takes minutes; tests/experiments/campaigns runs it",
+    r"autodrive identify ": "takes minutes; tests/experiments/identification runs it",
+    r"autodrive (race|play) ": "needs a script; tests/world/racing and tests/experiments/policies run it",
+    r"autodrive .*(0\.0\.0\.0|lab\.example|USER)": "opens this machine to others; tests/cli runs it",
+    r"autodrive (import track|compare \"V1 Log)": "needs a file of the user; the tests of the format run it",
+    r"autodrive (film|export recording|replay|plot|compare) ": "needs a recording; tests/recording runs it",
+}
+"""Pattern of the beginning of a command -> why it does not run here."""
+
+LASTING = re.compile(r"autodrive run (?!.*--duration)")
+"""A command that runs until Ctrl-C."""
+
+
+def commands(path: Path) -> list[str]:
+    """The commands of a page, without comments."""
+    text = "\n".join(text.replace("\\\n", " ") for language, text in blocks(path) if language == "sh")
+    lines = (line.partition(" #")[0].strip() for line in text.splitlines())
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def runs_here(command: str) -> bool:
+    """Whether this file runs the command."""
+    return not any(re.match(pattern, command) for pattern in NOT_RUN_HERE)
+
+
+def runnable() -> dict[Path, list[str]]:
+    """Page -> commands that run here and that no earlier page has. tests/test_readme.py runs those of README.md."""
+    seen: set[str] = set()
+    found: dict[Path, list[str]] = {}
+    for page in (path for path in DOCUMENTS if path.name != "README.md"):
+        new = [command for command in commands(page) if runs_here(command) and command not in seen]
+        seen.update(new)
+        if new:
+            found[page] = new
+    return found
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.parametrize(("page", "lines"), runnable().items(), ids=lambda one: getattr(one, "name", ""))
+def test_the_commands_of_a_page_run(page: Path, lines: list[str], tmp_path: Path) -> None:
+    for file in ROOT.iterdir():
+        if not file.name.startswith("."):
+            (tmp_path / file.name).symlink_to(file)
+    variables = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "BROWSER": "true"}
+    for command in lines:
+        arguments = shlex.split(command)
+        output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        with subprocess.Popen(arguments, cwd=tmp_path, env=variables, **output) as process:
+            assert process.stdout is not None
+            if LASTING.match(command):
+                assert any("http://" in line for line in process.stdout), f"{command}: no address of a page"
+                process.send_signal(signal.SIGINT)
+            printed, _ = process.communicate(timeout=LIMIT)
+        assert process.returncode == 0, f"{command}: {printed}"
+
+
+def test_each_reason_is_that_of_a_command() -> None:
+    everything = [command for path in DOCUMENTS for command in commands(path)]
+    for pattern in NOT_RUN_HERE:
+        assert any(re.match(pattern, command) for command in everything), f"no page has a command like {pattern}"
