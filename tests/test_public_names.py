@@ -38,8 +38,10 @@ def test_type_checkers_see_the_same_names() -> None:
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="module 'autodrive' has no attribute 'wings'"):
+    with pytest.raises(AttributeError, match=r"module 'autodrive' has no attribute 'wings'$"):
         _ = autodrive.wings  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(AttributeError, match=r"no attribute 'Wrold'. Did you mean 'World'\?"):
+        _ = autodrive.Wrold  # pyright: ignore[reportAttributeAccessIssue]
 
 
 @pytest.mark.process

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 import lazy_loader
@@ -48,10 +49,10 @@ __version__ = "0.1.0"
 def __getattr__(name: str) -> Any:
     try:
         value = _public(name)
-    except AttributeError:  # the traceback adds the most similar name
-        raise AttributeError(
-            f"module 'autodrive' has no attribute '{name}'", name=name, obj=sys.modules[__name__]
-        ) from None
+    except AttributeError:
+        close = get_close_matches(name, __all__, n=1)
+        hint = f". Did you mean '{close[0]}'?" if close else ""
+        raise AttributeError(f"module 'autodrive' has no attribute '{name}'{hint}") from None
     except ModuleNotFoundError as error:
         missing = error.name or ""
         if missing in _LEFT_OUT or missing.partition(".")[0] in _SIMULATOR_DEPENDENCIES:

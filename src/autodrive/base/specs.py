@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import os
 import re
@@ -16,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from yaml.constructor import ConstructorError
 
 from autodrive.base.errors import SpecError
+from autodrive.base.suggest import suggest
 
 Kind = Literal["vehicle", "module", "map", "track", "ruleset", "scenario"]
 
@@ -269,16 +269,6 @@ def titles(kind: Kind, spec: type[Spec]) -> dict[str, str]:
     return {name: getattr(read(kind, name, spec), "title", "") for name in names(kind)}
 
 
-def suggest(word: str, known: list[str]) -> str:
-    """Text for an unknown word: 'Known: a, b. Did you mean 'a'?'; of many known words, the first 100."""
-    more = f" and {len(known) - 100} more" if len(known) > 100 else ""
-    known = known[:100]
-    text = f"Known: {', '.join(known) or 'none'}{more}."
-    same = [key for key in known if word.lower() in _MEANINGS.get(key, ())]
-    close = same or difflib.get_close_matches(word, known, n=1)
-    return f"{text} Did you mean '{close[0]}'?" if close else text
-
-
 def _folder(kind: Kind) -> Path:
     return Path(str(resources.files("autodrive"))) / "scenario" / "data" / f"{kind}s"
 
@@ -318,35 +308,6 @@ _TEXTS = {
     "assertion_error": "{error}",
 }
 """Type of an error of pydantic -> our text, with values of its context."""
-
-_MEANINGS = {
-    "boxes": ("objects", "obstacles", "crates", "box"),
-    "command_timeout": ("timeout", "time_out"),
-    "has_realistic_sensors": ("noise", "noisy", "realistic", "realistic_sensors"),
-    "height": ("z_size",),
-    "is_autonomous": ("autonomous", "mode", "driving_mode", "manual"),
-    "is_closed": ("closed", "loop"),
-    "map": ("world", "track", "environment"),
-    "mass": ("weight",),
-    "module": ("type", "kind", "name"),
-    "placements": ("modules", "tiles", "pieces", "roads"),
-    "points": ("corners", "vertices", "line", "path"),
-    "radius": ("r",),
-    "rate": ("frequency", "hz", "fps", "rate_hz"),
-    "rays": ("beams", "resolution", "samples"),
-    "scene_light": ("light", "day", "night", "daylight", "lighting"),
-    "seed": ("random_seed", "rng"),
-    "size": ("dimensions", "scale", "extent"),
-    "substep": ("physics_step", "sub_step"),
-    "thickness": ("width",),
-    "tick": ("dt", "step", "time_step", "timestep", "tick_duration"),
-    "title": ("name", "label", "description"),
-    "type": ("model", "vehicle", "kind", "car"),
-    "vehicles": ("cars", "robots", "agents", "vehicle"),
-    "x": ("position", "pos", "pose", "xy"),
-    "yaw_deg": ("yaw", "heading", "angle", "rotation", "orientation", "theta", "direction", "yaw_rad", "phi"),
-}
-"""Key of a YAML file -> other words that people use for it."""
 
 
 def _messages(errors: Sequence[Any], source: Source, spec: type[BaseModel]) -> list[str]:

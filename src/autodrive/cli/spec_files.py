@@ -10,7 +10,8 @@ from typing import Any
 from autodrive.base import specs
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Kind, Spec, find, names, read, suggest
+from autodrive.base.specs import Kind, Spec, find, names, read
+from autodrive.base.suggest import suggest
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.scenario.maps.map import Map, MapSpec, load_map
 from autodrive.scenario.maps.module import ModuleSpec, load_module

@@ -8,7 +8,7 @@ measurement. `gc=False`: these structs cannot be part of a reference cycle, so t
 from __future__ import annotations
 
 import enum
-from typing import Annotated, Literal, NoReturn, TypeAlias
+from typing import Annotated, Any, Literal, NoReturn, TypeAlias
 
 import msgspec
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import NoImageError
 from autodrive.base.png import encode_png
+from autodrive.base.suggest import check_keywords
 from autodrive.protocol import display
 from autodrive.protocol.display import Displayed
 
@@ -66,7 +67,18 @@ Coordinate: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e4, le=1e4)]
 """A coordinate [m] or heading [rad] in the map frame."""
 
 
-class Command(msgspec.Struct, frozen=True, gc=False):
+class _Suggesting(type(msgspec.Struct)):
+    """Makes the error of an unknown keyword argument say which there are."""
+
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+        try:
+            return super().__call__(*args, **kwargs)
+        except TypeError:
+            check_keywords(cls.__name__, kwargs, [*cls.__struct_fields__])
+            raise
+
+
+class Command(msgspec.Struct, frozen=True, gc=False, metaclass=_Suggesting):
     """Command of a driver for one vehicle.
 
     `throttle` [-1, 1]: fraction of the drive limit, forward positive; 0 brakes. `steering` [-1, 1]: fraction of

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.protocol.channels import CHANNELS, Signal
 from autodrive.recording import mcap, records, wire
 from autodrive.recording.errors import RecordingError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.batch_renderer import BatchRenderer
 from autodrive.graphics.render.look import DAY, NIGHT

@@ -13,7 +13,8 @@ import numpy as np
 import shapely
 
 from autodrive.base.errors import EngineError, SpecError
-from autodrive.base.specs import Source, suggest
+from autodrive.base.specs import Source
+from autodrive.base.suggest import suggest
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from autodrive.base.errors import CommandError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.protocol.commands import check_command, check_commands
 from autodrive.protocol.messages import Command, Headlights, Indicators
 

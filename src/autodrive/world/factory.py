@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from autodrive.base.specs import Source, find, source
+from autodrive.base.suggest import with_suggestions
 from autodrive.protocol.commands import check_seed
 from autodrive.scenario import DEFAULT, ScenarioSpec, load_scenario
 from autodrive.world import World
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from autodrive.graphics.cameras.backend import CameraBackend
 
 
+@with_suggestions
 def make(
     scenario: str | Path | ScenarioSpec = DEFAULT,
     seed: int | None = None,

@@ -8,6 +8,7 @@ from operator import itemgetter
 import numpy as np
 
 from autodrive.base.arrays import Floats, Integers, read_only_copy
+from autodrive.base.suggest import ByName
 from autodrive.base.units import RPM
 from autodrive.physics.actuators.lights import lit_lamps
 from autodrive.physics.state import State, numbers, places
@@ -51,16 +52,18 @@ class FrameBuilder:
         return Frame(
             time=time,
             tick=tick,
-            vehicles={
-                name: self._vehicle_frame(
-                    i,
-                    controls[i],
-                    (tick - controls[i].indicators_since) * duration / period,
-                    collision_counts[i],
-                    races[i] if races else None,
-                )
-                for i, (name, period, duration) in enumerate(self._blink_ticks)
-            },
+            vehicles=ByName(
+                {
+                    name: self._vehicle_frame(
+                        i,
+                        controls[i],
+                        (tick - controls[i].indicators_since) * duration / period,
+                        collision_counts[i],
+                        races[i] if races else None,
+                    )
+                    for i, (name, period, duration) in enumerate(self._blink_ticks)
+                }
+            ),
             objects={name: ObjectFrame(_pose(self._qpos, start)) for name, start in self._objects.items()},
             events=events,
             scene_light=scene_light,

@@ -61,6 +61,7 @@ class World(OneThread):
         if engine not in ("auto", "always"):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
         self._always_engine = engine == "always"
+        self._is_closed = False
         self._compiled = compiled
         self._cameras = cameras
         self.spec = compiled.spec
@@ -141,6 +142,8 @@ class World(OneThread):
         or `restore`.
         """
         c, controls, race = self._compiled, self._controls, self.race
+        if self._is_closed:
+            raise CommandError("this world is closed: make a new one with autodrive.make")
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
@@ -463,7 +466,8 @@ class World(OneThread):
 
     @by_one_thread
     def close(self) -> None:
-        """Release the camera renderer; a world without cameras holds nothing."""
+        """Release the camera renderer. A closed world cannot be stepped."""
+        self._is_closed = True
         if self._cameras is not None:
             self._cameras.close()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from autodrive.base.suggest import ByName
 from autodrive.protocol.messages import Event, Frame, Images, LidarScan
 from autodrive.protocol.native import Error, Picture, Scan, Scene, ServerMessage, Status, Welcome
 
@@ -57,10 +58,12 @@ class View:
         """The latest Frame with the latest scan of each vehicle, and the events of all Frames that were not read."""
         if self._whole is None and self._latest is not None:
             scans = self._its_scans
-            vehicles = {
-                name: replace(vehicle, lidar=scans.get(name), cameras=Images())
-                for name, vehicle in self._latest.vehicles.items()
-            }
+            vehicles = ByName(
+                {
+                    name: replace(vehicle, lidar=scans.get(name), cameras=Images())
+                    for name, vehicle in self._latest.vehicles.items()
+                }
+            )
             self._whole = replace(self._latest, vehicles=vehicles, events=tuple(self._events))
         return self._whole
 

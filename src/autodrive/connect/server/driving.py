@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.log_throttle import LogThrottle
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.protocol.native import Drive, Error, Source
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError, Future
 from typing import TYPE_CHECKING, NamedTuple
 
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.connect.server.driving import taken
 from autodrive.connect.server.request_queue import MAX_PENDING, SHARE, Entry, RequestQueue, TimeLimit
 from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step

@@ -13,7 +13,8 @@ from pydantic import Field, field_validator
 
 from autodrive.base import specs
 from autodrive.base.errors import AutodriveError, SpecError
-from autodrive.base.specs import Source, Spec, suggest
+from autodrive.base.specs import Source, Spec
+from autodrive.base.suggest import suggest
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.expression import Expression
 from autodrive.experiments.campaigns.metrics import METRICS

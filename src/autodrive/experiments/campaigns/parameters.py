@@ -14,7 +14,7 @@ import yaml
 
 from autodrive.base import specs
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.experiments.campaigns.sampling import Range, Value
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.map import MapSpec, find_map

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of

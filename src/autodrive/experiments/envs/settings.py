@@ -10,8 +10,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
-from autodrive.base.errors import SpecError
-from autodrive.base.specs import suggest
+from autodrive.base.errors import CommandError, SpecError
+from autodrive.base.suggest import suggest
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.navigation import Navigation
 from autodrive.experiments.envs.parking import Parking
@@ -73,6 +73,21 @@ def action_space(settings: Settings) -> spaces.Space[Any]:
 
 def commands_of(actions: Any, settings: Settings, count: int) -> NDArray[Any]:
     """Throttle and steering of that number of actions, shape (count, 2); the world limits them to [-1, 1]."""
-    if settings.action == "discrete":
-        return CHOICES[np.asarray(actions).reshape(count)]
-    return np.asarray(actions).reshape(count, 2)
+    shape = (count,) if settings.action == "discrete" else (count, 2)
+    try:
+        given = np.asarray(actions)
+    except ValueError:  # rows of different lengths
+        given = np.empty(0, object)
+    kinds = "iu" if settings.action == "discrete" else "fiu"
+    if given.dtype.kind not in kinds or given.shape not in (shape, shape[1:] if count == 1 else shape):
+        number = "whole numbers" if settings.action == "discrete" else "throttle and steering as numbers"
+        raise CommandError(f"actions must be {number} of the shape {shape}, not {_described(given)}")
+    if settings.action == "continuous":
+        return given.reshape(shape)
+    if not ((given >= 0) & (given < len(CHOICES))).all():
+        raise CommandError(f"actions must be from 0 to {len(CHOICES) - 1}, not {given.tolist()}")
+    return CHOICES[given.reshape(shape)]
+
+
+def _described(given: NDArray[Any]) -> str:
+    return f"{given.dtype} of the shape {given.shape}" if given.dtype != object else "a list of other things"

@@ -10,7 +10,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import Collision, Hold, Place, Reset, Teleport
 from autodrive.recording import Recording
 from autodrive.recording import open as open_recording

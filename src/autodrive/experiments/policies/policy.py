@@ -23,7 +23,7 @@ from autodrive.base.cache import write_file
 from autodrive.base.elementary import exp
 from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.base.jit import jit
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 
 FORMAT = 1
 DATA = Path(__file__).parents[2] / "scenario" / "data" / "policies"

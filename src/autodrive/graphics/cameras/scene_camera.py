@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.base.transforms import Vector, rotate
 from autodrive.base.units import DEGREE
 from autodrive.graphics.cameras.viewpoints import (

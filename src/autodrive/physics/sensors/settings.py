@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, TypeVar, get_args
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Spec, checked, suggest
+from autodrive.base.specs import Spec, checked
+from autodrive.base.suggest import suggest
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.camera_imperfections import PRESETS, CameraImperfections
 from autodrive.physics.sensors.catalog import SensorSuiteSpec

@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.base.transforms import Vector, euler_from_quaternion, rotate
 from autodrive.base.units import DEGREE
 from autodrive.protocol.messages import Command, VehicleFrame

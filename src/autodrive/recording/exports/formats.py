@@ -11,7 +11,7 @@ from pathlib import Path
 
 from autodrive.base.cache import make_folder
 from autodrive.base.installation import missing
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.options import ExportOptions
 

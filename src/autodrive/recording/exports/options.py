@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.recording import Recording, RecordingError
 
 

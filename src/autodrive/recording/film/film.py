@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.cache import check_writable
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.graphics.cameras.rig import CameraArray
 from autodrive.graphics.cameras.scene_camera import CAMERAS, SceneCamera, check_view
 from autodrive.graphics.render.render_state import RenderState

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.recording.film.encoder import open_stream
 
 

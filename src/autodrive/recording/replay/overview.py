@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.protocol.channels import SIGNALS, Plot, Signal
 from autodrive.protocol.replay import Curve, PlotRecording
 

@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from autodrive.base import specs
 from autodrive.base.arrays import Floats
 from autodrive.base.specs import Coordinate, Degrees, Mass, Name, Rule, RuleError, Spec
+from autodrive.base.suggest import suggest
 from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.lanes import lane_path
 from autodrive.scenario.maps.shapes import Extent, Pose, Rectangle, Shapes, rectangle
@@ -116,7 +117,7 @@ class ModuleSpec(Spec):
         named += [(("stop_lines", i), line.port) for i, line in enumerate(self.stop_lines)]
         for place, name in named:
             if name not in self.ports:
-                yield place, f"port '{name}' is not known. {specs.suggest(name, sorted(self.ports))}"
+                yield place, f"port '{name}' is not known. {suggest(name, sorted(self.ports))}"
 
     def _ports_off_the_footprint(self) -> Iterator[Rule]:
         for name, port in self.ports.items():

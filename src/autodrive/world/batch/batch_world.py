@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import CommandError
 from autodrive.base.jit import resolved
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.physics.model import Table
 from autodrive.physics.sensors.tables import most_rays, reset_noise, sensor_tables

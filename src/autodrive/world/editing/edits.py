@@ -7,7 +7,8 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from autodrive.base.errors import CommandError
-from autodrive.base.specs import checked, suggest
+from autodrive.base.specs import checked
+from autodrive.base.suggest import suggest
 from autodrive.protocol.messages import AddBox, Edit, Place, RemoveBox, SetSensor
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.solids import BoxPlacement

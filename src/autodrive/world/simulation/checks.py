@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from autodrive.base.errors import CommandError
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
-from autodrive.base.specs import suggest
+from autodrive.base.suggest import suggest
 from autodrive.protocol.commands import MAX_DISTANCE, check_command, check_operation, check_seed, is_number
 from autodrive.protocol.messages import (
     Frame,
