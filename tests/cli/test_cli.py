@@ -431,3 +431,29 @@ def test_in_manual_mode_a_devkit_script_does_not_drive(
     summary = json.loads(file.read_text())
     assert summary["bridge"]["commands_received"] > 10
     assert summary["vehicles"]["V1"]["distance"] < 1e-3  # it stands, except for settling
+
+
+# -- new ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("what", ["vehicle", "map", "scenario"])
+def test_a_new_file_is_valid_and_is_not_overwritten(tmp_path: Path, what: str) -> None:
+    done = call("new", what, "mine", cwd=tmp_path)
+    assert done.stdout == "wrote mine.yaml. Next:  autodrive check mine.yaml\n"
+    assert call("check", "mine.yaml", cwd=tmp_path).stdout.startswith(f"mine.yaml: {what} '")
+    assert "the file exists; choose another name  (mine.yaml)" in call("new", what, "mine", cwd=tmp_path).stderr
+
+
+def test_a_new_driver_is_a_program(tmp_path: Path) -> None:
+    assert call("new", "driver", "mine", cwd=tmp_path).stdout == "wrote mine.py. Next:  python mine.py\n"
+    compile((tmp_path / "mine.py").read_text(), "mine.py", "exec")
+
+
+def test_show_prints_a_file_of_the_package() -> None:
+    assert call("show", "nigel", "--yaml").stdout == (DATA / "vehicles" / "nigel.yaml").read_text()
+
+
+def test_show_prints_size_and_ports_of_a_module(tmp_path: Path) -> None:
+    _, footprint, *ports = call("show", "straight_road", cwd=tmp_path).stdout.splitlines()
+    assert footprint.startswith("footprint: ")
+    assert sorted(line.split("'")[1] for line in ports) == ["east", "west"]

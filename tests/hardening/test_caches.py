@@ -68,6 +68,25 @@ def test_a_damaged_file_is_one_line_and_is_built_again(
         assert not is_compiled()
 
 
+def test_a_compilation_is_announced_once_unless_its_functions_are_shown(
+    file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def output() -> str:
+        with jit.announced():
+            jit.jit(doubled)(1.5)
+        return capsys.readouterr().err
+
+    monkeypatch.setattr(jit, "_announcements", [])
+    assert output() == ""  # from the cache
+    file.unlink()
+    with jit.compiling(lambda _: None):
+        assert output() == ""
+    file.unlink()
+    assert output() == "autodrive: compiling the physics for this machine, once: this takes 20 to 70 s\n"
+    file.unlink()
+    assert output() == ""
+
+
 def test_a_file_that_cannot_be_read_is_one_line(file: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A folder in its place, which not even root can read as a file."""
     file.unlink()

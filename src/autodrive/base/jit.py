@@ -12,6 +12,7 @@ import inspect
 import logging
 import os
 import pickle
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -85,8 +86,31 @@ def compiling(progress: Callable[[str], None]) -> Iterator[None]:
 
     Nothing is called if all functions are in the cache. The first run on a machine compiles for 20 to 70 s.
     """
-    with event.install_listener("numba:compile", _Compilations(progress)):
+    _watchers.append(progress)
+    try:
+        with event.install_listener("numba:compile", _Compilations(progress)):
+            yield
+    finally:
+        _watchers.remove(progress)
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """Inside the `with` block, the first compilation in this process prints a line, unless `compiling` shows it."""
+
+    def announce(_: str) -> None:
+        if _watchers == [announce] and not _announcements:
+            _announcements.append("compiling the physics for this machine, once: this takes 20 to 70 s")
+            print(f"autodrive: {_announcements[0]}", file=sys.stderr, flush=True)
+
+    with compiling(announce):
         yield
+
+
+_watchers: list[Callable[[str], None]] = []
+"""What the `compiling` blocks call."""
+_announcements: list[str] = []
+"""What was printed: one line at most."""
 
 
 class _Compilations(event.Listener):

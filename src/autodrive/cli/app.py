@@ -21,6 +21,7 @@ from autodrive.cli.campaign import CampaignCommand, campaign
 from autodrive.cli.doctor import doctor
 from autodrive.cli.film import film
 from autodrive.cli.identify import identify
+from autodrive.cli.new import new
 from autodrive.cli.play import play
 from autodrive.cli.race import race
 from autodrive.cli.replay import replay
@@ -83,6 +84,7 @@ app.command()(play)
 app.command("list")(browse.list_)
 app.command()(browse.show)
 app.command()(browse.check)
+app.command()(new)
 app.command()(urdf)
 app.command()(doctor)
 app.command()(replay)

@@ -62,11 +62,17 @@ def show(
     labels: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Write a top-down semantic label image as PNG.")
     ] = None,
+    yaml: Annotated[bool, typer.Option("--yaml", help="Print the YAML file.")] = False,
 ) -> None:
     """Draw a map, track or module; print a vehicle, a scenario or the rules of a race as a table."""
     from autodrive.cli import spec_files
 
     found = cast("Kind", kind.value) if kind else spec_files.kind_of_name(name)
+    if yaml:
+        from autodrive.base.specs import find
+
+        typer.echo(find(found, name).read_text(encoding="utf-8"), nl=False)
+        return
     if in_3d is not None:
         _show_3d(found, name, in_3d, is_day=not night)
         return
@@ -79,6 +85,9 @@ def show(
             raise typer.BadParameter(f"--output must end in .png or .svg, not '{path.suffix}'")
         spec_files.draw(found, name, path)
         typer.echo(f"wrote {found} '{Path(name).stem}' to {path}")
+        if found == "module":
+            for line in spec_files.size_and_ports(name):
+                typer.echo(line)
         return
     if output is not None:
         raise typer.BadParameter(f"--output is for images of maps and modules; '{name}' is a {found}")

@@ -141,6 +141,14 @@ def _map(kind: Kind, name: str) -> Map:
     return load_map(name) if kind in ("map", "track") else replace(module_alone(name), name=Path(name).stem)
 
 
+def size_and_ports(module: str) -> Iterator[str]:
+    """Lines with the footprint of a module and the pose of each port in it."""
+    spec = read("module", module, ModuleSpec)
+    yield f"footprint: {spec.length:g} m along x, {spec.width:g} m along y; the origin is its centre"
+    for name, port in spec.ports.items():
+        yield f"port '{name}': x {port.x:g} m, y {port.y:g} m, {port.yaw_deg:g} degrees, road {port.width:g} m wide"
+
+
 def fields(kind: Kind, name: str) -> Iterator[tuple[str, str]]:
     """Field path, for example 'wheels.radius', and value of every field of a spec, as text."""
     yield from _flat("", read(kind, name, SPECS[kind]).model_dump())

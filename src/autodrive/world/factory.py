@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from autodrive.base.jit import announced
 from autodrive.base.specs import Source, find, source
 from autodrive.base.suggest import with_suggestions
 from autodrive.protocol.commands import check_seed
@@ -39,8 +40,9 @@ def make(
     if seed is not None:
         check_seed(seed)
         spec = spec.model_copy(update={"seed": int(seed)})
-    compiled = compile_scenario(spec, text)
-    return World(compiled, _camera_backend(compiled, cameras), engine=engine)
+    with announced():
+        compiled = compile_scenario(spec, text)
+        return World(compiled, _camera_backend(compiled, cameras), engine=engine)
 
 
 def read_scenario(scenario: str | Path | ScenarioSpec) -> tuple[ScenarioSpec, Source | None]:
