@@ -22,7 +22,8 @@ import yaml
 
 import autodrive
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, Spec, find, names, parse
+from autodrive.base.specs import Spec
+from autodrive.base.yaml_files import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, find, names, parse
 from autodrive.cli.spec_files import SPECS, check
 from autodrive.graphics.meshes import store
 from autodrive.physics.sensors.camera import MAX_PIXELS, CameraSpec

@@ -11,8 +11,8 @@ import numpy as np
 
 from autodrive.base.cache import write_file
 from autodrive.base.png import encode_png
-from autodrive.base.specs import Kind
 from autodrive.base.transforms import quaternion_from_yaw, rotation_from_quaternion
+from autodrive.base.yaml_files import Kind
 from autodrive.graphics.assets.asset import Asset, AssetNode, Material, MeshSurface
 from autodrive.graphics.cameras.viewpoints import orbit
 from autodrive.graphics.meshes import store

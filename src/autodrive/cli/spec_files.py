@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Kind, Spec, find, names, read, suggest
+from autodrive.base.specs import Spec, suggest
+from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.scenario.maps.map import Map, MapSpec, load_map
 from autodrive.scenario.maps.module import ModuleSpec, load_module
@@ -47,7 +48,7 @@ def kind_of_name(name: str, order: tuple[Kind, ...] = KINDS) -> Kind:
 
 def kind_of_file(path: Path) -> Kind:
     """The kind whose fields the keys of the file match best. Raises `SpecError` if there is no single best kind."""
-    tree = specs.source(path).tree
+    tree = yaml_files.source(path).tree
     keys = set(tree) if isinstance(tree, dict) else set()
     scores: dict[Kind, int] = {kind: len(keys & set(spec.model_fields)) for kind, spec in SPECS.items()}
     best: list[Kind] = [kind for kind, score in scores.items() if score == max(scores.values()) > 0]
@@ -64,8 +65,8 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
     """
     kind = kind or kind_of_name(name, CHECKED)
     path = find(kind, name)
-    source = specs.source(path)
-    spec, errors = specs.readable(source, SPECS[kind])
+    source = yaml_files.source(path)
+    spec, errors = yaml_files.readable(source, SPECS[kind])
     try:
         if kind == "map":
             errors = []

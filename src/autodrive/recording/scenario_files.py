@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from autodrive.base import specs
+from autodrive.base import specs, yaml_files
 from autodrive.base.errors import SpecError
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.records import ScenarioRecord
@@ -23,16 +23,16 @@ def files_of(spec: ScenarioSpec) -> dict[str, str]:
     map_path = find_map(spec.map)
     found = {f"map/{spec.map}": _text(map_path)}
     for vehicle in spec.vehicles.values():
-        found[f"vehicle/{vehicle.type}"] = _text(specs.find("vehicle", vehicle.type))
+        found[f"vehicle/{vehicle.type}"] = _text(yaml_files.find("vehicle", vehicle.type))
     tree = yaml.safe_load(found[f"map/{spec.map}"])
     race = spec.race or (RaceSpec() if isinstance(tree, dict) and "centre_line" in tree else None)
     if race is not None:
-        found[f"ruleset/{race.rules}"] = _text(specs.find("ruleset", race.rules))
+        found[f"ruleset/{race.rules}"] = _text(yaml_files.find("ruleset", race.rules))
         if race.track:
             found[f"track/{race.track}"] = _text(find_map(race.track))
     for module in _modules(tree):
         is_file = Path(module).suffix in {".yaml", ".yml"}
-        found[f"module/{module}"] = _text(map_path.parent / module if is_file else specs.find("module", module))
+        found[f"module/{module}"] = _text(map_path.parent / module if is_file else yaml_files.find("module", module))
     return found
 
 

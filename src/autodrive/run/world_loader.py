@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import autodrive
-from autodrive.base.specs import titles
+from autodrive.base.yaml_files import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
 
 if TYPE_CHECKING:

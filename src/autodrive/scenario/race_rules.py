@@ -7,7 +7,8 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from autodrive.base.specs import Spec, read
+from autodrive.base.specs import Spec
+from autodrive.base.yaml_files import read
 
 Seconds: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import yaml
 from pydantic import Field, field_validator, model_validator
 
-from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, read
+from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec
+from autodrive.base.yaml_files import read
 from autodrive.physics.sensors.settings import SensorSettings
 
 DEFAULT = "mini_map"

@@ -13,8 +13,9 @@ import numpy as np
 import shapely
 
 from autodrive.base.errors import EngineError, SpecError
-from autodrive.base.specs import Source, suggest
+from autodrive.base.specs import suggest
 from autodrive.base.transforms import rotation_from_quaternion
+from autodrive.base.yaml_files import Source
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
 from autodrive.physics.grid import fixed_grid

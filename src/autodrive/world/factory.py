@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from autodrive.base.specs import Source, find, source
+from autodrive.base.yaml_files import Source, find, source
 from autodrive.protocol.commands import check_seed
 from autodrive.scenario import DEFAULT, ScenarioSpec, load_scenario
 from autodrive.world import World

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import parse
+from autodrive.base.yaml_files import parse
 from autodrive.graphics.assets.asset import Asset, Detail
 from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.meshes.vehicle_paint import linear

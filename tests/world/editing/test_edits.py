@@ -12,8 +12,8 @@ import pytest
 import autodrive
 from autodrive import Command, CommandError, Frame, Simulation, SpecError
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import parse
 from autodrive.base.transforms import euler_from_quaternion
+from autodrive.base.yaml_files import parse
 from autodrive.protocol.messages import (
     AddBox,
     LoadScenario,

@@ -11,9 +11,10 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from pydantic import Field, field_validator
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.base.errors import AutodriveError, SpecError
-from autodrive.base.specs import Source, Spec, suggest
+from autodrive.base.specs import Spec, suggest
+from autodrive.base.yaml_files import Source
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.expression import Expression
 from autodrive.experiments.campaigns.metrics import METRICS
@@ -103,8 +104,8 @@ class Campaign:
     def load(cls, path: str | Path) -> Campaign:
         """Read a file and everything that it names. Raises `SpecError` with all errors."""
         path = Path(path)
-        source = specs.source(path)
-        spec, errors = specs.readable(source, CampaignSpec)
+        source = yaml_files.source(path)
+        spec, errors = yaml_files.readable(source, CampaignSpec)
         if isinstance(spec, CampaignSpec) and not errors:
             return cls._checked(spec, source, path)
         raise SpecError([error.replace("pass_", "pass") for error in errors], str(path))

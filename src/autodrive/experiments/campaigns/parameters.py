@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from autodrive.base import specs
+from autodrive.base import specs, yaml_files
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import suggest
 from autodrive.experiments.campaigns.sampling import Range, Value
@@ -88,7 +88,7 @@ def applied(scenario: ScenarioSpec, values: Mapping[str, Value]) -> ScenarioSpec
         if name not in spec.vehicles:
             raise SpecError([f"there is no vehicle '{name}'. {suggest(name, list(spec.vehicles))}"])
         placed = spec.vehicles[name]
-        file = str(specs.find("vehicle", placed.type))
+        file = str(yaml_files.find("vehicle", placed.type))
         changed = placed.model_copy(update={"type": _changed_file("vehicle", file, changes)})
         spec = spec.model_copy(update={"vehicles": {**spec.vehicles, name: changed}})
     return spec
@@ -116,7 +116,7 @@ def _set(tree: dict[str, Any], path: str, value: Value) -> None:
 
 def _changed_file(kind: str, path: str, changes: Mapping[str, Value]) -> str:
     """Path of a copy of a file with other values. Raises `SpecError`."""
-    source = specs.source(Path(path))
+    source = yaml_files.source(Path(path))
     tree = yaml.safe_load(yaml.safe_dump(source.tree))
     for name, value in changes.items():
         _set(tree, name, value)

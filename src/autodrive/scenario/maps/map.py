@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 from shapely.geometry.base import BaseGeometry
 
-from autodrive.base import specs
+from autodrive.base import specs, yaml_files
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec
@@ -153,11 +153,11 @@ def read_map(name: str | Path) -> tuple[Map | None, list[str], Path]:
     The map is None if its file has errors besides those of placements. Raises `SpecError` if there is no such file.
     """
     path = find_map(name)
-    source = specs.source(path)
+    source = yaml_files.source(path)
     if _is_track(source):
         track, errors = _readable_track(source, path.stem)
         return track and track_map(track), errors, path
-    spec, errors = specs.readable(source, MapSpec)
+    spec, errors = yaml_files.readable(source, MapSpec)
     if errors or spec is None:
         errors += _errors_of_readable_placements(source, path)
         return None, [f"map '{path.stem}': {error}" for error in errors], path
@@ -167,9 +167,9 @@ def read_map(name: str | Path) -> tuple[Map | None, list[str], Path]:
 
 def find_map(name: str | Path) -> Path:
     """Path of the file of a map or track, given its name or path. Raises `SpecError`."""
-    if str(name) in specs.names("track") and str(name) not in specs.names("map"):
-        return specs.find("track", name)
-    return specs.find("map", name, also="track")
+    if str(name) in yaml_files.names("track") and str(name) not in yaml_files.names("map"):
+        return yaml_files.find("track", name)
+    return yaml_files.find("map", name, also="track")
 
 
 def track_map(track: Track) -> Map:
@@ -201,12 +201,12 @@ def track_map(track: Track) -> Map:
     )
 
 
-def _is_track(source: specs.Source) -> bool:
+def _is_track(source: yaml_files.Source) -> bool:
     return isinstance(source.tree, dict) and "centre_line" in source.tree
 
 
-def _readable_track(source: specs.Source, name: str) -> tuple[Track | None, list[str]]:
-    spec, errors = specs.readable(source, TrackSpec)
+def _readable_track(source: yaml_files.Source, name: str) -> tuple[Track | None, list[str]]:
+    spec, errors = yaml_files.readable(source, TrackSpec)
     if errors or spec is None:
         return None, [f"track '{name}': {error}" for error in errors]
     return Track.of(spec, name), []
@@ -221,19 +221,19 @@ def compile_map(spec: MapSpec, name: str = "map") -> Map:
 
 
 def _compiled(
-    spec: MapSpec, name: str, folder: Path | None = None, source: specs.Source | None = None
+    spec: MapSpec, name: str, folder: Path | None = None, source: yaml_files.Source | None = None
 ) -> tuple[Map, list[str]]:
     """The map without its faulty placements, and its errors. `folder`: where its module files are."""
     placed, errors = place(enumerate(spec.placements, 1), folder, source)
     joins, unjoined = join(placed, is_complete=len(placed) == len(spec.placements))
-    statics, props, places = _statics(spec, source or specs.Source())
+    statics, props, places = _statics(spec, source or yaml_files.Source())
     obstructions = [one for one in placed if one.module.spec.type == "obstruction"]
     boxes = tuple(_box(one) for one in obstructions)
     bounds = _bounds(spec, placed, statics)
     labels = [*places, *(one.label for one in obstructions)]
     errors += [*unjoined, *_overlaps(placed, statics), *_wrong_names([*statics, *boxes], labels)]
     if max(bounds[2] - bounds[0], bounds[3] - bounds[1]) > MAX_EXTENT:
-        errors.append(_too_large(spec, placed, statics, places, bounds, source or specs.Source()))
+        errors.append(_too_large(spec, placed, statics, places, bounds, source or yaml_files.Source()))
     drivable = _united([*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)])
     lawns = [one.footprint for one in placed if one.module.spec.type == "terrain"]
     lawn = shapely.difference(shapely.union_all(lawns, grid_size=GRID), drivable, grid_size=GRID)
@@ -264,7 +264,7 @@ def _too_large(
     statics: tuple[StaticShape, ...],
     places: list[str],
     bounds: tuple[float, float, float, float],
-    source: specs.Source,
+    source: yaml_files.Source,
 ) -> str:
     """The error of a map that is too large, with the place of what is farthest from its other parts."""
     x0, y0, x1, y1 = bounds
@@ -288,7 +288,7 @@ def _united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     return shapely.set_precision(shapely.union_all(wider).buffer(-GRID, join_style="mitre"), GRID)
 
 
-def _errors_of_readable_placements(source: specs.Source, path: Path) -> list[str]:
+def _errors_of_readable_placements(source: yaml_files.Source, path: Path) -> list[str]:
     """Errors in how the valid placements of an invalid file fit together."""
     tree = source.tree
     raw = tree.get("placements") if isinstance(tree, dict) else None
@@ -339,7 +339,7 @@ def _box(one: PlacedModule) -> BoxPlacement:
     return BoxPlacement(one.name, one.size, mass, (own.x, own.y, own.z + one.size[2] / 2.0), own.pose[2])
 
 
-def _statics(spec: MapSpec, source: specs.Source) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[str]]:
+def _statics(spec: MapSpec, source: yaml_files.Source) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[str]]:
     """The fixed solids, the signs and lights, and where each of the solids is in the text."""
     props = tuple(Prop(prop.name or f"{prop.kind}_{i}", prop.kind, prop.pose) for i, prop in enumerate(spec.props, 1))
     solids = [("walls", i, shape) for i, wall in enumerate(spec.walls) for shape in wall_shapes(wall)]

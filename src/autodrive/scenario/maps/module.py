@@ -13,7 +13,7 @@ import shapely
 from pydantic import Field, model_validator
 from shapely.geometry.base import BaseGeometry
 
-from autodrive.base import specs
+from autodrive.base import specs, yaml_files
 from autodrive.base.arrays import Floats
 from autodrive.base.specs import Coordinate, Degrees, Mass, Name, Rule, RuleError, Spec
 from autodrive.base.units import DEGREE
@@ -156,7 +156,7 @@ class Module:
 
 def load_module(name: str | Path) -> Module:
     """Load and compile the module with that name or path. Raises `SpecError`."""
-    path = specs.find("module", name)
+    path = yaml_files.find("module", name)
     return _load(path, path.stat().st_mtime_ns)
 
 
@@ -178,7 +178,7 @@ def compile_module(spec: ModuleSpec, name: str = "module") -> Module:
 
 @functools.lru_cache(maxsize=256)
 def _load(path: Path, _modified: int) -> Module:
-    return compile_module(specs.read("module", path, ModuleSpec), path.stem)
+    return compile_module(yaml_files.read("module", path, ModuleSpec), path.stem)
 
 
 def _stop_line(spec: ModuleSpec, line: StopLine) -> BaseGeometry:

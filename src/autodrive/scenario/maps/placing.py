@@ -15,8 +15,9 @@ from shapely.geometry.base import BaseGeometry
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import MAX_ERRORS, Coordinate, Degrees, Length, Mass, Name, Source, Spec
+from autodrive.base.specs import MAX_ERRORS, Coordinate, Degrees, Length, Mass, Name, Spec
 from autodrive.base.units import DEGREE
+from autodrive.base.yaml_files import Source
 from autodrive.scenario.maps.module import Module, load_module
 from autodrive.scenario.maps.shapes import Extent, Pose, moved, rectangle
 

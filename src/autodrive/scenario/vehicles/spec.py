@@ -7,8 +7,9 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from autodrive.base.specs import Length, Offset, Rule, RuleError, Spec, read
+from autodrive.base.specs import Length, Offset, Rule, RuleError, Spec
 from autodrive.base.transforms import Vector
+from autodrive.base.yaml_files import read
 from autodrive.physics.actuators.drivetrain import DrivetrainSpec
 from autodrive.physics.actuators.lights import LightsSpec
 from autodrive.physics.actuators.steering import SteeringSpec
