@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Sequence
-from typing import Annotated, Any, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -55,7 +56,53 @@ class RuleError(ValueError):
         self.errors = errors
 
 
+Key: TypeAlias = tuple[str | int, ...]
+"""A value in one of the files of a scenario: the file, and the location in it: ("map", "placements", 3)."""
+
+
+class Place(NamedTuple):
+    """A value in the text of a problem; `joined` adds its line."""
+
+    key: Key
+    name: str = ""
+    """How the text calls it; left out: by its location."""
+
+
+Problem: TypeAlias = tuple[Place | str, ...]
+"""What is wrong when Specs are compiled: the parts of a message."""
+
+
+class SpecProblems(Exception):  # noqa: N818  a list of problems, which becomes a `SpecError`
+    """Specs cannot be compiled; `joined` makes the messages."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        super().__init__()
+        self.problems = problems
+
+
 T = TypeVar("T", bound=Spec)
+
+
+@dataclass(frozen=True, eq=False)
+class Described(Generic[T]):
+    """What a file says. It is equal only to itself, so that caches can use it as a key."""
+
+    name: str
+    """Of the file, without folder and suffix."""
+    found: T | None
+    """None: the file is not there, or is not valid."""
+    error: SpecError | None = None
+    """What is wrong with the file."""
+    path: str = ""
+    text: str = ""
+
+    @property
+    def spec(self) -> T:
+        """The Spec. Raises `SpecError` if there is none."""
+        if self.found is None:
+            raise self.error or SpecError([f"'{self.name}' is not there"])
+        return self.found
+
 
 _PYTHON_TYPE = re.compile(r"(bool|int|float|str|none|tuple\[.*|list\[.*|dict\[.*|\[key\])$")
 """Parts of locations with which pydantic names the types of a union."""
@@ -105,6 +152,19 @@ def messages(errors: Sequence[Any], spec: type[BaseModel], at: Callable[..., str
         else:
             found.append(_message(error, spec, at))
     return found
+
+
+def joined(problems: Iterable[Problem], lines: Mapping[Key, int]) -> list[str]:
+    """The messages of problems: each place with its line, or with that of what it is in."""
+
+    def text(part: Place | str) -> str:
+        if isinstance(part, str):
+            return part
+        keys = (part.key[:length] for length in range(len(part.key), 1, -1))
+        line = next((lines[key] for key in keys if key in lines), None)
+        return f"{part.name or place_text(*part.key[1:])}{f' (line {line})' if line else ''}"
+
+    return ["".join(map(text, problem)) for problem in problems]
 
 
 _TEXTS = {

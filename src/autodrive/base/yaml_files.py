@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from yaml.constructor import ConstructorError
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import MAX_ERRORS, Spec, messages, place_text, short, suggest
+from autodrive.base.specs import MAX_ERRORS, Key, Spec, messages, place_text, short, suggest
 
 Kind: TypeAlias = Literal["vehicle", "module", "map", "track", "ruleset", "scenario"]
 
@@ -83,6 +83,7 @@ class Source:
     def __init__(self, text: str = "", path: str = "") -> None:
         """Raises `SpecError` if the text is not YAML, has tags, or is beyond the limits, such as `MAX_NODES`."""
         self.path = path
+        self.text = text
         self._keys: dict[int, dict[str, Any]] = {}
         try:
             _check_limits(text)
@@ -115,6 +116,24 @@ class Source:
                 found = node.start_mark.line + 1
             else:
                 break
+        return found
+
+    def lines(self, file: str, depth: int) -> dict[Key, int]:
+        """Line (from 1) of each key and entry down to a depth; the keys begin with `file`."""
+        found: dict[Key, int] = {}
+
+        def walk(node: yaml.Node | None, key: Key) -> None:
+            inner: list[tuple[str | int, Any, Any]] = []
+            if isinstance(node, yaml.MappingNode):
+                inner = [(part, *pair) for part, pair in self._pairs(node).items()]
+            elif isinstance(node, yaml.SequenceNode):
+                inner = [(i, one, one) for i, one in enumerate(node.value)]
+            for part, start, value in inner:
+                found[*key, part] = start.start_mark.line + 1
+                if len(key) < depth:
+                    walk(value, (*key, part))
+
+        walk(self._node, (file,))
         return found
 
     def duplicate_keys(self) -> list[str]:
@@ -159,12 +178,12 @@ def read(kind: Kind, name: str | Path, spec: type[T]) -> T:
 
     Raises `SpecError` with all errors of the file.
     """
-    return _checked(source(find(kind, name)), spec)
+    return checked_source(source(find(kind, name)), spec)
 
 
 def parse(text: str, spec: type[T], where: str = "<text>") -> T:
     """The checked Spec of a YAML text. Raises `SpecError` with all errors; `where` is the path shown in the message."""
-    return _checked(Source(text, where), spec)
+    return checked_source(Source(text, where), spec)
 
 
 def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
@@ -200,7 +219,8 @@ def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
         return None, errors
 
 
-def _checked(source: Source, spec: type[T]) -> T:
+def checked_source(source: Source, spec: type[T]) -> T:
+    """The checked Spec of a text. Raises `SpecError` with all errors."""
     found, errors = readable(source, spec)
     if errors or found is None:
         raise SpecError(errors, source.path)

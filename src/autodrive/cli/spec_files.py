@@ -13,8 +13,9 @@ from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec, suggest
 from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
-from autodrive.scenario.maps.map import Map, MapSpec, load_map
-from autodrive.scenario.maps.module import ModuleSpec, load_module
+from autodrive.scenario.files import described
+from autodrive.scenario.maps.map import Map, MapSpec, load_map, load_module
+from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.tracks.checks import track_errors
 from autodrive.scenario.tracks.track import Track, TrackSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
@@ -80,14 +81,13 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
         elif kind == "module" and not errors:
             load_module(path)
         elif kind == "vehicle" and not errors:
-            from autodrive.world.compile import compile_scenario
+            from autodrive.world.factory import compile_scenario
 
             compile_scenario(ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(path))}))
         elif isinstance(spec, ScenarioSpec):
-            from autodrive.world.compile import compile_scenario, placement_errors
+            from autodrive.world.factory import compile_scenario
 
-            errors += placement_errors(spec, source)
-            compile_scenario(spec, source)
+            compile_scenario(described(spec, source), is_strict=True)
     except SpecError as error:
         errors += error.errors
     if errors:

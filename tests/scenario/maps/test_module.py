@@ -10,7 +10,8 @@ import shapely
 from autodrive.base import yaml_files
 from autodrive.base.errors import SpecError
 from autodrive.base.yaml_files import parse
-from autodrive.scenario.maps.module import DRIVING_SIDE, ModuleSpec, load_module
+from autodrive.scenario.maps.map import load_module
+from autodrive.scenario.maps.module import DRIVING_SIDE, ModuleSpec
 from autodrive.scenario.maps.shapes import CHORD_ERROR
 
 QUARTER = math.pi / 4.0

@@ -26,7 +26,8 @@ from autodrive.protocol.messages import (
     Teleport,
     Undo,
 )
-from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, scenario_text
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.files import scenario_text
 from autodrive.world import World
 from tests.support.cars import car_file
 from tests.support.command_line import call

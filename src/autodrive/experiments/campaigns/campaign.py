@@ -23,7 +23,7 @@ from autodrive.experiments.policies.policy import DATA as POLICIES
 from autodrive.experiments.policies.policy import Policy
 from autodrive.protocol.messages import Event
 from autodrive.scenario import ScenarioSpec, load_scenario
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 
 Recorded: TypeAlias = Literal["none", "failures", "all"]
 EVENTS = sorted(kind.__name__ for kind in get_args(Event))

@@ -15,7 +15,7 @@ from autodrive.base.errors import AutodriveError
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.keys import own_files
 from autodrive.scenario import ScenarioSpec
-from autodrive.scenario.maps.map import find_map
+from autodrive.scenario.files import find_map
 
 YAML = {".yaml", ".yml"}
 

@@ -17,7 +17,8 @@ from autodrive.base.errors import SpecError
 from autodrive.base.specs import suggest
 from autodrive.experiments.campaigns.sampling import Range, Value
 from autodrive.scenario import ScenarioSpec
-from autodrive.scenario.maps.map import MapSpec, find_map
+from autodrive.scenario.files import find_map
+from autodrive.scenario.maps.spec import MapSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 LATENCY = "latency"

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from autodrive.base import specs, yaml_files
+from autodrive.base import specs
 from autodrive.base.arrays import Floats, read_only_copy
 from autodrive.base.cache import write_file
 from autodrive.base.elementary import atan2
@@ -144,6 +144,8 @@ class Track:
     @classmethod
     def load(cls, name: str | Path) -> Track:
         """The track of that name, or of that YAML file. Raises `SpecError` with all errors."""
+        from autodrive.base import yaml_files  # noqa: PLC0415  compiling needs no files
+
         path = yaml_files.find("track", name)
         return cls.of(yaml_files.read("track", path, TrackSpec), path.stem)
 
