@@ -23,10 +23,9 @@ from autodrive.graphics.cameras.rig import CameraArray
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.protocol.messages import Frame
-from autodrive.scenario import load_scenario
 from autodrive.world.batch_camera import BatchCamera
 from autodrive.world.cameras import camera_rig
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 
 COUNTS = (1, 16, 64, 256)
 ROUNDS, SINGLES, SETTLING = 7, 16, 150
@@ -66,7 +65,7 @@ def states_of(frames: list[Frame]) -> Any:
 
 def measured(name: str, size: int, headlights: autodrive.Headlights) -> None:
     """Print the figures of a scenario by day (headlights off) or by night."""
-    compiled = compile_scenario(load_scenario(name))
+    compiled = compile_scenario(name)
     rig = camera_rig(compiled, "small")
     slot = rig.slots[0]
     spec = slot.spec.model_copy(update={"width": size, "height": size})

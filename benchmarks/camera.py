@@ -21,9 +21,8 @@ from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.physics.sensors.camera import Camera
 from autodrive.physics.sensors.camera_view import View
-from autodrive.scenario import load_scenario
 from autodrive.world.cameras import camera_rig
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 
 ROUNDS, WARM = 60, 6
 LIMITS = {
@@ -59,7 +58,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--frames", type=int, default=0)
     options = parser.parse_args()
-    compiled = compile_scenario(load_scenario("two_cars"))
+    compiled = compile_scenario("two_cars")
     rig = camera_rig(compiled)
     cameras = [Camera(s.spec, vehicle=s.vehicle, name=s.camera, substep=rig.substep) for s in rig.slots[:2]]
     drives = states()

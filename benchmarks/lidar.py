@@ -24,7 +24,7 @@ from autodrive.physics.sensors.settings import ConfiguredSensor
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.protocol.messages import LidarScan
 from autodrive.scenario import load_scenario
-from autodrive.world.compile import Compiled
+from autodrive.world.compile import CompiledScenario
 
 ROUNDS, CALLS = 21, 200
 RAYS = (360, 1080)
@@ -43,7 +43,7 @@ def main() -> None:
             print(f"{name:12} {len(c.model.shapes.kind):6} {rays:5} " + " ".join(f"{cost:8.1f}" for cost in costs))
 
 
-def candidates(c: Compiled, rays: int) -> list[Callable[[], object]]:
+def candidates(c: CompiledScenario, rays: int) -> list[Callable[[], object]]:
     """Our instantaneous scan, our rolling scan (at rest, a whole period in one tick), and the scan of MuJoCo."""
     mounted = next(iter(c.vehicles.values())).sensors.lidar
     assert mounted is not None, "the scenario's first vehicle has no LIDAR"
@@ -59,7 +59,7 @@ def candidates(c: Compiled, rays: int) -> list[Callable[[], object]]:
     return [instant, rolling, theirs]
 
 
-def lidar(c: Compiled, spec: LidarSpec) -> Callable[[], LidarScan]:
+def lidar(c: CompiledScenario, spec: LidarSpec) -> Callable[[], LidarScan]:
     """A LIDAR of the first vehicle, as the World samples it, which makes one scan at each call."""
     vehicles = {name: {"lidar": ConfiguredSensor(spec, is_on=True, noise="file")} for name in list(c.vehicles)[:1]}
     period = 1 / Fraction(str(spec.rate))
@@ -74,7 +74,7 @@ def lidar(c: Compiled, spec: LidarSpec) -> Callable[[], LidarScan]:
     return scan
 
 
-def mujoco_scan(c: Compiled, spec: LidarSpec) -> Callable[[], np.ndarray]:
+def mujoco_scan(c: CompiledScenario, spec: LidarSpec) -> Callable[[], np.ndarray]:
     """Rays of MuJoCo from the same LIDAR, without its own vehicle; buffers are allocated once."""
     state, model, data = c.state, c.engine.model, c.engine.data
     q = state.vehicle_orientation[0]

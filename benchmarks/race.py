@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import autodrive
-from autodrive.base.specs import names
+from autodrive.base.yaml_files import names
 from autodrive.protocol.messages import Command, Frame, VehicleFrame
 from autodrive.run.race import TICK
 from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement

@@ -18,7 +18,7 @@ from pathlib import Path
 import yaml
 
 import autodrive
-from autodrive.base.specs import find
+from autodrive.base.yaml_files import find
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 
 ROUNDS, TICKS = 15, 200

@@ -21,7 +21,7 @@ import numpy as np
 
 import autodrive
 from autodrive.base.arrays import Floats
-from autodrive.base.specs import names
+from autodrive.base.yaml_files import names
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.scenario import VehiclePlacement
 from autodrive.scenario.tracks.shape import resampled, walls_along

@@ -14,8 +14,7 @@ from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.physics.sensors.camera_view import View
-from autodrive.scenario import load_scenario
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 
 HERE = Path(__file__).parent
 SIZE = 960, 540
@@ -41,7 +40,7 @@ def main() -> None:
         drive = autodrive.Command(0.8, 0.12, lamps, autodrive.Indicators.HAZARD if name == "night" else None)
         for _ in range(80):
             frames[name] = world.step({"V1": drive, "V2": autodrive.Command(0.5, -0.1, lamps)})
-    with Renderer(scene_of(compile_scenario(load_scenario("two_cars"))), "gpu") as renderer:
+    with Renderer(scene_of(compile_scenario("two_cars")), "gpu") as renderer:
         for name, azimuth in (("day", 205.0), ("night", 160.0)):
             x, y, _ = frames[name].vehicles["V1"].pose.position.tolist()
             target = x + 0.25, y, 0.05

@@ -29,7 +29,7 @@ import optax
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import autodrive
-from autodrive.base.specs import names
+from autodrive.base.yaml_files import names
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.task import Observation
 from autodrive.experiments.policies import Policy

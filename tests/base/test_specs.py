@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Kind, Spec, find, names, parse, read
+from autodrive.base.specs import Spec
+from autodrive.base.yaml_files import Kind, find, names, parse, read
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.map import MapSpec
 from autodrive.scenario.maps.module import ModuleSpec

@@ -46,7 +46,7 @@ from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.tracks.tables import write_centre_line
 from autodrive.scenario.tracks.track import Track
 from autodrive.world.cameras import camera_rig
-from autodrive.world.compile import Compiled
+from autodrive.world.compile import CompiledScenario
 from autodrive.world.racing.results import RaceRecorder, RaceResult, write_results
 from tests.support.command_line import AUTODRIVE, call, refused
 from tests.support.hardening import fill, make_read_only, small_disk
@@ -116,7 +116,7 @@ OTHERS = {
     "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
     "cli/app.py": {"open"},  # /dev/null
     "recording/recorder.py": {"open"},  # written while it grows: see tests/recording/test_recorder.py
-    "recording/scenario_files.py": {"write_text"},  # in a temporary folder, like the next one
+    "scenario/files.py": {"write_text"},  # in a temporary folder, like the next one
     "run/race.py": {"write_text"},
     "exports/csv.py": {"open"},  # see below, like the next ones
     "exports/lerobot.py": {"open"},
@@ -346,7 +346,7 @@ def test_images_in_a_file_need_room_before_they_are_drawn(
     before = contents(folder)
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
 
-    def cameras(compiled: Compiled) -> CameraProcess:
+    def cameras(compiled: CompiledScenario) -> CameraProcess:
         return CameraProcess(camera_rig(compiled), allocate_memory=FileMemory)
 
     world = autodrive.make("plane", cameras=cameras)

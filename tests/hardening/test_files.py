@@ -22,16 +22,18 @@ import yaml
 
 import autodrive
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, Spec, find, names, parse
+from autodrive.base.specs import Spec
+from autodrive.base.yaml_files import MAX_BYTES, MAX_CHARACTERS, MAX_DEPTH, MAX_NODES, Kind, find, names, parse
 from autodrive.cli.spec_files import SPECS, check
 from autodrive.graphics.meshes import store
 from autodrive.physics.sensors.camera import MAX_PIXELS, CameraSpec
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.scenario import MAX_BOXES, MAX_VEHICLES, BoxSpec, ScenarioSpec, VehiclePlacement
-from autodrive.scenario.maps.map import MAX_EXTENT, MAX_PLACEMENTS, MAX_STATICS, load_map
+from autodrive.scenario.maps.map import MAX_EXTENT, load_map
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.shapes import Rectangle
 from autodrive.scenario.maps.solids import BlockSpec
+from autodrive.scenario.maps.spec import MAX_PLACEMENTS, MAX_STATICS
 from autodrive.scenario.vehicles.spec import RigidBodySpec, WheelSpec
 from autodrive.world import World
 from tests.support.cars import car_file

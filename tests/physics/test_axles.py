@@ -7,7 +7,7 @@ import pytest
 
 from autodrive import Command, Frame
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import parse
+from autodrive.base.yaml_files import parse
 from autodrive.scenario.vehicles.spec import AxlesSpec
 from autodrive.world import World
 from tests.support.cars import OBEYS_AT_ONCE

@@ -11,8 +11,8 @@ import pytest
 
 import autodrive
 from autodrive.base.arrays import Floats
-from autodrive.base.specs import names
 from autodrive.base.transforms import rotation_from_quaternion
+from autodrive.base.yaml_files import names
 from autodrive.physics.buffers import scratch
 from autodrive.physics.clearance import HORIZON, MARGIN, can_any_touch, find_nearby
 from autodrive.physics.engine import Geom

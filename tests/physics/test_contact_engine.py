@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive.base.specs import names
 from autodrive.base.transforms import quaternion_from_euler
+from autodrive.base.yaml_files import names
 from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.racer import PERIOD, PolicyRacer
 from autodrive.physics.tick import observe, place

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import parse
+from autodrive.base.yaml_files import parse
 from autodrive.physics import wheel
 from autodrive.physics.actuators.drivetrain import DifferentialSpec, DrivetrainSpec
 from autodrive.protocol.messages import Command

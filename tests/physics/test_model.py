@@ -13,7 +13,7 @@ import pytest
 
 from autodrive.physics.model import Model, model_digest
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 from tests.support.cars import car_file
 
 BOXES = {"box": BoxSpec(x=1.0, y=0.5)}

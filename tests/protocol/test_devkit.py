@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autodrive.base.errors import AutodriveError, SpecError
-from autodrive.base.specs import find
+from autodrive.base.yaml_files import find
 from autodrive.protocol import devkit
 from autodrive.protocol.devkit import ENVIRONMENT, initial_telemetry, read_commands, telemetry
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings, Profile, detect_profile, is_ambiguous

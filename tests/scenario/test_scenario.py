@@ -7,7 +7,7 @@ import pytest
 
 import autodrive
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import names
+from autodrive.base.yaml_files import names
 from autodrive.protocol.messages import Command
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.scenario.maps import load_map

@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from autodrive.base.specs import find
+from autodrive.base.yaml_files import find
 
 OBEYS_AT_ONCE = {
     "steering.dead_time": 0.0,

@@ -88,7 +88,7 @@ def _imports(path: Path) -> Iterator[tuple[str, bool]]:
 
 
 def modules_imported(path: Path, *, typing_too: bool = True) -> set[str]:
-    """Names within this package that a file imports, such as 'world.compile.Compiled'."""
+    """Names within this package that a file imports, such as 'world.compile.CompiledScenario'."""
     return {
         name.removeprefix("autodrive.")
         for name, is_typing in imports(path)

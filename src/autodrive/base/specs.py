@@ -1,32 +1,17 @@
-"""Reads the YAML files of vehicles, modules, maps and scenarios and checks them against their Specs."""
+"""Specs: checked, frozen values that describe vehicles, modules, maps and scenarios; and the texts of their errors."""
 
 from __future__ import annotations
 
-import functools
-import os
 import re
-from collections.abc import Sequence
-from importlib import resources
-from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from yaml.constructor import ConstructorError
 
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest
 
-Kind = Literal["vehicle", "module", "map", "track", "ruleset", "scenario"]
-
-MAX_BYTES = 2**20
-"""Largest size of a file."""
-MAX_NODES = 50_000
-"""Largest number of keys, values, lists and mappings in a file; an alias counts as often as it is used."""
-MAX_DEPTH = 32
-"""Largest number of lists and mappings inside each other."""
-MAX_CHARACTERS = 10_000
-"""Longest key or value."""
 MAX_ERRORS = 100
 """Errors of the values of a file that are reported; more are only counted."""
 
@@ -54,7 +39,7 @@ class Spec(BaseModel):
         try:
             super().__init__(**values)
         except ValidationError as error:
-            raise SpecError(_messages(error.errors(), Source(), type(self))) from None
+            raise SpecError(messages(error.errors(), type(self))) from None
 
     __init__.__pydantic_base_init__ = True  # pyright: ignore  # as in RootModel: fields that are Specs do not call it
 
@@ -71,182 +56,56 @@ class RuleError(ValueError):
         self.errors = errors
 
 
+Key: TypeAlias = tuple[str | int, ...]
+"""A value in one of the files of a scenario: the file, and the location in it: ("map", "placements", 3)."""
+
+
+class Place(NamedTuple):
+    """A value in the text of a problem; `joined` adds its line."""
+
+    key: Key
+    name: str = ""
+    """How the text calls it; left out: by its location."""
+
+
+Problem: TypeAlias = tuple[Place | str, ...]
+"""What is wrong when Specs are compiled: the parts of a message."""
+
+
+class SpecProblems(Exception):  # noqa: N818  a list of problems, which becomes a `SpecError`
+    """Specs cannot be compiled; `joined` makes the messages."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        super().__init__()
+        self.problems = problems
+
+
 T = TypeVar("T", bound=Spec)
+
+
+@dataclass(frozen=True, eq=False)
+class Described(Generic[T]):
+    """What a file says. It is equal only to itself, so that caches can use it as a key."""
+
+    name: str
+    """Of the file, without folder and suffix."""
+    found: T | None
+    """None: the file is not there, or is not valid."""
+    error: SpecError | None = None
+    """What is wrong with the file."""
+    path: str = ""
+    text: str = ""
+
+    @property
+    def spec(self) -> T:
+        """The Spec. Raises `SpecError` if there is none."""
+        if self.found is None:
+            raise self.error or SpecError([f"'{self.name}' is not there"])
+        return self.found
+
 
 _PYTHON_TYPE = re.compile(r"(bool|int|float|str|none|tuple\[.*|list\[.*|dict\[.*|\[key\])$")
 """Parts of locations with which pydantic names the types of a union."""
-
-_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-
-class _Loader(_SafeLoader):
-    """Loads plain YAML; a date is a text. The numbers are checked by `_number`."""
-
-
-_Loader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
-    for first, resolvers in _SafeLoader.yaml_implicit_resolvers.items()
-}
-
-
-def _number(loader: Any, node: yaml.ScalarNode) -> int | float:
-    """A number; the constructors of PyYAML raise errors without a place for some texts, such as '0b_'."""
-    is_whole = node.tag.endswith(":int")
-    try:
-        if len(node.value) <= 100:
-            return loader.construct_yaml_int(node) if is_whole else loader.construct_yaml_float(node)
-    except (ValueError, OverflowError):
-        pass
-    raise ConstructorError(None, None, f"'{_short(node.value)}' is not a number", node.start_mark)
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _number)
-_Loader.add_constructor("tag:yaml.org,2002:float", _number)
-
-
-def names(kind: Kind) -> list[str]:
-    """Sorted names of the files of that kind that are included in the package."""
-    return sorted(path.stem for path in _folder(kind).glob("*.yaml"))
-
-
-def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
-    """Path of an included file, given its name, or of a YAML file, given its path. Raises `SpecError`.
-
-    `also`: another kind, whose names the error lists too.
-    """
-    path = Path(name)
-    if path.suffix in {".yaml", ".yml"}:
-        if os.path.isfile(path):  # False also for a name that no file can have
-            return path
-        raise SpecError([f"file '{_short(str(path))}' {'is not a file' if os.path.exists(path) else 'does not exist'}"])
-    included = _folder(kind) / f"{name}.yaml"
-    if os.path.isfile(included):
-        return included
-    known = names(kind) + (names(also) if also else [])
-    raise SpecError([f"{kind} '{_short(str(name))}' is not known. {suggest(str(name), known)}"])
-
-
-class Source:
-    """The YAML text that a Spec comes from, for error messages with a place and a line; without a text, no lines."""
-
-    def __init__(self, text: str = "", path: str = "") -> None:
-        """Raises `SpecError` if the text is not YAML, has tags, or is beyond the limits, such as `MAX_NODES`."""
-        self.path = path
-        self._keys: dict[int, dict[str, Any]] = {}
-        try:
-            _check_limits(text)
-            loader = _Loader(text)
-            try:
-                self._node = loader.get_single_node()
-                self._duplicate_keys = _duplicate_keys(self._node)
-                self.tree: Any = None if self._node is None else loader.construct_document(self._node)
-            finally:
-                loader.dispose()
-        except (yaml.YAMLError, UnicodeError) as error:
-            raise SpecError([_yaml_error(error, text)], path) from None
-
-    def at(self, *location: str | int) -> str:
-        """Where a value is: 'vehicles.V1.x (line 4)'."""
-        line = self.line(*location)
-        return f"{_place(location)}{f' (line {line})' if line else ''}"
-
-    def line(self, *location: str | int) -> int | None:
-        """Line (from 1) of the deepest part of the location that exists in the text; None without a text."""
-        node, found = self._node, None
-        for part in location:
-            if isinstance(node, yaml.MappingNode):
-                if str(part) not in (pairs := self._pairs(node)):
-                    break
-                key, node = pairs[str(part)]
-                found = key.start_mark.line + 1
-            elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
-                node = node.value[part]
-                found = node.start_mark.line + 1
-            else:
-                break
-        return found
-
-    def duplicate_keys(self) -> list[str]:
-        """An error for each duplicate key."""
-        return list(self._duplicate_keys)
-
-    def _pairs(self, node: yaml.MappingNode) -> dict[str, Any]:
-        """Nodes of key and value by key."""
-        if id(node) not in self._keys:
-            self._keys[id(node)] = {_text_of(key): (key, value) for key, value in node.value}
-        return self._keys[id(node)]
-
-
-def source(path: Path) -> Source:
-    """The text of a file. Raises `SpecError` if it cannot be read or is not YAML in UTF-8, as `Source`."""
-    data = b""
-    try:
-        if path.exists() and not path.is_file():
-            raise SpecError(["is not a file"], str(path))
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise SpecError([f"a file must have at most {MAX_BYTES // 2**20} MiB"], str(path))
-        text = data.decode("utf-8")
-    except OSError as error:
-        raise SpecError([f"cannot be read: {error.strerror or error}"], str(path)) from None
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        problem = f"line {line}: a file must be text in UTF-8; it has the byte 0x{data[error.start]:02x}"
-        raise SpecError([problem], str(path)) from None
-    return _source(text, str(path))
-
-
-@functools.lru_cache(maxsize=8)
-def _source(text: str, path: str) -> Source:
-    """Kept, because a map or vehicle is read several times: by a check, by each World, and by each edit."""
-    return Source(text, path)
-
-
-def read(kind: Kind, name: str | Path, spec: type[T]) -> T:
-    """The checked Spec of an included file (by name) or of another file (by path).
-
-    Raises `SpecError` with all errors of the file.
-    """
-    return _checked(source(find(kind, name)), spec)
-
-
-def parse(text: str, spec: type[T], where: str = "<text>") -> T:
-    """The checked Spec of a YAML text. Raises `SpecError` with all errors; `where` is the path shown in the message."""
-    return _checked(Source(text, where), spec)
-
-
-def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
-    """The Spec of the valid parts of a text, and all errors; None if too little is valid.
-
-    A faulty entry of a collection, such as one vehicle, is left out, or else the whole value of the key.
-    """
-    if not isinstance(source.tree, dict):
-        return None, [f"line 1: expected 'key: value' lines ({spec.__name__}), found {type(source.tree).__name__}"]
-    duplicates = source.duplicate_keys()
-    try:
-        return spec.model_validate(source.tree), duplicates
-    except ValidationError as error:
-        details = error.errors(include_url=False)
-    errors = duplicates + _messages(details[:MAX_ERRORS], source, spec)
-    if len(details) > MAX_ERRORS:
-        errors.append(f"and {len(details) - MAX_ERRORS} more errors")
-    tree, emptied = dict(source.tree), {}
-    faulty: dict[Any, set[Any]] = {}
-    for key, *rest in (one["loc"] for one in details if one["loc"]):
-        inner = source.tree.get(key)
-        if rest and isinstance(inner, dict) and isinstance(inner.get(rest[0]), dict):
-            faulty.setdefault(key, set()).add(rest[0])
-        else:
-            tree.pop(key, None)
-    for key in faulty.keys() & tree.keys():
-        tree[key] = {name: value for name, value in tree[key].items() if name not in faulty[key]}
-        if not tree[key]:
-            emptied[key] = tree.pop(key)
-    try:
-        return spec.model_validate(tree).model_copy(update=emptied), errors
-    except ValidationError:
-        return None, errors
 
 
 def checked(tree: dict[str, Any], spec: type[T]) -> T:
@@ -254,23 +113,48 @@ def checked(tree: dict[str, Any], spec: type[T]) -> T:
     try:
         return spec.model_validate(tree)
     except ValidationError as error:
-        raise SpecError(_messages(error.errors(), Source(), spec)) from None
+        raise SpecError(messages(error.errors(), spec)) from None
 
 
-def _checked(source: Source, spec: type[T]) -> T:
-    found, errors = readable(source, spec)
-    if errors or found is None:
-        raise SpecError(errors, source.path)
+def place_text(*location: str | int) -> str:
+    """The text of a location: ('placements', 3, 'x') as 'placement 4.x', counted from 1."""
+    parts: list[str] = []
+    for part in location:
+        if isinstance(part, int) and parts:
+            parts[-1] = f"{parts[-1].removesuffix('s')} {part + 1}"
+        else:
+            parts.append(short(str(part)))
+    return ".".join(parts)
+
+
+def short(text: str) -> str:
+    """The first 100 characters of a text."""
+    return text if len(text) <= 100 else f"{text[:100]}..."
+
+
+def messages(errors: Sequence[Any], spec: type[BaseModel], at: Callable[..., str] = place_text) -> list[str]:
+    """The errors of pydantic, and each of the broken rules, in our words. `at`: the text of a location."""
+    found: list[str] = []
+    for error in errors:
+        rules = error.get("ctx", {}).get("error")
+        if isinstance(rules, RuleError):
+            found += [f"{at(*_location(error), *place)}: {text}" for place, text in rules.errors]
+        else:
+            found.append(_message(error, spec, at))
     return found
 
 
-def titles(kind: Kind, spec: type[Spec]) -> dict[str, str]:
-    """Titles by name of all files of that kind that are included in the package."""
-    return {name: getattr(read(kind, name, spec), "title", "") for name in names(kind)}
+def joined(problems: Iterable[Problem], lines: Mapping[Key, int]) -> list[str]:
+    """The messages of problems: each place with its line, or with that of what it is in."""
 
+    def text(part: Place | str) -> str:
+        if isinstance(part, str):
+            return part
+        keys = (part.key[:length] for length in range(len(part.key), 1, -1))
+        line = next((lines[key] for key in keys if key in lines), None)
+        return f"{part.name or place_text(*part.key[1:])}{f' (line {line})' if line else ''}"
 
-def _folder(kind: Kind) -> Path:
-    return Path(str(resources.files("autodrive"))) / "scenario" / "data" / f"{kind}s"
+    return ["".join(map(text, problem)) for problem in problems]
 
 
 _TEXTS = {
@@ -310,51 +194,24 @@ _TEXTS = {
 """Type of an error of pydantic -> our text, with values of its context."""
 
 
-def _messages(errors: Sequence[Any], source: Source, spec: type[BaseModel]) -> list[str]:
-    """The errors of pydantic, and each of the broken rules, in our words."""
-    messages = []
-    for error in errors:
-        rules = error.get("ctx", {}).get("error")
-        if isinstance(rules, RuleError):
-            messages += [f"{source.at(*_location(error), *place)}: {text}" for place, text in rules.errors]
-        else:
-            messages.append(_message(error, source, spec))
-    return messages
-
-
 def _location(error: Any) -> tuple[str | int, ...]:
     return tuple(part for part in error["loc"] if not _PYTHON_TYPE.match(str(part)))
 
 
-def _message(error: Any, source: Source, spec: type[BaseModel]) -> str:
+def _message(error: Any, spec: type[BaseModel], at: Callable[..., str]) -> str:
     """An error of pydantic as 'key (line n): what is wrong, what would be right'."""
     location = _location(error)
-    place = source.at(*location) if location else spec.__name__.removesuffix("Spec").lower()
+    place = at(*location) if location else spec.__name__.removesuffix("Spec").lower()
     if error["type"] == "extra_forbidden":
         known = _fields(spec, location[:-1])
         key = str(location[-1])
-        text = f"'{_short(key)}' is not a known key." + (f" {suggest(key, known)}" if known else "")
+        text = f"'{short(key)}' is not a known key." + (f" {suggest(key, known)}" if known else "")
     else:
         text = _TEXTS.get(error["type"], "is not valid").format(**error.get("ctx", {}))
         given = error.get("input")
         if error["type"] not in {"missing", "value_error", "assertion_error"} and not isinstance(given, dict | list):
-            text += f", not {'empty' if given is None else _short(_repr(given))}"
+            text += f", not {'empty' if given is None else short(_repr(given))}"
     return f"{place}: {text}"
-
-
-def _place(location: tuple[Any, ...]) -> str:
-    """('placements', 3, 'x') as 'placement 4.x', counted from 1."""
-    parts: list[str] = []
-    for part in location:
-        if isinstance(part, int) and parts:
-            parts[-1] = f"{parts[-1].removesuffix('s')} {part + 1}"
-        else:
-            parts.append(_short(str(part)))
-    return ".".join(parts)
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 100 else f"{text[:100]}..."
 
 
 def _repr(value: Any) -> str:
@@ -381,89 +238,3 @@ def _inner_specs(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [found for argument in getattr(annotation, "__args__", ()) for found in _inner_specs(argument)]
-
-
-def _check_limits(text: str) -> None:
-    """Raises `ConstructorError` for a text with tags, too many or too deep nodes, or an alias inside its own anchor.
-
-    Reads the events of the parser, which needs neither recursion nor memory for the size of what aliases make.
-    """
-    total = 0
-    collections: list[tuple[str | None, list[int]]] = []
-    """Anchor, nodes and depth of each open list or mapping."""
-    anchors: dict[str, tuple[int, int]] = {}
-    """Nodes and depth of each anchor that is complete."""
-    for event in yaml.parse(text, Loader=_SafeLoader):
-        problem = ""
-        if isinstance(event, yaml.CollectionEndEvent):
-            anchor, (nodes, depth) = collections.pop()
-            size = (nodes + 1, depth + 1)
-        elif isinstance(event, yaml.AliasEvent):
-            anchor, size = None, anchors.get(event.anchor, (1, 1))
-            if any(event.anchor == one for one, _ in collections):
-                problem = f"the alias '*{event.anchor}' is inside its own anchor"
-            total += size[0]
-        elif isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent):
-            anchor, size = event.anchor, (1, 1)
-            if event.tag is not None:
-                problem = f"tags such as '{_short(event.tag)}' are not supported; remove it"
-            elif isinstance(event, yaml.ScalarEvent) and len(event.value) > MAX_CHARACTERS:
-                problem = f"a key or value must have at most {MAX_CHARACTERS} characters"
-            total += 1
-        else:  # start and end of the stream and of documents
-            continue
-        if total > MAX_NODES:
-            problem = f"a file must have at most {MAX_NODES} keys and values, with aliases as often as they are used"
-        elif len(collections) + size[1] > MAX_DEPTH:
-            problem = f"lists and mappings must be at most {MAX_DEPTH} deep inside each other"
-        if problem:
-            raise ConstructorError(None, None, problem, event.start_mark)
-        if isinstance(event, yaml.CollectionStartEvent):
-            anchors.pop(anchor or "", None)
-            collections.append((anchor, [0, 0]))
-            continue
-        if anchor:
-            anchors[anchor] = size
-        if collections:
-            of = collections[-1][1]
-            of[0], of[1] = of[0] + size[0], max(of[1], size[1])
-
-
-def _yaml_error(error: Exception, text: str) -> str:
-    """An error of PyYAML as 'invalid YAML (line n): what is wrong'."""
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    if isinstance(error, yaml.MarkedYAMLError) and mark:
-        what = " ".join(part for part in (error.context, error.problem) if part)
-        return f"invalid YAML (line {mark.line + 1}): {what}"
-    position = getattr(error, "position", 0)
-    line = text.encode("utf-8", "replace").count(b"\n", 0, position) + 1
-    return f"invalid YAML (line {line}): {getattr(error, 'reason', None) or error}"
-
-
-def _text_of(key: Any) -> str:
-    """The key as it is in a location of pydantic."""
-    if not isinstance(key, yaml.ScalarNode):
-        return ""
-    if key.tag.endswith(":str"):
-        return key.value
-    value = yaml.load(key.value, Loader=_Loader)
-    return str(int(value) if isinstance(value, bool) else value)
-
-
-def _duplicate_keys(node: yaml.Node | None) -> list[str]:
-    """An error for each duplicate key of a mapping (YAML silently keeps the last one)."""
-    errors: list[str] = []
-    if isinstance(node, yaml.MappingNode):
-        seen: dict[str, int] = {}
-        for key, value in node.value:
-            line = key.start_mark.line + 1
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    place = f"{_short(key.value)} (line {line})"
-                    errors.append(f"{place}: duplicate key, first defined in line {seen[key.value]}")
-                seen.setdefault(key.value, line)
-            errors += _duplicate_keys(value)
-    elif isinstance(node, yaml.SequenceNode):
-        for value in node.value:
-            errors += _duplicate_keys(value)
-    return errors

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 if TYPE_CHECKING:
-    from autodrive.base.specs import Kind
+    from autodrive.base.yaml_files import Kind
 
 
 class Collection(StrEnum):
@@ -36,7 +36,7 @@ class KindName(StrEnum):
 
 def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")]) -> None:
     """List the scenarios, maps, tracks, vehicles, modules or rules of races of the package."""
-    from autodrive.base.specs import titles
+    from autodrive.base.yaml_files import titles
     from autodrive.cli.spec_files import SPECS
 
     kind = cast("Kind", collection.value.removesuffix("s"))

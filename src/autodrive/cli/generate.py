@@ -13,7 +13,7 @@ from pathlib import Path
 
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import names
+from autodrive.base.yaml_files import names
 from autodrive.graphics.assets.asset import Asset, Detail
 from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.meshes import store

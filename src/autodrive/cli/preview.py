@@ -11,8 +11,8 @@ import numpy as np
 
 from autodrive.base.cache import write_file
 from autodrive.base.png import encode_png
-from autodrive.base.specs import Kind
 from autodrive.base.transforms import quaternion_from_yaw, rotation_from_quaternion
+from autodrive.base.yaml_files import Kind
 from autodrive.graphics.assets.asset import Asset, AssetNode, Material, MeshSurface
 from autodrive.graphics.cameras.viewpoints import orbit
 from autodrive.graphics.meshes import store
@@ -21,12 +21,12 @@ from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
 from autodrive.physics.sensors.camera_view import View
 from autodrive.protocol.labels import Label
-from autodrive.scenario import load_scenario
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.map import Map, load_map
 from autodrive.scenario.maps.solids import BoxPlacement
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
-from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.compile import CompiledScenario
+from autodrive.world.factory import compile_scenario
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,7 +45,7 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
         view = framed(_vehicle_box(spec), 32.0, 22.0, 2 * SIZE[0], 2 * SIZE[1])
     else:
         if kind == "scenario":
-            compiled = compile_scenario(load_scenario(name))
+            compiled = compile_scenario(name)
             map_, scene, state = compiled.map, store.scene_of(compiled), _initial_state(compiled)
         else:
             map_ = module_alone(name) if kind == "module" else load_map(name)
@@ -96,7 +96,7 @@ def _map_scene(map_: Map) -> tuple[RenderScene, RenderState]:
     return RenderScene(store.ground(map_), [], [store.box(box.size) for box in map_.boxes], []), state
 
 
-def _initial_state(compiled: Compiled) -> RenderState:
+def _initial_state(compiled: CompiledScenario) -> RenderState:
     """The initial state of a scenario."""
     state = RenderState.empty(len(compiled.vehicles), len(compiled.boxes))
     places = compiled.spec.vehicles

@@ -7,14 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Kind, Spec, find, names, read
+from autodrive.base.specs import Spec
 from autodrive.base.suggest import suggest
+from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
-from autodrive.scenario.maps.map import Map, MapSpec, load_map
-from autodrive.scenario.maps.module import ModuleSpec, load_module
+from autodrive.scenario.files import described
+from autodrive.scenario.maps.map import Map, MapSpec, load_map, load_module
+from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.tracks.checks import track_errors
 from autodrive.scenario.tracks.track import Track, TrackSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
@@ -48,7 +50,7 @@ def kind_of_name(name: str, order: tuple[Kind, ...] = KINDS) -> Kind:
 
 def kind_of_file(path: Path) -> Kind:
     """The kind whose fields the keys of the file match best. Raises `SpecError` if there is no single best kind."""
-    tree = specs.source(path).tree
+    tree = yaml_files.source(path).tree
     keys = set(tree) if isinstance(tree, dict) else set()
     scores: dict[Kind, int] = {kind: len(keys & set(spec.model_fields)) for kind, spec in SPECS.items()}
     best: list[Kind] = [kind for kind, score in scores.items() if score == max(scores.values()) > 0]
@@ -65,8 +67,8 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
     """
     kind = kind or kind_of_name(name, CHECKED)
     path = find(kind, name)
-    source = specs.source(path)
-    spec, errors = specs.readable(source, SPECS[kind])
+    source = yaml_files.source(path)
+    spec, errors = yaml_files.readable(source, SPECS[kind])
     try:
         if kind == "map":
             errors = []
@@ -80,14 +82,13 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
         elif kind == "module" and not errors:
             load_module(path)
         elif kind == "vehicle" and not errors:
-            from autodrive.world.compile import compile_scenario
+            from autodrive.world.factory import compile_scenario
 
             compile_scenario(ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(path))}))
         elif isinstance(spec, ScenarioSpec):
-            from autodrive.world.compile import compile_scenario, placement_errors
+            from autodrive.world.factory import compile_scenario
 
-            errors += placement_errors(spec, source)
-            compile_scenario(spec, source)
+            compile_scenario(described(spec, source), is_strict=True)
     except SpecError as error:
         errors += error.errors
     if errors:

@@ -48,9 +48,9 @@ from autodrive.recording.records import (
     States,
     StatusRecord,
 )
-from autodrive.recording.scenario_files import files_of
 from autodrive.recording.wire import Message as Layout
 from autodrive.recording.wire import descriptor
+from autodrive.scenario.files import files_of
 from autodrive.world.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ class Recorder:
 
     def _scenario(self, world: World, frame: Frame) -> ScenarioRecord:
         try:
-            files = files_of(world.spec)
+            files = files_of(world.specs)
         except Exception as error:
             files = {}
             log.warning("the recording does not contain the files of the scenario: %s", error)

@@ -12,17 +12,20 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import simplejpeg
+import yaml
 
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import checked
 from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, VehicleFrame
 from autodrive.protocol.native import Picture
 from autodrive.recording import mcap, records, tables
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS, CompressedImage, LaserScan, lidar_scan
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, States, StatusRecord
-from autodrive.recording.scenario_files import scenario_from
 from autodrive.recording.signals import Signals
 from autodrive.recording.wire import Message, Schemas, pool_of
 from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.files import write_to
 
 
 class Moment(NamedTuple):
@@ -170,7 +173,7 @@ class Recording:
     def scenario_spec(self, record: ScenarioRecord | None = None) -> Iterator[ScenarioSpec]:
         """A scenario that can be run: its files are those of the recording, in a folder that exists in the block."""
         with tempfile.TemporaryDirectory(prefix="autodrive-") as folder:
-            yield scenario_from(record or self.scenario, Path(folder))
+            yield _written(record or self.scenario, Path(folder))
 
     @property
     def vehicles(self) -> tuple[str, ...]:
@@ -501,3 +504,17 @@ def decoded(picture: Picture) -> CameraImage:
 
 def _nanoseconds(time: float) -> int:
     return round(min(max(time, -1.0), 9e9) * NANOSECONDS)
+
+
+def _written(record: ScenarioRecord, folder: Path) -> ScenarioSpec:
+    """The scenario of a recording, with its files written to a folder. Raises `RecordingError`."""
+    try:
+        return write_to(folder, checked(dict(record.spec), ScenarioSpec), record.files)
+    except KeyError as error:
+        raise RecordingError(f"the recording does not contain the file {error} of its scenario") from None
+    except SpecError as error:
+        raise RecordingError(f"the scenario of the recording is not valid here: {error}") from None
+    except ValueError as error:
+        raise RecordingError(f"the recording contains {error}") from None
+    except (OSError, yaml.YAMLError, AttributeError, TypeError) as error:
+        raise RecordingError(f"the files of the recording's scenario cannot be written: {error}") from None

@@ -18,6 +18,8 @@ from autodrive.recording.errors import RecordingError
 from autodrive.recording.recording import Recording
 from autodrive.recording.records import CommandsRecord, Poses, Request, RequestRecord, ResetTo, Restored, ScenarioRecord
 from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.descriptions import Descriptions
+from autodrive.scenario.files import described
 from autodrive.world import World
 from autodrive.world.factory import make
 from autodrive.world.simulation import Simulation
@@ -114,16 +116,17 @@ class _Again:
         self._commands: dict[str, Command] = {}
         self._events: tuple[Event, ...] = ()
 
-    def _load(self, scenario: str | ScenarioSpec) -> World:
+    def _load(self, scenario: str | Descriptions) -> World:
         """The World of the latest scenario of the recording, or of an edited one."""
-        if isinstance(scenario, str):
-            scenario = self._stack.enter_context(self._recording.scenario_spec(self._scenario))
-        spec = self._changed(scenario)
-        if spec.tick != scenario.tick:
-            raise RecordingError(
-                f"the scenario has a tick of {spec.tick} s; that of the recording is {scenario.tick} s"
-            )
-        return make(spec)
+        known = None if isinstance(scenario, str) else scenario
+        if known:
+            given = known.specs.scenario
+        else:
+            given = self._stack.enter_context(self._recording.scenario_spec(self._scenario))
+        spec = self._changed(given)
+        if spec.tick != given.tick:
+            raise RecordingError(f"the scenario has a tick of {spec.tick} s; that of the recording is {given.tick} s")
+        return make(described(spec, known=known))
 
     def take(self, item: object) -> None:
         """A scenario, commands or a request."""

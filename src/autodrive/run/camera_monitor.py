@@ -17,7 +17,8 @@ from autodrive.world.factory import make
 if TYPE_CHECKING:
     from autodrive.protocol.messages import CameraImage, Frame
     from autodrive.scenario import ScenarioSpec
-    from autodrive.world.compile import Compiled
+    from autodrive.scenario.descriptions import Descriptions
+    from autodrive.world.compile import CompiledScenario
 
 log = logging.getLogger(__name__)
 
@@ -26,7 +27,7 @@ START_TIMEOUT = 30.0
 
 
 def world_with_cameras(
-    scenario: ScenarioSpec, *, quality: str, draws_in_tick: bool, is_wanted: bool = True
+    scenario: ScenarioSpec | Descriptions, *, quality: str, draws_in_tick: bool, is_wanted: bool = True
 ) -> tuple[World, CameraMonitor | None]:
     """A world that renders its cameras, and their monitor; the monitor is None if the world has no cameras.
 
@@ -43,7 +44,7 @@ def world_with_cameras(
         return world, CameraMonitor()
     processes: list[CameraProcess] = []
 
-    def start_process(compiled: Compiled) -> CameraProcess:
+    def start_process(compiled: CompiledScenario) -> CameraProcess:
         processes.append(camera_process(compiled, quality, is_wanted=is_wanted))
         return processes[0]
 

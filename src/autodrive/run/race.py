@@ -35,7 +35,8 @@ from autodrive.run.recordings import Recordings
 from autodrive.run.runner import Run, RunObserver, StopRequest, image_encoder, page_server
 from autodrive.run.summary import Odometer
 from autodrive.run.world_loader import WorldLoader
-from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement, scenario_text
+from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.files import scenario_text
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.race_rules import RaceRules, load_rules
 from autodrive.world.compile import on_grid

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import autodrive
-from autodrive.base.specs import titles
+from autodrive.base.yaml_files import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
+from autodrive.scenario.descriptions import Descriptions
 
 if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
@@ -39,22 +40,20 @@ class WorldLoader:
         self._tick_duration = 0.0
         self._tick = self._ticks = 0
 
-    def load(self, scenario: str | ScenarioSpec) -> World:
+    def load(self, scenario: str | Descriptions) -> World:
         """Make the world of a scenario and compile all that it runs. Raises `AutodriveError`.
 
-        A name is loaded with the options of the run; a Spec is the current scenario after an edit.
+        A name is loaded with the options of the run; Descriptions are those of the current scenario after an edit.
         """
-        if isinstance(scenario, ScenarioSpec):
-            name, spec = self.scenario, scenario
-        else:
-            name, spec = scenario, self._spec(scenario)
-        world, cameras = self._make(spec)
+        is_edited = isinstance(scenario, Descriptions)
+        name = self.scenario if is_edited else scenario
+        world, cameras = self._make(scenario if is_edited else self._spec(scenario))
         while world.time < WARM_UP:  # every function and sensor runs once, so that nothing compiles during the run
             world.step()
         world.reset()
         self._names[world] = name
         self.scenario, self.cameras = name, cameras
-        if not isinstance(scenario, ScenarioSpec):
+        if not is_edited:
             self._tick_duration, self._ticks = world.tick_duration, 0
         return world
 
@@ -119,7 +118,7 @@ class WorldLoader:
         seed = spec.seed if options.seed is None else options.seed
         return spec.model_copy(update={"vehicles": vehicles, "seed": seed})
 
-    def _make(self, spec: ScenarioSpec) -> tuple[World, CameraMonitor | None]:
+    def _make(self, spec: ScenarioSpec | Descriptions) -> tuple[World, CameraMonitor | None]:
         options = self._options
         if options.pictures == "never":
             return autodrive.make(spec), None

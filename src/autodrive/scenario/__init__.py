@@ -10,4 +10,3 @@ from autodrive.scenario.scenario import Scenario as Scenario
 from autodrive.scenario.scenario import ScenarioSpec as ScenarioSpec
 from autodrive.scenario.scenario import VehiclePlacement as VehiclePlacement
 from autodrive.scenario.scenario import load_scenario as load_scenario
-from autodrive.scenario.scenario import scenario_text as scenario_text

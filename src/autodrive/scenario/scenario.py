@@ -7,10 +7,9 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import Field, field_validator, model_validator
 
-from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, read
+from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec
 from autodrive.physics.sensors.settings import SensorSettings
 
 DEFAULT = "mini_map"
@@ -155,22 +154,6 @@ Scenario = ScenarioSpec
 
 def load_scenario(name: str | Path) -> ScenarioSpec:
     """Load a scenario by name or file. Raises `SpecError` with all errors."""
+    from autodrive.base.yaml_files import read  # noqa: PLC0415  compiling needs no files
+
     return read("scenario", name, ScenarioSpec)
-
-
-def scenario_text(spec: ScenarioSpec) -> str:
-    """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
-    vehicles = {
-        name: {"type": "", "x": one.x, "y": one.y}
-        | one.model_dump(mode="json", exclude_defaults=True)
-        | {"type": _anywhere(one.type)}
-        for name, one in spec.vehicles.items()
-    }
-    first = {"title": spec.title, "map": "", "vehicles": {}}
-    tree = first | spec.model_dump(mode="json", exclude_defaults=True)
-    tree |= {"map": _anywhere(spec.map), "vehicles": vehicles}
-    return yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
-
-
-def _anywhere(name: str) -> str:
-    return str(Path(name).absolute()) if Path(name).suffix in {".yaml", ".yml"} else name

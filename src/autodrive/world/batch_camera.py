@@ -18,7 +18,8 @@ from autodrive.physics.sensors.camera import MAX_PIXELS, CameraSpec, world_from_
 from autodrive.physics.sensors.camera_imperfections import CameraImperfections
 from autodrive.physics.sensors.camera_view import View
 from autodrive.protocol.messages import CameraIntrinsics, Headlights, Indicators
-from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.compile import CompiledScenario
+from autodrive.world.factory import compile_scenario
 from autodrive.world.frames import REVERSE_SPEED
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ class BatchCamera:
 
     def __init__(
         self,
-        scenario: ScenarioSpec | Compiled,
+        scenario: ScenarioSpec | CompiledScenario,
         vehicle: str,
         camera: str,
         *,
@@ -98,7 +99,7 @@ class BatchCamera:
 
         Raises `AutodriveError` if there is no such camera, and `GlUnavailable` without OpenGL.
         """
-        compiled = scenario if isinstance(scenario, Compiled) else compile_scenario(scenario)
+        compiled = scenario if isinstance(scenario, CompiledScenario) else compile_scenario(scenario)
         spec = _ideal(compiled, vehicle, camera, size)
         origin, upright = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
         view = View(*world_from_camera(origin, upright, spec.mount), spec.intrinsics, spec.near, spec.far)
@@ -141,7 +142,7 @@ class BatchCamera:
         self._release()
 
 
-def _ideal(compiled: Compiled, vehicle: str, camera: str, size: tuple[int, int]) -> CameraSpec:
+def _ideal(compiled: CompiledScenario, vehicle: str, camera: str, size: tuple[int, int]) -> CameraSpec:
     """The Spec of that camera without imperfections, for images of that size."""
     if vehicle not in compiled.vehicles:
         raise AutodriveError(

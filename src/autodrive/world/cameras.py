@@ -7,10 +7,10 @@ from fractions import Fraction
 from autodrive.graphics.cameras.process import CameraProcess
 from autodrive.graphics.cameras.rig import CameraRig, CameraSlot
 from autodrive.graphics.meshes.store import scene_of
-from autodrive.world.compile import Compiled
+from autodrive.world.compile import CompiledScenario
 
 
-def camera_rig(compiled: Compiled, quality: str = "auto") -> CameraRig:
+def camera_rig(compiled: CompiledScenario, quality: str = "auto") -> CameraRig:
     """The cameras of that world and the scene that they see."""
     slots = [
         CameraSlot(row, vehicle, camera, spec)
@@ -26,6 +26,6 @@ def camera_rig(compiled: Compiled, quality: str = "auto") -> CameraRig:
     )
 
 
-def camera_process(compiled: Compiled, quality: str = "auto", *, is_wanted: bool = True) -> CameraProcess:
+def camera_process(compiled: CompiledScenario, quality: str = "auto", *, is_wanted: bool = True) -> CameraProcess:
     """A process that renders the cameras of that world."""
     return CameraProcess(camera_rig(compiled, quality), is_wanted=is_wanted)

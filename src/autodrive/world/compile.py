@@ -1,4 +1,4 @@
-"""Compiles a ScenarioSpec into a Model, a State, an Engine and sensors, once before the first tick."""
+"""Compiles the Specs of a scenario into a Model, a State, an Engine and sensors, once before the first tick."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import shapely
 
 from autodrive.base.errors import EngineError, SpecError
-from autodrive.base.specs import Source
+from autodrive.base.specs import Place, Problem, SpecProblems
 from autodrive.base.suggest import suggest
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
@@ -25,21 +24,25 @@ from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sens
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
-from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, read_map
+from autodrive.scenario.descriptions import Specs
+from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map
 from autodrive.scenario.maps.mjcf import world_mjcf
-from autodrive.scenario.maps.placing import overlaps
+from autodrive.scenario.maps.placing import Solid, overlaps
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
 from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
-from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
-from autodrive.world.racing import Race, load_rules
+from autodrive.scenario.vehicles.spec import VehicleSpec
+from autodrive.world.racing import Race
 
 
 @dataclass(frozen=True)
-class Compiled:
+class CompiledScenario:
     """All parts of a World."""
 
+    specs: Specs
+    """What it was compiled from."""
     spec: ScenarioSpec
+    """The scenario, with the vehicles on the grid of its track."""
     map: Map
     vehicles: dict[str, VehicleSpec]
     """By name, in the order of the rows of the Model."""
@@ -64,27 +67,29 @@ class Compiled:
     """Name of the vehicle, box or fixed object of each of the engine's geoms."""
 
 
-def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compiled:
-    """Compiles a scenario, including its map and vehicles. Raises `SpecError` with all errors.
+def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
+    """Compiles a scenario. Raises `SpecProblems` with all problems.
 
-    `source`: the text of the scenario, for the path and the lines in errors.
+    `is_strict`: also for probable mistakes that a run accepts: vehicles outside the walls, and boxes that overlap other
+    objects.
     """
-    source = source or Source()
-    map_, vehicles, errors = _load(spec, source)
+    spec = specs.scenario
+    map_, vehicles, problems = _load(specs)
     if map_ is None:
-        raise SpecError(errors, source.path)
+        raise SpecProblems(problems)
     spec = on_grid(spec, map_)
     configured, wrong_sensors = _configured(spec, vehicles)
-    boxes, unknown_boxes = _boxes(spec, map_, source)
-    race, wrong_race = _race(spec, map_, source)
-    twice = _names_used_twice(spec, map_, boxes, source)
-    errors += [*wrong_sensors, *unknown_boxes, *wrong_race, *twice]
+    boxes, unknown_boxes = _boxes(spec, map_)
+    race, wrong_race = _race(specs, map_)
+    twice = _names_used_twice(spec, map_, boxes)
+    problems += [*wrong_sensors, *unknown_boxes, *wrong_race, *twice]
+    if is_strict:
+        problems = [*_vehicles_outside(spec, map_), *_overlapping_boxes(spec, map_, boxes), *problems]
     if len(boxes) > MAX_BOXES:
-        errors.append(
-            f"{source.at('boxes')}: {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
-        )
+        text = f": {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
+        problems.append((_at("boxes"), text))
     if twice or len(boxes) > MAX_BOXES or not vehicles:  # without an engine, overlaps are not known
-        raise SpecError(errors, source.path)
+        raise SpecProblems(problems)
     bodies = [
         vehicle_mjcf(name, vehicle, spec.vehicles[name].x, spec.vehicles[name].y, spec.vehicles[name].yaw)
         for name, vehicle in vehicles.items()
@@ -92,11 +97,11 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
     try:
         engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity))
     except EngineError as error:
-        place = source.at("boxes" if spec.boxes else "vehicles")
-        raise SpecError([*errors, f"{place}: {error}. Many bodies at the same place?"], source.path) from None
-    errors += _overlapping_vehicles(vehicles, engine, source)
-    if errors:
-        raise SpecError(errors, source.path)
+        place = _at("boxes" if spec.boxes else "vehicles")
+        raise SpecProblems([*problems, (place, f": {error}. Many bodies at the same place?")]) from None
+    problems += _overlapping_vehicles(vehicles, engine)
+    if problems:
+        raise SpecProblems(problems)
     geoms = engine.geoms()
     body_vehicle = {engine.body(name)[0]: i for i, name in enumerate(vehicles)}
     shapes = _shapes(geoms, body_vehicle)
@@ -113,7 +118,8 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
     )
     state = empty_state(model, engine.body_count)
     geom_vehicle = np.array([body_vehicle.get(body, -1) for body in engine.geom_bodies], dtype=np.int64)
-    return Compiled(
+    return CompiledScenario(
+        specs=specs,
         spec=spec,
         map=map_,
         vehicles=vehicles,
@@ -140,7 +146,9 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
     )
 
 
-def set_factors(c: Compiled, factors: Mapping[str, Mapping[str, float]]) -> tuple[ScenarioSpec, dict[str, VehicleSpec]]:
+def set_factors(
+    c: CompiledScenario, factors: Mapping[str, Mapping[str, float]]
+) -> tuple[ScenarioSpec, dict[str, VehicleSpec]]:
     """Set the tables of the Model and the noise of the sensors in place; see `World.set_factors`.
 
     Returns scenario and vehicles with these factors.
@@ -161,19 +169,21 @@ def set_factors(c: Compiled, factors: Mapping[str, Mapping[str, float]]) -> tupl
     return c.spec.model_copy(update={"vehicles": placed}), vehicles
 
 
-def _race(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[Race | None, list[str]]:
-    """The race of a scenario, and errors. On a race track laps are always timed."""
+def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
+    """The race of a scenario, and problems. On a race track laps are always timed."""
+    spec = specs.scenario
     race = spec.race or RaceSpec()
     try:
-        track = Track.load(race.track) if race.track else map_.track
+        track = Track.of(specs.track.spec, specs.track.name) if specs.track else map_.track
         if track is None:
-            return None, [f"{source.at('race')}: map '{spec.map}' is no track; set 'track'"] if spec.race else []
-        rules = load_rules(race.rules)
+            return None, [(_at("race"), f": map '{spec.map}' is no track; set 'track'")] if spec.race else []
+        assert specs.rules is not None
+        rules = specs.rules.spec
         if race.laps is not None:
             rules = rules.model_copy(update={"race_laps": race.laps})
         return Race([*spec.vehicles], track, rules, spec.tick), []
     except SpecError as error:
-        return None, [f"{source.at('race')}: {text}" for text in error.errors]
+        return None, [(_at("race"), f": {text}") for text in error.errors]
 
 
 def _shapes(geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
@@ -210,45 +220,24 @@ def on_grid(spec: ScenarioSpec, map_: Map) -> ScenarioSpec:
     return spec.model_copy(update={"vehicles": placed})
 
 
-def placement_errors(spec: ScenarioSpec, source: Source) -> list[str]:
-    """Probable mistakes that a run accepts: vehicles outside the walls, and boxes that overlap other objects."""
-    try:
-        map_, _, _ = read_map(spec.map)
-    except SpecError:
-        return []
-    if map_ is None:
-        return []
-    spec = on_grid(spec, map_)
-    return [*_vehicles_outside(spec, map_, source), *_overlapping_boxes(spec, map_, source)]
+def _at(*location: str | int) -> Place:
+    """A value of the scenario."""
+    return Place(("scenario", *location))
 
 
-def _load(spec: ScenarioSpec, source: Source) -> tuple[Map | None, dict[str, VehicleSpec], list[str]]:
-    """The map without its faulty placements, the vehicles that can be loaded, and the errors of all files."""
-    errors: list[str] = []
-
-    def add(place: str, messages: list[str], path: str | Path) -> None:
-        errors.extend(f"{place}: {one}" + (f"  ({path})" if path else "") for one in messages)
-
-    map_: Map | None = None
+def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem]]:
+    """The map without its faulty placements, the valid vehicles, and the problems of all files."""
+    map_, of_map = compile_map(specs.map)
+    path = specs.map.path
+    problems: list[Problem] = [(_at("map"), ": ", *one, f"  ({path})" if path else "") for one in of_map]
     vehicles: dict[str, VehicleSpec] = {}
-    try:
-        map_, messages, path = read_map(spec.map)
-        add(source.at("map"), messages, path)
-    except SpecError as error:
-        add(source.at("map"), error.errors, error.path)
-    loaded: dict[str, VehicleSpec | SpecError] = {}
-    for name, placement in spec.vehicles.items():
-        if placement.type not in loaded:
-            try:
-                loaded[placement.type] = load_vehicle(placement.type)
-            except SpecError as error:
-                loaded[placement.type] = error
-        vehicle = loaded[placement.type]
-        if isinstance(vehicle, SpecError):
-            add(source.at("vehicles", name, "type"), vehicle.errors, vehicle.path)
-        else:
-            vehicles[name] = vehicle.with_mass_factor(placement.mass_factor)
-    return map_, vehicles, errors
+    for name, placement in specs.scenario.vehicles.items():
+        try:
+            vehicles[name] = specs.vehicles[placement.type].spec.with_mass_factor(placement.mass_factor)
+        except SpecError as error:
+            path = f"  ({error.path})" if error.path else ""
+            problems += [(_at("vehicles", name, "type"), f": {text}{path}") for text in error.errors]
+    return map_, vehicles, problems
 
 
 def _owners(engine: Engine) -> list[str]:
@@ -256,47 +245,51 @@ def _owners(engine: Engine) -> list[str]:
     return [name.split("/")[0] for name in engine.geom_names]
 
 
-def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine, source: Source) -> list[str]:
-    """An error for each vehicle that overlaps another object."""
+def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine) -> list[Problem]:
+    """A problem for each vehicle that overlaps another object."""
     owners = _owners(engine)
     pairs = {tuple(sorted((owners[a], owners[b]))) for a, b in engine.overlapping()}
     return [
-        f"{source.at('vehicles', [name for name in pair if name in vehicles][-1])}: '{pair[0]}' and '{pair[1]}' "
-        "overlap at the start; move one of them"
+        (
+            _at("vehicles", [name for name in pair if name in vehicles][-1]),
+            f": '{pair[0]}' and '{pair[1]}' overlap at the start; move one of them",
+        )
         for pair in sorted(pairs)
         if set(pair) & set(vehicles)
     ]
 
 
-def _vehicles_outside(spec: ScenarioSpec, map_: Map, source: Source) -> list[str]:
-    """An error for each vehicle outside the walls that enclose the roads of the map."""
+def _vehicles_outside(spec: ScenarioSpec, map_: Map) -> list[Problem]:
+    """A problem for each vehicle outside the walls that enclose the roads of the map."""
     if map_.enclosure is None:
         return []
     x0, y0, x1, y1 = map_.enclosure.bounds
     return [
-        f"{source.at('vehicles', name)}: ({vehicle.x:g}, {vehicle.y:g}) is outside the walls of map '{map_.name}', "
-        f"which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m"
+        (
+            _at("vehicles", name),
+            f": ({vehicle.x:g}, {vehicle.y:g}) is outside the walls of map '{map_.name}', "
+            f"which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m",
+        )
         for name, vehicle in spec.vehicles.items()
         if not map_.enclosure.covers(shapely.Point(vehicle.x, vehicle.y))
     ]
 
 
-def _overlapping_boxes(spec: ScenarioSpec, map_: Map, source: Source) -> list[str]:
-    """An error for each box of the scenario that overlaps a box or a fixed object."""
-    boxes, _ = _boxes(spec, map_, source)
+def _overlapping_boxes(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement]) -> list[Problem]:
+    """A problem for each box of the scenario that overlaps a box or a fixed object."""
     own = [box for box in boxes if box.name in spec.boxes]
-    lines = {box.name: source.line("boxes", box.name) for box in own}
-    labels = {name: f"box '{name}'{f' (line {line})' if line else ''}" for name, line in lines.items()}
-    solids = [(labels[box.name], box.plan, *box.span) for box in own]
+    solids: list[Solid] = [
+        (Place(("scenario", "boxes", box.name), f"box '{box.name}'"), box.plan, *box.span) for box in own
+    ]
     solids += [(f"'{one.name}'", one.plan, *one.span) for one in (*boxes, *map_.statics) if one.name not in spec.boxes]
     return overlaps(solids, len(own))
 
 
-def _boxes(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[list[BoxPlacement], list[str]]:
-    """The boxes of the map, then those of the scenario, which may replace a box of the map; and errors."""
+def _boxes(spec: ScenarioSpec, map_: Map) -> tuple[list[BoxPlacement], list[Problem]]:
+    """The boxes of the map, then those of the scenario, which may replace a box of the map; and problems."""
     of_map = {box.name: box for box in map_.boxes}
-    errors = [
-        f"{source.at('removed_boxes')}: the map has no box '{name}'. {suggest(name, list(of_map))}"
+    problems: list[Problem] = [
+        (_at("removed_boxes"), f": the map has no box '{name}'. {suggest(name, list(of_map))}")
         for name in spec.removed_boxes
         if name not in of_map
     ]
@@ -316,14 +309,17 @@ def _boxes(spec: ScenarioSpec, map_: Map, source: Source) -> tuple[list[BoxPlace
         for name, box in of_map.items()
         if name in placed or name not in removed
     ]
-    return [*kept, *(box for name, box in placed.items() if name not in removed)], errors
+    return [*kept, *(box for name, box in placed.items() if name not in removed)], problems
 
 
-def _names_used_twice(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement], source: Source) -> list[str]:
+def _names_used_twice(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement]) -> list[Problem]:
     names = Counter([*spec.vehicles, *(box.name for box in boxes), *(shape.name for shape in map_.statics), *RESERVED])
     return [
-        f"{source.at('boxes' if name in spec.boxes else 'vehicles', name)}: the name '{name}' is used twice; vehicles, "
-        f"boxes and fixed objects need different names, and none of them may be {' or '.join(RESERVED)}"
+        (
+            _at("boxes" if name in spec.boxes else "vehicles", name),
+            f": the name '{name}' is used twice; vehicles, boxes and fixed objects need different names, and none of "
+            f"them may be {' or '.join(RESERVED)}",
+        )
         for name in sorted({*spec.vehicles, *spec.boxes})
         if names[name] > 1
     ]
@@ -331,9 +327,9 @@ def _names_used_twice(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement], 
 
 def _configured(
     spec: ScenarioSpec, vehicles: dict[str, VehicleSpec]
-) -> tuple[dict[str, dict[str, ConfiguredSensor]], list[str]]:
-    """The sensors and cameras of all vehicles, and errors."""
-    errors: list[str] = []
+) -> tuple[dict[str, dict[str, ConfiguredSensor]], list[Problem]]:
+    """The sensors and cameras of all vehicles, and problems."""
+    problems: list[Problem] = []
     configured: dict[str, dict[str, ConfiguredSensor]] = {}
     for name, vehicle in vehicles.items():
         own = spec.vehicles[name]
@@ -346,8 +342,8 @@ def _configured(
                 noise_factor=own.noise_factor,
             )
         except SpecError as error:
-            errors += [f"vehicles.{name}.sensors.{one}" for one in error.errors]
-    return configured, errors
+            problems += [(f"vehicles.{name}.sensors.{one}",) for one in error.errors]
+    return configured, problems
 
 
 def _cameras(configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, dict[str, CameraSpec]]:

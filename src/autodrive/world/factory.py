@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from autodrive.base.errors import SpecError
 from autodrive.base.jit import announced
-from autodrive.base.specs import Source, find, source
+from autodrive.base.specs import SpecProblems, joined
 from autodrive.base.suggest import with_suggestions
 from autodrive.protocol.commands import check_seed
-from autodrive.scenario import DEFAULT, ScenarioSpec, load_scenario
+from autodrive.scenario import DEFAULT, ScenarioSpec
+from autodrive.scenario.descriptions import Descriptions
+from autodrive.scenario.files import read_scenario
 from autodrive.world import World
-from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.compile import CompiledScenario, compile_specs
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.backend import CameraBackend
@@ -20,10 +24,10 @@ if TYPE_CHECKING:
 
 @with_suggestions
 def make(
-    scenario: str | Path | ScenarioSpec = DEFAULT,
+    scenario: str | Path | ScenarioSpec | Descriptions = DEFAULT,
     seed: int | None = None,
     *,
-    cameras: bool | str | Callable[[Compiled], CameraBackend] = False,
+    cameras: bool | str | Callable[[CompiledScenario], CameraBackend] = False,
     engine: Literal["auto", "always"] = "auto",
 ) -> World:
     """The World of a scenario (name, file or Spec) in its initial state. Raises `SpecError`.
@@ -36,25 +40,32 @@ def make(
     `engine`: "auto" calls the contact engine only while something may touch; "always" calls it in every substep, which
     is slower and differs in the last bits only.
     """
-    spec, text = read_scenario(scenario)
+    descriptions = scenario if isinstance(scenario, Descriptions) else read_scenario(scenario)
     if seed is not None:
         check_seed(seed)
-        spec = spec.model_copy(update={"seed": int(seed)})
+        seeded = descriptions.specs.scenario.model_copy(update={"seed": int(seed)})
+        descriptions = replace(descriptions, specs=replace(descriptions.specs, scenario=seeded))
     with announced():
-        compiled = compile_scenario(spec, text)
+        compiled = compile_scenario(descriptions)
         return World(compiled, _camera_backend(compiled, cameras), engine=engine)
 
 
-def read_scenario(scenario: str | Path | ScenarioSpec) -> tuple[ScenarioSpec, Source | None]:
-    """The Spec, and the text that it comes from, if any."""
-    if isinstance(scenario, ScenarioSpec):
-        return scenario, None
-    path = find("scenario", scenario)
-    return load_scenario(path), source(path)
+def compile_scenario(
+    scenario: str | Path | ScenarioSpec | Descriptions, *, is_strict: bool = False
+) -> CompiledScenario:
+    """Read a scenario (name, file or Spec) and compile it. Raises `SpecError` with all errors and their places.
+
+    `is_strict`: see `compile_specs`.
+    """
+    descriptions = scenario if isinstance(scenario, Descriptions) else read_scenario(scenario)
+    try:
+        return compile_specs(descriptions.specs, is_strict=is_strict)
+    except SpecProblems as error:
+        raise SpecError(joined(error.problems, descriptions.lines), descriptions.path) from None
 
 
 def _camera_backend(
-    compiled: Compiled, cameras: bool | str | Callable[[Compiled], CameraBackend]
+    compiled: CompiledScenario, cameras: bool | str | Callable[[CompiledScenario], CameraBackend]
 ) -> CameraBackend | None:
     if cameras is False or not any(compiled.cameras.values()):
         return None

@@ -13,7 +13,7 @@ from autodrive.base.units import RPM
 from autodrive.physics.actuators.lights import lit_lamps
 from autodrive.physics.state import State, numbers, places
 from autodrive.protocol.messages import Event, Frame, Lights, ObjectFrame, Pose, RaceState, VehicleFrame, WheelsReading
-from autodrive.world.compile import Compiled
+from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import VehicleControls
 
 REVERSE_SPEED = -0.05 * RPM
@@ -23,7 +23,7 @@ REVERSE_SPEED = -0.05 * RPM
 class FrameBuilder:
     """Builds the Frames of one world; each Frame has copies of the State, which later ticks do not change."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: CompiledScenario) -> None:
         self._numbers = numbers(compiled.state)
         self._qpos = compiled.state.qpos
         self._sensors = compiled.sensors

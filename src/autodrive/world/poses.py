@@ -14,14 +14,14 @@ from autodrive.base.errors import CommandError
 from autodrive.base.transforms import Quaternion, Vector
 from autodrive.physics.tick import observe, place
 from autodrive.protocol.commands import MAX_DISTANCE, is_number
-from autodrive.world.compile import Compiled
+from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import Controls
 
 
 class Poses:
     """The poses of a world. A pose is a position [m] and a quaternion wxyz, shape (7,)."""
 
-    def __init__(self, compiled: Compiled, controls: Controls) -> None:
+    def __init__(self, compiled: CompiledScenario, controls: Controls) -> None:
         self._compiled = compiled
         self._controls = controls
         self.held: dict[str, tuple[float, ...]] = {}
@@ -134,7 +134,7 @@ class Poses:
         )
 
 
-def _overlaps(c: Compiled, name: str) -> str:
+def _overlaps(c: CompiledScenario, name: str) -> str:
     """Names of the things that a vehicle or an object overlaps."""
     pairs = [{c.owners[a], c.owners[b]} for a, b in c.engine.overlapping()]
     return ", ".join(sorted({f"'{other}'" for pair in pairs if name in pair for other in pair - {name}}))

@@ -13,7 +13,7 @@ import numpy as np
 from autodrive.base.errors import SnapshotError
 from autodrive.physics.state import State
 from autodrive.protocol.messages import Frame
-from autodrive.world.compile import Compiled
+from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import VehicleControls
 from autodrive.world.light import SceneLight
 
@@ -46,7 +46,7 @@ class Snapshot(NamedTuple):
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
-def identity(c: Compiled) -> str:
+def identity(c: CompiledScenario) -> str:
     """Hash of everything that a snapshot must have in common with a world."""
     tables = c.model.vehicles.tolist(), c.model.wheels.tolist()
     parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables, c.sensors.noise_factors

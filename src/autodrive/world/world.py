@@ -24,7 +24,7 @@ from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is
 from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import Command, Event, Frame, RaceStatus
 from autodrive.scenario import FACTOR_LIMITS
-from autodrive.world.compile import Compiled, set_factors
+from autodrive.world.compile import CompiledScenario, set_factors
 from autodrive.world.controls import Controls
 from autodrive.world.frames import FrameBuilder
 from autodrive.world.light import SceneLight
@@ -51,7 +51,7 @@ class World(OneThread):
 
     def __init__(
         self,
-        compiled: Compiled,
+        compiled: CompiledScenario,
         cameras: CameraBackend | None = None,
         *,
         engine: Literal["auto", "always"] = "auto",
@@ -64,6 +64,8 @@ class World(OneThread):
         self._is_closed = False
         self._compiled = compiled
         self._cameras = cameras
+        self.specs = compiled.specs
+        """Of the scenario and of its files."""
         self.spec = compiled.spec
         """The scenario from which `reset` starts."""
         self.map = compiled.map
@@ -278,7 +280,7 @@ class World(OneThread):
         self._show(is_moved=True)
 
     @by_one_thread
-    def start_from(self, compiled: Compiled) -> None:
+    def start_from(self, compiled: CompiledScenario) -> None:
         """Let `reset` start from that scenario, which may differ from the present one in its poses only."""
         self._start = compiled.engine.start
         self.spec = compiled.spec

@@ -17,7 +17,7 @@ import pytest
 
 import autodrive
 from autodrive import Frame, ScenarioSpec, Simulation
-from autodrive.base.specs import find
+from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of

@@ -20,8 +20,8 @@ import yaml
 
 import autodrive
 from autodrive import Frame, ScenarioSpec, Simulation
-from autodrive.base.specs import find
 from autodrive.base.transforms import euler_from_quaternion
+from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.scenario import VehiclePlacement, load_scenario

@@ -26,7 +26,8 @@ from autodrive.experiments.policies.racer import PERIOD, PolicyRacer
 from autodrive.protocol.messages import Command
 from autodrive.recording import open as open_recording
 from autodrive.recording.resimulation import resimulate
-from autodrive.scenario import ScenarioSpec, VehiclePlacement, scenario_text
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario.files import scenario_text
 from autodrive.scenario.maps.map import load_map
 from autodrive.world.compile import on_grid
 from tests.support.command_line import call, interrupted_when

@@ -22,7 +22,8 @@ from autodrive.world import World
 from autodrive.world.batch import BatchWorld
 from autodrive.world.batch_camera import BatchCamera
 from autodrive.world.cameras import camera_rig
-from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.compile import CompiledScenario
+from autodrive.world.factory import compile_scenario
 
 SIZE = 84, 64
 PLACES = [
@@ -76,7 +77,7 @@ def scenario() -> ScenarioSpec:
 
 
 @pytest.fixture(scope="module")
-def compiled(scenario: ScenarioSpec) -> Compiled:
+def compiled(scenario: ScenarioSpec) -> CompiledScenario:
     return compile_scenario(scenario)
 
 
@@ -86,14 +87,14 @@ def world(scenario: ScenarioSpec) -> World:
 
 
 @pytest.fixture(scope="module")
-def camera(gl: str, compiled: Compiled) -> BatchCamera:
+def camera(gl: str, compiled: CompiledScenario) -> BatchCamera:
     return BatchCamera(compiled, "V1", "front", size=SIZE)
 
 
 class SingleCameras:
     """The cameras of a World, with small images; each is drawn alone."""
 
-    def __init__(self, compiled: Compiled, quality: str = "small") -> None:
+    def __init__(self, compiled: CompiledScenario, quality: str = "small") -> None:
         rig = camera_rig(compiled, quality)
         edges = {"width": SIZE[0], "height": SIZE[1]}
         small = tuple(slot._replace(spec=slot.spec.model_copy(update=edges)) for slot in rig.slots)
@@ -108,7 +109,7 @@ class SingleCameras:
 
 
 @pytest.fixture(scope="module")
-def single(gl: str, compiled: Compiled) -> SingleCameras:
+def single(gl: str, compiled: CompiledScenario) -> SingleCameras:
     return SingleCameras(compiled)
 
 
@@ -168,13 +169,13 @@ def test_images_equal_those_of_a_single_world_by_night(
     assert images.mean() < 0.6 * camera.render(states_of(frames)).mean()
 
 
-def test_the_rear_camera_shows_what_is_behind(world: World, single: SingleCameras, compiled: Compiled) -> None:
+def test_the_rear_camera_shows_what_is_behind(world: World, single: SingleCameras, compiled: CompiledScenario) -> None:
     frames = driven(world)
     rear = BatchCamera(compiled, "V1", "rear", size=SIZE)
     assert_alike(rear.render(states_of(frames)), single.images(frames, "rear"))
 
 
-def test_edges_are_smoothed_as_in_a_single_world(world: World, compiled: Compiled) -> None:
+def test_edges_are_smoothed_as_in_a_single_world(world: World, compiled: CompiledScenario) -> None:
     frames = driven(world)[:2]
     plain, smooth = (
         BatchCamera(compiled, "V1", "front", size=SIZE, quality=f"software{kind}") for kind in ("", "-fxaa")
@@ -205,7 +206,7 @@ def test_an_image_does_not_depend_on_the_other_worlds_nor_on_its_place(
 
 
 def test_shadows_of_moved_boxes_are_those_of_a_new_renderer(
-    camera: BatchCamera, compiled: Compiled, day: tuple[States, NDArray[np.uint8]]
+    camera: BatchCamera, compiled: CompiledScenario, day: tuple[States, NDArray[np.uint8]]
 ) -> None:
     """Only a part of the shadow map is drawn again."""
     states = day[0].rows([0, 0, 0])
@@ -233,7 +234,7 @@ def test_a_world_that_has_diverged_does_not_disturb_the_others(
 
 
 def test_images_have_any_size_and_no_worlds_give_none(
-    gl: str, compiled: Compiled, day: tuple[States, NDArray[np.uint8]]
+    gl: str, compiled: CompiledScenario, day: tuple[States, NDArray[np.uint8]]
 ) -> None:
     wide = BatchCamera(compiled, "V2", "front", size=(33, 7))
     assert wide.render(day[0].rows([0, 1])).shape == (2, 7, 33, 3)

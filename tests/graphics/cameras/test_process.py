@@ -18,7 +18,7 @@ from autodrive.protocol.messages import CameraImage, Command, SetSceneLight, Tel
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from autodrive.world.cameras import camera_rig
-from autodrive.world.compile import Compiled
+from autodrive.world.compile import CompiledScenario
 from autodrive.world.simulation import Simulation
 from tests.support.waiting import LIMIT, is_alive, wait_until
 
@@ -44,7 +44,7 @@ def made(
 ) -> tuple[World, CameraProcess]:
     backends: list[CameraProcess] = []
 
-    def start(compiled: Compiled) -> CameraProcess:
+    def start(compiled: CompiledScenario) -> CameraProcess:
         rig = camera_rig(compiled)
         backend = CameraProcess(rig, is_wanted=is_wanted, clock=clock or Clock(), allocate_memory=allocate_memory)
         backends.append(backend)

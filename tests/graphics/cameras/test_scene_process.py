@@ -27,7 +27,7 @@ from autodrive.protocol.messages import Frame
 from autodrive.protocol.native import SetCamera
 from autodrive.world import World
 from autodrive.world.cameras import camera_rig
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 from tests.support.waiting import LIMIT, is_alive, wait_until
 
 pytestmark = pytest.mark.process

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.graphics.meshes.map import box_asset, map_asset
 from autodrive.protocol.labels import Label
 from autodrive.scenario.maps import load_map
@@ -15,8 +15,8 @@ from autodrive.scenario.maps.ground import SIMPLIFY_TOLERANCE, floor_extent
 
 pytestmark = pytest.mark.slow
 
-MAPS = [("map", name) for name in specs.names("map")]
-ALL = MAPS + [("module", name) for name in specs.names("module")]
+MAPS = [("map", name) for name in yaml_files.names("map")]
+ALL = MAPS + [("module", name) for name in yaml_files.names("module")]
 
 
 def of(kind, name):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import parse
+from autodrive.base.yaml_files import parse
 from autodrive.graphics.assets.asset import Asset, Detail
 from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.meshes.vehicle_paint import linear
@@ -19,7 +19,7 @@ from autodrive.physics.actuators.lights import LAMPS
 from autodrive.protocol.messages import WHEEL_NAMES
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 from tests.graphics.meshes.test_vehicle import Floats, car, corners, places
 
 pytestmark = pytest.mark.slow

@@ -14,7 +14,7 @@ from autodrive.graphics.meshes import store
 from autodrive.graphics.meshes.store import cached, scene_of
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 from tests.support.example_asset import assert_same, example
 
 

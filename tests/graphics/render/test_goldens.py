@@ -23,9 +23,9 @@ from autodrive.physics.actuators.lights import lamp_levels, lit_lamps
 from autodrive.physics.sensors.camera import world_from_camera
 from autodrive.physics.sensors.camera_view import View
 from autodrive.protocol.messages import Headlights, Indicators
-from autodrive.scenario import load_scenario
 from autodrive.scenario.vehicles.spec import load_vehicle
-from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.compile import CompiledScenario
+from autodrive.world.factory import compile_scenario
 from tests.support.scenes import needs_gl, pinhole
 
 pytestmark = needs_gl
@@ -47,7 +47,7 @@ LIGHTS = {
 """Whether the scene light is on; for all vehicles: headlights, indicators (lit), whether they brake."""
 
 
-def placed(compiled: Compiled, light: str) -> RenderState:
+def placed(compiled: CompiledScenario, light: str) -> RenderState:
     """Everything where the scenario places it, the front wheels turned to the left."""
     state = RenderState.empty(len(compiled.vehicles), len(compiled.boxes))
     is_day, headlights, indicators, is_braking = LIGHTS[light]
@@ -99,13 +99,13 @@ POSES: dict[str, tuple[str, Callable[[RenderState], View]]] = {
 @pytest.fixture(scope="module")
 def draw() -> Iterator[Callable[[str, str, str], np.ndarray]]:
     """Draws a pose in a light with a quality: RGB."""
-    compiled: dict[str, Compiled] = {}
+    compiled: dict[str, CompiledScenario] = {}
     renderers: dict[tuple[str, str], Renderer] = {}
 
     def drawn(pose: str, light: str, quality: str = "software") -> np.ndarray:
         scenario, view = POSES[pose]
         if scenario not in compiled:
-            compiled[scenario] = compile_scenario(load_scenario(scenario))
+            compiled[scenario] = compile_scenario(scenario)
         if (scenario, quality) not in renderers:
             renderers[scenario, quality] = Renderer(scene_of(compiled[scenario]), quality)
         state = placed(compiled[scenario], light)

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import parse
 from autodrive.base.transforms import (
     Quaternion,
     Vector,
@@ -29,6 +28,7 @@ from autodrive.base.transforms import (
     rotate,
     rotation_from_quaternion,
 )
+from autodrive.base.yaml_files import parse
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.outline import approximate_bearing
 from autodrive.physics.sensors.sensor import Mount

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from autodrive.base.arrays import Floats
-from autodrive.base.specs import parse
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.base.units import DEGREE, STANDARD_GRAVITY
+from autodrive.base.yaml_files import parse
 from autodrive.physics.sensors.encoder import EncoderSpec
 from autodrive.physics.sensors.imu import ImuNoise, ImuSpec
 from autodrive.physics.sensors.ips import IpsSpec

@@ -5,7 +5,7 @@ import math
 import pytest
 import shapely
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.physics.model import BOX
 from autodrive.scenario import load_scenario
 from autodrive.scenario.maps import load_map
@@ -20,7 +20,7 @@ def flat(map_):
     return [one for one in map_.modules if one.module.spec.type not in {"terrain", "obstruction"}]
 
 
-@pytest.mark.parametrize("name", specs.names("map"))
+@pytest.mark.parametrize("name", yaml_files.names("map"))
 def test_every_map_that_comes_with_the_simulator_is_sound(name):
     assert load_map(name).name == name
 
@@ -42,7 +42,7 @@ def test_vehicle_starts_in_the_middle_of_a_lane_and_along_it(name):
 
 def test_mini_map_contains_every_module():
     map_ = load_map("mini_map")
-    assert {one.module.name for one in map_.modules} == set(specs.names("module"))
+    assert {one.module.name for one in map_.modules} == set(yaml_files.names("module"))
     assert len(map_.boxes) == 8
 
 

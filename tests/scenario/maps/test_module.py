@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import shapely
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import parse
-from autodrive.scenario.maps.module import DRIVING_SIDE, ModuleSpec, load_module
+from autodrive.base.yaml_files import parse
+from autodrive.scenario.maps.map import load_module
+from autodrive.scenario.maps.module import DRIVING_SIDE, ModuleSpec
 from autodrive.scenario.maps.shapes import CHORD_ERROR
 
 QUARTER = math.pi / 4.0
@@ -43,7 +44,7 @@ MINIMUM_TURNING_RADIUS = 0.24515
 
 
 def test_the_modules_are_the_nine_of_the_report_and_the_filler():
-    kit = {load_module(name).spec.title: load_module(name).spec.type for name in specs.names("module")}
+    kit = {load_module(name).spec.title: load_module(name).spec.type for name in yaml_files.names("module")}
     assert kit == {**TABLE_11, "Road Patch": "road"}
 
 

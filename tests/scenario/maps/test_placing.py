@@ -8,8 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from autodrive.base.errors import SpecError
-from autodrive.scenario.maps import MapSpec, compile_map, load_map, load_module
-from autodrive.scenario.maps.placing import Placement
+from autodrive.scenario.maps import MapSpec, load_map, load_module
+from autodrive.scenario.maps.spec import Placement
 
 angles = st.floats(-180.0, 180.0)
 lengths = st.floats(-20.0, 20.0)
@@ -47,7 +47,7 @@ def test_chain_of_modules_joins_wherever_it_lies_and_however_it_is_turned(names,
     turns = sum("north" in load_module(name).spec.ports for name in names)
     assume(turns <= 2)  # three left turns and a bit: the chain would run into itself
     placements = with_open_ends(chain(["straight_road", *names], x, y, yaw_deg))
-    map_ = compile_map(MapSpec(title="Chain", placements=tuple(placements)))
+    map_ = load_map(MapSpec(title="Chain", placements=tuple(placements)))
     assert len(map_.joins) == 2 * len(names)
     areas = sum(load_module(name).drivable.area for name in ["straight_road", *names])
     # the union is taken on a grid of a micrometre, along a few metres of outline
@@ -64,7 +64,7 @@ def test_error_of_a_displaced_module_says_how_to_move_it(yaw_deg, dx, dy):
     first, second = with_open_ends(chain(["straight_road", "straight_road"], 0.0, 0.0, yaw_deg))
     moved = second.model_copy(update={"x": second.x + dx, "y": second.y + dy})
     with pytest.raises(SpecError, match="do not meet") as caught:
-        compile_map(MapSpec(title="Gap", placements=(first, moved)))
+        load_map(MapSpec(title="Gap", placements=(first, moved)))
     shift = next(error for error in caught.value.errors if "do not meet" in error).split("by (")[1].split(")")[0]
     assert [float(number) for number in shift.split(",")] == pytest.approx([-dx, -dy], abs=1e-3)  # four digits
 

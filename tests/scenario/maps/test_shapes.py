@@ -6,7 +6,7 @@ import pytest
 import shapely
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import parse
+from autodrive.base.yaml_files import parse
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.shapes import CHORD_ERROR, Arc, Line, Polygon, Rectangle, Sector, arc
 

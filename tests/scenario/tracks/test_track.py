@@ -11,7 +11,7 @@ import shapely
 
 import autodrive
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import names
+from autodrive.base.yaml_files import names
 from autodrive.scenario import VehiclePlacement
 from autodrive.scenario.maps.map import load_map, track_map
 from autodrive.scenario.tracks.generate import generate_track

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import parse
+from autodrive.base.yaml_files import parse
 from autodrive.scenario.vehicles.parameters import effective_masses, sprung_masses
 from autodrive.scenario.vehicles.spec import FrictionCurve, VehicleSpec, load_vehicle
 

@@ -15,7 +15,7 @@ import yaml
 from autodrive import Command, Frame, make
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, SpecError
-from autodrive.base.specs import find
+from autodrive.base.yaml_files import find
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.batch import BatchWorld, Readings

@@ -12,8 +12,8 @@ import pytest
 import autodrive
 from autodrive import Command, CommandError, Frame, Simulation, SpecError
 from autodrive.base.errors import AutodriveError
-from autodrive.base.specs import parse
 from autodrive.base.transforms import euler_from_quaternion
+from autodrive.base.yaml_files import parse
 from autodrive.protocol.messages import (
     AddBox,
     LoadScenario,
@@ -26,7 +26,8 @@ from autodrive.protocol.messages import (
     Teleport,
     Undo,
 )
-from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, scenario_text
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.files import scenario_text
 from autodrive.world import World
 from tests.support.cars import car_file
 from tests.support.command_line import call

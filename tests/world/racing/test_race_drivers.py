@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 import autodrive
-from autodrive.base.specs import names
+from autodrive.base.yaml_files import names
 from autodrive.protocol.messages import Command, RaceStatus, VehicleFrame
 from autodrive.run.race import TICK, RaceOptions, race
 from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement

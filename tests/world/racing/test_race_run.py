@@ -19,7 +19,7 @@ import yaml
 
 from autodrive import Client, Command
 from autodrive.base.errors import AutodriveError, CommandError, SpecError
-from autodrive.base.specs import find
+from autodrive.base.yaml_files import find
 from autodrive.connect.devkit import RoboRacer, Server
 from autodrive.protocol.messages import Frame
 from autodrive.run.race import RaceOptions, race

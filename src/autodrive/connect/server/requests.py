@@ -17,7 +17,7 @@ from autodrive.connect.server.request_queue import MAX_PENDING, SHARE, Entry, Re
 from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
-from autodrive.scenario import scenario_text
+from autodrive.scenario.files import scenario_text
 
 if TYPE_CHECKING:
     from autodrive.connect.server.bridge_control import BridgeControl

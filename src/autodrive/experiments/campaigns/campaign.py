@@ -11,10 +11,11 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from pydantic import Field, field_validator
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.base.errors import AutodriveError, SpecError
-from autodrive.base.specs import Source, Spec
+from autodrive.base.specs import Spec
 from autodrive.base.suggest import suggest
+from autodrive.base.yaml_files import Source
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.expression import Expression
 from autodrive.experiments.campaigns.metrics import METRICS
@@ -23,7 +24,7 @@ from autodrive.experiments.policies.policy import DATA as POLICIES
 from autodrive.experiments.policies.policy import Policy
 from autodrive.protocol.messages import Event
 from autodrive.scenario import ScenarioSpec, load_scenario
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 
 Recorded: TypeAlias = Literal["none", "failures", "all"]
 EVENTS = sorted(kind.__name__ for kind in get_args(Event))
@@ -104,8 +105,8 @@ class Campaign:
     def load(cls, path: str | Path) -> Campaign:
         """Read a file and everything that it names. Raises `SpecError` with all errors."""
         path = Path(path)
-        source = specs.source(path)
-        spec, errors = specs.readable(source, CampaignSpec)
+        source = yaml_files.source(path)
+        spec, errors = yaml_files.readable(source, CampaignSpec)
         if isinstance(spec, CampaignSpec) and not errors:
             return cls._checked(spec, source, path)
         raise SpecError([error.replace("pass_", "pass") for error in errors], str(path))

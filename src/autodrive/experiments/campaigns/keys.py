@@ -16,7 +16,7 @@ from autodrive.base.cache import PACKAGE, cache_folder
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.campaign import FUNCTION, Campaign, Run
 from autodrive.experiments.campaigns.runner import Result
-from autodrive.recording.scenario_files import files_of
+from autodrive.scenario.files import described, files_of
 
 ROWS = cache_folder("campaigns").with_name("campaigns") / "rows.sqlite"
 """The rows of all campaigns of this user."""
@@ -41,7 +41,7 @@ class Keys:
         named = {path: one for path, one in run.values.items() if path in ("map", "race") or path.endswith(".type")}
         names = json.dumps(named)
         if names not in self._files:
-            texts = files_of(parameters.applied(self._campaign.scenario, named))
+            texts = files_of(described(parameters.applied(self._campaign.scenario, named)).specs)
             self._files[names] = _hash(*(f"{name.partition('/')[0]}\n{texts[name]}" for name in sorted(texts)))
         return _hash(self._base, self._files[names], json.dumps(run.values, sort_keys=True), str(run.seed))
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import yaml
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.base.cache import PACKAGE
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.keys import own_files
 from autodrive.scenario import ScenarioSpec
-from autodrive.scenario.maps.map import find_map
+from autodrive.scenario.files import find_map
 
 YAML = {".yaml", ".yml"}
 
@@ -95,7 +95,7 @@ def _of_scenario(scenario: ScenarioSpec) -> set[Path]:
     files = {Path(name) for name in names if Path(name).suffix in YAML}
     if Path(scenario.map) in files:
         map_ = find_map(scenario.map)
-        tree = yaml.safe_load(yaml.safe_dump(specs.source(map_).tree))
+        tree = yaml.safe_load(yaml.safe_dump(yaml_files.source(map_).tree))
         modules = {Path(str(one["module"])) for one in tree.get("placements") or ()}
         files |= {map_.parent / one for one in modules if one.suffix in YAML}
     return files

@@ -12,12 +12,13 @@ from typing import Any
 
 import yaml
 
-from autodrive.base import specs
+from autodrive.base import specs, yaml_files
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest
 from autodrive.experiments.campaigns.sampling import Range, Value
 from autodrive.scenario import ScenarioSpec
-from autodrive.scenario.maps.map import MapSpec, find_map
+from autodrive.scenario.files import find_map
+from autodrive.scenario.maps.spec import MapSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 LATENCY = "latency"
@@ -88,7 +89,7 @@ def applied(scenario: ScenarioSpec, values: Mapping[str, Value]) -> ScenarioSpec
         if name not in spec.vehicles:
             raise SpecError([f"there is no vehicle '{name}'. {suggest(name, list(spec.vehicles))}"])
         placed = spec.vehicles[name]
-        file = str(specs.find("vehicle", placed.type))
+        file = str(yaml_files.find("vehicle", placed.type))
         changed = placed.model_copy(update={"type": _changed_file("vehicle", file, changes)})
         spec = spec.model_copy(update={"vehicles": {**spec.vehicles, name: changed}})
     return spec
@@ -116,7 +117,7 @@ def _set(tree: dict[str, Any], path: str, value: Value) -> None:
 
 def _changed_file(kind: str, path: str, changes: Mapping[str, Value]) -> str:
     """Path of a copy of a file with other values. Raises `SpecError`."""
-    source = specs.source(Path(path))
+    source = yaml_files.source(Path(path))
     tree = yaml.safe_load(yaml.safe_dump(source.tree))
     for name, value in changes.items():
         _set(tree, name, value)

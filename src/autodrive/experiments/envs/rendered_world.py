@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from autodrive.graphics.render.renderer import Renderer
     from autodrive.scenario import ScenarioSpec
     from autodrive.world.batch_camera import BatchCamera
-    from autodrive.world.compile import Compiled
+    from autodrive.world.compile import CompiledScenario
     from autodrive.world.simulation import Simulation
 
 WIDTH, HEIGHT = 640, 360
@@ -93,7 +93,7 @@ class RenderedWorld:
         """Stop the page, and free the renderers."""
         self._open.close()
 
-    def _cameras(self, compiled: Compiled) -> CameraBackend:
+    def _cameras(self, compiled: CompiledScenario) -> CameraBackend:
         """The front cameras, with small images: one for each step."""
         from autodrive.graphics.cameras.tick_cameras import TickCameras  # noqa: PLC0415
         from autodrive.world.cameras import camera_rig  # noqa: PLC0415

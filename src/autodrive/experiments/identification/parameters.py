@@ -13,7 +13,8 @@ from typing import Any
 import yaml
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import checked, find, parse, read, source
+from autodrive.base.specs import checked
+from autodrive.base.yaml_files import find, parse, read, source
 from autodrive.experiments.identification.drive import IdentificationError
 from autodrive.scenario.vehicles.spec import VehicleSpec
 

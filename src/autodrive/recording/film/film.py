@@ -22,7 +22,8 @@ from autodrive.protocol.native import SetCamera
 from autodrive.recording.film.overlay import with_overlay
 from autodrive.recording.film.video import Video
 from autodrive.world.cameras import camera_rig
-from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.compile import CompiledScenario
+from autodrive.world.factory import compile_scenario
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
@@ -169,7 +170,7 @@ class _Shooting:
         return spec.width, spec.height
 
 
-def _names(compiled: Compiled, options: FilmOptions) -> tuple[str, str]:
+def _names(compiled: CompiledScenario, options: FilmOptions) -> tuple[str, str]:
     """The vehicle and the camera. Raises `AutodriveError`."""
     vehicle, _, camera = options.camera.rpartition("/")
     vehicle = vehicle or options.vehicle or next(iter(compiled.vehicles), "")

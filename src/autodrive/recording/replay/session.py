@@ -27,7 +27,7 @@ from autodrive.world.scene_files import SceneFiles
 if TYPE_CHECKING:
     from autodrive.scenario import ScenarioSpec
     from autodrive.world import World
-    from autodrive.world.compile import Compiled
+    from autodrive.world.compile import CompiledScenario
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class _Stages:
             return Stage(make(spec))
         drawn: list[CameraProcess] = []
 
-        def start(compiled: Compiled) -> CameraProcess:
+        def start(compiled: CompiledScenario) -> CameraProcess:
             drawn.append(camera_process(compiled, self._quality, is_wanted=False))
             return drawn[0]
 

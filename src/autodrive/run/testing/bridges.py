@@ -10,9 +10,8 @@ from typing import Protocol
 
 from autodrive.protocol.messages import Frame
 from autodrive.run.testing.conformance import ConformanceError
-from autodrive.scenario import load_scenario
 from autodrive.world import World
-from autodrive.world.compile import compile_scenario
+from autodrive.world.factory import compile_scenario
 from autodrive.world.simulation import Simulation
 
 PATIENCE = 20.0
@@ -46,7 +45,7 @@ def check_bridge(make: Callable[[Simulation], Bridge], *, scenario: str | Path =
     - A closed bridge can be started again.
     """
     errors: list[str] = []
-    world = World(compile_scenario(load_scenario(scenario)))
+    world = World(compile_scenario(scenario))
     before = set(threading.enumerate())
     simulation = Simulation(world, speed=None)
     bridge = make(simulation)

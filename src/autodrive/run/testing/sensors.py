@@ -13,9 +13,9 @@ from autodrive.physics.sensors.sensor import Sensor, random_generator
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Command
 from autodrive.run.testing.conformance import ConformanceError
-from autodrive.scenario import load_scenario
 from autodrive.world import World
-from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.compile import CompiledScenario
+from autodrive.world.factory import compile_scenario
 
 
 def check_sensor(
@@ -58,7 +58,7 @@ class _SensorRun:
     """Drives the first vehicle of a scenario and samples one sensor on it."""
 
     def __init__(self, scenario: str | Path, command: Command) -> None:
-        self._compiled: Compiled = compile_scenario(load_scenario(scenario))
+        self._compiled: CompiledScenario = compile_scenario(scenario)
         self._world = World(self._compiled)
         self._vehicle = self._world.vehicle_names[0]
         self._commands = {self._vehicle: command}

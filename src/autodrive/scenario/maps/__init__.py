@@ -2,8 +2,8 @@
 
 from autodrive.scenario.maps.area import drivable_edges, is_inside
 from autodrive.scenario.maps.lanes import Lane, LaneGraph, LanePoint
-from autodrive.scenario.maps.map import Map, MapSpec, Marking, ParkingBay, Surface, compile_map, load_map
-from autodrive.scenario.maps.module import DRIVING_SIDE, Module, ModuleSpec, Port, load_module
+from autodrive.scenario.maps.map import Map, MapSpec, Marking, ParkingBay, Surface, load_map, load_module
+from autodrive.scenario.maps.module import DRIVING_SIDE, Module, ModuleSpec, Port
 from autodrive.scenario.maps.props import Prop
 from autodrive.scenario.maps.solids import BoxPlacement, StaticShape
 
@@ -23,7 +23,6 @@ __all__ = [
     "Prop",
     "StaticShape",
     "Surface",
-    "compile_map",
     "drivable_edges",
     "is_inside",
     "load_map",

@@ -16,11 +16,10 @@ from autodrive.base.arrays import Floats
 from autodrive.base.cache import write_file
 from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.icons import icon
-from autodrive.scenario.maps.map import GRID, Map, MapSpec, compile_map
-from autodrive.scenario.maps.module import load_module
-from autodrive.scenario.maps.placing import Placement
+from autodrive.scenario.maps.map import GRID, Map, load_map, load_module
 from autodrive.scenario.maps.shapes import Pose, moved, rectangle
 from autodrive.scenario.maps.solids import BoxPlacement, StaticShape
+from autodrive.scenario.maps.spec import MapSpec, Placement
 
 Overlay: TypeAlias = Literal["lanes", "ports", "bays"]
 OVERLAYS: tuple[Overlay, ...] = ("lanes", "ports", "bays")
@@ -110,7 +109,7 @@ def module_alone(name: str) -> Map:
     """A map that contains only that module, at the origin."""
     module = load_module(name)
     is_open = bool(module.spec.ports)
-    return compile_map(MapSpec(title=module.spec.title, placements=(Placement(module=name, x=0, y=0, open=is_open),)))
+    return load_map(MapSpec(title=module.spec.title, placements=(Placement(module=name, x=0, y=0, open=is_open),)))
 
 
 def _surfaces(map_: Map) -> Iterator[str]:

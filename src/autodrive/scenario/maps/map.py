@@ -1,31 +1,31 @@
-"""Maps: a YAML file with placed modules, walls, blocks and signs, compiled to drivable area, solids and markings."""
+"""Maps: a MapSpec with placed modules, walls, blocks and signs, compiled to drivable area, solids and markings."""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeAlias
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
 from shapely.geometry.base import BaseGeometry
 
 from autodrive.base import specs
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Spec
+from autodrive.base.specs import Place
 from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.area import drivable_edges
 from autodrive.scenario.maps.lanes import LaneGraph, Piece, lane_graph
-from autodrive.scenario.maps.module import MarkingKind
-from autodrive.scenario.maps.placing import PlacedModule, Placement, PortId, join, overlaps, place
-from autodrive.scenario.maps.props import Prop, PropSpec, prop_shapes
-from autodrive.scenario.maps.shapes import Extent, Pose, Shapes, rectangle
-from autodrive.scenario.maps.solids import BlockSpec, BoxPlacement, StaticShape, WallSpec, block_shape, wall_shapes
+from autodrive.scenario.maps.module import MarkingKind, Module, compile_module
+from autodrive.scenario.maps.placing import PlacedModule, PortId, Solid, join, overlaps, place
+from autodrive.scenario.maps.props import Prop, prop_shapes
+from autodrive.scenario.maps.shapes import Pose, rectangle
+from autodrive.scenario.maps.solids import BoxPlacement, StaticShape, block_shape, wall_shapes
+from autodrive.scenario.maps.spec import DescribedMap, GroundSpec, MapSpec
 from autodrive.scenario.maps.track_map import barriers, lane, pieces, road, start_line
 from autodrive.scenario.tracks.track import Track, TrackSpec
 
@@ -33,50 +33,10 @@ GRID = 1e-6
 """Grid for unions of polygons [m], so that modules that touch leave no sliver between them."""
 
 
-MAX_PLACEMENTS = 1000
-MAX_STATICS = 2000
-"""Of the points of walls, the blocks and the parts (two each) of signs and traffic lights of a map."""
 MAX_EXTENT = 1000.0
 """Of a map along x and y [m]."""
 RESERVED = ("ground", "world")
 """Names that the engine uses itself."""
-
-Friction: TypeAlias = Annotated[float, Field(ge=0.0, le=100.0)]
-
-
-class GroundSpec(Spec):
-    """The floor under everything: the plane z = 0."""
-
-    length: Extent = 20.0
-    """Drawn extent along x [m]; the plane itself is infinite."""
-    width: Extent = 20.0
-    """Drawn extent along y [m]."""
-    friction: Friction = 0.6
-    """Coulomb coefficient between the ground and bodies such as boxes (Unity's default material)."""
-    grip: Friction = 1.0
-    """Factor on the friction of the tyres: 1 on a dry road, less on a wet road."""
-
-
-class MapSpec(Spec):
-    """A map: placed modules and the solid objects around them."""
-
-    title: str
-    note: str = ""
-    ground: GroundSpec = GroundSpec()
-    paved: Shapes = ()
-    """Drivable ground in addition to the roads of the modules."""
-    placements: Annotated[tuple[Placement, ...], Field(max_length=MAX_PLACEMENTS)] = ()
-    walls: tuple[WallSpec, ...] = ()
-    blocks: tuple[BlockSpec, ...] = ()
-    props: tuple[PropSpec, ...] = ()
-
-    @model_validator(mode="after")
-    def _is_small_enough(self) -> MapSpec:
-        count = sum(len(wall.points) for wall in self.walls) + len(self.blocks) + 2 * len(self.props)
-        if count > MAX_STATICS:
-            text = f"{count} points of walls, blocks, and parts of signs and lights; at most {MAX_STATICS} are possible"
-            raise specs.RuleError([(("walls" if self.walls else "blocks",), text)])
-        return self
 
 
 @dataclass(frozen=True)
@@ -139,37 +99,41 @@ class Map:
     """The race track, if the map is one; its barriers are in `statics`."""
 
 
-def load_map(name: str | Path) -> Map:
-    """Load and compile the map with that name or path. Raises `SpecError` with all errors of the file."""
-    map_, errors, path = read_map(name)
-    if errors or map_ is None:
-        raise SpecError(errors, str(path))
+def load_map(name: str | Path | MapSpec) -> Map:
+    """Load and compile the map with that name or path, or of a Spec. Raises `SpecError` with all errors."""
+    from autodrive.scenario import files  # noqa: PLC0415  compiling needs no files
+
+    described, lines = files.read_map(name)
+    map_, problems = compile_map(described)
+    if problems or map_ is None:
+        raise SpecError(specs.joined(problems, lines), described.path)
     return map_
 
 
-def read_map(name: str | Path) -> tuple[Map | None, list[str], Path]:
-    """The map with that name or path, without its faulty placements; all errors of its file; its path.
+def load_module(name: str | Path) -> Module:
+    """Load and compile the module with that name or path. Raises `SpecError`."""
+    from autodrive.scenario import files  # noqa: PLC0415  as above
 
-    The map is None if its file has errors besides those of placements. Raises `SpecError` if there is no such file.
-    """
-    path = find_map(name)
-    source = specs.source(path)
-    if _is_track(source):
-        track, errors = _readable_track(source, path.stem)
-        return track and track_map(track), errors, path
-    spec, errors = specs.readable(source, MapSpec)
-    if errors or spec is None:
-        errors += _errors_of_readable_placements(source, path)
-        return None, [f"map '{path.stem}': {error}" for error in errors], path
-    map_, errors = _compiled(spec, path.stem, path.parent, source)
-    return map_, errors, path
+    return compile_module(files.read_module(name))
 
 
-def find_map(name: str | Path) -> Path:
-    """Path of the file of a map or track, given its name or path. Raises `SpecError`."""
-    if str(name) in specs.names("track") and str(name) not in specs.names("map"):
-        return specs.find("track", name)
-    return specs.find("map", name, also="track")
+@functools.lru_cache(maxsize=8)
+def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[specs.Problem, ...]]:
+    """The map without its faulty placements, None if its file is not valid; and what is wrong."""
+    spec = described.found
+    if isinstance(spec, TrackSpec):
+        return track_map(Track.of(spec, described.name)), ()
+    placed, problems = place(described)
+    joins, unjoined = join(placed, is_complete=spec is not None and len(placed) == len(spec.placements))
+    problems += unjoined
+    if spec is None:
+        problems += _overlaps(placed, ())
+        map_ = None
+    else:
+        map_, more = _compiled(spec, described.name, placed, joins)
+        problems += more
+    known: list[specs.Problem] = [(text,) for text in described.error.errors] if described.error else []
+    return map_, (*known, *((f"map '{described.name}': ", *one) for one in problems))
 
 
 def track_map(track: Track) -> Map:
@@ -201,39 +165,17 @@ def track_map(track: Track) -> Map:
     )
 
 
-def _is_track(source: specs.Source) -> bool:
-    return isinstance(source.tree, dict) and "centre_line" in source.tree
-
-
-def _readable_track(source: specs.Source, name: str) -> tuple[Track | None, list[str]]:
-    spec, errors = specs.readable(source, TrackSpec)
-    if errors or spec is None:
-        return None, [f"track '{name}': {error}" for error in errors]
-    return Track.of(spec, name), []
-
-
-def compile_map(spec: MapSpec, name: str = "map") -> Map:
-    """Compile a map that has no file. Raises `SpecError` with all errors."""
-    map_, errors = _compiled(spec, name)
-    if errors:
-        raise SpecError(errors)
-    return map_
-
-
 def _compiled(
-    spec: MapSpec, name: str, folder: Path | None = None, source: specs.Source | None = None
-) -> tuple[Map, list[str]]:
-    """The map without its faulty placements, and its errors. `folder`: where its module files are."""
-    placed, errors = place(enumerate(spec.placements, 1), folder, source)
-    joins, unjoined = join(placed, is_complete=len(placed) == len(spec.placements))
-    statics, props, places = _statics(spec, source or specs.Source())
+    spec: MapSpec, name: str, placed: list[PlacedModule], joins: dict[PortId, PortId]
+) -> tuple[Map, list[specs.Problem]]:
+    statics, props, places = _statics(spec)
     obstructions = [one for one in placed if one.module.spec.type == "obstruction"]
     boxes = tuple(_box(one) for one in obstructions)
     bounds = _bounds(spec, placed, statics)
     labels = [*places, *(one.label for one in obstructions)]
-    errors += [*unjoined, *_overlaps(placed, statics), *_wrong_names([*statics, *boxes], labels)]
+    problems = [*_overlaps(placed, statics), *_wrong_names([*statics, *boxes], labels)]
     if max(bounds[2] - bounds[0], bounds[3] - bounds[1]) > MAX_EXTENT:
-        errors.append(_too_large(spec, placed, statics, places, bounds, source or specs.Source()))
+        problems.append(_too_large(spec, placed, statics, places, bounds))
     drivable = _united([*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)])
     lawns = [one.footprint for one in placed if one.module.spec.type == "terrain"]
     lawn = shapely.difference(shapely.union_all(lawns, grid_size=GRID), drivable, grid_size=GRID)
@@ -255,26 +197,25 @@ def _compiled(
         joins=joins,
         enclosure=_enclosure(spec, drivable),
     )
-    return map_, [f"map '{name}': {error}" for error in errors]
+    return map_, problems
 
 
 def _too_large(
     spec: MapSpec,
     placed: list[PlacedModule],
     statics: tuple[StaticShape, ...],
-    places: list[str],
+    places: list[Place],
     bounds: tuple[float, float, float, float],
-    source: specs.Source,
-) -> str:
-    """The error of a map that is too large, with the place of what is farthest from its other parts."""
+) -> specs.Problem:
+    """The problem of a map that is too large, with the place of what is farthest from its other parts."""
     x0, y0, x1, y1 = bounds
     axis = 0 if x1 - x0 > y1 - y0 else 1
-    labels = [*(one.label for one in placed), *places, *(source.at("paved", i) for i in range(len(spec.paved)))]
+    labels = [*(one.label for one in placed), *places, *(Place(("map", "paved", i)) for i in range(len(spec.paved)))]
     low, high = shapely.bounds(_contents(spec, placed, statics))[:, axis::2].T
     middle = np.median(low + high) / 2.0
     label = labels[int(np.argmax(np.maximum(high - middle, middle - low)))]
     size = f"{x1 - x0:.4g} m x {y1 - y0:.4g} m"
-    return f"{label}: the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m"
+    return label, f": the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m"
 
 
 def _enclosure(spec: MapSpec, drivable: BaseGeometry) -> BaseGeometry | None:
@@ -288,26 +229,11 @@ def _united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     return shapely.set_precision(shapely.union_all(wider).buffer(-GRID, join_style="mitre"), GRID)
 
 
-def _errors_of_readable_placements(source: specs.Source, path: Path) -> list[str]:
-    """Errors in how the valid placements of an invalid file fit together."""
-    tree = source.tree
-    raw = tree.get("placements") if isinstance(tree, dict) else None
-    numbered: list[tuple[int, Placement]] = []
-    for number, item in enumerate(raw[:MAX_PLACEMENTS] if isinstance(raw, list) else [], 1):
-        try:
-            numbered.append((number, Placement.model_validate(item)))
-        except ValidationError:
-            continue
-    placed, errors = place(numbered, path.parent, source)
-    _, unjoined = join(placed, is_complete=False)
-    return [*errors, *unjoined, *_overlaps(placed, ())]
-
-
-def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[str]:
+def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[specs.Problem]:
     """Flat modules must not overlap each other; boxes must not overlap boxes or static shapes."""
     flat = [one for one in placed if one.module.spec.type not in {"terrain", "obstruction"}]
     boxes = [one for one in placed if one.module.spec.type == "obstruction"]
-    solid = [(box.label, box.footprint, box.placement.z, box.placement.z + box.size[2]) for box in boxes]
+    solid: list[Solid] = [(box.label, box.footprint, box.placement.z, box.placement.z + box.size[2]) for box in boxes]
     for shape in statics if boxes else ():
         low, high = shape.span
         solid.append((f"'{shape.name}'", shape.plan, low, high))
@@ -317,16 +243,16 @@ def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> l
     ]
 
 
-def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[str]) -> list[str]:
+def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[Place]) -> list[specs.Problem]:
     """Solid objects are identified by name, so each name must be unique. `labels` say where they are."""
-    places: dict[str, list[str]] = {}
+    places: dict[str, list[Place]] = {}
     for solid, label in zip(solids, labels, strict=True):
         places.setdefault(solid.name, []).append(label)
-    errors = [
-        f"{places[name][0]}: the name '{name}' is reserved; choose another one" for name in RESERVED if name in places
+    problems: list[specs.Problem] = [
+        (places[name][0], f": the name '{name}' is reserved; choose another one") for name in RESERVED if name in places
     ]
-    return errors + [
-        f"{where[1]}: the name '{name}' is used by {len(where)} solid objects; names must be unique"
+    return problems + [
+        (where[1], f": the name '{name}' is used by {len(where)} solid objects; names must be unique")
         for name, where in places.items()
         if len(where) > 1
     ]
@@ -339,13 +265,13 @@ def _box(one: PlacedModule) -> BoxPlacement:
     return BoxPlacement(one.name, one.size, mass, (own.x, own.y, own.z + one.size[2] / 2.0), own.pose[2])
 
 
-def _statics(spec: MapSpec, source: specs.Source) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[str]]:
-    """The fixed solids, the signs and lights, and where each of the solids is in the text."""
+def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], list[Place]]:
+    """The fixed solids, the signs and lights, and where each of the solids is in the file."""
     props = tuple(Prop(prop.name or f"{prop.kind}_{i}", prop.kind, prop.pose) for i, prop in enumerate(spec.props, 1))
     solids = [("walls", i, shape) for i, wall in enumerate(spec.walls) for shape in wall_shapes(wall)]
     solids += [("blocks", i, block_shape(block, block.name or f"block_{i + 1}")) for i, block in enumerate(spec.blocks)]
     solids += [("props", i, shape) for i, prop in enumerate(props) for shape in prop_shapes(prop)]
-    return tuple(shape for _, _, shape in solids), props, [source.at(key, i) for key, i, _ in solids]
+    return tuple(shape for _, _, shape in solids), props, [Place(("map", key, i)) for key, i, _ in solids]
 
 
 def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:

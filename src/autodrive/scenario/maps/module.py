@@ -6,16 +6,14 @@ import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 import shapely
 from pydantic import Field, model_validator
 from shapely.geometry.base import BaseGeometry
 
-from autodrive.base import specs
 from autodrive.base.arrays import Floats
-from autodrive.base.specs import Coordinate, Degrees, Mass, Name, Rule, RuleError, Spec
+from autodrive.base.specs import Coordinate, Degrees, Described, Mass, Name, Rule, RuleError, Spec
 from autodrive.base.suggest import suggest
 from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.lanes import lane_path
@@ -155,31 +153,22 @@ class Module:
         return int(sum(map(shapely.get_num_coordinates, polygons)) + sum(map(len, self.lanes)))
 
 
-def load_module(name: str | Path) -> Module:
-    """Load and compile the module with that name or path. Raises `SpecError`."""
-    path = specs.find("module", name)
-    return _load(path, path.stat().st_mtime_ns)
-
-
-def compile_module(spec: ModuleSpec, name: str = "module") -> Module:
+@functools.lru_cache(maxsize=256)
+def compile_module(described: Described[ModuleSpec]) -> Module:
     """Compile a module to polygons and lanes."""
+    spec = described.spec
     shapes: list[tuple[MarkingKind, BaseGeometry]] = [
         (kind, shape.geometry()) for kind, shapes in spec.markings.items() for shape in shapes
     ]
     stops: list[tuple[MarkingKind, BaseGeometry]] = [("stop_line", _stop_line(spec, line)) for line in spec.stop_lines]
     return Module(
-        name,
+        described.name,
         spec,
         footprint=rectangle((0.0, 0.0, 0.0), spec.length, spec.width),
         drivable=shapely.union_all([shape.geometry() for shape in spec.drivable]),
         markings=(*shapes, *stops),
         lanes=tuple(lane_path(spec.ports[a].pose_in, spec.ports[b].pose_out) for a, b in spec.lanes),
     )
-
-
-@functools.lru_cache(maxsize=256)
-def _load(path: Path, _modified: int) -> Module:
-    return compile_module(specs.read("module", path, ModuleSpec), path.stem)
 
 
 def _stop_line(spec: ModuleSpec, line: StopLine) -> BaseGeometry:

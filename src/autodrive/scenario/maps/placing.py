@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 import shapely
-from pydantic import Field
 from shapely.geometry.base import BaseGeometry
 
 from autodrive.base.arrays import Floats
-from autodrive.base.errors import SpecError
-from autodrive.base.specs import MAX_ERRORS, Coordinate, Degrees, Length, Mass, Name, Source, Spec
+from autodrive.base.specs import MAX_ERRORS, Place, Problem
 from autodrive.base.units import DEGREE
-from autodrive.scenario.maps.module import Module, load_module
-from autodrive.scenario.maps.shapes import Extent, Pose, moved, rectangle
+from autodrive.scenario.maps.module import Module, compile_module
+from autodrive.scenario.maps.shapes import Pose, moved, rectangle
+from autodrive.scenario.maps.spec import DescribedMap, Placement
 
 PORT_TOLERANCE = 1e-3
 """Largest distance between connected ports, and largest difference of their widths [m]."""
@@ -35,32 +33,8 @@ SLIVER = 1e-5
 
 PortId: TypeAlias = tuple[int, str]
 """Index of the placed module, name of the port."""
-
-
-class Placement(Spec):
-    """Pose of a module: x, y [m] and yaw of the centre of its footprint."""
-
-    module: str
-    name: Name = ""
-    x: Coordinate
-    y: Coordinate
-    yaw_deg: Degrees = 0.0
-    open: bool | tuple[str, ...] = False
-    """Ports that may stay unconnected: True for all, or their names."""
-    length: Extent | None = None
-    """Terrain and boxes only: replaces the length of the module [m]."""
-    width: Extent | None = None
-    height: Length | None = None
-    """Boxes only [m]."""
-    z: float = Field(default=0.0, ge=0.0, le=1e4)
-    """Boxes only: height of the underside above ground [m]."""
-    mass: Mass | None = None
-    """Boxes only [kg]."""
-
-    @property
-    def pose(self) -> Pose:
-        """Pose of the origin of the module."""
-        return self.x, self.y, self.yaw_deg * DEGREE
+Solid: TypeAlias = tuple[Place | str, BaseGeometry, float, float]
+"""Label, footprint, bottom and top [m]."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +54,8 @@ class PlacedPort:
 class PlacedModule:
     """A placed module: its parts in the map frame [m]."""
 
-    label: str
-    """For error messages: "placement 4 'curved_road' (line 9)"."""
+    label: Place
+    """For error messages: "placement 4 'curved_road'"."""
     name: str
     module: Module
     placement: Placement
@@ -100,53 +74,44 @@ class PlacedModule:
         return own.length or spec.length, own.width or spec.width, own.height or spec.height
 
 
-def place(
-    numbered: Iterable[tuple[int, Placement]], folder: Path | None, source: Source | None = None
-) -> tuple[list[PlacedModule], list[str]]:
-    """The placed modules, and an error for each unknown module, unknown port and field that its module does not allow.
-
-    Relative paths of modules start at `folder`, the folder of the map. `source`: its text, for lines in errors.
-    """
+def place(described: DescribedMap) -> tuple[list[PlacedModule], list[Problem]]:
+    """The placed modules, and a problem for each module, port and field that is not valid."""
     placed: list[PlacedModule] = []
-    errors: list[str] = []
+    problems: list[Problem] = []
     names: set[str] = set()
     corners = 0
-    faulty: dict[str, SpecError] = {}
-    for number, placement in numbered:
-        line = source.line("placements", number - 1) if source else None
-        label = f"placement {number} '{placement.name or placement.module}'{f' (line {line})' if line else ''}"
-        try:
-            if placement.module in faulty:
-                raise faulty[placement.module]
-            is_path = placement.module.endswith((".yaml", ".yml"))
-            module = load_module(folder / placement.module if folder and is_path else placement.module)
-        except SpecError as error:
-            faulty[placement.module] = error
-            errors.append(f"{label}: {error}")
+    for number, placement in described.placements:
+        title = f"placement {number} '{placement.name or placement.module}'"
+        label = Place(("map", "placements", number - 1), title)
+        of = described.modules[placement.module]
+        if of.found is None:
+            problems.append((label, f": {of.error}"))
             continue
+        module = compile_module(of)
         corners += module.corners
         if corners > MAX_CORNERS:
-            errors.append(f"{label}: the modules up to here have {corners} corners; at most {MAX_CORNERS} are possible")
+            text = f": the modules up to here have {corners} corners; at most {MAX_CORNERS} are possible"
+            problems.append((label, text))
             break
-        errors += [f"{label}: {error}" for error in _disallowed_fields(placement, module)]
+        problems += [(label, f": {text}") for text in _disallowed_fields(placement, module)]
         name = placement.name or f"{module.name}_{number}"
         if name in names:
-            errors.append(f"{label}: the name '{name}' is already used; names must be unique")
+            problems.append((label, f": the name '{name}' is already used; names must be unique"))
         names.add(name)
         placed.append(_placed(label, name, module, placement))
-    return placed, errors
+    return placed, problems
 
 
-def join(placed: Sequence[PlacedModule], *, is_complete: bool = True) -> tuple[dict[PortId, PortId], list[str]]:
-    """The connected ports (in both directions), and an error for each port that is unconnected or does not match.
+def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[PortId, PortId], list[Problem]]:
+    """The connected ports (in both directions), and a problem for each port that is unconnected or does not match.
 
-    If some placements could not be read (`is_complete` False), unconnected ports are not errors.
+    If some placements are not valid (`is_complete` False), unconnected ports are no problem.
     """
     ports = [(i, port) for i, one in enumerate(placed) for port in one.ports if not port.is_blind]
     joins: dict[PortId, PortId] = {}
-    errors: list[str] = []
+    problems: list[Problem] = []
     if not ports:
-        return joins, errors
+        return joins, problems
     at = np.array([port.pose[:2] for _, port in ports])
     owner = np.array([i for i, _ in ports])
     for k, (i, port) in enumerate(ports):
@@ -155,20 +120,19 @@ def join(placed: Sequence[PlacedModule], *, is_complete: bool = True) -> tuple[d
         j, other = ports[nearest]
         if distance[nearest] > REACH:
             if is_complete and not port.is_open:
-                errors.append(f"{placed[i].label}: port '{port.name}' is not connected. {_fix(port)}")
+                problems.append((placed[i].label, f": port '{port.name}' is not connected. {_fix(port)}"))
             continue
-        problem = _mismatch(port, other)
-        if not problem:
+        mismatch = _mismatch(port, other)
+        if not mismatch:
             joins[i, port.name] = (j, other.name)
         elif i < j or np.hypot(*(at - at[nearest]).T)[k] > REACH:
-            errors.append(
-                f"{placed[i].label}: port '{port.name}' and port '{other.name}' of {placed[j].label} {problem}"
-            )
-    return joins, errors
+            ports_of = f": port '{port.name}' and port '{other.name}' of "
+            problems.append((placed[i].label, ports_of, placed[j].label, f" {mismatch}"))
+    return joins, problems
 
 
-def overlaps(solids: Sequence[tuple[str, BaseGeometry, float, float]], movable: int) -> list[str]:
-    """An error for each pair of solids that overlap; a solid is label, footprint, bottom and top [m].
+def overlaps(solids: Sequence[Solid], movable: int) -> list[Problem]:
+    """A problem for each pair of solids that overlap.
 
     At least one of a pair is among the first `movable` solids: the others may overlap each other.
     """
@@ -181,15 +145,15 @@ def overlaps(solids: Sequence[tuple[str, BaseGeometry, float, float]], movable: 
     span = np.array([(low, high) for _, _, low, high in solids])
     common = np.minimum(span[first, 1], span[second, 1]) - np.maximum(span[first, 0], span[second, 0])
     is_error = (area > SLIVER) & (common > PORT_TOLERANCE)
-    errors = [
-        f"{solids[i][0]} overlaps {solids[j][0]} by {a * 1e4:.4g} cm^2. Move one of them."
+    problems: list[Problem] = [
+        (solids[i][0], " overlaps ", solids[j][0], f" by {a * 1e4:.4g} cm^2. Move one of them.")
         for i, j, a in sorted(zip(first[is_error], second[is_error], area[is_error], strict=True))
     ]
-    more = len(errors) - MAX_ERRORS
-    return [*errors[:MAX_ERRORS], f"and {more} more overlaps"] if more > 0 else errors
+    more = len(problems) - MAX_ERRORS
+    return [*problems[:MAX_ERRORS], (f"and {more} more overlaps",)] if more > 0 else problems
 
 
-def _placed(label: str, name: str, module: Module, placement: Placement) -> PlacedModule:
+def _placed(label: Place, name: str, module: Module, placement: Placement) -> PlacedModule:
     pose, spec = placement.pose, module.spec
     opened = set(spec.ports) if placement.open is True else set(placement.open or ())
     shapes = shapely.transform(

@@ -12,7 +12,7 @@ import shapely
 from pydantic import ConfigDict, Field
 from shapely.geometry.base import BaseGeometry
 
-from autodrive.base import specs
+from autodrive.base import yaml_files
 from autodrive.base.arrays import Floats
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.elementary import cos, sin
@@ -75,7 +75,7 @@ class RosMap:
 
 def read_ros_map(path: Path) -> RosMap:
     """The map of a YAML file. Raises `SpecError` with all errors."""
-    spec, errors = specs.readable(specs.source(path), RosMapSpec)
+    spec, errors = yaml_files.readable(yaml_files.source(path), RosMapSpec)
     if errors or spec is None:
         raise SpecError(errors, str(path))
     if spec.occupied_thresh <= spec.free_thresh:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from autodrive.base.specs import Length, Offset, Rule, RuleError, Spec, read
+from autodrive.base.specs import Length, Offset, Rule, RuleError, Spec
 from autodrive.base.transforms import Vector
 from autodrive.physics.actuators.drivetrain import DrivetrainSpec
 from autodrive.physics.actuators.lights import LightsSpec
@@ -347,4 +347,6 @@ class VehicleSpec(Spec):
 
 def load_vehicle(name: str) -> VehicleSpec:
     """The vehicle with that name or in that file. Raises `SpecError` with all errors."""
+    from autodrive.base.yaml_files import read  # noqa: PLC0415  compiling needs no files
+
     return read("vehicle", name, VehicleSpec)

@@ -29,8 +29,7 @@ from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch.columns import Thread, empty_worlds, new_thread
 from autodrive.world.batch.readings import Readings, readings_of
 from autodrive.world.batch.tick import begin_worlds, step_worlds
-from autodrive.world.compile import compile_scenario
-from autodrive.world.factory import read_scenario
+from autodrive.world.factory import compile_scenario
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.referee import SEPARATION
 
@@ -70,8 +69,8 @@ class BatchWorld(OneThread):
                 raise CommandError(f"{name} must be a whole number from 1 on, not {value!r}")
         if engine not in ("auto", "always"):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
-        spec, text = read_scenario(scenario)
-        self._compiled = c = compile_scenario(spec, text)
+        self._compiled = c = compile_scenario(scenario)
+        spec = c.specs.scenario
         self.n = n
         self.spec = spec
         """The scenario from which `reset` starts."""

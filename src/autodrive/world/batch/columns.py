@@ -21,7 +21,7 @@ from autodrive.physics.sensors.columns import (
     working_memory,
 )
 from autodrive.physics.state import State
-from autodrive.world.compile import Compiled
+from autodrive.world.compile import CompiledScenario
 
 RECENT = 64
 """Contacts that are remembered for each world, to tell a new collision from an old one."""
@@ -72,7 +72,7 @@ class Thread(NamedTuple):
     sensors: Working
 
 
-def empty_worlds(compiled: Compiled, n: int, rays: int, rolling_rays: int) -> Worlds:
+def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: int) -> Worlds:
     """Worlds of zeros with the Model of the scenario; LIDARs, and rolling ones, have at most so many rays."""
     v, model = len(compiled.vehicles), compiled.model
     columns = State(*(np.zeros((n, *column.shape)) for column in compiled.state._replace(**_NO_SHAPES)))
@@ -97,7 +97,7 @@ def empty_worlds(compiled: Compiled, n: int, rays: int, rolling_rays: int) -> Wo
 _NO_SHAPES = {"shape_position": np.zeros((0, 3)), "shape_rotation": np.zeros((0, 9))}
 
 
-def new_thread(compiled: Compiled, engine: Engine, rays: int) -> Thread:
+def new_thread(compiled: CompiledScenario, engine: Engine, rays: int) -> Thread:
     """Working memory with that engine, for LIDARs of at most so many rays."""
     shapes = compiled.model.shapes
     return Thread(

@@ -11,9 +11,11 @@ from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
 from autodrive.protocol.messages import AddBox, Edit, Place, RemoveBox
 from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.descriptions import Descriptions
 from autodrive.world import World
-from autodrive.world.compile import Compiled, compile_scenario
+from autodrive.world.compile import CompiledScenario
 from autodrive.world.editing.edits import edited, name_of
+from autodrive.world.factory import compile_scenario
 
 MAX_EDITS = 200
 """Edits that can be undone; older ones are forgotten."""
@@ -40,7 +42,7 @@ class Editor:
     present one: time continues, and everything that was not edited keeps its pose, speed and readings.
     """
 
-    def __init__(self, make: Callable[[ScenarioSpec], World] | None) -> None:
+    def __init__(self, make: Callable[[Descriptions], World] | None) -> None:
         self._make = make
         self._undo: deque[Change] = deque(maxlen=MAX_EDITS)
         self._redo: list[Change] = []
@@ -98,7 +100,8 @@ class Editor:
 
     def _changed(self, world: World, spec: ScenarioSpec, poses: Poses) -> World:
         """The World of another scenario; `poses` are those of the things that are placed."""
-        compiled = compile_scenario(spec)
+        descriptions = Descriptions(replace(world.specs, scenario=spec))
+        compiled = compile_scenario(descriptions)
         targets = {name: _start(compiled, name) if pose is None else pose for name, pose in poses.items()}
         if _bodies(compiled) == _bodies(world):
             world.set_poses(targets)
@@ -106,7 +109,7 @@ class Editor:
             return world
         if self._make is None:
             raise CommandError("this Simulation was made for one World: only poses of vehicles and boxes can be edited")
-        made = self._make(spec)
+        made = self._make(descriptions)
         try:
             made.continue_from(world)
             made.set_poses(targets)
@@ -116,12 +119,12 @@ class Editor:
         return made
 
 
-def _start(compiled: Compiled, name: str) -> Floats:
+def _start(compiled: CompiledScenario, name: str) -> Floats:
     qpos = compiled.engine.body(name)[1]
     return compiled.engine.start[qpos : qpos + 7]
 
 
-def _bodies(of: Compiled | World) -> object:
+def _bodies(of: CompiledScenario | World) -> object:
     """What makes a World but poses."""
     boxes = of.boxes.values() if isinstance(of, World) else of.boxes
     vehicles = {

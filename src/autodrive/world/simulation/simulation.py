@@ -46,7 +46,7 @@ from autodrive.world.simulation.clock import Clock, WallClock
 from autodrive.world.simulation.sinks import Publisher, Sink
 
 if TYPE_CHECKING:
-    from autodrive.scenario import ScenarioSpec
+    from autodrive.scenario.descriptions import Descriptions
     from autodrive.world import World
 
 NO_COMMANDS: Mapping[str, Command] = {}
@@ -88,7 +88,7 @@ class Simulation(Publisher):
         *,
         speed: float | None = 1.0,
         is_paused: bool = False,
-        load: Callable[[str | ScenarioSpec], World] | None = None,
+        load: Callable[[str | Descriptions], World] | None = None,
         pause_on_error: bool = False,
         clock: Clock | None = None,
     ) -> None:

@@ -1,0 +1,38 @@
+"""What a scenario and its files say: the Specs, which a World is compiled from, and the lines that they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from autodrive.base.specs import Described, Key
+from autodrive.scenario.maps.spec import DescribedMap
+from autodrive.scenario.race_rules import RaceRules
+from autodrive.scenario.scenario import ScenarioSpec
+from autodrive.scenario.tracks.track import TrackSpec
+from autodrive.scenario.vehicles.spec import VehicleSpec
+
+
+@dataclass(frozen=True)
+class Specs:
+    """All Specs of a scenario. Those of files that are not valid are not there."""
+
+    scenario: ScenarioSpec
+    map: DescribedMap
+    vehicles: Mapping[str, Described[VehicleSpec]]
+    """By type, as in the scenario."""
+    rules: Described[RaceRules] | None = None
+    """Of the race; None if there is none."""
+    track: Described[TrackSpec] | None = None
+    """Of the race, if it is not the map."""
+
+
+@dataclass(frozen=True)
+class Descriptions:
+    """The Specs of a scenario, and where they come from."""
+
+    specs: Specs
+    path: str = ""
+    """Of the scenario; empty: it has no file."""
+    lines: Mapping[Key, int] = field(default_factory=dict)
+    """Of the keys in the files 'scenario' and 'map'."""

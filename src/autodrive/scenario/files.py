@@ -1,0 +1,209 @@
+"""The files of a scenario: read and checked, collected, and written to another folder."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import ValidationError
+
+from autodrive.base import yaml_files
+from autodrive.base.errors import SpecError
+from autodrive.base.specs import Described, Key, Spec
+from autodrive.base.yaml_files import Kind, Source
+from autodrive.scenario.descriptions import Descriptions, Specs
+from autodrive.scenario.maps.module import ModuleSpec
+from autodrive.scenario.maps.spec import MAX_PLACEMENTS, DescribedMap, MapSpec, Placement
+from autodrive.scenario.race_rules import RaceRules
+from autodrive.scenario.scenario import RaceSpec, ScenarioSpec
+from autodrive.scenario.tracks.track import TrackSpec
+from autodrive.scenario.vehicles.spec import VehicleSpec
+
+T = TypeVar("T", bound=Spec)
+YAML = (".yaml", ".yml")
+
+
+def read_scenario(scenario: str | Path | ScenarioSpec) -> Descriptions:
+    """A scenario (name, file or Spec) and all files that it names. Raises `SpecError` if it is not valid itself."""
+    if isinstance(scenario, ScenarioSpec):
+        return described(scenario)
+    source = yaml_files.source(yaml_files.find("scenario", scenario))
+    return described(yaml_files.checked_source(source, ScenarioSpec), source)
+
+
+def described(
+    scenario: ScenarioSpec, source: Source | None = None, *, known: Descriptions | None = None
+) -> Descriptions:
+    """A scenario with all files that it names; `known`: those of another one, which are not read again."""
+    files: dict[str, Any] = _files(known.specs) if known else {}
+
+    def read(kind: Kind, name: str, spec: type[T]) -> Described[T]:
+        return files.get(f"{kind}/{name}") or _read(kind, name, spec)
+
+    if known and scenario.map == known.specs.scenario.map:
+        map_, lines = known.specs.map, {key: line for key, line in known.lines.items() if key[0] == "map"}
+    else:
+        map_, lines = read_map(scenario.map)
+    lines |= source.lines("scenario", depth=3) if source else {}
+    types = dict.fromkeys(one.type for one in scenario.vehicles.values())
+    race = scenario.race or (RaceSpec() if isinstance(map_.found, TrackSpec) else None)
+    specs = Specs(
+        scenario,
+        map_,
+        {name: read("vehicle", name, VehicleSpec) for name in types},
+        race and read("ruleset", race.rules, RaceRules),
+        read("track", race.track, TrackSpec) if race and race.track else None,
+    )
+    return Descriptions(specs, source.path if source else "", lines)
+
+
+def read_map(name: str | Path | MapSpec) -> tuple[DescribedMap, dict[Key, int]]:
+    """A map or track with its modules, and the lines of its keys."""
+    if isinstance(name, MapSpec):
+        return _with_modules("map", name, enumerate(name.placements, 1)), {}
+    try:
+        path = find_map(name)
+        source = yaml_files.source(path)
+    except SpecError as error:
+        return DescribedMap(str(name), None, error, error.path), {}
+    tree = source.tree
+    if isinstance(tree, dict) and "centre_line" in tree:
+        track, error = _readable(source, TrackSpec, f"track '{path.stem}': ")
+        return DescribedMap(path.stem, track, error, source.path, source.text), {}
+    spec, error = _readable(source, MapSpec, f"map '{path.stem}': ")
+    placements = enumerate(spec.placements, 1) if spec else _placements(tree)
+    return _with_modules(path.stem, spec, placements, error, source), source.lines("map", depth=2)
+
+
+def read_module(name: str | Path) -> Described[ModuleSpec]:
+    """A module. Raises `SpecError`."""
+    path = yaml_files.find("module", name)
+    return _module(path, path.stat().st_mtime_ns)
+
+
+def files_of(specs: Specs) -> dict[str, str]:
+    """Texts of map, modules, vehicles and race, by kind and name as the scenario and the map name them."""
+    return {name: one.text for name, one in _files(specs).items()}
+
+
+def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> ScenarioSpec:
+    """Write the files of a scenario, as `files_of` returns them; the scenario with their paths.
+
+    Raises `KeyError` for a file that is not there, and `ValueError` for one of an unknown kind.
+    """
+
+    def path_of(kind: str, name: str) -> str:
+        """Files of one name, in different folders, have folders of their own here, too."""
+        if (key := f"{kind}/{name}") not in files:
+            raise KeyError(key)
+        return str(folder / kind / str(sorted(files).index(key)) / f"{Path(name).stem}.yaml")
+
+    for key, text in files.items():
+        kind, _, name = key.partition("/")
+        if kind not in {"map", "module", "vehicle", "track", "ruleset"}:
+            raise ValueError(f"a file '{key}' of an unknown kind")
+        path = Path(path_of(kind, name))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tree = yaml.safe_load(text) if kind == "map" else None
+        for placement in (tree.get("placements") or ()) if isinstance(tree, dict) else ():
+            placement["module"] = path_of("module", str(placement["module"]))
+        path.write_text(yaml.safe_dump(tree, sort_keys=False, allow_unicode=True) if tree else text, encoding="utf-8")
+    if scenario.race is None and "ruleset/practice" in files:
+        scenario = scenario.model_copy(update={"race": RaceSpec()})
+    return _renamed(scenario, path_of)
+
+
+def scenario_text(spec: ScenarioSpec) -> str:
+    """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
+    spec = _renamed(spec, lambda _, name: str(Path(name).absolute()) if Path(name).suffix in YAML else name)
+    vehicles = {
+        name: {"type": one.type, "x": one.x, "y": one.y} | one.model_dump(mode="json", exclude_defaults=True)
+        for name, one in spec.vehicles.items()
+    }
+    tree = {"title": spec.title, "map": spec.map, "vehicles": {}} | spec.model_dump(mode="json", exclude_defaults=True)
+    tree["vehicles"] = vehicles
+    return yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
+
+
+def _read(kind: Kind, name: str, spec: type[T]) -> Described[T]:
+    source = None
+    try:
+        path = yaml_files.find(kind, name)
+        source = yaml_files.source(path)
+        return Described(path.stem, yaml_files.checked_source(source, spec), None, source.path, source.text)
+    except SpecError as error:
+        return Described(name, None, error, error.path, source.text if source else "")
+
+
+@functools.lru_cache(maxsize=256)
+def _module(path: Path, _modified: int) -> Described[ModuleSpec]:
+    source = yaml_files.source(path)
+    return Described(path.stem, yaml_files.checked_source(source, ModuleSpec), None, source.path, source.text)
+
+
+def find_map(name: str | Path) -> Path:
+    """Path of the file of a map or track, given its name or path. Raises `SpecError`."""
+    if str(name) in yaml_files.names("track") and str(name) not in yaml_files.names("map"):
+        return yaml_files.find("track", name)
+    return yaml_files.find("map", name, also="track")
+
+
+def _readable(source: Source, spec: type[T], prefix: str) -> tuple[T | None, SpecError | None]:
+    """The Spec of a file, or what is wrong with it."""
+    found, errors = yaml_files.readable(source, spec)
+    if errors or found is None:
+        return None, SpecError([f"{prefix}{one}" for one in errors], source.path)
+    return found, None
+
+
+def _placements(tree: Any) -> Iterator[tuple[int, Placement]]:
+    """The valid placements of the file of a map that is not valid, with their numbers."""
+    raw = tree.get("placements") if isinstance(tree, dict) else None
+    for number, item in enumerate(raw[:MAX_PLACEMENTS] if isinstance(raw, list) else [], 1):
+        with contextlib.suppress(ValidationError):
+            yield number, Placement.model_validate(item)
+
+
+def _with_modules(
+    name: str,
+    spec: MapSpec | None,
+    placements: Iterable[tuple[int, Placement]],
+    error: SpecError | None = None,
+    source: Source | None = None,
+) -> DescribedMap:
+    """A map with the modules that it names. Relative paths of modules start at its folder."""
+    numbered = tuple(placements)
+    modules: dict[str, Described[ModuleSpec]] = {}
+    for module in dict.fromkeys(one.module for _, one in numbered):
+        path = Path(source.path).parent / module if source and module.endswith(YAML) else module
+        try:
+            modules[module] = read_module(path)
+        except SpecError as wrong:
+            modules[module] = Described(module, None, wrong)
+    text, path = (source.text, source.path) if source else ("", "")
+    return DescribedMap(name, spec, error, path, text, numbered, modules)
+
+
+def _files(specs: Specs) -> dict[str, Described[Any]]:
+    race = specs.scenario.race or RaceSpec()
+    found: dict[str, Described[Any]] = {f"map/{specs.scenario.map}": specs.map}
+    found |= {f"vehicle/{name}": one for name, one in specs.vehicles.items()}
+    found |= {f"ruleset/{race.rules}": specs.rules} if specs.rules else {}
+    found |= {f"track/{race.track}": specs.track} if specs.track else {}
+    return found | {f"module/{name}": specs.map.modules[name] for name in sorted(specs.map.modules)}
+
+
+def _renamed(scenario: ScenarioSpec, there: Callable[[str, str], str]) -> ScenarioSpec:
+    """The scenario with other names of its files, given kind and name."""
+    race = scenario.race
+    vehicles = {
+        name: one.model_copy(update={"type": there("vehicle", one.type)}) for name, one in scenario.vehicles.items()
+    }
+    if race is not None:
+        names = {"rules": there("ruleset", race.rules), "track": race.track and there("track", race.track)}
+        race = race.model_copy(update=names)
+    return scenario.model_copy(update={"map": there("map", scenario.map), "vehicles": vehicles, "race": race})
