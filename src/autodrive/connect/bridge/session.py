@@ -9,7 +9,7 @@ import math
 import socket
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from websockets.exceptions import WebSocketException
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection
 
     from autodrive.protocol.messages import Frame, Operation
+    from autodrive.world.simulation.control import Control
 
 log = logging.getLogger(__name__)
 
@@ -62,23 +63,6 @@ _CAN_ACK_AT_ONCE = hasattr(socket, "TCP_QUICKACK")
 command, which Nagle's algorithm and delayed TCP acknowledgements hold back for 40 to 200 ms."""
 
 
-class SimulationControl(Protocol):
-    """What a session needs of a Simulation; all members are thread-safe."""
-
-    @property
-    def frame(self) -> Frame:
-        """The latest Frame."""
-        ...
-
-    def submit(self, vehicle: str, command: Command) -> None:
-        """Set the command for the next tick; the latest one counts."""
-        ...
-
-    def request(self, request: Operation) -> object:
-        """Request an operation before the next tick."""
-        ...
-
-
 class Session:
     """Sends the state of `simulation` to the script and applies its commands.
 
@@ -90,7 +74,7 @@ class Session:
     def __init__(
         self,
         socket: ClientConnection,
-        simulation: SimulationControl,
+        simulation: Control,
         metrics: Metrics,
         *,
         detection: Detection,

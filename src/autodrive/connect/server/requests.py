@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
     from autodrive.connect.server.driver_lease import DriverLeases
     from autodrive.connect.server.frame_queue import FrameQueue
-    from autodrive.connect.server.frame_source import FrameSource, RecordingControl, Replayed
     from autodrive.connect.server.remote_view import RemoteViews
+    from autodrive.connect.server.served import Served
     from autodrive.protocol.native import ServerOperation
 
 log = logging.getLogger(__name__)
@@ -66,30 +66,26 @@ class Requests:
 
     def __init__(
         self,
-        simulation: FrameSource,
+        served: Served,
         frame_queue: FrameQueue,
         leases: DriverLeases,
         bridge: BridgeControl,
         remote_views: RemoteViews,
         *,
-        scenarios: dict[str, str],
-        recording: RecordingControl,
-        replay: Replayed | None,
-        refusal: Callable[[ServerOperation], str],
         on_change: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
         self.note = ""
         """A long operation that runs now, for the Status."""
-        self._simulation = simulation
+        self._simulation = served.simulation
         self._frame_queue = frame_queue
         self._leases = leases
         self._bridge = bridge
         self._remote_views = remote_views
-        self._scenarios = scenarios
-        self._recording = recording
-        self._replay = replay
-        self._refusal = refusal
+        self._scenarios = served.scenarios
+        self._recording = served.recording
+        self._replay = served.replay
+        self._refusal = served.refusal
         self._recording_lock = asyncio.Lock()
         self._on_change = on_change
         self._clock = clock

@@ -15,7 +15,7 @@ from autodrive.base.errors import AutodriveError
 from autodrive.protocol.messages import Command, Frame, Operation
 from autodrive.protocol.native import Source
 from autodrive.world.simulation.clock import Clock, WallClock
-from autodrive.world.simulation.sinks import Publisher
+from autodrive.world.simulation.control import Publisher
 
 if TYPE_CHECKING:
     from autodrive.world import World
