@@ -17,7 +17,6 @@ from autodrive.base.jit import compiling
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
 from autodrive.connect.server.served import PageOptions
-from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import (
     Pause,
     RaceStatus,
@@ -36,7 +35,7 @@ from autodrive.run.recordings import Recordings
 from autodrive.run.runner import Run, RunObserver, StopRequest, image_encoder, page_server
 from autodrive.run.summary import Odometer
 from autodrive.run.world_loader import WorldLoader
-from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement, scenario_text
+from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement, scenario_text
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.race_rules import RaceRules, load_rules
 from autodrive.world.compile import on_grid

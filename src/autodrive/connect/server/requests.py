@@ -17,7 +17,6 @@ from autodrive.connect.server.request_queue import MAX_PENDING, SHARE, Entry, Re
 from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
-from autodrive.scenario import scenario_text
 
 if TYPE_CHECKING:
     from autodrive.connect.server.bridge_control import BridgeControl
@@ -233,10 +232,7 @@ class Requests:
 
     def _text(self, operation: Operation) -> str:
         """The text of the Response: the scenario as it is now, for a `SaveScenario`."""
-        if not isinstance(operation, SaveScenario):
-            return ""
-        world = self._simulation.world
-        return scenario_text(world.spec.model_copy(update={"scene_light": world.scene_light}))
+        return self._simulation.scenario_text() if isinstance(operation, SaveScenario) else ""
 
     def _check_step(self, client: ConnectedClient, step: Step) -> None:
         if not self._simulation.is_paused:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Self
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.messages import Command, Frame, Operation
 from autodrive.protocol.native import Source
+from autodrive.scenario import scenario_text
 from autodrive.world.simulation.clock import Clock, WallClock
 from autodrive.world.simulation.control import Publisher
 
@@ -91,6 +92,11 @@ class Paced(Publisher, ABC):
 
         The result of the Future is the Frame after the request.
         """
+
+    def scenario_text(self) -> str:
+        """The scenario as it is now, as the text of a YAML file."""
+        world = self.world
+        return scenario_text(world.spec.model_copy(update={"scene_light": world.scene_light}))
 
     @abstractmethod
     def start(self) -> None:
