@@ -203,7 +203,7 @@ def test_a_request_that_fails_inside_is_answered_and_the_next_one_executed(
     def fail(_: object) -> str:
         raise ValueError("inside")
 
-    monkeypatch.setattr("autodrive.connect.server.requests.scenario_text", fail)
+    monkeypatch.setattr("autodrive.world.simulation.paced.scenario_text", fail)
     with native_client(server) as client:
         assert client.ask("SaveScenario")["text"] == "inside"
         assert client.ask("Resume")["type"] == "Response"

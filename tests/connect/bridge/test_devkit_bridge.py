@@ -443,13 +443,14 @@ def test_in_manual_mode_telemetry_is_sent_and_commands_are_ignored(simulation: S
         assert simulation.frame.vehicles["V1"].throttle == 0.0
 
 
-def test_a_held_reset_resets_once(simulation: Simulation) -> None:
+@pytest.mark.parametrize("key", ["V1 Reset", "Reset"])
+def test_a_held_reset_resets_once(simulation: Simulation, key: str) -> None:
     steps = itertools.count()
 
     def resetting(connection: ServerConnection) -> None:
         for _ in telemetry_in(connection):
             is_held = 50 <= next(steps) < 60
-            connection.send(packet({"V1 Throttle": "1", "V1 Reset": str(is_held)}))
+            connection.send(packet({"V1 Throttle": "1", key: str(is_held)}))
 
     resets: list[float] = []
 
@@ -466,6 +467,19 @@ def test_a_held_reset_resets_once(simulation: Simulation) -> None:
         wait_until(lambda: bridge.counters.commands_received > 80)
         assert bridge.counters.profile == "2025"
     assert len(resets) == 1
+
+
+def test_keys_without_effect_are_logged_once(simulation: Simulation, caplog: pytest.LogCaptureFixture) -> None:
+    def braking(connection: ServerConnection) -> None:
+        for number, _ in enumerate(telemetry_in(connection)):
+            connection.send(packet({"V1 Throttle": "0", "V1 Brake": "1", **({"V1 Horn\n": "1"} if number > 5 else {})}))
+
+    with peer(braking) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 20)
+    ignored = [line for line in bridge_messages(caplog) if "without effect" in line]
+    assert ignored == [
+        f"devkit bridge: keys of the script without effect: {key}" for key in ("'V1 Brake'", r"'V1 Horn\n'")
+    ]
 
 
 def test_images_that_make_a_message_too_long_are_omitted(simulation: Simulation) -> None:

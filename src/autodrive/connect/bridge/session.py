@@ -194,6 +194,7 @@ class Session:
         self._note_weather(message.environment)
         self._environment |= message.environment
         self._request_operations(self._simulation.frame)
+        self._metrics.note_ignored(message.ignored)
         for error in message.refused:
             self._metrics.counters.refused_values += 1
             self._metrics.warn("value", f"refused {error}")
