@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection
 
@@ -21,7 +22,9 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
 from autodrive.protocol.devkit import black_image
 from autodrive.protocol.devkit_profile import DevkitSettings, Side
-from autodrive.protocol.messages import Pause, Reset, SetDrivingMode
+from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Operation, Pause, Reset, SetDrivingMode
+from autodrive.world import World
+from autodrive.world.simulation.control import Publisher
 from tests.connect.bridge.conftest import peer
 from tests.support.waiting import LIMIT, free_port, wait_until
 
@@ -480,6 +483,56 @@ def test_keys_without_effect_are_logged_once(simulation: Simulation, caplog: pyt
     assert ignored == [
         f"devkit bridge: keys of the script without effect: {key}" for key in ("'V1 Brake'", r"'V1 Horn\n'")
     ]
+
+
+class Shown(Publisher):
+    """The control of a simulation whose Frames the test shows."""
+
+    def publish(self, frame: Frame) -> None:
+        self._publish(frame)
+
+    def submit(self, vehicle: str, command: Command) -> None:
+        """Ignore it."""
+
+    def request(self, request: Operation) -> None:
+        """Ignore it."""
+
+
+def with_image(frame: Frame) -> Frame:
+    """The Frame with an image of the front camera of V1."""
+    vehicle = frame.vehicles["V1"]
+    pinhole = CameraIntrinsics(8, 8, 8.0, 8.0, 4.0, 4.0)
+    image = CameraImage(frame.time, vehicle.pose, pinhole, np.full((8, 8, 4), 255, np.uint8))
+    return replace(frame, vehicles={"V1": replace(vehicle, cameras={"front": image})})
+
+
+def first_image(connection: ServerConnection, received: list[str]) -> None:
+    for data in telemetry_in(connection):
+        received.append(data["V1 Front Camera Image"])
+        connection.send(packet(FULL_THROTTLE))
+
+
+@pytest.mark.parametrize("is_late", [False, True])
+def test_the_first_message_waits_for_the_images(
+    one_world: World, monkeypatch: pytest.MonkeyPatch, is_late: bool
+) -> None:
+    monkeypatch.setattr("autodrive.connect.bridge.session.IMAGE_WAIT", 0.1 if is_late else 10 * LIMIT)
+    shown, received = Shown(one_world.reset(0)), list[str]()
+    with (
+        peer(lambda connection: first_image(connection, received)) as port,
+        DevkitBridge(
+            shown,
+            port=port,
+            images=lambda frame, _: {("V1", "front"): b"image"} if frame.vehicles["V1"].cameras else {},
+            image_sizes=lambda: {("V1", "front"): (8, 8)},
+        ) as bridge,
+    ):
+        wait_until(lambda: bridge.status == "connected")
+        if is_late:
+            wait_until(lambda: len(received) > 0)
+        shown.publish(with_image(shown.frame))
+        wait_until(lambda: len(received) > 0)
+    assert (received[0] == black_image(8, 8)) is is_late
 
 
 def test_images_that_make_a_message_too_long_are_omitted(simulation: Simulation) -> None:

@@ -54,6 +54,9 @@ sets and clears the key repeatedly would keep simulated time at 0."""
 CLOSE_TIMEOUT = 0.2
 """Time to send the close packets [s]."""
 
+IMAGE_WAIT = 2.0
+"""The first telemetry waits for an image of each camera, at most for this time [s]."""
+
 _WEATHER = {"Weather", "Clouds", "Fog", "Rain", "Snow"}
 _TIME_SCALE = 60.0
 """Time scale of a script that sends none: the default of the devkit of 2025."""
@@ -114,6 +117,8 @@ class Session:
         self._requested_at: Frame | None = None
         """The Frame at which operations were requested last: they are requested once a tick at most."""
         self._was_open = False
+        self._waits_until: float | None = None
+        """When the first telemetry is sent without images [s]; None: it need not wait."""
 
     async def receive_loop(self) -> None:
         """Process packets until the connection ends. Raises `ConnectionEnd` or an error of the socket."""
@@ -140,12 +145,14 @@ class Session:
             if is_open and not self._was_open:
                 self._note_opening()
             # set before the latest Frame is read, so that none is missed
-            self.awaits_frame = is_open and self.flow_control.awaits_frame
+            self.awaits_frame = is_open and (self.flow_control.awaits_frame or self._waits_until is not None)
             frame = self._simulation.frame
-            if is_open and self.flow_control.should_send(frame, now):
+            self._look_for_images(frame, now)
+            if is_open and self._waits_until is None and self.flow_control.should_send(frame, now):
                 await self._send_telemetry(frame, now)
                 continue
-            deadline = min(self.engineio.deadline, self.flow_control.deadline if is_open else math.inf)
+            due = self.flow_control.deadline if self._waits_until is None else self._waits_until
+            deadline = min(self.engineio.deadline, due if is_open else math.inf)
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(max(deadline - now, 0.0) if math.isfinite(deadline) else None):
                     await self.wake.wait()
@@ -247,6 +254,7 @@ class Session:
 
     def _note_opening(self) -> None:
         self._was_open = True
+        self._waits_until = self._clock() + IMAGE_WAIT if self._images else None
         counters, dialect = self._metrics.counters, self.engineio.dialect
         counters.dialect = dialect
         self._detection.begin(dialect)
@@ -255,6 +263,15 @@ class Session:
         counters.reconnects += counters.connections > 0
         counters.connections += 1
         log.info("devkit bridge: connected to a script (%s)", dialect)
+
+    def _look_for_images(self, frame: Frame, now: float) -> None:
+        """End the wait of the first telemetry when each camera has an image, or when it was long enough."""
+        if self._waits_until is not None and (now >= self._waits_until or self._has_images(frame)):
+            self._waits_until = None
+
+    def _has_images(self, frame: Frame) -> bool:
+        sizes = self._image_sizes() if self._image_sizes else {}
+        return all(camera in frame.vehicles[vehicle].cameras for vehicle, camera in sizes if vehicle in frame.vehicles)
 
     # -- send ---------------------------------------------------------------------------------------------------
 
