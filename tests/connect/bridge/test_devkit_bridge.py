@@ -114,6 +114,40 @@ def engine_io_4(talk: Callable[[ServerConnection, dict[str, str]], None]) -> Ite
         yield port
 
 
+def test_a_server_that_never_admits_the_client_drives(simulation: Simulation) -> None:
+    """As one that writes Engine.IO by hand."""
+    packets: list[str] = []
+
+    def by_hand(connection: ServerConnection) -> None:
+        connection.send('0{"sid":"x","upgrades":[],"pingInterval":25000,"pingTimeout":60000}')
+        for text in connection:
+            packets.append(str(text)[:3])
+            if str(text).startswith("42"):
+                checked(str(text))
+                connection.send(packet(FULL_THROTTLE))
+
+    with peer(by_hand) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
+        assert bridge.counters.dialect is Dialect.ENGINE_IO_3
+    assert {"40", "42["} <= set(packets) <= {"40", "42[", "41", "1"}  # no number: no acknowledgement is asked for
+
+
+def test_a_server_that_admits_late_gets_the_state_again_at_once(simulation: Simulation) -> None:
+    def late(connection: ServerConnection) -> None:
+        connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000,"maxPayload":1000000}')
+        texts = map(str, connection)
+        assert next(texts) == "40"
+        assert next(texts).startswith('42["Bridge"')  # which a server of Engine.IO 4 does not read before
+        connection.send('40{"sid":"y"}')
+        for text in texts:
+            if text.startswith("42"):
+                connection.send(packet(FULL_THROTTLE))
+
+    with peer(late) as port, DevkitBridge(simulation, port=port, resend_delay=10 * LIMIT) as bridge:
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
+        assert (bridge.counters.dialect, bridge.counters.connections) == (Dialect.ENGINE_IO_4, 1)
+
+
 @pytest.mark.parametrize(
     ("settings", "formats"),
     [

@@ -89,6 +89,7 @@ class Session:
         resend_delay: float = RESEND_DELAY,
     ) -> None:
         self._clock = clock or asyncio.get_running_loop().time
+        self._resend_delay = resend_delay
         self.flow_control = FlowControl(resend_delay)
         self.awaits_frame = False
         """Whether a new Frame must set `wake`."""
@@ -116,7 +117,8 @@ class Session:
         self._has_reset = False
         self._requested_at: Frame | None = None
         """The Frame at which operations were requested last: they are requested once a tick at most."""
-        self._was_open = False
+        self._dialect: Dialect | None = None
+        """Of the telemetry that is sent; None before it is sent."""
         self._waits_until: float | None = None
         """When the first telemetry is sent without images [s]; None: it need not wait."""
 
@@ -142,7 +144,7 @@ class Session:
             self.engineio.check_timers(now)
             await self._empty_outbox()
             is_open = self.engineio.is_open
-            if is_open and not self._was_open:
+            if is_open and self.engineio.dialect is not self._dialect:
                 self._note_opening()
             # set before the latest Frame is read, so that none is missed
             self.awaits_frame = is_open and (self.flow_control.awaits_frame or self._waits_until is not None)
@@ -253,15 +255,18 @@ class Session:
             log.info("devkit bridge: %s", detection.note)
 
     def _note_opening(self) -> None:
-        self._was_open = True
-        self._waits_until = self._clock() + IMAGE_WAIT if self._images else None
         counters, dialect = self._metrics.counters, self.engineio.dialect
-        counters.dialect = dialect
+        is_first = self._dialect is None
+        counters.dialect = self._dialect = dialect
+        if is_first:
+            counters.reconnects += counters.connections > 0
+            counters.connections += 1
+            self._waits_until = self._clock() + IMAGE_WAIT if self._images else None
+        else:  # the server was taken for another, and did not read what it was sent
+            self.flow_control = FlowControl(self._resend_delay)
         self._detection.begin(dialect)
         profile = self._detection.profile
         counters.profile, counters.devkit, counters.note = profile and profile.name, str(self._detection), ""
-        counters.reconnects += counters.connections > 0
-        counters.connections += 1
         log.info("devkit bridge: connected to a script (%s)", dialect)
 
     def _look_for_images(self, frame: Frame, now: float) -> None:
@@ -281,7 +286,7 @@ class Session:
             await self._socket.send(packet)
 
     async def _send_telemetry(self, frame: Frame, now: float) -> None:
-        may_request_ack = _CAN_ACK_AT_ONCE and self.engineio.dialect is not Dialect.RAW
+        may_request_ack = _CAN_ACK_AT_ONCE and self.engineio.acknowledges
         number = self.flow_control.begin_send(frame, now, may_request_ack=may_request_ack)
         counters = self._metrics.counters
         counters.resends += self.flow_control.is_resend
