@@ -157,8 +157,9 @@ def test_a_server_that_admits_late_gets_the_state_again_at_once(simulation: Simu
     ],
 )
 def test_a_script_that_does_not_answer_gets_the_scan_in_another_format(
-    simulation: Simulation, settings: DevkitSettings, formats: list[str]
+    simulation: Simulation, settings: DevkitSettings, formats: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("autodrive.connect.bridge.flow_control.PATIENCE", 0.0)
     received: list[str] = []
     with (
         engine_io_4(lambda _, data: received.append(data["V1 LIDAR Range Array"][:4])) as port,
@@ -166,6 +167,19 @@ def test_a_script_that_does_not_answer_gets_the_scan_in_another_format(
     ):
         wait_until(lambda: len(received) >= 3)
     assert received[:3] == formats
+
+
+def test_a_slow_first_answer_does_not_change_the_format_of_scans(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("autodrive.connect.bridge.flow_control.PATIENCE", 10 * LIMIT)
+    received: list[str] = []
+    with (
+        engine_io_4(lambda _, data: received.append(data["V1 LIDAR Range Array"][:4])) as port,
+        DevkitBridge(simulation, port=port, resend_delay=0.02),
+    ):
+        wait_until(lambda: len(received) >= 4)
+    assert set(received) == {"inf "}
 
 
 OLD, NEW = {"V1 Throttle": "0", "V1 Headlights": "0"}, {"V1 Throttle": "0", "V1 Reset": "False"}

@@ -343,11 +343,11 @@ class Session:
 
     def _data(self, frame: Frame, images: devkit.Images | None) -> dict[str, str]:
         """Telemetry for the profile of the script; for all profiles while it is unknown, or if it is probably wrong."""
-        detection, attempt = self._detection, self.flow_control.resends
+        detection, flow = self._detection, self.flow_control
         sizes = self._image_sizes() if self._image_sizes else None
-        lidar = detection.lidar(attempt)
+        lidar = detection.lidar(flow.late_resends)
         profile = detection.profile
-        is_uncertain = detection.fixed is None and attempt > 1
+        is_uncertain = detection.fixed is None and flow.resends > 1
         lights = self._traffic_lights
         if profile is None or is_uncertain:
             return devkit.initial_telemetry(
