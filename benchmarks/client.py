@@ -19,6 +19,7 @@ import numpy as np
 from msgspec.structs import replace
 
 import autodrive
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Frame, LidarScan, Pose
 from autodrive.protocol.native import Scene
@@ -73,7 +74,7 @@ def serve(pipe: Connection, is_loaded: bool) -> None:
     world.step(COMMANDS)
     pictures: Any = Ready() if is_loaded else None
     with Simulation(world, is_paused=True) as simulation:  # noqa: SIM117
-        with Server(simulation, scene_files=bare, port=0, jpeg_encoder=pictures) as server:
+        with Server(Served(simulation, bare, jpeg_encoder=pictures), PageOptions(port=0)) as server:
             pipe.send(server.address)
             pipe.recv()
 

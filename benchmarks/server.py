@@ -29,6 +29,7 @@ import numpy as np
 
 import autodrive
 from autodrive import Command, Simulation
+from autodrive.connect.server.served import Served
 from autodrive.connect.server.server import Server
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Frame, Pose
@@ -152,7 +153,7 @@ def other(role: str, *arguments: int) -> subprocess.Popen[str]:
 @contextmanager
 def served(world: World) -> Iterator[tuple[Simulation, Server]]:
     simulation = Simulation(world)
-    server = Server(simulation, scene_files=lambda world: SceneFiles.of(world, SCENARIO), jpeg_encoder=JpegEncoder())
+    server = Server(Served(simulation, lambda world: SceneFiles.of(world, SCENARIO), jpeg_encoder=JpegEncoder()))
     with server, simulation:
         time.sleep(1.0)
         yield simulation, server

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 import autodrive
-from autodrive.connect.server.server import scene_renderer_factory
+from autodrive.connect.server.served import scene_renderer_factory
 from autodrive.graphics.render.quality import NAMES
 from autodrive.protocol.native import SetCamera
 

@@ -20,6 +20,7 @@ import pytest
 
 import autodrive
 from autodrive.base.cache import PACKAGE
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from tests.connect.client.conftest import bare
 
@@ -214,7 +215,7 @@ def test_the_client_distribution_drives_a_simulator_from_a_clean_environment(tmp
     modules = [name.removesuffix(".py").replace("/", ".") for name in listed]
     with (
         autodrive.Simulation(autodrive.make("plane")) as simulation,
-        Server(simulation, scene_files=bare, scenarios={}, port=0) as server,
+        Server(Served(simulation, bare), PageOptions(port=0)) as server,
     ):
         done = subprocess.run(
             [python, "-I", "-c", TRY_CLIENT, server.url, *modules],

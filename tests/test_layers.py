@@ -47,7 +47,7 @@ def test_imports_go_down() -> None:
 
 
 def test_there_are_few_arrows_between_groups() -> None:
-    assert len(layers.arrows()) <= 53
+    assert len(layers.arrows()) <= 50
 
 
 def test_there_is_no_circle_of_files() -> None:

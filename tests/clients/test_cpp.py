@@ -19,6 +19,7 @@ import autodrive
 from autodrive import Command, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.devkit import Nigel
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
@@ -227,7 +228,7 @@ def test_the_devkit_example_stops_before_the_box(build: Path) -> None:
 
 def test_lock_step_in_cpp_equals_world_step(build: Path) -> None:
     simulation = Simulation(autodrive.make("mini_map"))
-    with simulation, Server(simulation, scene_files=scene_files, port=0) as server:
+    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
         printed = run(build / "lockstep", server.port).split()
     world = autodrive.make("mini_map")
     frame_ = world.frame

@@ -24,6 +24,7 @@ from autodrive.connect.bridge.engineio import Acknowledgement, Connection, Conne
 from autodrive.connect.bridge.metrics import Metrics
 from autodrive.connect.bridge.session import Session
 from autodrive.connect.server.hub import Hub
+from autodrive.connect.server.served import Served
 from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.world import World
 from tests.support.hardening import cases, memory
@@ -239,16 +240,7 @@ def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, mo
     clients, at_start, begin = cases(30, 2000), list[float](), time.monotonic()
 
     async def attack() -> None:
-        hub = Hub(
-            simulation,
-            scene_files=scene_files,
-            bridge=None,
-            scenarios={"plane": "Plane"},
-            jpeg_encoder=None,
-            cameras_error=lambda: "",
-            want_pictures=lambda _: None,
-            renderer_factory=no_renderer,
-        )
+        hub = Hub(Served(simulation, scene_files, scenarios={"plane": "Plane"}, renderer_factory=no_renderer))
         scope = {"subprotocols": ["autodrive.v2"]}
         async with hub:
             for number in range(clients):

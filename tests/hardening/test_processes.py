@@ -15,7 +15,7 @@ import pytest
 
 import autodrive
 from autodrive.base.errors import AutodriveError
-from autodrive.connect.server.server import scene_renderer_factory
+from autodrive.connect.server.served import scene_renderer_factory
 from autodrive.graphics.cameras import process as process_module
 from autodrive.graphics.cameras import scene_process as scene_process_module
 from autodrive.graphics.cameras import worker as worker_module

@@ -25,7 +25,8 @@ from autodrive.connect.server.connections import HttpProtocol
 from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
 from autodrive.connect.server.request_queue import BURST, SHARE, TimeLimit
 from autodrive.connect.server.requests import Requests
-from autodrive.connect.server.server import Server, scene_renderer_factory
+from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
+from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import Collision, SetSpeed
 from autodrive.world import World
 from tests.support.attackers import frame
@@ -44,7 +45,8 @@ def simulation() -> Simulation:
 def served(simulation: Simulation) -> Iterator[Server]:
     bridge = DevkitBridge(simulation)
     scenarios = {"plane": "Plane"}
-    with Server(simulation, scene_files=scene_files, scenarios=scenarios, port=free_port(), bridge=bridge) as server:
+    everything = Served(simulation, scene_files, scenarios=scenarios, bridge=bridge)
+    with Server(everything, PageOptions(port=free_port())) as server:
         yield server
     bridge.close()
 
@@ -201,7 +203,7 @@ def test_a_request_that_fails_inside_is_answered_and_the_next_one_executed(
     def fail(_: object) -> str:
         raise ValueError("inside")
 
-    monkeypatch.setattr("autodrive.connect.server.requests.scenario_text", fail)
+    monkeypatch.setattr("autodrive.world.simulation.paced.scenario_text", fail)
     with native_client(server) as client:
         assert client.ask("SaveScenario")["text"] == "inside"
         assert client.ask("Resume")["type"] == "Response"
@@ -512,7 +514,7 @@ def test_a_websocket_with_a_malformed_origin_is_refused(server: Server) -> None:
 @pytest.mark.parametrize("token", ["x", "", "short-token-1234"[:15], "sixteen characters", "ä" * 20])
 def test_a_weak_token_is_refused(simulation: Simulation, token: str) -> None:
     with pytest.raises(AutodriveError, match="16 or more characters"):
-        Server(simulation, scene_files=scene_files, token=token)
+        Server(Served(simulation, scene_files), PageOptions(token=token))
 
 
 def test_the_server_closes_while_a_client_neither_reads_nor_leaves(server: Server, simulation: Simulation) -> None:
@@ -539,7 +541,8 @@ def test_frames_go_on_where_scene_cameras_cannot_start(caplog: pytest.LogCapture
     scenarios = {"two_cars": "Two cars"}
     with (
         Server(
-            simulation, scene_files=scene_files, scenarios=scenarios, port=free_port(), renderer_factory=factory
+            Served(simulation, scene_files, scenarios=scenarios, renderer_factory=factory),
+            PageOptions(port=free_port()),
         ) as server,
         simulation,
         native_client(server) as client,

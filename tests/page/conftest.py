@@ -14,6 +14,7 @@ from playwright.sync_api import Browser, sync_playwright
 
 from autodrive.base.cache import PACKAGE
 from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.run.options import RunOptions
@@ -62,23 +63,24 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
         folder = tmp_path_factory.mktemp("recordings")
         recordings = Recordings(simulation, folder, scenario=lambda: loader.scenario, encoder=encoder)
         stack.callback(recordings.stop_now)
-        serve = partial(
-            Server,
+        served = Served(
             simulation,
-            scene_files=loader.scenery,
-            page=built,
+            loader.scenery,
             bridge=bridge,
             scenarios=loader.scenarios,
-            port=0,
             jpeg_encoder=encoder,
             cameras_error=lambda: loader.cameras_error,
             want_pictures=loader.set_viewed,
             recording=recordings,
         )
+
+        def serve(token: str | None = None) -> Server:
+            return Server(served, PageOptions(port=0, token=token), page=built)
+
         server = serve()
         stack.enter_context(simulation)
         stack.enter_context(server)
-        yield PageServer(simulation, server, bridge, lambda: loader.scenario, lambda token: serve(token=token))
+        yield PageServer(simulation, server, bridge, lambda: loader.scenario, serve)
 
 
 @pytest.fixture

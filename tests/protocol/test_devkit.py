@@ -291,6 +291,7 @@ def test_a_script_may_send_its_steering_sign() -> None:
         (list(RECORDED["commands"]), True),
         (["V1 Throttle", "V1 Steering"], False),  # the car without lights exists since 2023
         (["V1 Throttle", "V1 Headlights", "V1 Reset"], False),
+        (["V1 Throttle", "V1 Headlights", "Reset"], False),
         (["Throttle", "Headlights"], False),
     ],
 )
@@ -354,6 +355,21 @@ def test_an_unknown_vehicle_is_refused() -> None:
 @pytest.mark.parametrize(("text", "is_held"), [("True", True), ("False", False), (True, True), (0, False), ("1", True)])
 def test_reset_is_read(text: object, is_held: bool) -> None:
     assert read_commands({"V1 Reset": text}, PROFILES["2025"], {"red": Command()}).resets == {"red": is_held}
+
+
+@pytest.mark.parametrize("profile", ["2025", "roboracer"])
+def test_a_reset_without_prefix_is_that_of_all_vehicles(profile: str) -> None:
+    vehicles = {"red": Command(), "green": Command()}
+    orders = read_commands({"Reset": "True", "V2 Reset": "False"}, PROFILES[profile], vehicles)
+    assert (orders.resets, orders.ignored) == ({"red": True, "green": True}, [])
+    found = detect_profile({"V1 Throttle": "0", "Reset": "False"})
+    assert found is PROFILES["2025"]
+
+
+def test_keys_without_effect_are_named() -> None:
+    orders = read_commands({"Reset": "True", "V1 Brake": "1", "Throttle": "1"}, PROFILES["2023"], {"red": Command()})
+    assert (orders.resets, orders.commands) == ({}, {})
+    assert orders.ignored == ["Reset", "V1 Brake", "Throttle"]
 
 
 # -- environment and co-simulation -----------------------------------------------------------------------------

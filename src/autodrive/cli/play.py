@@ -74,10 +74,9 @@ def play(
 
 def _as_script(policy: Policy, port: int) -> None:
     """Serve as a devkit script until Ctrl-C."""
-    from autodrive.connect.devkit import Server
-    from autodrive.run.play import responder
+    from autodrive.run.play import script
 
-    with Server(responder(policy), port=port) as server:
+    with script(policy, port) as server:
         typer.echo(f"start the race with: --devkit 127.0.0.1:{server.port}  (Ctrl-C to stop)")
         server.wait()
 

@@ -14,12 +14,11 @@ from autodrive.base.png import encode_png
 from autodrive.base.transforms import quaternion_from_yaw, rotation_from_quaternion
 from autodrive.base.yaml_files import Kind
 from autodrive.graphics.assets.asset import Asset, AssetNode, Material, MeshSurface
-from autodrive.graphics.cameras.viewpoints import orbit
+from autodrive.graphics.cameras.viewpoints import Viewpoint, orbit
 from autodrive.graphics.meshes import store
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
-from autodrive.physics.sensors.camera_view import View
 from autodrive.protocol.labels import Label
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.map import Map, load_map
@@ -42,7 +41,7 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
     if kind == "vehicle":
         spec = load_vehicle(name)
         scene, state = _vehicle_scene(spec)
-        view = framed(_vehicle_box(spec), 32.0, 22.0, 2 * SIZE[0], 2 * SIZE[1])
+        viewpoint = framed(_vehicle_box(spec), 32.0, 22.0)
     else:
         if kind == "scenario":
             compiled = compile_scenario(name)
@@ -50,23 +49,24 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
         else:
             map_ = module_alone(name) if kind == "module" else load_map(name)
             scene, state = _map_scene(map_)
-        view = framed(_map_box(map_), -62.0, 38.0, 2 * SIZE[0], 2 * SIZE[1])
+        viewpoint = framed(_map_box(map_), -62.0, 38.0)
     state.header["is_day"] = is_day
+    view = viewpoint.view(2 * SIZE[0], 2 * SIZE[1])
     with Renderer(scene, "gpu") as renderer:
         write_file(path, encode_png(_halved(renderer.draw(state, [view])[0].rgba[..., :3])))
 
 
-def framed(box: NDArray[np.float64], azimuth_deg: float, elevation_deg: float, width: int, height: int) -> View:
-    """View from a direction that shows a whole box, given by its minimum and maximum corner [m], shape (2, 3)."""
+def framed(box: NDArray[np.float64], azimuth_deg: float, elevation_deg: float) -> Viewpoint:
+    """From a direction that shows a whole box, given by its minimum and maximum corner [m], shape (2, 3)."""
     x, y, z = middle = box.mean(axis=0).tolist()
-    ahead = orbit((x, y, z), 1.0, azimuth_deg, elevation_deg, FIELD_OF_VIEW_DEG).view(width, height)
+    ahead = orbit((x, y, z), 1.0, azimuth_deg, elevation_deg, FIELD_OF_VIEW_DEG).view(*SIZE)
     right, down, forward = np.reshape(rotation_from_quaternion(ahead.orientation), (3, 3)).T
     k = ahead.intrinsics
     corners = np.array([(x, y, z) for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]]) - middle
     across = np.maximum(np.abs(corners @ right) * k.fx / k.cx, np.abs(corners @ down) * k.fy / k.cy)
     distance = 1.04 * float(np.max(across - corners @ forward))
     far = orbit((x, y, z), distance, azimuth_deg, elevation_deg, FIELD_OF_VIEW_DEG)
-    return replace(far, near=0.02 * distance).view(width, height)
+    return replace(far, near=0.02 * distance)
 
 
 # -- contents of the image -------------------------------------------------------------------------------------

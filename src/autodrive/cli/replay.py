@@ -59,5 +59,5 @@ def replay(
         if browser and has_screen():
             open_page(url)
 
-    options = ReplayOptions(speed, paused, camera_quality, host, port, token)
+    options = ReplayOptions(speed, paused, camera_quality, host=host, port=port, token=token)
     show(file, options, stop=stop, on_start=started)

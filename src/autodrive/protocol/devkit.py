@@ -28,7 +28,9 @@ from autodrive.base.transforms import rotate
 from autodrive.protocol.commands import MAX_DISTANCE
 from autodrive.protocol.devkit_profile import (
     COMMAND_KEYS,
+    COMMON_RESET,
     PROFILES,
+    STEERING_SIGN,
     VEHICLE_KEY,
     DevkitSettings,
     Keys,
@@ -251,6 +253,8 @@ class DevkitCommands:
     """Time of day and weather, by the keys of `ENVIRONMENT`."""
     refused: list[str] = field(default_factory=list)
     """An error text for each refused value."""
+    ignored: list[str] = field(default_factory=list)
+    """Keys without effect."""
 
 
 _LIGHT_KEY = re.compile(r"(?:TL(\d{1,4}) State|Traffic Light (\d{1,4}))")  # the second only in 2021
@@ -261,7 +265,7 @@ def read_commands(data: Mapping[str, object], profile: Profile, previous: Mappin
 
     `previous` holds the latest command of every vehicle, in the order V1, V2 ...: each key is optional, and a missing
     one keeps its last value. Numbers are texts or JSON numbers and are clamped; None (never set by the user) is
-    ignored; values that are not finite numbers are refused. Keys of other features (brakes ...) are ignored.
+    ignored; values that are not finite numbers are refused. Keys of other features (brakes ...) have no effect.
     """
     result = DevkitCommands()
     poses: dict[str, dict[str, float]] = {}
@@ -322,15 +326,30 @@ def _read_value(
 ) -> None:
     if key in ENVIRONMENT:
         result.environment[key] = float(_truth(value)) if key == "Auto Time" else _within(value, *ENVIRONMENT[key])
-        return
-    if light := _LIGHT_KEY.fullmatch(key):
+    elif light := _LIGHT_KEY.fullmatch(key):
         number = int(light[1] or light[2])
         if not 1 <= number <= TRAFFIC_LIGHTS:
             raise ValueError(f"unknown traffic light; known: 1 to {TRAFFIC_LIGHTS}")
         result.traffic_lights[number] = _integer(value, most=3)
-        return
+    elif profile.has_common_reset and key == COMMON_RESET:
+        is_held = _truth(value)
+        result.resets |= {vehicle: is_held or result.resets.get(vehicle, False) for vehicle in previous}
+    else:
+        _read_vehicle_value(key, value, profile, previous, result, poses)
+
+
+def _read_vehicle_value(
+    key: str,
+    value: object,
+    profile: Profile,
+    previous: Mapping[str, Command],
+    result: DevkitCommands,
+    poses: dict[str, dict[str, float]],
+) -> None:
     number, name = _address(key, profile)
     if name not in _VEHICLE_KEYS:
+        if name != STEERING_SIGN:  # the profile has it
+            result.ignored.append(key)
         return
     if not 1 <= number <= len(previous):
         raise ValueError(f"unknown vehicle; the scenario has {len(previous)}")
@@ -338,7 +357,7 @@ def _read_value(
     command = result.commands.get(vehicle, previous[vehicle])
     match name:
         case "Reset":
-            result.resets[vehicle] = _truth(value)
+            result.resets[vehicle] = _truth(value) or result.resets.get(vehicle, False)
             return
         case "CoSim":
             poses.setdefault(vehicle, {})[name] = float(_truth(value))

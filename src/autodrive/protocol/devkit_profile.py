@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Literal, TypeAlias, get_args
 
@@ -40,6 +40,8 @@ class Profile:
     """Reference point of the position, in the vehicle frame (origin: centre of the rear axle) [m]."""
     has_race: bool = False
     """Whether telemetry has the velocity as a vector, laps and collisions."""
+    has_common_reset: bool = False
+    """Whether a key 'Reset' without prefix exists, for all vehicles."""
     cameras: tuple[str, ...] = ("front", "rear")
     """Cameras of which every vehicle sends an image; black without such a camera."""
 
@@ -70,9 +72,14 @@ PROFILES = {
         # the devkit of 2023 is left-positive: teleoperation, navigation and wheel frames of its ROS packages; the
         # simulator of that year took right-positive commands, and scripts written for it need `steering` "right"
         Profile("2023", "prefixed", 3, "text", False, "left", "left"),
-        Profile("2025", "prefixed", 4, "gzip", True, "left", "left"),
+        Profile("2025", "prefixed", 4, "gzip", True, "left", "left", has_common_reset=True),
         # the RoboRacer Sim Racing League: keys of its releases of 2025 ('Speed') and of 2026 ('Linear Velocity')
-        Profile("roboracer", "prefixed", 4, "gzip", True, "left", "left", has_race=True, cameras=("front",)),
+        Profile(
+            *("roboracer", "prefixed", 4, "gzip", True, "left", "left"),
+            has_race=True,
+            has_common_reset=True,
+            cameras=("front",),
+        ),
     )
 }
 
@@ -124,13 +131,14 @@ KNOWN_SETTINGS: dict[str, tuple[str, ...]] = {
 def detect_profile(data: Mapping[str, object]) -> Profile | None:
     """Detect the devkit generation from the keys of a command message; None if it addresses no vehicle.
 
-    Keys without prefix: 2020. 'V1 Reset' and other keys since late 2024: 2025. Any other 'V1 ...' key: 2023. The keys
-    of 2022 are the same as those of 2023, see `is_ambiguous`. 'V1 Steering Sign' with the value left or right, which
-    only the devkits of this simulator send, sets the direction of a positive steering command.
+    Keys without prefix: 2020. 'V1 Reset' and other keys since late 2024, also a 'Reset' without prefix beside keys with
+    one: 2025. Any other 'V1 ...' key: 2023. The keys of 2022 are the same as those of 2023, see `is_ambiguous`.
+    'V1 Steering Sign' with the value left or right, which only the devkits of this simulator send, sets the direction
+    of a positive steering command.
     """
     own = {match[2]: value for key, value in data.items() if (match := VEHICLE_KEY.fullmatch(key))}
     if own:
-        profile = PROFILES["2025" if KEYS_SINCE_2024 & own.keys() else "2023"]
+        profile = PROFILES["2025" if _is_new(data, own) else "2023"]
         side = own.get(STEERING_SIGN)
         return replace(profile, steering=side) if side in ("left", "right") and side != profile.steering else profile
     return PROFILES["2020"] if COMMAND_KEYS & data.keys() else None
@@ -139,7 +147,12 @@ def detect_profile(data: Mapping[str, object]) -> Profile | None:
 def is_ambiguous(data: Mapping[str, object]) -> bool:
     """Whether a script of 2022 sends the same keys as one of 2023: it always commands the lights, and no newer key."""
     own = {match[2] for match in map(VEHICLE_KEY.fullmatch, data) if match}
-    return "Headlights" in own and not own & (KEYS_SINCE_2024 | {STEERING_SIGN})
+    return "Headlights" in own and STEERING_SIGN not in own and not _is_new(data, own)
+
+
+def _is_new(data: Mapping[str, object], own: Iterable[str]) -> bool:
+    """Whether a message has keys since late 2024; `own`: its keys of vehicles, without prefix."""
+    return COMMON_RESET in data or not KEYS_SINCE_2024.isdisjoint(own)
 
 
 VEHICLE_KEY = re.compile(r"V(\d{1,4}) (.+)")
@@ -148,6 +161,8 @@ COMMAND_KEYS = {"Throttle", "Steering", "Headlights", "Indicators"}
 """Keys of all generations, without prefix."""
 STEERING_SIGN = "Steering Sign"
 """Key with the direction of a positive steering command, without prefix."""
+COMMON_RESET = "Reset"
+"""Key of all vehicles, in the league's devkit of 2025."""
 KEYS_SINCE_2024 = {
     "Reset",
     "CoSim",

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.devkit_profile import DevkitSettings, Handshake, Keys, LidarFormat, Side
 from autodrive.scenario import DEFAULT
 
@@ -13,7 +14,7 @@ DrivingMode: TypeAlias = Literal["manual", "autonomous"]
 
 
 @dataclass(frozen=True)
-class RunOptions:
+class RunOptions(PageOptions):
     """Options of `autodrive.run.simulate` and of the command `autodrive run`."""
 
     scenario: str = DEFAULT
@@ -61,14 +62,6 @@ class RunOptions:
     """Folder of the recordings that clients start."""
     has_page: bool = True
     """Whether the page and the native protocol are served."""
-    host: str = "127.0.0.1"
-    """Address on which the page is served."""
-    port: int | None = None
-    """Port of the page; None: the default port, or the next free one; 0: any free port."""
-    token: str | None = None
-    """Access token; None: generated if other machines can connect."""
-    allowed_origins: tuple[str, ...] = ()
-    """Origins of other web pages that may connect."""
 
     @property
     def devkit_settings(self) -> DevkitSettings:

@@ -41,12 +41,17 @@ def responder(policy: Policy) -> Callable[[Mapping[str, Any]], Mapping[str, str]
     return respond
 
 
+def script(policy: Policy, port: int = 0) -> Server:
+    """The policy as a devkit script on that port; 0: any free one."""
+    return Server(responder(policy), port=port)
+
+
 def race(
     policy: Policy, options: RaceOptions, *, stop: StopRequest | None = None, observer: RunObserver | None = None
 ) -> RaceResult:
     """Run a race in which the policy drives V1; the scripts of the options drive the others."""
     with ExitStack() as stack:
-        server = stack.enter_context(Server(responder(policy), port=0))
+        server = stack.enter_context(script(policy))
         devkits = (("127.0.0.1", server.port), *options.devkits)
         return run_race(replace(options, devkits=devkits), stop=stop, observer=observer)
 

@@ -16,7 +16,7 @@ from autodrive.base.errors import AutodriveError
 from autodrive.base.jit import compiling
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
-from autodrive.physics.sensors.settings import SensorSettings
+from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import (
     Pause,
     RaceStatus,
@@ -35,7 +35,7 @@ from autodrive.run.recordings import Recordings
 from autodrive.run.runner import Run, RunObserver, StopRequest, image_encoder, page_server
 from autodrive.run.summary import Odometer
 from autodrive.run.world_loader import WorldLoader
-from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.files import scenario_text
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.race_rules import RaceRules, load_rules
@@ -61,7 +61,7 @@ ALLOWED = (
 
 
 @dataclass(frozen=True)
-class RaceOptions:
+class RaceOptions(PageOptions):
     """Options of `autodrive.run.race` and of the command `autodrive race`."""
 
     track: str
@@ -90,12 +90,6 @@ class RaceOptions:
     """Whether camera images are rendered; otherwise scripts receive black images."""
     has_page: bool = True
     """Whether the page is served."""
-    host: str = "127.0.0.1"
-    """Address on which the page is served."""
-    port: int | None = None
-    """Port of the page; None: the default port, or the next free one; 0: any free port."""
-    token: str | None = None
-    """Access token; None: generated if other machines can connect."""
 
     @property
     def names(self) -> list[str]:
@@ -318,6 +312,7 @@ def _run_options(options: RaceOptions, scenario: Path) -> RunOptions:
         host=options.host,
         port=options.port,
         token=options.token,
+        allowed_origins=options.allowed_origins,
     )
 
 

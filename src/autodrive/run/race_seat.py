@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
@@ -23,28 +23,11 @@ from autodrive.protocol.messages import (
 )
 
 if TYPE_CHECKING:
-    from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.world.racing import RaceRules
+    from autodrive.world.simulation.control import Control, Sink
 
 OWN = "V1"
 """Name of a vehicle for its script."""
-
-
-class RaceControl(Protocol):
-    """What a seat needs of a Simulation."""
-
-    @property
-    def frame(self) -> Frame:
-        """The latest Frame."""
-        ...
-
-    def submit(self, vehicle: str, command: Command) -> None:
-        """Set the command for the next tick."""
-        ...
-
-    def request(self, request: Operation) -> object:
-        """Request an operation before the next tick."""
-        ...
 
 
 class Seat:
@@ -54,7 +37,7 @@ class Seat:
     be called from any thread.
     """
 
-    def __init__(self, simulation: RaceControl, vehicle: str, rules: RaceRules) -> None:
+    def __init__(self, simulation: Control, vehicle: str, rules: RaceRules) -> None:
         self.vehicle = vehicle
         self.answers = 0
         """Number of commands received for the vehicle."""
@@ -64,7 +47,7 @@ class Seat:
         """Notified with each command."""
         self._simulation = simulation
         self._rules = rules
-        self._sinks: tuple[DevkitBridge, ...] = ()
+        self._sinks: tuple[Sink, ...] = ()
         self._frame = self._seen(simulation.frame)
 
     # -- towards the simulation ---------------------------------------------------------------------------------
@@ -103,11 +86,11 @@ class Seat:
             raise CommandError(f"{what} is not allowed in this race")
         return None  # time of day and weather are those of the race
 
-    def add_sink(self, sink: DevkitBridge) -> None:
+    def add_sink(self, sink: Sink) -> None:
         """Call `sink.publish(frame)` with each Frame."""
         self._sinks = (*self._sinks, sink)
 
-    def remove_sink(self, sink: DevkitBridge) -> None:
+    def remove_sink(self, sink: Sink) -> None:
         """Stop calling the sink."""
         self._sinks = tuple(other for other in self._sinks if other is not sink)
 

@@ -252,18 +252,14 @@ def page_server(
 
     `refusal`: why clients may not have an operation or Drive now; empty if they may.
     """
-    from autodrive.connect.server.server import Server, scene_renderer_factory
+    from autodrive.connect.server.served import Served, scene_renderer_factory
+    from autodrive.connect.server.server import Server
 
-    return Server(
+    served = Served(
         simulation,
-        scene_files=loader.scenery,
-        page=built_page(),
+        loader.scenery,
         bridge=bridge,
         scenarios=loader.scenarios,
-        host=options.host,
-        port=options.port,
-        token=options.token,
-        allowed_origins=options.allowed_origins,
         jpeg_encoder=encoder,
         recording=recordings,
         cameras_error=lambda: loader.cameras_error,
@@ -271,3 +267,4 @@ def page_server(
         renderer_factory=scene_renderer_factory(options.camera_quality),
         refusal=refusal,
     )
+    return Server(served, options, page=built_page())

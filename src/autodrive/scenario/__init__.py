@@ -1,5 +1,6 @@
 """What files say: scenarios, maps, tracks, vehicles and race rules, and the files of this package."""
 
+from autodrive.physics.sensors.settings import SensorSettings as SensorSettings
 from autodrive.scenario.scenario import DEFAULT as DEFAULT
 from autodrive.scenario.scenario import FACTOR_LIMITS as FACTOR_LIMITS
 from autodrive.scenario.scenario import MAX_BOXES as MAX_BOXES

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection
 
@@ -21,7 +22,9 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
 from autodrive.protocol.devkit import black_image
 from autodrive.protocol.devkit_profile import DevkitSettings, Side
-from autodrive.protocol.messages import Pause, Reset, SetDrivingMode
+from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Operation, Pause, Reset, SetDrivingMode
+from autodrive.world import World
+from autodrive.world.simulation.control import Publisher
 from tests.connect.bridge.conftest import peer
 from tests.support.waiting import LIMIT, free_port, wait_until
 
@@ -111,6 +114,40 @@ def engine_io_4(talk: Callable[[ServerConnection, dict[str, str]], None]) -> Ite
         yield port
 
 
+def test_a_server_that_never_admits_the_client_drives(simulation: Simulation) -> None:
+    """As one that writes Engine.IO by hand."""
+    packets: list[str] = []
+
+    def by_hand(connection: ServerConnection) -> None:
+        connection.send('0{"sid":"x","upgrades":[],"pingInterval":25000,"pingTimeout":60000}')
+        for text in connection:
+            packets.append(str(text)[:3])
+            if str(text).startswith("42"):
+                checked(str(text))
+                connection.send(packet(FULL_THROTTLE))
+
+    with peer(by_hand) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
+        assert bridge.counters.dialect is Dialect.ENGINE_IO_3
+    assert {"40", "42["} <= set(packets) <= {"40", "42[", "41", "1"}  # no number: no acknowledgement is asked for
+
+
+def test_a_server_that_admits_late_gets_the_state_again_at_once(simulation: Simulation) -> None:
+    def late(connection: ServerConnection) -> None:
+        connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000,"maxPayload":1000000}')
+        texts = map(str, connection)
+        assert next(texts) == "40"
+        assert next(texts).startswith('42["Bridge"')  # which a server of Engine.IO 4 does not read before
+        connection.send('40{"sid":"y"}')
+        for text in texts:
+            if text.startswith("42"):
+                connection.send(packet(FULL_THROTTLE))
+
+    with peer(late) as port, DevkitBridge(simulation, port=port, resend_delay=10 * LIMIT) as bridge:
+        wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
+        assert (bridge.counters.dialect, bridge.counters.connections) == (Dialect.ENGINE_IO_4, 1)
+
+
 @pytest.mark.parametrize(
     ("settings", "formats"),
     [
@@ -120,8 +157,9 @@ def engine_io_4(talk: Callable[[ServerConnection, dict[str, str]], None]) -> Ite
     ],
 )
 def test_a_script_that_does_not_answer_gets_the_scan_in_another_format(
-    simulation: Simulation, settings: DevkitSettings, formats: list[str]
+    simulation: Simulation, settings: DevkitSettings, formats: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("autodrive.connect.bridge.flow_control.PATIENCE", 0.0)
     received: list[str] = []
     with (
         engine_io_4(lambda _, data: received.append(data["V1 LIDAR Range Array"][:4])) as port,
@@ -129,6 +167,19 @@ def test_a_script_that_does_not_answer_gets_the_scan_in_another_format(
     ):
         wait_until(lambda: len(received) >= 3)
     assert received[:3] == formats
+
+
+def test_a_slow_first_answer_does_not_change_the_format_of_scans(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("autodrive.connect.bridge.flow_control.PATIENCE", 10 * LIMIT)
+    received: list[str] = []
+    with (
+        engine_io_4(lambda _, data: received.append(data["V1 LIDAR Range Array"][:4])) as port,
+        DevkitBridge(simulation, port=port, resend_delay=0.02),
+    ):
+        wait_until(lambda: len(received) >= 4)
+    assert set(received) == {"inf "}
 
 
 OLD, NEW = {"V1 Throttle": "0", "V1 Headlights": "0"}, {"V1 Throttle": "0", "V1 Reset": "False"}
@@ -443,13 +494,14 @@ def test_in_manual_mode_telemetry_is_sent_and_commands_are_ignored(simulation: S
         assert simulation.frame.vehicles["V1"].throttle == 0.0
 
 
-def test_a_held_reset_resets_once(simulation: Simulation) -> None:
+@pytest.mark.parametrize("key", ["V1 Reset", "Reset"])
+def test_a_held_reset_resets_once(simulation: Simulation, key: str) -> None:
     steps = itertools.count()
 
     def resetting(connection: ServerConnection) -> None:
         for _ in telemetry_in(connection):
             is_held = 50 <= next(steps) < 60
-            connection.send(packet({"V1 Throttle": "1", "V1 Reset": str(is_held)}))
+            connection.send(packet({"V1 Throttle": "1", key: str(is_held)}))
 
     resets: list[float] = []
 
@@ -466,6 +518,69 @@ def test_a_held_reset_resets_once(simulation: Simulation) -> None:
         wait_until(lambda: bridge.counters.commands_received > 80)
         assert bridge.counters.profile == "2025"
     assert len(resets) == 1
+
+
+def test_keys_without_effect_are_logged_once(simulation: Simulation, caplog: pytest.LogCaptureFixture) -> None:
+    def braking(connection: ServerConnection) -> None:
+        for number, _ in enumerate(telemetry_in(connection)):
+            connection.send(packet({"V1 Throttle": "0", "V1 Brake": "1", **({"V1 Horn\n": "1"} if number > 5 else {})}))
+
+    with peer(braking) as port, DevkitBridge(simulation, port=port) as bridge:
+        wait_until(lambda: bridge.counters.commands_received > 20)
+    ignored = [line for line in bridge_messages(caplog) if "without effect" in line]
+    assert ignored == [
+        f"devkit bridge: keys of the script without effect: {key}" for key in ("'V1 Brake'", r"'V1 Horn\n'")
+    ]
+
+
+class Shown(Publisher):
+    """The control of a simulation whose Frames the test shows."""
+
+    def publish(self, frame: Frame) -> None:
+        self._publish(frame)
+
+    def submit(self, vehicle: str, command: Command) -> None:
+        """Ignore it."""
+
+    def request(self, request: Operation) -> None:
+        """Ignore it."""
+
+
+def with_image(frame: Frame) -> Frame:
+    """The Frame with an image of the front camera of V1."""
+    vehicle = frame.vehicles["V1"]
+    pinhole = CameraIntrinsics(8, 8, 8.0, 8.0, 4.0, 4.0)
+    image = CameraImage(frame.time, vehicle.pose, pinhole, np.full((8, 8, 4), 255, np.uint8))
+    return replace(frame, vehicles={"V1": replace(vehicle, cameras={"front": image})})
+
+
+def first_image(connection: ServerConnection, received: list[str]) -> None:
+    for data in telemetry_in(connection):
+        received.append(data["V1 Front Camera Image"])
+        connection.send(packet(FULL_THROTTLE))
+
+
+@pytest.mark.parametrize("is_late", [False, True])
+def test_the_first_message_waits_for_the_images(
+    one_world: World, monkeypatch: pytest.MonkeyPatch, is_late: bool
+) -> None:
+    monkeypatch.setattr("autodrive.connect.bridge.session.IMAGE_WAIT", 0.1 if is_late else 10 * LIMIT)
+    shown, received = Shown(one_world.reset(0)), list[str]()
+    with (
+        peer(lambda connection: first_image(connection, received)) as port,
+        DevkitBridge(
+            shown,
+            port=port,
+            images=lambda frame, _: {("V1", "front"): b"image"} if frame.vehicles["V1"].cameras else {},
+            image_sizes=lambda: {("V1", "front"): (8, 8)},
+        ) as bridge,
+    ):
+        wait_until(lambda: bridge.status == "connected")
+        if is_late:
+            wait_until(lambda: len(received) > 0)
+        shown.publish(with_image(shown.frame))
+        wait_until(lambda: len(received) > 0)
+    assert (received[0] == black_image(8, 8)) is is_late
 
 
 def test_images_that_make_a_message_too_long_are_omitted(simulation: Simulation) -> None:

@@ -99,8 +99,29 @@ def test_an_engine_io_4_server_without_max_payload_is_asked_after_a_timeout() ->
     connection.receive(HANDSHAKE_3, 0.0)
     connection.check_timers(LISTENING_TIME)
     assert sent(connection) == ["40"]
+    assert not connection.is_open
     connection.receive(ADMISSION_4, 0.5)
     assert connection.dialect is Dialect.ENGINE_IO_4
+
+
+@pytest.mark.parametrize("handshake", [HANDSHAKE_3, HANDSHAKE_4])
+def test_a_server_that_never_admits_gets_telemetry_without_acknowledgements(handshake: str) -> None:
+    connection = Connection(0.0)
+    connection.receive(handshake, 0.0)
+    connection.check_timers(LISTENING_TIME)
+    connection.check_timers(2 * LISTENING_TIME)
+    assert (connection.dialect, connection.is_open) == (Dialect.ENGINE_IO_3, True)
+    assert sent(connection) == ["40"]  # no ping yet, which ends the connection to a server of Engine.IO 4
+    assert not connection.acknowledges
+    connection.receive(ADMISSION_4, 1.0)
+    assert (connection.dialect, connection.acknowledges) == (Dialect.ENGINE_IO_4, True)
+
+
+def test_a_server_that_sends_an_event_before_it_admits_gets_telemetry_at_once() -> None:
+    connection = Connection(0.0)
+    connection.receive(HANDSHAKE_3, 0.0)
+    assert isinstance(connection.receive('42["Bridge",{}]', 0.01), Event)
+    assert (connection.dialect, connection.is_open, connection.acknowledges) == (Dialect.ENGINE_IO_3, True, False)
 
 
 def test_an_engine_io_3_server_that_accepts_late_is_still_pinged() -> None:
@@ -131,7 +152,7 @@ def test_a_server_that_sends_its_handshake_late_is_reclassified() -> None:
 
 
 def test_a_handshake_timeout_ends_the_connection() -> None:
-    connection = Connection(0.0)
+    connection = Connection(0.0, "engineio-4")
     connection.receive(HANDSHAKE_4, 0.0)
     with pytest.raises(ConnectionEnd, match="no handshake"):
         connection.check_timers(HANDSHAKE_TIME)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from autodrive.connect.bridge.flow_control import RESEND_DELAY, RESEND_DELAY_MAX, FlowControl
+from autodrive.connect.bridge.flow_control import PATIENCE, RESEND_DELAY, RESEND_DELAY_MAX, FlowControl
 from autodrive.protocol.messages import Frame
 
 
@@ -47,14 +47,27 @@ def test_a_command_requests_one_telemetry_message_of_a_newer_frame() -> None:
 def test_the_resend_delay_grows_up_to_its_limit() -> None:
     flow = FlowControl()
     now, pauses = 0.0, []
-    for _ in range(5):
+    for _ in range(6):
         flow.begin_send(new_frame(), now, may_request_ack=False)
         pauses.append(flow.deadline - now)
         now = flow.deadline
-    assert pauses == [RESEND_DELAY, 2 * RESEND_DELAY, RESEND_DELAY_MAX, RESEND_DELAY_MAX, RESEND_DELAY_MAX]
-    assert flow.resends == 4
+    # the third ends when the format of scans changes
+    assert pauses == [RESEND_DELAY, 2 * RESEND_DELAY, PATIENCE - 3 * RESEND_DELAY, *[RESEND_DELAY_MAX] * 3]
+    assert flow.resends == 5
     flow.command_received(now)
     assert flow.resends == 0
+
+
+def test_the_format_changes_only_after_five_seconds_without_an_answer() -> None:
+    flow = FlowControl()
+    now, sent = 0.0, []
+    for _ in range(6):
+        flow.begin_send(new_frame(), now, may_request_ack=False)
+        sent.append((now, flow.late_resends))
+        now = flow.deadline
+    assert sent == [(0.0, 0), (1.0, 0), (3.0, 0), (5.0, 1), (9.0, 2), (13.0, 3)]
+    flow.command_received(now)
+    assert flow.late_resends == 0
 
 
 def test_a_slow_script_is_given_twice_its_last_round_trip_time() -> None:

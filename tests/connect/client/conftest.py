@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 import autodrive
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.native import Scene, VehicleScene
 from autodrive.world import World
@@ -42,5 +43,5 @@ def simulation() -> Iterator[Simulation]:
 @pytest.fixture
 def server(simulation: Simulation) -> Iterator[Server]:
     """Serves it."""
-    with Server(simulation, scene_files=bare, scenarios=SCENARIOS, port=0) as serving:
+    with Server(Served(simulation, bare, scenarios=SCENARIOS), PageOptions(port=0)) as serving:
         yield serving

@@ -12,6 +12,7 @@ import pytest
 
 import autodrive
 from autodrive import Client, Command, CommandError, Frame, NoSimulatorError
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.codec import encode
 from autodrive.world.simulation import Simulation
@@ -248,7 +249,7 @@ def test_a_picture_without_a_subscription_is_an_error_at_once(sim: Client) -> No
 
 
 def test_a_token_is_needed_where_there_is_one(simulation: Simulation) -> None:
-    with Server(simulation, scene_files=bare, port=0, token="open-sesame-0123") as server:
+    with Server(Served(simulation, bare), PageOptions(port=0, token="open-sesame-0123")) as server:
         for token in (None, "wrong"):
             with pytest.raises(autodrive.AutodriveError, match="needs its token"):
                 Client(server.address, token=token, timeout=LIMIT)
@@ -267,13 +268,13 @@ def test_a_disconnected_client_no_longer_drives(sim: Client, server: Server) -> 
 
 
 def test_a_client_finds_a_restarted_simulator(simulation: Simulation) -> None:
-    server = Server(simulation, scene_files=bare, port=0)
+    server = Server(Served(simulation, bare), PageOptions(port=0))
     server.start()
     with Client(server.address, name="script", timeout=LIMIT) as sim:
         wait_until(lambda: sim.frame.vehicles["V1"].lidar is not None)
         port = server.port
         server.close()
-        timer = threading.Timer(0.5, (server := Server(simulation, scene_files=bare, port=port)).start)
+        timer = threading.Timer(0.5, (server := Server(Served(simulation, bare), PageOptions(port=port))).start)
         timer.start()
         assert sim.wait().vehicles["V1"].lidar is not None  # with the scans that were asked for
         timer.join()

@@ -9,6 +9,7 @@ import pytest
 
 import autodrive
 from autodrive import Client
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world.simulation import Simulation
@@ -27,7 +28,7 @@ def test_readings_of_a_vehicle_file_with_a_range_sensor_arrive_at_a_client(tmp_p
     )
     with (
         Simulation(world, is_paused=True) as simulation,
-        Server(simulation, scene_files=bare, scenarios={}, port=0) as server,
+        Server(Served(simulation, bare), PageOptions(port=0)) as server,
         Client(server.address, name="script") as client,
         client.lockstep(),
     ):

@@ -23,6 +23,7 @@ from autodrive.connect.ros.cars import NIGEL as NIGEL_FIGURES
 from autodrive.connect.ros.cars import ROBORACER, Car
 from autodrive.connect.ros.devkit_source import DevkitSource
 from autodrive.connect.ros.source import Update, VehicleInfo
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings
 from autodrive.protocol.messages import Frame, LoadScenario, Pause, Reset, Resume, SetDrivingMode, Step, VehicleFrame
@@ -53,7 +54,8 @@ def server(simulation: Simulation) -> Iterator[Server]:
 
 def served(simulation: Simulation, port: int = 0) -> Server:
     return Server(
-        simulation, scene_files=lambda world: SceneFiles.of(world, world.spec.title), scenarios=SCENARIOS, port=port
+        Served(simulation, lambda world: SceneFiles.of(world, world.spec.title), scenarios=SCENARIOS),
+        PageOptions(port=port),
     )
 
 

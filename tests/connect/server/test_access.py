@@ -12,6 +12,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from autodrive import AutodriveError, Simulation
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.world import World
 from tests.support.native_clients import native_client, raw, scene_files
@@ -40,7 +41,9 @@ def still(one_world: World) -> Simulation:
 def server(still: Simulation, page: Path) -> Iterator[Server]:
     """On this machine alone, without a token."""
     with Server(
-        still, scene_files=scene_files, page=page, port=free_port(), allowed_origins=["https://lab.example"]
+        Served(still, scene_files),
+        PageOptions(port=free_port(), allowed_origins=("https://lab.example",)),
+        page=page,
     ) as it:
         wait_until(lambda: get(it, "scene/map.glb").status == 200)
         yield it
@@ -48,7 +51,7 @@ def server(still: Simulation, page: Path) -> Iterator[Server]:
 
 @pytest.fixture(scope="module")
 def locked(still: Simulation, page: Path) -> Iterator[Server]:
-    with Server(still, scene_files=scene_files, page=page, host="0.0.0.0", port=free_port()) as it:
+    with Server(Served(still, scene_files), PageOptions(host="0.0.0.0", port=free_port()), page=page) as it:
         assert it.token is not None
         wait_until(lambda: get(it, f"scene/map.glb?token={it.token}").status == 200)
         yield it
@@ -191,24 +194,24 @@ def test_a_requested_port_that_is_in_use_is_an_error(still: Simulation) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         with pytest.raises(AutodriveError, match=f"port {port} of 127.0.0.1 is in use"):
-            Server(still, scene_files=scene_files, port=port).start()
+            Server(Served(still, scene_files), PageOptions(port=port)).start()
 
 
 def test_without_a_requested_port_the_next_free_one_is_used(still: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         monkeypatch.setattr("autodrive.connect.server.server.PORT", other.getsockname()[1])
-        with Server(still, scene_files=scene_files) as server:
+        with Server(Served(still, scene_files)) as server:
             assert other.getsockname()[1] < server.port < other.getsockname()[1] + 20
             assert get(server, "").status == 404
 
 
 def test_an_address_of_another_machine_is_an_error(still: Simulation) -> None:
     with pytest.raises(AutodriveError, match=r"cannot listen on 192\.0\.2\.1 port 8730"):
-        Server(still, scene_files=scene_files, host="192.0.2.1", port=8730).start()
+        Server(Served(still, scene_files), PageOptions(host="192.0.2.1", port=8730)).start()
 
 
 def test_it_can_be_closed_and_started_again(still: Simulation, page: Path) -> None:
-    server = Server(still, scene_files=scene_files, page=page, port=free_port())
+    server = Server(Served(still, scene_files), PageOptions(port=free_port()), page=page)
     for _ in range(2):
         with server:
             assert get(server, "").status == 200

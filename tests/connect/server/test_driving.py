@@ -20,6 +20,7 @@ from websockets.exceptions import ConnectionClosed
 
 import autodrive
 from autodrive import Simulation
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Frame, Pose
@@ -38,7 +39,8 @@ def server(one_world: World, wanted: list[bool]) -> Iterator[Server]:
     one_world.reset(0)
     simulation = Simulation(one_world)
     serving = Server(
-        simulation, scene_files=scene_files, port=free_port(), jpeg_encoder=JpegEncoder(), want_pictures=wanted.append
+        Served(simulation, scene_files, jpeg_encoder=JpegEncoder(), want_pictures=wanted.append),
+        PageOptions(port=free_port()),
     )
     with serving, simulation:
         yield serving
@@ -247,7 +249,7 @@ def test_twenty_clients_connect_and_disconnect_at_once(server: Server) -> None:
 
 def test_the_server_closes_soon_although_a_client_does_not_read() -> None:
     simulation = Simulation(autodrive.make("plane"), speed=None)
-    server = Server(simulation, scene_files=scene_files, port=free_port())
+    server = Server(Served(simulation, scene_files), PageOptions(port=free_port()))
     with simulation, server, native_client(server, max_queue=1) as lazy:
         lazy.send("Subscribe", frame_rate=None, scans=True)
         then = simulation.ticks
@@ -273,7 +275,7 @@ def test_pictures_have_the_subscribed_width_and_precede_their_frame(server: Serv
         wanted.clear()
         it.send("Subscribe", frame_rate=None, picture_rate=100.0, picture_width=32)
         blind.ask("SetSpeed", factor=1.0)
-        hub._broadcast.queue.publish(picture(hub._simulation.frame, 1.0))
+        hub._broadcast.queue.publish(picture(hub._served.simulation.frame, 1.0))
         messages = [it.until("Picture"), it.receive()]
         assert [message["type"] for message in messages] == ["Picture", "Frame"]
         first = messages[0]
@@ -292,7 +294,7 @@ def test_pictures_have_at_most_the_subscribed_rate(server: Server) -> None:
         it.ask("SetSpeed", factor=1.0)
         begin, count = time.monotonic(), 0
         while time.monotonic() < begin + 0.5:
-            hub._broadcast.queue.publish(picture(hub._simulation.frame, time.monotonic()))
+            hub._broadcast.queue.publish(picture(hub._served.simulation.frame, time.monotonic()))
             time.sleep(0.01)
         lasted = time.monotonic() - begin
         id = it.begin("SetSpeed", factor=1.0)

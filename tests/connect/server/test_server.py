@@ -15,6 +15,7 @@ from websockets.exceptions import ConnectionClosed
 import autodrive
 from autodrive import Command, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import Collision, Frame, Pause, SetSpeed
 from autodrive.scenario import ScenarioSpec
@@ -27,11 +28,13 @@ from tests.support.waiting import LIMIT, free_port, wait_until
 @pytest.fixture
 def server(simulation: Simulation) -> Iterator[Server]:
     with Server(
-        simulation,
-        scene_files=scene_files,
-        bridge=DevkitBridge(simulation),
-        scenarios={"two_cars": "Two cars", "plane": "One"},
-        port=free_port(),
+        Served(
+            simulation,
+            scene_files,
+            bridge=DevkitBridge(simulation),
+            scenarios={"two_cars": "Two cars", "plane": "One"},
+        ),
+        PageOptions(port=free_port()),
     ) as serving:
         yield serving
 
@@ -265,8 +268,9 @@ def test_a_new_scenario_starts_with_its_scene(one_world: World) -> None:
         return autodrive.make(scenario)
 
     simulation = Simulation(one_world, load=load)
+    served = Served(simulation, scene_files, scenarios={"two_cars": "Two cars"})
     with (
-        Server(simulation, scene_files=scene_files, scenarios={"two_cars": "Two cars"}, port=free_port()) as server,
+        Server(served, PageOptions(port=free_port())) as server,
         simulation,
         native_client(server) as it,
         native_client(server) as watcher,
@@ -312,7 +316,8 @@ def test_scene_cameras_continue_in_another_scenario(gl: str, one_world: World) -
     one_world.reset(0)
     simulation = Simulation(one_world, load=autodrive.make)
     scenarios = {"two_cars": "Two cars"}
-    with Server(simulation, scene_files=scene_files, scenarios=scenarios, port=free_port()) as server, simulation:
+    served = Served(simulation, scene_files, scenarios=scenarios)
+    with Server(served, PageOptions(port=free_port())) as server, simulation:
         with native_client(server) as it:
             it.ask("SetCamera", camera="Driver's Eye", width=160)
             it.until("Rendered")

@@ -15,7 +15,7 @@ import simplejpeg
 import autodrive
 from autodrive.base.errors import AutodriveError
 from autodrive.base.transforms import rotate
-from autodrive.connect.server.server import scene_renderer_factory
+from autodrive.connect.server.served import scene_renderer_factory
 from autodrive.graphics.cameras import scene_process as scene_process_module
 from autodrive.graphics.cameras.scene_process import SceneProcess
 from autodrive.graphics.cameras.scene_worker import SceneContents

@@ -14,7 +14,7 @@ import re
 import socket
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
@@ -28,13 +28,14 @@ from autodrive.connect.bridge.engineio import ConnectionEnd
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
 from autodrive.connect.bridge.metrics import Counters, Metrics, printable
 from autodrive.connect.bridge.read_limit import ReadLimit
-from autodrive.connect.bridge.session import Session, SimulationControl
+from autodrive.connect.bridge.session import Session
 from autodrive.protocol.devkit import Images, ImageSizes
 from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.protocol.ports import DEVKIT_PORT
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
+    from autodrive.world.simulation.control import Control
 
 RETRY, RETRY_MAX = 0.1, 2.0
 """Delay before a new attempt to connect [s]: it doubles from the first to the second value until a script answers."""
@@ -47,18 +48,6 @@ MAX_UNSENT = 2**23
 _HOST_NAME = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?<!-))*\.?")
 
 Status: TypeAlias = Literal["closed", "connecting", "connected"]
-
-
-class SimulationWithSinks(SimulationControl, Protocol):
-    """What the bridge needs of a Simulation."""
-
-    def add_sink(self, sink: DevkitBridge) -> None:
-        """Call `sink.publish(frame)` after each tick."""
-        ...
-
-    def remove_sink(self, sink: DevkitBridge) -> None:
-        """Stop calling the sink."""
-        ...
 
 
 class DevkitBridge:
@@ -75,7 +64,7 @@ class DevkitBridge:
 
     def __init__(
         self,
-        simulation: SimulationWithSinks,
+        simulation: Control,
         host: str = "127.0.0.1",
         port: int = DEVKIT_PORT,
         settings: DevkitSettings | None = None,

@@ -4,7 +4,8 @@ Three kinds of server are distinguished by the first packets that they send, wit
 
 - Engine.IO 3 (python-socketio 4): sends `0{...}` and then `40`; the client pings.
 - Engine.IO 4 (python-socketio 5): sends `0{...}`, with `maxPayload` except in very old versions, and waits for `40`
-  from the client; the server pings, and disconnects a client that does not answer.
+  from the client; the server pings, and disconnects a client that does not answer. A server that does not answer `40`
+  either, or sends an event before that, was written by hand: it is taken for one of Engine.IO 3.
 - raw (the C++ devkit): sends nothing on connect, answers no ping, and accepts events only.
 """
 
@@ -77,6 +78,8 @@ class Connection:
         self._ping_interval = 25.0
         self._has_handshake = False
         self._is_accepted = False
+        self.acknowledges = False
+        """Whether the server has sent `40`, so that it can acknowledge events."""
 
     @property
     def is_open(self) -> bool:
@@ -108,7 +111,10 @@ class Connection:
             case "4", "4":
                 raise ConnectionEnd(f"the server refused the connection: {packet[2:200]}")
             case "4", ("2" | "3"):
-                return self._content(packet)
+                content = self._content(packet)
+                if self._has_handshake and not self._is_accepted:
+                    self._assume_acceptance(now)
+                return content
             case _:
                 raise PacketError(f"not a Socket.IO packet: {packet[:40]!r}")
         return None
@@ -124,6 +130,8 @@ class Connection:
             self.dialect, self._is_accepted, self._deadline = Dialect.RAW, True, math.inf
         elif self.dialect is None and self._handshake is None:
             self._request_connection(now)
+        elif self._handshake is None:
+            self._assume_acceptance(now)
         else:
             raise ConnectionEnd(f"no handshake from the server within {HANDSHAKE_TIME:g} s")
 
@@ -132,6 +140,7 @@ class Connection:
         if not isinstance(handshake, dict):
             raise PacketError(f"not an Engine.IO handshake: {text[:40]!r}")
         self._has_handshake, self._is_accepted = True, False  # also if the server was already classified as raw
+        self.acknowledges = False
         self.dialect = None
         self._ping_interval = min(max(_milliseconds(handshake.get("pingInterval"), 25.0), 1.0), 25.0)
         limit = handshake.get("maxPayload")
@@ -142,17 +151,27 @@ class Connection:
         if is_newest:
             self._request_connection(now)
         else:
-            self._deadline = now + (LISTENING_TIME if self._handshake is None else HANDSHAKE_TIME)
+            self._deadline = now + self._patience
+
+    @property
+    def _patience(self) -> float:
+        """Time in which the server answers [s]."""
+        return LISTENING_TIME if self._handshake is None else HANDSHAKE_TIME
 
     def _request_connection(self, now: float) -> None:
         self.dialect = Dialect.ENGINE_IO_4
         self._answer("40")
-        self._deadline = now + HANDSHAKE_TIME
+        self._deadline = now + self._patience
+
+    def _assume_acceptance(self, now: float) -> None:
+        """Send events without `40` of the server; the first ping waits, in case that it only is slow."""
+        self._is_accepted, self.dialect = True, Dialect.ENGINE_IO_3
+        self._deadline = now + self._ping_interval
 
     def _accept(self, dialect: Dialect, now: float) -> None:
         """The server accepted the connection."""
         self.dialect = dialect
-        self._is_accepted = True
+        self._is_accepted = self.acknowledges = True
         self._deadline = now if dialect is Dialect.ENGINE_IO_3 else math.inf
 
     def _answer(self, packet: str) -> None:

@@ -12,6 +12,10 @@ RESEND_DELAY, RESEND_DELAY_MAX = 1.0, 4.0
 """Without a command, telemetry is resent after the first delay [s]; the delay doubles up to the second. A script that
 stops at a breakpoint then does not find a hundred old messages when it continues."""
 
+PATIENCE = 5.0
+"""A message that has not been answered for this time [s] is sent again in another format of scans: before that, the
+script may be busy with its first answer, and would read the other format as garbage."""
+
 
 class FlowControl:
     """Decides when to send telemetry. Uses no clock and no socket; `now` is the time of any monotonic clock [s].
@@ -30,6 +34,8 @@ class FlowControl:
         """Whether any command was received."""
         self.resends = 0
         """Number of resent messages since the last command."""
+        self.late_resends = 0
+        """Number of those after `PATIENCE`."""
         self.is_resend = False
         """Whether the latest telemetry message was a resend after a timeout."""
         self._frame: Frame | None = None
@@ -51,7 +57,9 @@ class FlowControl:
     def deadline(self) -> float:
         """Time of the next resend; a script that answers slowly is given twice its last round-trip time."""
         first, longest = self._resend_delay, max(self._resend_delay, RESEND_DELAY_MAX)
-        return self._sent_at + min(max(first, 2.0 * self._round_trip) * 2.0**self.resends, longest)
+        due = self._sent_at + min(max(first, 2.0 * self._round_trip) * 2.0**self.resends, longest)
+        patience_ends = self._requested_at + PATIENCE
+        return min(due, patience_ends) if self._sent_at < patience_ends and not self.has_command else due
 
     def should_send(self, frame: Frame, now: float) -> bool:
         """Whether to send that Frame now."""
@@ -62,6 +70,7 @@ class FlowControl:
         self.is_resend = self._frame is not None and not self._is_requested(frame)
         if self.is_resend:
             self.resends += not self._is_answered
+            self.late_resends += not self._is_answered and now >= self._requested_at + PATIENCE
             self._ack_timeouts += bool(self._unacknowledged)
             self._unacknowledged.clear()
         if self._is_answered or self._frame is None:
@@ -82,7 +91,7 @@ class FlowControl:
         """A command was received. Returns the round-trip time [s]; None if it answers no telemetry message."""
         is_first = not self._is_answered and self._frame is not None
         self.has_command = self._is_answered = True
-        self.resends = 0
+        self.resends = self.late_resends = 0
         if not is_first:
             return None
         self._round_trip = now - self._requested_at

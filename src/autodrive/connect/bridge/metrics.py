@@ -7,7 +7,7 @@ import math
 import statistics
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 from autodrive.base.log_throttle import LogThrottle
@@ -15,6 +15,9 @@ from autodrive.connect.bridge.engineio import Dialect
 
 WARNING_INTERVAL = 10.0
 """Minimum time between two warnings of the same kind [s]."""
+
+MAX_KEYS = 100
+"""Keys without effect that are logged; a script that invents more of them fills no log."""
 
 MAX_TEXT = 400
 """Longest text of a warning [characters]."""
@@ -59,6 +62,7 @@ class Metrics:
         """Why the last attempt to connect failed; empty while connected, and before the first attempt."""
         self._round_trips: deque[float] = deque(maxlen=256)
         self._throttle = LogThrottle(WARNING_INTERVAL, clock)
+        self._ignored: set[str] = set()
 
     def add_round_trip(self, seconds: float) -> None:
         """Add a time from a telemetry message to the next command [s]."""
@@ -72,6 +76,13 @@ class Metrics:
     def warn(self, kind: str, text: str) -> None:
         """Log a warning, unless one of that kind was logged within the last `WARNING_INTERVAL`."""
         self._log(logging.WARNING, kind, text)
+
+    def note_ignored(self, keys: Collection[str]) -> None:
+        """Log keys without effect, each once."""
+        new = [key for key in keys if key not in self._ignored][: MAX_KEYS - len(self._ignored)]
+        if new:
+            self._ignored.update(new)
+            log.warning("devkit bridge: keys of the script without effect: %s", printable(", ".join(map(repr, new))))
 
     def report(self, error: BaseException) -> None:
         """Log an error of the bridge itself with its traceback, as often as a warning."""

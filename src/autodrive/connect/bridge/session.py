@@ -9,7 +9,7 @@ import math
 import socket
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from websockets.exceptions import WebSocketException
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection
 
     from autodrive.protocol.messages import Frame, Operation
+    from autodrive.world.simulation.control import Control
 
 log = logging.getLogger(__name__)
 
@@ -53,6 +54,9 @@ sets and clears the key repeatedly would keep simulated time at 0."""
 CLOSE_TIMEOUT = 0.2
 """Time to send the close packets [s]."""
 
+IMAGE_WAIT = 2.0
+"""The first telemetry waits for an image of each camera, at most for this time [s]."""
+
 _WEATHER = {"Weather", "Clouds", "Fog", "Rain", "Snow"}
 _TIME_SCALE = 60.0
 """Time scale of a script that sends none: the default of the devkit of 2025."""
@@ -60,23 +64,6 @@ _TIME_SCALE = 60.0
 _CAN_ACK_AT_ONCE = hasattr(socket, "TCP_QUICKACK")
 """True on Linux. Other systems request no acknowledgements: the server sends them in a second small packet after the
 command, which Nagle's algorithm and delayed TCP acknowledgements hold back for 40 to 200 ms."""
-
-
-class SimulationControl(Protocol):
-    """What a session needs of a Simulation; all members are thread-safe."""
-
-    @property
-    def frame(self) -> Frame:
-        """The latest Frame."""
-        ...
-
-    def submit(self, vehicle: str, command: Command) -> None:
-        """Set the command for the next tick; the latest one counts."""
-        ...
-
-    def request(self, request: Operation) -> object:
-        """Request an operation before the next tick."""
-        ...
 
 
 class Session:
@@ -90,7 +77,7 @@ class Session:
     def __init__(
         self,
         socket: ClientConnection,
-        simulation: SimulationControl,
+        simulation: Control,
         metrics: Metrics,
         *,
         detection: Detection,
@@ -102,6 +89,7 @@ class Session:
         resend_delay: float = RESEND_DELAY,
     ) -> None:
         self._clock = clock or asyncio.get_running_loop().time
+        self._resend_delay = resend_delay
         self.flow_control = FlowControl(resend_delay)
         self.awaits_frame = False
         """Whether a new Frame must set `wake`."""
@@ -129,7 +117,10 @@ class Session:
         self._has_reset = False
         self._requested_at: Frame | None = None
         """The Frame at which operations were requested last: they are requested once a tick at most."""
-        self._was_open = False
+        self._dialect: Dialect | None = None
+        """Of the telemetry that is sent; None before it is sent."""
+        self._waits_until: float | None = None
+        """When the first telemetry is sent without images [s]; None: it need not wait."""
 
     async def receive_loop(self) -> None:
         """Process packets until the connection ends. Raises `ConnectionEnd` or an error of the socket."""
@@ -153,15 +144,17 @@ class Session:
             self.engineio.check_timers(now)
             await self._empty_outbox()
             is_open = self.engineio.is_open
-            if is_open and not self._was_open:
+            if is_open and self.engineio.dialect is not self._dialect:
                 self._note_opening()
             # set before the latest Frame is read, so that none is missed
-            self.awaits_frame = is_open and self.flow_control.awaits_frame
+            self.awaits_frame = is_open and (self.flow_control.awaits_frame or self._waits_until is not None)
             frame = self._simulation.frame
-            if is_open and self.flow_control.should_send(frame, now):
+            self._look_for_images(frame, now)
+            if is_open and self._waits_until is None and self.flow_control.should_send(frame, now):
                 await self._send_telemetry(frame, now)
                 continue
-            deadline = min(self.engineio.deadline, self.flow_control.deadline if is_open else math.inf)
+            due = self.flow_control.deadline if self._waits_until is None else self._waits_until
+            deadline = min(self.engineio.deadline, due if is_open else math.inf)
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(max(deadline - now, 0.0) if math.isfinite(deadline) else None):
                     await self.wake.wait()
@@ -210,6 +203,7 @@ class Session:
         self._note_weather(message.environment)
         self._environment |= message.environment
         self._request_operations(self._simulation.frame)
+        self._metrics.note_ignored(message.ignored)
         for error in message.refused:
             self._metrics.counters.refused_values += 1
             self._metrics.warn("value", f"refused {error}")
@@ -261,15 +255,28 @@ class Session:
             log.info("devkit bridge: %s", detection.note)
 
     def _note_opening(self) -> None:
-        self._was_open = True
         counters, dialect = self._metrics.counters, self.engineio.dialect
-        counters.dialect = dialect
+        is_first = self._dialect is None
+        counters.dialect = self._dialect = dialect
+        if is_first:
+            counters.reconnects += counters.connections > 0
+            counters.connections += 1
+            self._waits_until = self._clock() + IMAGE_WAIT if self._images else None
+        else:  # the server was taken for another, and did not read what it was sent
+            self.flow_control = FlowControl(self._resend_delay)
         self._detection.begin(dialect)
         profile = self._detection.profile
         counters.profile, counters.devkit, counters.note = profile and profile.name, str(self._detection), ""
-        counters.reconnects += counters.connections > 0
-        counters.connections += 1
         log.info("devkit bridge: connected to a script (%s)", dialect)
+
+    def _look_for_images(self, frame: Frame, now: float) -> None:
+        """End the wait of the first telemetry when each camera has an image, or when it was long enough."""
+        if self._waits_until is not None and (now >= self._waits_until or self._has_images(frame)):
+            self._waits_until = None
+
+    def _has_images(self, frame: Frame) -> bool:
+        sizes = self._image_sizes() if self._image_sizes else {}
+        return all(camera in frame.vehicles[vehicle].cameras for vehicle, camera in sizes if vehicle in frame.vehicles)
 
     # -- send ---------------------------------------------------------------------------------------------------
 
@@ -279,7 +286,7 @@ class Session:
             await self._socket.send(packet)
 
     async def _send_telemetry(self, frame: Frame, now: float) -> None:
-        may_request_ack = _CAN_ACK_AT_ONCE and self.engineio.dialect is not Dialect.RAW
+        may_request_ack = _CAN_ACK_AT_ONCE and self.engineio.acknowledges
         number = self.flow_control.begin_send(frame, now, may_request_ack=may_request_ack)
         counters = self._metrics.counters
         counters.resends += self.flow_control.is_resend
@@ -336,11 +343,11 @@ class Session:
 
     def _data(self, frame: Frame, images: devkit.Images | None) -> dict[str, str]:
         """Telemetry for the profile of the script; for all profiles while it is unknown, or if it is probably wrong."""
-        detection, attempt = self._detection, self.flow_control.resends
+        detection, flow = self._detection, self.flow_control
         sizes = self._image_sizes() if self._image_sizes else None
-        lidar = detection.lidar(attempt)
+        lidar = detection.lidar(flow.late_resends)
         profile = detection.profile
-        is_uncertain = detection.fixed is None and attempt > 1
+        is_uncertain = detection.fixed is None and flow.resends > 1
         lights = self._traffic_lights
         if profile is None or is_uncertain:
             return devkit.initial_telemetry(

@@ -14,11 +14,8 @@ from autodrive.connect.server.remote_view import RemoteViews
 
 if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
-    from autodrive.connect.server.frame_source import FrameSource
-    from autodrive.graphics.cameras.jpeg import JpegEncoder
-    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.connect.server.served import Served
     from autodrive.world import World
-    from autodrive.world.scene_files import SceneFiles
 
 log = logging.getLogger(__name__)
 
@@ -32,26 +29,17 @@ class Broadcast:
     Frames and finished requests of a new World wait until its scene files are loaded.
     """
 
-    def __init__(
-        self,
-        simulation: FrameSource,
-        clients: set[ConnectedClient],
-        *,
-        scene_files: Callable[[World], SceneFiles],
-        jpeg_encoder: JpegEncoder | None,
-        renderer_factory: Callable[[World], SceneProcess],
-        on_change: Callable[[], None],
-    ) -> None:
-        self.encoded = EncodedFrames(jpeg_encoder)
+    def __init__(self, served: Served, clients: set[ConnectedClient], on_change: Callable[[], None]) -> None:
+        self.encoded = EncodedFrames(served.jpeg_encoder)
         self.files: dict[str, File] = {}
         """The scene files, by path."""
-        self.queue = FrameQueue(simulation, self._take_items)
-        self.remote_views = RemoteViews(renderer_factory)
+        self.queue = FrameQueue(served.simulation, self._take_items)
+        self.remote_views = RemoteViews(served.renderer_factory)
         self.note = ""
         """A long operation that runs now, for the Status."""
-        self._simulation = simulation
+        self._simulation = served.simulation
         self._clients = clients
-        self._scene_files = scene_files
+        self._scene_files = served.scene_files
         self._on_change = on_change
         self._scene_files_now: dict[str, File] = {}
         self._held: list[FrameUpdate | Completion] = []

@@ -13,7 +13,7 @@ from autodrive.protocol.native import Drive, Error, Source
 if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
     from autodrive.connect.server.driver_lease import DriverLeases
-    from autodrive.connect.server.frame_source import FrameSource
+    from autodrive.connect.server.served import Served
 
 ERROR_INTERVAL = 1.0
 """A client gets Errors of the same code at most once in this time [s], because commands come often."""
@@ -24,16 +24,13 @@ class Driving:
 
     def __init__(
         self,
-        simulation: FrameSource,
+        served: Served,
         leases: DriverLeases,
         on_change: Callable[[], None],
         clock: Callable[[], float],
-        *,
-        refusal: Callable[[Drive], str] = lambda _: "",
     ) -> None:
-        """`refusal`: why clients may not drive; empty if they may."""
-        self._refusal = refusal
-        self._simulation = simulation
+        self._refusal = served.refusal
+        self._simulation = served.simulation
         self._leases = leases
         self._on_change = on_change
         self._clock = clock

@@ -9,12 +9,13 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from autodrive.protocol.messages import Event, Frame
 
 if TYPE_CHECKING:
     from autodrive.world import World
+    from autodrive.world.simulation.paced import Paced
 
 LONGEST_WAIT = 0.02
 """Frames of a long Step wake the event loop at least once in this time [s]."""
@@ -22,15 +23,6 @@ LONGEST_WAIT = 0.02
 
 MAX_EVENTS = 1000
 """Events that wait for the event loop; the oldest are dropped."""
-
-
-class HasWorld(Protocol):
-    """The part of a Simulation that is used here."""
-
-    @property
-    def world(self) -> World:
-        """The World that is simulated now."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -56,7 +48,7 @@ class FrameQueue:
     A waiting update is replaced by a newer one, which keeps its events.
     """
 
-    def __init__(self, simulation: HasWorld, on_items: Callable[[], None]) -> None:
+    def __init__(self, simulation: Paced, on_items: Callable[[], None]) -> None:
         self._simulation = simulation
         self._loop: asyncio.AbstractEventLoop | None = None
         self._on_items = on_items

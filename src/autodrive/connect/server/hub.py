@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from autodrive import __version__
 from autodrive.base.errors import AutodriveError
@@ -18,10 +17,10 @@ from autodrive.connect.server.connections import ABORT, IS_CLIENT
 from autodrive.connect.server.driver_lease import DriverLeases
 from autodrive.connect.server.driving import Driving
 from autodrive.connect.server.files import File
-from autodrive.connect.server.frame_source import FrameSource, NoRecording, RecordingControl, Replayed
 from autodrive.connect.server.handshake import RefusedError, decoded, id_of, next_message, receive_hello
 from autodrive.connect.server.rate_limit import BYTES, RATE, RateLimit
 from autodrive.connect.server.requests import Requests
+from autodrive.connect.server.served import Served
 from autodrive.protocol.codec import encode
 from autodrive.protocol.native import (
     PROTOCOL,
@@ -37,14 +36,6 @@ from autodrive.protocol.native import (
     Welcome,
 )
 
-if TYPE_CHECKING:
-    from autodrive.connect.bridge.devkit import DevkitBridge
-    from autodrive.graphics.cameras.jpeg import JpegEncoder
-    from autodrive.graphics.cameras.scene_process import SceneProcess
-    from autodrive.protocol.native import Drive, ServerOperation
-    from autodrive.world import World
-    from autodrive.world.scene_files import SceneFiles
-
 MAX_CLIENTS = 100
 """More are refused."""
 MAX_WAIT = 10.0
@@ -56,57 +47,21 @@ POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
 
 
 class Hub:
-    """An asynchronous context in the server's event loop; `serve` serves one client. See `Server` for the arguments."""
+    """An asynchronous context in the server's event loop; `serve` serves one client."""
 
-    def __init__(
-        self,
-        simulation: FrameSource,
-        *,
-        scene_files: Callable[[World], SceneFiles],
-        bridge: DevkitBridge | None,
-        scenarios: dict[str, str],
-        jpeg_encoder: JpegEncoder | None,
-        cameras_error: Callable[[], str],
-        want_pictures: Callable[[bool], None],
-        renderer_factory: Callable[[World], SceneProcess],
-        recording: RecordingControl | None = None,
-        replay: Replayed | None = None,
-        refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
-    ) -> None:
-        self._simulation = simulation
-        self._scenarios = scenarios
-        self._recording = recording or NoRecording()
-        self._replay = replay
-        self._cameras_error = cameras_error
-        self._want_pictures = want_pictures
+    def __init__(self, served: Served) -> None:
+        self._served = served
         self._clients: set[ConnectedClient] = set()
-        self._broadcast = Broadcast(
-            simulation,
-            self._clients,
-            scene_files=scene_files,
-            jpeg_encoder=jpeg_encoder,
-            renderer_factory=renderer_factory,
-            on_change=self._send_status_soon,
-        )
+        self._broadcast = Broadcast(served, self._clients, self._send_status_soon)
         self._leases = DriverLeases()
-        self._bridge = BridgeControl(bridge)
-        self._driving = Driving(
-            simulation,
-            self._leases,
-            self._send_status_soon,
-            self._now,
-            refusal=(lambda _: replay.refusal) if replay else refusal,
-        )
+        self._bridge = BridgeControl(served.bridge)
+        self._driving = Driving(served, self._leases, self._send_status_soon, self._now)
         self._requests = Requests(
-            simulation,
+            served,
             self._broadcast.queue,
             self._leases,
             self._bridge,
             self._broadcast.remote_views,
-            scenarios=scenarios,
-            recording=self._recording,
-            replay=replay,
-            refusal=refusal,
             on_change=self._send_status_soon,
             clock=self._now,
         )
@@ -123,7 +78,7 @@ class Hub:
     async def __aexit__(self, *_: object) -> None:
         self._status_task.cancel()
         if self._are_pictures_wanted:
-            self._want_pictures(False)
+            self._served.want_pictures(False)
         await self._broadcast.close()
 
     @property
@@ -160,7 +115,7 @@ class Hub:
             return
         scope[IS_CLIENT] = True
         client = ConnectedClient(self._free_name(hello.name), self._broadcast.encoded, scope.get(ABORT, lambda: None))
-        await send_bytes(encode(Welcome(PROTOCOL, __version__, client.name, self._scenarios)))
+        await send_bytes(encode(Welcome(PROTOCOL, __version__, client.name, dict(self._served.scenarios))))
         await self._serve_client(client, receive, send, send_bytes)
 
     def _has_room(self) -> bool:
@@ -240,7 +195,7 @@ class Hub:
         wanted = any(client.subscription.picture_rate > 0 for client in self._clients)
         if wanted != self._are_pictures_wanted:
             self._are_pictures_wanted = wanted
-            self._want_pictures(wanted)
+            self._served.want_pictures(wanted)
 
     def _free_name(self, wanted: str) -> str:
         name = "".join(c for c in wanted if c.isprintable())[:40].strip() or "client"
@@ -267,7 +222,7 @@ class Hub:
         self._is_status_due = False
         if not self._clients:
             return
-        simulation = self._simulation
+        served, simulation = self._served, self._served.simulation
         self._last_status = now = self._now()
         note = self._broadcast.note or self._requests.note
         status = encode(
@@ -279,13 +234,13 @@ class Hub:
                 clients=len(self._clients),
                 drivers={vehicle: client.name for vehicle, client in self._leases.drivers(now).items()},
                 bridge=self._bridge.status(now),
-                cameras_error=self._cameras_error() if self._are_pictures_wanted else "",
+                cameras_error=served.cameras_error() if self._are_pictures_wanted else "",
                 note=note or ("" if simulation.is_running else "the simulation is not running"),
                 undo=simulation.undo_name,
                 redo=simulation.redo_name,
                 error=simulation.error,
-                recording=self._recording.status,
-                position=self._replay.position if self._replay else None,
+                recording=served.recording.status,
+                position=served.replay.position if served.replay else None,
             )
         )
         for client in self._clients:

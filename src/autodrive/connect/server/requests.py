@@ -17,15 +17,14 @@ from autodrive.connect.server.request_queue import MAX_PENDING, SHARE, Entry, Re
 from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
-from autodrive.scenario.files import scenario_text
 
 if TYPE_CHECKING:
     from autodrive.connect.server.bridge_control import BridgeControl
     from autodrive.connect.server.connected_client import ConnectedClient
     from autodrive.connect.server.driver_lease import DriverLeases
     from autodrive.connect.server.frame_queue import FrameQueue
-    from autodrive.connect.server.frame_source import FrameSource, RecordingControl, Replayed
     from autodrive.connect.server.remote_view import RemoteViews
+    from autodrive.connect.server.served import Served
     from autodrive.protocol.native import ServerOperation
 
 log = logging.getLogger(__name__)
@@ -66,30 +65,26 @@ class Requests:
 
     def __init__(
         self,
-        simulation: FrameSource,
+        served: Served,
         frame_queue: FrameQueue,
         leases: DriverLeases,
         bridge: BridgeControl,
         remote_views: RemoteViews,
         *,
-        scenarios: dict[str, str],
-        recording: RecordingControl,
-        replay: Replayed | None,
-        refusal: Callable[[ServerOperation], str],
         on_change: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
         self.note = ""
         """A long operation that runs now, for the Status."""
-        self._simulation = simulation
+        self._simulation = served.simulation
         self._frame_queue = frame_queue
         self._leases = leases
         self._bridge = bridge
         self._remote_views = remote_views
-        self._scenarios = scenarios
-        self._recording = recording
-        self._replay = replay
-        self._refusal = refusal
+        self._scenarios = served.scenarios
+        self._recording = served.recording
+        self._replay = served.replay
+        self._refusal = served.refusal
         self._recording_lock = asyncio.Lock()
         self._on_change = on_change
         self._clock = clock
@@ -237,10 +232,7 @@ class Requests:
 
     def _text(self, operation: Operation) -> str:
         """The text of the Response: the scenario as it is now, for a `SaveScenario`."""
-        if not isinstance(operation, SaveScenario):
-            return ""
-        world = self._simulation.world
-        return scenario_text(world.spec.model_copy(update={"scene_light": world.scene_light}))
+        return self._simulation.scenario_text() if isinstance(operation, SaveScenario) else ""
 
     def _check_step(self, client: ConnectedClient, step: Step) -> None:
         if not self._simulation.is_paused:

@@ -10,9 +10,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import uvicorn
 
@@ -22,17 +20,9 @@ from autodrive.connect.server.access import AccessPolicy, checked_token, is_loop
 from autodrive.connect.server.connections import HttpProtocol, WebSocketProtocol
 from autodrive.connect.server.files import page_files
 from autodrive.connect.server.hub import Hub
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.web import WebApplication
 from autodrive.protocol.ports import PORT
-
-if TYPE_CHECKING:
-    from autodrive.connect.bridge.devkit import DevkitBridge
-    from autodrive.connect.server.frame_source import FrameSource, RecordingControl, Replayed
-    from autodrive.graphics.cameras.jpeg import JpegEncoder
-    from autodrive.graphics.cameras.scene_process import SceneProcess
-    from autodrive.protocol.native import Drive, ServerOperation
-    from autodrive.world import World
-    from autodrive.world.scene_files import SceneFiles
 
 log = logging.getLogger(__name__)
 
@@ -47,65 +37,21 @@ MESSAGE_LIMIT = 2**16
 class Server:
     """Serves a Simulation to browsers and programs: `start`, then `url` is the link to open; `close` stops it.
 
-    - `scene_files(world)`: the files that clients need to draw; called in another thread, at the start and for each
-      World that a `LoadScenario` loads.
-    - `page`: folder of the built page; None: only the WebSocket and the scene files.
-    - `bridge`: connected and disconnected by requests; it need not be started. None: such requests are refused.
-    - `scenarios`: name -> title of the scenarios that clients may load with the Simulation's `load`.
-    - `port` None: `PORT`, or the next free one. A given port that is in use is an `AutodriveError`.
-    - `token`: access token of at least 16 characters; generated if other machines can connect and none is given.
-    - `allowed_origins`: other origins whose pages may connect, for example 'https://lab.example.org'.
-    - `jpeg_encoder`: encodes the images of the sensor cameras; None: no pictures are sent.
-    - `cameras_error()`: why there are no pictures; empty if there are.
-    - `want_pictures(wanted)`: called in the server's thread with True when the first client wants pictures, and with
-      False when no client does.
-    - `recording`: makes recordings on request; None: such requests are refused.
-    - `replay`: the recording that `simulation`, a Player, shows; None: it is a Simulation.
-    - `renderer_factory(world)`: starts the process that renders scene cameras; None: `scene_renderer_factory()`.
-    - `refusal(message)`: why clients may not have that operation or Drive now; empty if they may.
+    `page`: folder of the built page; None: only the WebSocket and the scene files. Raises `AutodriveError` for a token
+    that is not allowed.
     """
 
-    def __init__(
-        self,
-        simulation: FrameSource,
-        *,
-        scene_files: Callable[[World], SceneFiles],
-        page: Path | None = None,
-        bridge: DevkitBridge | None = None,
-        scenarios: Mapping[str, str] | None = None,
-        host: str = "127.0.0.1",
-        port: int | None = None,
-        token: str | None = None,
-        allowed_origins: Sequence[str] = (),
-        jpeg_encoder: JpegEncoder | None = None,
-        cameras_error: Callable[[], str] = lambda: "",
-        want_pictures: Callable[[bool], None] = lambda wanted: None,
-        renderer_factory: Callable[[World], SceneProcess] | None = None,
-        recording: RecordingControl | None = None,
-        replay: Replayed | None = None,
-        refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
-    ) -> None:
-        self.host = host
-        if token is not None:
-            token = checked_token(token)
-        self.token = token or (None if is_loopback(host) else secrets.token_urlsafe(16))
+    def __init__(self, served: Served, options: PageOptions | None = None, *, page: Path | None = None) -> None:
+        options = options or PageOptions()
+        self.host = options.host
+        if options.token is not None:
+            checked_token(options.token)
+        self.token = options.token or (None if is_loopback(self.host) else secrets.token_urlsafe(16))
         self._page = page
-        self._wanted_port = port
+        self._wanted_port = options.port
         self._port = 0
-        self._policy = AccessPolicy(self.token, tuple(allowed_origins))
-        self._hub = Hub(
-            simulation,
-            scene_files=scene_files,
-            bridge=bridge,
-            scenarios=dict(scenarios or {}),
-            jpeg_encoder=jpeg_encoder,
-            cameras_error=cameras_error,
-            want_pictures=want_pictures,
-            renderer_factory=renderer_factory or scene_renderer_factory(),
-            recording=recording,
-            replay=replay,
-            refusal=refusal,
-        )
+        self._policy = AccessPolicy(self.token, options.allowed_origins)
+        self._hub = Hub(served)
         self._thread: threading.Thread | None = None
         self._server: uvicorn.Server | None = None
 
@@ -195,18 +141,6 @@ _throttle = LogThrottle(LOG_INTERVAL, time.monotonic)
 def _admits(record: logging.LogRecord) -> bool:
     """Whether a line of uvicorn is logged: clients could cause many."""
     return _throttle.admits(record.msg)
-
-
-def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneProcess]:
-    """A factory of renderers with that quality; the renderer is imported when the first one starts."""
-
-    def start(world: World) -> SceneProcess:
-        from autodrive.graphics.cameras.scene_process import SceneProcess  # noqa: PLC0415
-        from autodrive.graphics.cameras.scene_worker import SceneContents  # noqa: PLC0415
-
-        return SceneProcess(SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), quality))
-
-    return start
 
 
 def _new_loop() -> asyncio.AbstractEventLoop:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.experiments.campaigns.scene import Scene
     from autodrive.experiments.policies.policy import Policy
+    from autodrive.world.simulation.control import Sink
 
 Commands: TypeAlias = Mapping[str, Command] | Command | None
 OWN = "V1"
@@ -109,7 +110,7 @@ class DevkitScript:
         self._process: subprocess.Popen[bytes] | None = None
         self._messages = tempfile.TemporaryFile()  # noqa: SIM115  `close` closes it
         self._bridge: DevkitBridge | None = None
-        self._sinks: tuple[DevkitBridge, ...] = ()
+        self._sinks: tuple[Sink, ...] = ()
         self._answer: Command | None = None
         self._news = threading.Condition()
         self._vehicle = ""
@@ -189,10 +190,10 @@ class DevkitScript:
             raise CommandError("a script cannot reset or move its vehicle in a campaign")
         return None
 
-    def add_sink(self, sink: DevkitBridge) -> None:
+    def add_sink(self, sink: Sink) -> None:
         """Tell the bridge about each Frame."""
         self._sinks = (*self._sinks, sink)
 
-    def remove_sink(self, sink: DevkitBridge) -> None:
+    def remove_sink(self, sink: Sink) -> None:
         """Stop telling it."""
         self._sinks = tuple(one for one in self._sinks if one is not sink)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,14 +24,14 @@ from autodrive.protocol.messages import (
     SetSpeed,
     Step,
 )
-from autodrive.world.simulation.clock import Clock, WallClock
-from autodrive.world.simulation.sinks import Publisher
+from autodrive.world.simulation.paced import Paced
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.process import CameraProcess
     from autodrive.protocol.native import Source
     from autodrive.recording.replay.tape import Tape
     from autodrive.world import World
+    from autodrive.world.simulation.clock import Clock
 
 PERIOD = 1.0 / 60.0
 """Wall time between two Frames [s]."""
@@ -53,16 +51,13 @@ class Stage(NamedTuple):
     cameras: CameraProcess | None = None
 
 
-class Player(Publisher):
+class Player(Paced):
     """Plays a recording; it has the methods and values of a `Simulation` that the server uses.
 
     All viewers see the same time of the recording. A Frame that is shown while time passes has all events since the one
     before. `stages(time)` makes the Stage at a time of the recording, the same object while the scenario is the same.
     `clock` replaces the wall clock, for tests.
     """
-
-    late_ticks = 0
-    undo_name = redo_name = error = ""
 
     def __init__(
         self,
@@ -73,29 +68,19 @@ class Player(Publisher):
         is_paused: bool = False,
         clock: Clock | None = None,
     ) -> None:
-        super().__init__(tape.frame_at(0.0))
+        super().__init__(tape.frame_at(0.0), clock=clock, is_paused=is_paused, keeps_running=True)
         self._tape = tape
         self._stages = stages
         self._speed = _checked_speed(speed)
-        self._is_paused = is_paused
-        self._clock: Clock = clock or WallClock()
         self._position = 0.0
         self._recorded = self._frame
         """The Frame as it was recorded."""
         self._stage = stages(0.0)
-        self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
-        self._mailbox = threading.Condition()
-        self._thread: threading.Thread | None = None
-        self._is_stopping = False
+        self.world = self._stage.world
         self._real_time_factor = 0.0
         self._wants_images = False
 
     # -- state --------------------------------------------------------------------------------------------------
-
-    @property
-    def world(self) -> World:
-        """The World of the scenario at that time."""
-        return self._stage.world
 
     @property
     def position(self) -> float:
@@ -111,16 +96,6 @@ class Player(Publisher):
     def real_time_factor(self) -> float:
         """Recorded seconds per wall second, measured over about the last second."""
         return 0.0 if self._is_paused else self._real_time_factor
-
-    @property
-    def is_paused(self) -> bool:
-        """Whether time stands still."""
-        return self._is_paused
-
-    @property
-    def is_running(self) -> bool:
-        """Whether its thread is active."""
-        return self._thread is not None
 
     @property
     def refusal(self) -> str:
@@ -154,11 +129,7 @@ class Player(Publisher):
                     raise CommandError(f"the time of a Seek must be a number of seconds, not {time}")
             case _:
                 raise CommandError(self.refusal)
-        done: Future[Frame] = Future()
-        with self._mailbox:
-            self._requests.append((request, done))
-            self._mailbox.notify_all()
-        return done
+        return self._post(request, Future())
 
     def want_images(self, wanted: bool) -> None:
         """Whether Frames need the images of the cameras."""
@@ -170,31 +141,9 @@ class Player(Publisher):
 
     def start(self) -> None:
         """Play in a thread of its own until `stop`."""
-        with self._mailbox:
-            if self._thread is not None:
-                raise RuntimeError("this Player is running already")
-            self._is_stopping = False
-            self._thread = threading.Thread(target=self._run, name="autodrive-replay", daemon=True)
-        self._thread.start()
+        self._start_thread(self._loop, "autodrive-replay")
 
-    def stop(self) -> None:
-        """End the thread."""
-        with self._mailbox:
-            self._is_stopping = True
-            self._mailbox.notify_all()
-            thread = self._thread
-        if thread is not None:
-            thread.join()
-            self._thread = None
-
-    def __enter__(self) -> Player:
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop()
-
-    def _run(self) -> None:
+    def _loop(self) -> None:
         before = self._clock.now()
         measured = before, self._position
         due = before + PERIOD
@@ -227,27 +176,6 @@ class Player(Publisher):
         if self._tape.has_images != wanted:
             self._tape.has_images = wanted
             self._show(self._position)
-
-    def _sleep(self, delay: float | None) -> None:
-        """Wait for a request, at most `delay` [s]."""
-        with self._mailbox:
-            if not self._requests and not self._is_stopping:
-                self._clock.wait(self._mailbox, delay)
-
-    def _execute_requests(self) -> None:
-        while self._requests:
-            with self._mailbox:
-                request, done = self._requests.popleft()
-            if not done.set_running_or_notify_cancel():
-                continue
-            try:
-                self._execute(request)
-            except Exception as error:
-                if not isinstance(error, AutodriveError):
-                    log.exception("a request of a replay failed")
-                done.set_exception(error)
-            else:
-                done.set_result(self._frame)
 
     def _execute(self, request: Operation) -> None:
         match request:
@@ -285,7 +213,7 @@ class Player(Publisher):
         self._position = time
         is_new = frame is not self._recorded or stage is not self._stage or bool(events)
         is_jump = is_jump or frame.tick < self._recorded.tick  # a recorded reset
-        self._recorded, self._stage = frame, stage
+        self._recorded, self._stage, self.world = frame, stage, stage.world
         if not is_new:
             return
         if stage.cameras is not None:

@@ -13,9 +13,11 @@ from msgspec import structs
 
 from autodrive import recording as recordings
 from autodrive.connect.server.files import built_page
-from autodrive.connect.server.server import Server, scene_renderer_factory
+from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
+from autodrive.connect.server.server import Server
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.graphics.cameras.process import CameraProcess
+from autodrive.protocol.native import Drive
 from autodrive.protocol.replay import Curve, PlotRecording
 from autodrive.recording.replay.overview import Overview
 from autodrive.recording.replay.player import Player, Stage
@@ -31,8 +33,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ReplayOptions:
-    """Options of `replay` and of the command `autodrive replay`; host to allowed_origins are as in `RunOptions`."""
+class ReplayOptions(PageOptions):
+    """Options of `replay` and of the command `autodrive replay`."""
 
     speed: float = 1.0
     """Recorded seconds per second."""
@@ -40,10 +42,6 @@ class ReplayOptions:
     """Whether it waits for a viewer to play."""
     camera_quality: str = "auto"
     """Of images that were not recorded: one of `autodrive.graphics.render.quality.NAMES`."""
-    host: str = "127.0.0.1"
-    port: int | None = None
-    token: str | None = None
-    allowed_origins: tuple[str, ...] = ()
 
 
 class Replay:
@@ -64,29 +62,24 @@ class Replay:
             self._stack.close()
             raise
         self.server = Server(
-            self.player,
-            replay=self,
-            scene_files=stages.scene_files,
+            Served(
+                self.player,
+                stages.scene_files,
+                replay=self,
+                refusal=lambda message: self.player.refusal if isinstance(message, Drive) else "",
+                jpeg_encoder=JpegEncoder(),
+                cameras_error=stages.cameras_error,
+                want_pictures=self.player.want_images,
+                renderer_factory=scene_renderer_factory(options.camera_quality),
+            ),
+            options,
             page=built_page(),
-            host=options.host,
-            port=options.port,
-            token=options.token,
-            allowed_origins=options.allowed_origins,
-            jpeg_encoder=JpegEncoder(),
-            cameras_error=stages.cameras_error,
-            want_pictures=self.player.want_images,
-            renderer_factory=scene_renderer_factory(options.camera_quality),
         )
 
     @property
     def position(self) -> float:
         """Time of the recording that is shown [s]."""
         return self.player.position
-
-    @property
-    def refusal(self) -> str:
-        """Why commands have no effect."""
-        return self.player.refusal
 
     def curves(self, request: PlotRecording) -> tuple[dict[str, Curve], str]:
         """Curves of the recording, and what is still missing."""

@@ -2,5 +2,5 @@
 
 from autodrive.world.simulation.clock import Clock as Clock
 from autodrive.world.simulation.clock import WallClock as WallClock
+from autodrive.world.simulation.control import Sink as Sink
 from autodrive.world.simulation.simulation import Simulation as Simulation
-from autodrive.world.simulation.sinks import Sink as Sink

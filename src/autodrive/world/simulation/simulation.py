@@ -5,14 +5,12 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
-import reprlib
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Protocol, get_args
+from typing import TYPE_CHECKING, get_args
 
-from autodrive.base.errors import AutodriveError, CommandError, EngineError
+from autodrive.base.errors import CommandError, EngineError
 from autodrive.base.pace import Pace
 from autodrive.protocol.commands import check_command, check_commands, is_number
 from autodrive.protocol.messages import (
@@ -42,12 +40,13 @@ from autodrive.protocol.messages import (
 from autodrive.protocol.native import Source
 from autodrive.world.editing.editor import Editor
 from autodrive.world.simulation.checks import check_request, check_speed, check_vehicle
-from autodrive.world.simulation.clock import Clock, WallClock
-from autodrive.world.simulation.sinks import Publisher, Sink
+from autodrive.world.simulation.paced import Paced
 
 if TYPE_CHECKING:
     from autodrive.scenario.descriptions import Descriptions
     from autodrive.world import World
+    from autodrive.world.simulation.clock import Clock
+    from autodrive.world.simulation.control import Observer
 
 NO_COMMANDS: Mapping[str, Command] = {}
 
@@ -62,17 +61,7 @@ IMAGE_POLL_PERIOD = 0.01
 """A paused World is asked this often for images that are still being rendered [s]."""
 
 
-class Observer(Sink, Protocol):
-    """A Sink that also learns what the World is given, for example a recorder."""
-
-    def given(self, commands: Mapping[str, Command]) -> None:
-        """The next tick runs with these commands."""
-
-    def executed(self, request: Operation) -> None:
-        """A request was executed; its Frame follows, if it made one."""
-
-
-class Simulation(Publisher):
+class Simulation(Paced):
     """One World at a time, ticking in real time, at another speed, or as fast as it can.
 
     `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario: by
@@ -93,26 +82,18 @@ class Simulation(Publisher):
         clock: Clock | None = None,
     ) -> None:
         check_speed(speed)
-        super().__init__(world.frame)
+        super().__init__(world.frame, clock=clock, is_paused=is_paused, keeps_running=pause_on_error)
         self.world = world
         self.error = ""
         """Why the physics cannot continue; empty if it can. A Reset or another scenario clears it."""
         self._load = load
         self._editor = Editor(load)
-        self._pause_on_error = pause_on_error
-        self._clock: Clock = clock or WallClock()
-        self._is_paused = is_paused
         self._pace = Pace(world.tick_duration, speed)
         self._observers: tuple[Observer, ...] = ()
         self._commands: dict[tuple[str, Source], Command] = {}
-        self._requests: deque[tuple[Operation, Future[Frame]]] = deque()
-        self._mailbox = threading.Condition()
         self._world_lock = threading.Lock()
         """Held by the thread that uses the World; taken before the mailbox's lock, never after. The thread of the
         simulation releases it while it sleeps in a pause."""
-        self._thread: threading.Thread | None = None
-        self._is_stopping = False
-        self._error: BaseException | None = None
 
     # -- state ------------------------------------------------------------------------------------------
 
@@ -147,11 +128,6 @@ class Simulation(Publisher):
         return self._pace.running_time(self._clock.now())
 
     @property
-    def is_paused(self) -> bool:
-        """Whether simulated time is stopped until a Resume."""
-        return self._is_paused
-
-    @property
     def undo_name(self) -> str:
         """The edit that an `Undo` reverts, for example 'place V1'; empty if there is none."""
         return self._editor.undo_name
@@ -160,11 +136,6 @@ class Simulation(Publisher):
     def redo_name(self) -> str:
         """The edit that a `Redo` makes again; empty if there is none."""
         return self._editor.redo_name
-
-    @property
-    def is_running(self) -> bool:
-        """Whether its thread, or a `run`, is active (also while paused)."""
-        return self._thread is not None
 
     # -- commands, requests and sinks ---------------------------------------------------------------------------
 
@@ -191,10 +162,7 @@ class Simulation(Publisher):
         done: Future[Frame] = Future()
         if here and isinstance(request, Step) and request.ticks <= SHORT and self._step_here(request, done):
             return done
-        with self._mailbox:
-            self._requests.append((request, done))
-            self._mailbox.notify_all()
-        return done
+        return self._post(request, done)
 
     def _step_here(self, step: Step, done: Future[Frame]) -> bool:
         """Returns False if another thread uses the World or other requests are waiting."""
@@ -231,65 +199,15 @@ class Simulation(Publisher):
     def run(self, duration: float | None = None) -> Frame:
         """Run in the caller's thread for `duration` simulated seconds (None: until `stop`); the last Frame."""
         ticks = self._ticks_in(duration)
-        self._claim(threading.current_thread())
-        try:
-            self._loop(ticks)
-        finally:
-            self._release()
+        self._run_here(lambda: self._loop(ticks))
         return self._frame
 
     def start(self, duration: float | None = None) -> None:
         """Run in a thread of its own for `duration` simulated seconds (None: until `stop`)."""
         ticks = self._ticks_in(duration)
-        thread = threading.Thread(target=self._run_thread, args=(ticks,), name="autodrive-simulation", daemon=True)
-        self._claim(thread)
-        thread.start()
-
-    def wait(self, timeout: float | None = None) -> bool:
-        """Wait until the run ends; False if `timeout` [s] came first. Raises the error that ended the thread early."""
-        with self._mailbox:
-            if self._thread is not threading.current_thread():
-                self._mailbox.wait_for(lambda: self._thread is None, timeout)
-            error, self._error = self._error, None
-        if error is not None:
-            raise error
-        return not self.is_running
-
-    def stop(self) -> None:
-        """End the run after the current tick. Raises the error that ended the thread early."""
-        with self._mailbox:
-            self._is_stopping = True
-            self._mailbox.notify_all()
-        self.wait()
-
-    def __enter__(self) -> Simulation:
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop()
+        self._start_thread(lambda: self._loop(ticks), "autodrive-simulation")
 
     # -- the thread ---------------------------------------------------------------------------------------------
-
-    def _claim(self, thread: threading.Thread) -> None:
-        with self._mailbox:
-            if self.is_running:
-                raise RuntimeError("this Simulation is running already")
-            self._thread = thread
-            self._is_stopping = False
-
-    def _release(self) -> None:
-        with self._mailbox:
-            self._thread = None
-            self._mailbox.notify_all()
-
-    def _run_thread(self, ticks: float) -> None:
-        try:
-            self._loop(ticks)
-        except BaseException as error:  # raised by wait()
-            self._error = error
-        finally:
-            self._release()
 
     def _loop(self, ticks: float) -> None:
         end = self._pace.ticks + ticks
@@ -314,9 +232,8 @@ class Simulation(Publisher):
             delay = IMAGE_POLL_PERIOD
             if self.world.look() is not self._frame:
                 self._publish(self.world.frame)
-        with self._world_released() if self.is_paused else contextlib.nullcontext(), self._mailbox:
-            if not self._requests and not self._is_stopping:
-                self._clock.wait(self._mailbox, delay)
+        with self._world_released() if self.is_paused else contextlib.nullcontext():
+            self._sleep(delay)
         return False
 
     @contextlib.contextmanager
@@ -348,28 +265,11 @@ class Simulation(Publisher):
         try:
             self._tick()
         except EngineError as error:
-            if not self._pause_on_error:
+            if not self._keeps_running:
                 raise
             log.error("%s; the simulation is paused", error)
             self.error = str(error)
             self._execute(Pause())
-
-    def _execute_requests(self) -> None:
-        while self._requests:
-            with self._mailbox:
-                request, done = self._requests.popleft()
-            if not done.set_running_or_notify_cancel():
-                continue
-            try:
-                self._execute(request)
-            except Exception as error:
-                done.set_exception(error)
-                if not isinstance(error, AutodriveError):
-                    if not self._pause_on_error:
-                        raise
-                    log.exception("a request failed: %s", reprlib.repr(request))
-            else:
-                done.set_result(self._frame)
 
     def _execute(self, request: Operation) -> None:
         match request:

@@ -1,12 +1,13 @@
-"""Sinks: the receivers of Frames, and who passes Frames to them."""
+"""What software needs of a Simulation: a source of Frames, the control of its vehicles, and who receives Frames."""
 
 from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Mapping
 from typing import Protocol
 
-from autodrive.protocol.messages import Frame
+from autodrive.protocol.messages import Command, Frame, Operation
 
 log = logging.getLogger(__name__)
 
@@ -16,6 +17,42 @@ class Sink(Protocol):
 
     def publish(self, frame: Frame) -> None:
         """Receive a Frame, in the thread of the simulation: return quickly, and process the Frame in another thread."""
+
+
+class Observer(Sink, Protocol):
+    """A Sink that also learns what the World is given, for example a recorder."""
+
+    def given(self, commands: Mapping[str, Command]) -> None:
+        """The next tick runs with these commands."""
+
+    def executed(self, request: Operation) -> None:
+        """A request was executed; its Frame follows, if it made one."""
+
+
+class FrameSource(Protocol):
+    """Where Frames come from. All members are thread-safe."""
+
+    @property
+    def frame(self) -> Frame:
+        """The latest Frame."""
+        ...
+
+    def add_sink(self, sink: Sink) -> None:
+        """Pass every Frame to `sink` from now on."""
+
+    def remove_sink(self, sink: Sink) -> None:
+        """Pass no more Frames to `sink`; does nothing if it was not added."""
+
+
+class Control(FrameSource, Protocol):
+    """Frames, and the vehicles that they show: a Simulation, or the part of it that one script may use."""
+
+    def submit(self, vehicle: str, command: Command) -> None:
+        """Set the command for the next tick; the latest one counts. Raises `CommandError`."""
+
+    def request(self, request: Operation) -> object:
+        """Execute an operation before the next tick. Raises `CommandError`."""
+        ...
 
 
 class Publisher:

@@ -1,0 +1,113 @@
+"""What a server serves, and to whom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+from autodrive.base.errors import AutodriveError
+from autodrive.protocol.replay import Curve, PlotRecording, RecordingStatus
+
+if TYPE_CHECKING:
+    from autodrive.connect.bridge.devkit import DevkitBridge
+    from autodrive.graphics.cameras.jpeg import JpegEncoder
+    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.protocol.native import Drive, ServerOperation
+    from autodrive.world import World
+    from autodrive.world.scene_files import SceneFiles
+    from autodrive.world.simulation.paced import Paced
+
+
+class Replayed(Protocol):
+    """The recording that is shown instead of a simulation."""
+
+    @property
+    def position(self) -> float:
+        """Time of the recording that is shown [s]."""
+        ...
+
+    def curves(self, request: PlotRecording) -> tuple[dict[str, Curve], str]:
+        """Curves of the recording, by plot, and what is still missing in them, as a sentence; empty: nothing.
+
+        Called in another thread. Raises `AutodriveError`.
+        """
+        ...
+
+
+class RecordingControl:
+    """Makes recordings of the simulation; this one refuses. The methods are called in other threads, one at a time."""
+
+    @property
+    def status(self) -> RecordingStatus:
+        """The state now."""
+        return RecordingStatus()
+
+    def start(self, keep: float | None) -> None:
+        """Record from now on; `keep`: only the last seconds. Raises `AutodriveError`."""
+        raise AutodriveError("this simulator was started without recordings")
+
+    def stop(self) -> str:
+        """End the recording; the path of its file, empty if nothing was saved. Raises `AutodriveError`."""
+        raise AutodriveError("nothing is recorded")
+
+    def save(self) -> str:
+        """Write the last seconds that were kept; the path of the file. Raises `AutodriveError`."""
+        raise AutodriveError("nothing is recorded")
+
+
+def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneProcess]:
+    """A factory of renderers with that quality; the renderer is imported when the first one starts."""
+
+    def start(world: World) -> SceneProcess:
+        from autodrive.graphics.cameras.scene_process import SceneProcess  # noqa: PLC0415
+        from autodrive.graphics.cameras.scene_worker import SceneContents  # noqa: PLC0415
+
+        return SceneProcess(SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), quality))
+
+    return start
+
+
+@dataclass(frozen=True)
+class Served:
+    """A simulation with all that its clients see and may do."""
+
+    simulation: Paced
+    """A Simulation, or the Player of a recording."""
+    scene_files: Callable[[World], SceneFiles]
+    """The files that clients need to draw a World; called in another thread, at the start and for each World that a
+    `LoadScenario` loads."""
+    _: KW_ONLY
+    bridge: DevkitBridge | None = None
+    """Connected and disconnected by requests; it need not be started. None: such requests are refused."""
+    scenarios: Mapping[str, str] = field(default_factory=dict)
+    """Name -> title of the scenarios that clients may load with the Simulation's `load`."""
+    jpeg_encoder: JpegEncoder | None = None
+    """Encodes the images of the sensor cameras; None: no pictures are sent."""
+    cameras_error: Callable[[], str] = lambda: ""
+    """Why there are no pictures; empty if there are."""
+    want_pictures: Callable[[bool], None] = lambda wanted: None
+    """Called in the server's thread with True when the first client wants pictures, and with False when no client
+    does."""
+    renderer_factory: Callable[[World], SceneProcess] = field(default_factory=scene_renderer_factory)
+    """Starts the process that renders the scene cameras of a World."""
+    recording: RecordingControl = field(default_factory=RecordingControl)
+    """Makes recordings on request."""
+    replay: Replayed | None = None
+    """The recording that `simulation`, a Player, shows; None: it is a Simulation."""
+    refusal: Callable[[ServerOperation | Drive], str] = lambda message: ""
+    """Why clients may not have that operation or Drive now; empty if they may."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageOptions:
+    """Where the page and the native protocol are served, and to whom."""
+
+    host: str = "127.0.0.1"
+    """Address on which the page is served."""
+    port: int | None = None
+    """Port of the page; None: the default port, or the next free one; 0: any free port."""
+    token: str | None = None
+    """Access token of 16 characters or more; None: generated if other machines can connect."""
+    allowed_origins: tuple[str, ...] = ()
+    """Origins of other web pages that may connect, for example 'https://lab.example.org'."""
