@@ -16,10 +16,11 @@ from autodrive.recording import records
 from autodrive.recording.about import about_here
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.recording import Recording
-from autodrive.recording.records import CommandsRecord, Poses, Request, RequestRecord, ResetTo, Restored, ScenarioRecord
+from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord
 from autodrive.scenario import ScenarioSpec
 from autodrive.world import World
 from autodrive.world.factory import make
+from autodrive.world.observer import Request, ResetTo, Restored, SetPoses
 from autodrive.world.simulation import Simulation
 
 
@@ -156,7 +157,7 @@ class _Again:
         match request:
             case Pause() | Resume() | SetSpeed():
                 pass  # they change when a tick runs, not what it does
-            case Poses(poses=poses):
+            case SetPoses(poses=poses):
                 world.set_poses({name: np.array(pose) for name, pose in poses.items()})
             case ResetTo(seed=seed, poses=poses):
                 world.reset(seed, poses={name: (x, y, yaw) for name, (x, y, yaw) in poses.items()})

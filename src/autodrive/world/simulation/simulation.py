@@ -10,7 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Protocol, get_args
+from typing import TYPE_CHECKING, get_args
 
 from autodrive.base.errors import AutodriveError, CommandError, EngineError
 from autodrive.base.pace import Pace
@@ -41,9 +41,10 @@ from autodrive.protocol.messages import (
 )
 from autodrive.protocol.native import Source
 from autodrive.world.editing.editor import Editor
+from autodrive.world.observer import Observer
 from autodrive.world.simulation.checks import check_request, check_speed, check_vehicle
 from autodrive.world.simulation.clock import Clock, WallClock
-from autodrive.world.simulation.sinks import Publisher, Sink
+from autodrive.world.simulation.sinks import Publisher
 
 if TYPE_CHECKING:
     from autodrive.scenario import ScenarioSpec
@@ -60,16 +61,6 @@ SHORT = 10
 
 IMAGE_POLL_PERIOD = 0.01
 """A paused World is asked this often for images that are still being rendered [s]."""
-
-
-class Observer(Sink, Protocol):
-    """A Sink that also learns what the World is given, for example a recorder."""
-
-    def given(self, commands: Mapping[str, Command]) -> None:
-        """The next tick runs with these commands."""
-
-    def executed(self, request: Operation) -> None:
-        """A request was executed; its Frame follows, if it made one."""
 
 
 class Simulation(Publisher):
