@@ -5,76 +5,39 @@ from __future__ import annotations
 import contextlib
 import functools
 import logging
+import math
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
-from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from autodrive import __version__
 from autodrive.graphics.cameras.jpeg import JpegEncoder
-from autodrive.protocol.messages import (
-    CameraImage,
-    Collision,
-    Command,
-    Frame,
-    Hold,
-    LidarScan,
-    Reset,
-    Retire,
-    SaveScenario,
-    SetDrivingMode,
-    SetSceneLight,
-    SetTimeOfDay,
-    Step,
-)
-from autodrive.recording import foxglove, mcap, records
-from autodrive.recording.about import about_here
+from autodrive.protocol.messages import CameraImage, Command, Frame, SaveScenario, Step
+from autodrive.recording import records
+from autodrive.recording.encoding import Encoding
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
-from autodrive.recording.mcap import Channel, Chunk, Message, Schema
-from autodrive.recording.records import (
-    CommandsRecord,
-    EventRecord,
-    Poses,
-    Request,
-    RequestRecord,
-    ResetTo,
-    Restored,
-    ScenarioRecord,
-    States,
-    StatusRecord,
-)
-from autodrive.recording.wire import Message as Layout
-from autodrive.recording.wire import descriptor
+from autodrive.recording.outputs import FileOutput, Output, RingOutput
+from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, StatusRecord
 from autodrive.scenario.files import files_of
+from autodrive.world.observer import Request, Restored
 from autodrive.world.simulation import Simulation
 
 if TYPE_CHECKING:
-    from autodrive.scenario.vehicles.spec import VehicleSpec
     from autodrive.world import World
 
 log = logging.getLogger(__name__)
 
-CHUNK_TIME = 0.7
-"""A chunk is written this long after its first message [s of wall time]: with `DRAIN_TIME`, less than 1 s is lost."""
-CHUNK_SIZE = 2**19
-"""A chunk of this size is written at once [bytes]."""
 DRAIN_TIME = 0.1
 """The queue is emptied this often [s]."""
 MAX_QUEUE = 2000
 """Frames that wait for the disk; then Frames are left out."""
 MAX_WAITING_IMAGES = 8
 """Images that wait for the disk, of each camera; then images are left out."""
-TRANSFORM_PERIOD = NANOSECONDS // 10
-"""Time between two messages of the poses for other programs [ns]."""
 STATUS_PERIOD = NANOSECONDS
 """Time between two messages of the status [ns]."""
-AFTER_EVENT = 1.0
-"""The last seconds before an event are written this long after it [s of recorded time]."""
 
 
 class Recorder:
@@ -127,8 +90,8 @@ class Recorder:
         self._name = name
         self._source = source
         self._simulation = source if isinstance(source, Simulation) else None
-        self._clock = _RecordedTime(frame_rate)
-        self._encoding = _Encoding(encoder or JpegEncoder(quality=image_quality), image_quality, image_rate, has_meshes)
+        self._clock = _RecordedTime(_period(frame_rate, "Frames"))
+        image_period = round(_period(image_rate, "images"))
         self._status = status
         self._is_threaded = self._simulation is not None and self._simulation.speed is not None
         self._queue: deque[Callable[[], None]] = deque()
@@ -137,14 +100,15 @@ class Recorder:
         self._queued_images = self._written_images = 0
         self._are_images_dropped = False
         self._next_status = 0
-        self._output: _Output
+        self._output: Output
         if last is None:
-            self._output = _FileOutput(self.path, self._encoding)
+            self._output = FileOutput(self.path)
             self.files.append(self.path)
         else:
-            self._output = _RingOutput(self.path, self._encoding, last, self.files)
+            self._output = RingOutput(self.path, last, self.files)
+        jpeg = encoder or JpegEncoder(quality=image_quality)
+        self._encoding = Encoding(self._output, jpeg, image_quality, image_period, has_meshes)
         self._world: World | None = None
-        self._taps = _WorldTaps(self)
         self._is_closing = threading.Event()
         self._thread: threading.Thread | None = None
         if self._is_threaded:
@@ -154,7 +118,7 @@ class Recorder:
         if isinstance(source, Simulation):
             source.add_observer(self)
         else:
-            self._taps.attach(source)
+            source.observers.append(self)
 
     @property
     def world(self) -> World:
@@ -171,9 +135,10 @@ class Recorder:
         """End the recording; may be called again."""
         if self._is_closing.is_set():
             return
-        if self._simulation is not None:
-            self._simulation.remove_observer(self)
-        self._taps.detach()
+        if isinstance(self._source, Simulation):
+            self._source.remove_observer(self)
+        else:
+            self._source.observers.remove(self)
         self._is_closing.set()
         if self._thread is not None:
             self._thread.join()
@@ -191,7 +156,7 @@ class Recorder:
 
     def save(self) -> None:
         """With `last`: write the last seconds to a file; their events do that, too."""
-        if isinstance(self._output, _RingOutput):
+        if isinstance(self._output, RingOutput):
             self._add(functools.partial(self._output.trigger, self._clock.now))
 
     # -- what happens, in the thread of the simulation ------------------------------------------------------------
@@ -201,14 +166,14 @@ class Recorder:
         if commands:
             tick, now = self._clock.tick, self._clock.now
             record = CommandsRecord(tick, dict(commands))
-            self._add(lambda: self._encoding.json(self._output, records.COMMANDS, record, now, tick))
+            self._add(lambda: self._encoding.json(records.COMMANDS, record, now, tick))
 
     def executed(self, request: Request) -> None:
         """A request was executed."""
         if isinstance(request, Step | SaveScenario):
             return  # the commands of a Step come with its ticks; a SaveScenario changes nothing
         tick, now = self._clock.tick, self._clock.now
-        self._add(lambda: self._encoding.json(self._output, records.REQUESTS, RequestRecord(tick, request), now, tick))
+        self._add(lambda: self._encoding.json(records.REQUESTS, RequestRecord(tick, request), now, tick))
         if isinstance(request, Restored):
             self._clock.forget_tick()
 
@@ -225,7 +190,7 @@ class Recorder:
         now = self._clock.now
         if is_new:
             scenario = self._scenario(world, frame)
-            self._add(lambda: self._encoding.scenario(self._output, world, scenario, now))
+            self._add(lambda: self._encoding.scenario(world, scenario, now))
         new = 0
         if self._is_threaded and is_due:
             if len(self._queue) > MAX_QUEUE:
@@ -246,7 +211,7 @@ class Recorder:
         self._add_status(frame, now)
 
     def _encode(self, frame: Frame, now: int, is_due: bool, has_new_images: bool, new: int) -> None:
-        self._encoding.frame(self._output, frame, now, is_due=is_due, has_new_images=has_new_images)
+        self._encoding.frame(frame, now, is_due=is_due, has_new_images=has_new_images)
         self._written_images += new
 
     def _count_new_images(self, frame: Frame) -> int:
@@ -271,7 +236,7 @@ class Recorder:
             dropped_images=self.dropped_images,
             bridge=self._status(),
         )
-        self._add(lambda: self._encoding.json(self._output, records.STATUS, record, now, record.tick))
+        self._add(lambda: self._encoding.json(records.STATUS, record, now, record.tick))
 
     def _scenario(self, world: World, frame: Frame) -> ScenarioRecord:
         try:
@@ -308,7 +273,7 @@ class Recorder:
             self._output.flush_if_old()
 
     @contextlib.contextmanager
-    def _errors(self) -> Any:
+    def _errors(self) -> Iterator[None]:
         """An error of the disk ends the recording and is reported once; the simulation goes on."""
         if self.error:
             self._queue.clear()
@@ -332,10 +297,8 @@ class Recorder:
 class _RecordedTime:
     """The time in the recording: the simulated time of all ticks, which a reset does not set back."""
 
-    def __init__(self, frame_rate: float | None) -> None:
-        if frame_rate is not None and not frame_rate > 0:
-            raise RecordingError(f"the rate of Frames must be a positive number [Hz], not {frame_rate}")
-        self._period = Fraction(0) if frame_rate is None else NANOSECONDS / Fraction(frame_rate)
+    def __init__(self, period: Fraction) -> None:
+        self._period = period
         self._time = Fraction(0)
         self._due = Fraction(0)
         self._tick: int | None = None
@@ -369,501 +332,10 @@ class _RecordedTime:
         return round(self._time)
 
 
-# -- encoding ------------------------------------------------------------------------------------------------------
-
-
-class _Encoding:
-    """Turns what happens into messages."""
-
-    def __init__(self, jpeg: JpegEncoder, quality: int, image_rate: float | None, has_meshes: bool) -> None:
-        if image_rate is not None and not image_rate > 0:
-            raise RecordingError(f"the rate of images must be a positive number [Hz], not {image_rate}")
-        self._jpeg, self._quality = jpeg, quality
-        self._image_period = 0 if image_rate is None else round(NANOSECONDS / image_rate)
-        self._has_meshes = has_meshes
-        self._states = States()
-        self._scans: dict[str, LidarScan] = {}
-        self._images: dict[tuple[str, str], _WrittenImage] = {}
-        self._next_transforms = 0
-        self._mounts: dict[str, Any] = {}
-        self.about: dict[str, str] = {}
-
-    def json(self, output: _Output, topic: str, record: Any, now: int, tick: int) -> None:
-        """Write a record."""
-        output.add(topic, now, now, tick, records.encode_json(record))
-
-    def scenario(self, output: _Output, world: World, record: ScenarioRecord, now: int) -> None:
-        """Write the scenario of a World and its meshes."""
-        self.about = {
-            "format": str(records.FORMAT),
-            **about_here(),
-            "scenario": record.name,
-            "seed": str(record.spec.get("seed", 0)),
-            "tick": str(world.tick_duration),
-            "image_quality": str(self._quality),
-            "recorded_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "time": "nanoseconds of simulated time since the start of the recording; a reset does not set them back",
-        }
-        output.begin(self.about)
-        self._scans.clear()
-        self._mounts = {name: spec.sensors.lidar for name, spec in world.vehicle_specs.items()}
-        attachments: dict[str, str] = {}
-        if self._has_meshes:
-            for part, name, data in _meshes(world):
-                attachments[part] = name
-                output.attach(name, "model/gltf-binary", data)
-            for vehicle, files in _descriptions(world):
-                attachments[f"urdf/{vehicle}"] = next(iter(files))
-                for name, data in files.items():
-                    output.attach(name, "model/stl" if name.endswith(".stl") else "application/xml", data)
-        self.json(
-            output,
-            records.SCENARIO,
-            ScenarioRecord(record.tick, record.name, record.spec, record.files, record.is_start, attachments),
-            now,
-            record.tick,
-        )
-
-    def frame(
-        self, output: _Output, frame: Frame, now: int, *, is_due: bool = True, has_new_images: bool = True
-    ) -> None:
-        """Write a Frame, with the scans and images that are new in it; only its events unless it is due."""
-        simulated, tick = round(frame.time * NANOSECONDS), frame.tick & 0xFFFFFFFF
-        for event in frame.events:
-            output.add(records.EVENTS, now, simulated, tick, records.encode_json(EventRecord(frame.tick, event)))
-            if isinstance(event, Collision):
-                output.trigger(now)
-        if not is_due:
-            return
-        for name, vehicle in frame.vehicles.items():
-            scan = vehicle.lidar
-            if scan is not None and scan is not self._scans.get(name):
-                self._scans[name] = scan
-                message = foxglove.laser_scan(scan, now, f"{name}/lidar")
-                output.add(
-                    records.scan_topic(name),
-                    now,
-                    simulated,
-                    tick,
-                    foxglove.LASER_SCAN.encode(message),
-                    foxglove.LASER_SCAN,
-                )
-            times: dict[str, float] = {}
-            for camera, image in vehicle.cameras.items():
-                written = self._image(output, name, camera, image, now, simulated, tick, is_wanted=has_new_images)
-                if written is not None:
-                    times[camera] = written
-            data = self._states.encode_vehicle(vehicle, None if scan is None else scan.time, times)
-            output.add(records.state_topic(name), now, simulated, tick, data, self._states.vehicle)
-        if now >= self._next_transforms:
-            self._next_transforms = now + TRANSFORM_PERIOD
-            self._transforms(output, frame, now, simulated, tick)
-        data = self._states.encode_frame(frame)
-        output.add(records.FRAME, now, simulated, tick, data, self._states.frame)
-        output.end_frame(now)
-
-    def _image(
-        self,
-        output: _Output,
-        vehicle: str,
-        camera: str,
-        image: Any,
-        now: int,
-        simulated: int,
-        tick: int,
-        *,
-        is_wanted: bool,
-    ) -> float | None:
-        """Write an image if it is new and due; the time of the latest one that is written."""
-        before = self._images.get((vehicle, camera))
-        if before is not None and (before.image is image or now < before.due):
-            return before.time
-        if not is_wanted:
-            return None if before is None else before.time
-        due = now + self._image_period if before is None else max(before.due + self._image_period, now)
-        self._images[vehicle, camera] = _WrittenImage(image, image.time, due)
-        jpeg = self._jpeg.encode(vehicle, camera, image, size=image.rgba.shape[1::-1], quality=self._quality)
-        frame_id = f"{vehicle}/{camera}_optical_frame"
-        message = foxglove.compressed_image(image, jpeg, now, frame_id)
-        if before is None:
-            calibration = foxglove.calibration(image.intrinsics, now, frame_id)
-            output.add(
-                records.calibration_topic(vehicle, camera),
-                now,
-                simulated,
-                tick,
-                foxglove.CAMERA_CALIBRATION.encode(calibration),
-                foxglove.CAMERA_CALIBRATION,
-            )
-        output.add(
-            records.image_topic(vehicle, camera),
-            now,
-            simulated,
-            tick,
-            foxglove.COMPRESSED_IMAGE.encode(message),
-            foxglove.COMPRESSED_IMAGE,
-            is_packed=True,
-        )
-        return image.time
-
-    def _transforms(self, output: _Output, frame: Frame, now: int, simulated: int, tick: int) -> None:
-        """Poses for other programs: map from vehicles and objects, vehicle from LIDAR, map from cameras."""
-        poses: list[tuple[str, str, Any]] = [("map", name, one.pose) for name, one in frame.vehicles.items()]
-        poses += [("map", name, one.pose) for name, one in frame.objects.items()]
-        for name, lidar in self._mounts.items():
-            if lidar is not None and name in frame.vehicles:
-                poses.append((name, f"{name}/lidar", lidar.mount))
-        for name, vehicle in frame.vehicles.items():
-            for camera, image in vehicle.cameras.items():
-                poses.append(("map", f"{name}/{camera}_optical_frame", image.pose))
-        data = foxglove.FRAME_TRANSFORMS.encode(foxglove.transforms_message(poses, now))
-        output.add(records.TRANSFORMS, now, simulated, tick, data, foxglove.FRAME_TRANSFORMS)
-
-
-class _WrittenImage:
-    def __init__(self, image: Any, time: float, due: int) -> None:
-        self.image, self.time, self.due = image, time, due
-
-
-def _meshes(world: World) -> list[tuple[str, str, bytes]]:
-    """Part of the scene, name and content of its .glb file."""
-    from autodrive.graphics.meshes import store  # noqa: PLC0415  what builds meshes waits until one is needed
-
-    return [
-        ("map", *store.file("map", world.map)),
-        *((f"vehicle/{name}", *store.file("vehicle", spec)) for name, spec in world.vehicle_specs.items()),
-        *((f"object/{name}", *store.file("box", box.size)) for name, box in world.boxes.items()),
-    ]
-
-
-def _descriptions(world: World) -> Iterator[tuple[str, dict[str, bytes]]]:
-    """Each vehicle and the files of its robot description, which begin with the URDF; equal vehicles have the same."""
-    from autodrive.graphics.meshes import store  # noqa: PLC0415  likewise
-
-    known: dict[str, VehicleSpec] = {}
-    for vehicle, spec in world.vehicle_specs.items():
-        stem = Path(world.spec.vehicles[vehicle].type).stem
-        names = (stem if number == 1 else f"{stem}_{number}" for number in count(1))
-        name = next(name for name in names if known.setdefault(name, spec) == spec)
-        yield vehicle, store.description(spec, name)
-
-
-# -- outputs -------------------------------------------------------------------------------------------------------
-
-
-class _Output:
-    """Collects messages in chunks."""
-
-    def __init__(self, encoding: _Encoding) -> None:
-        self._encoding = encoding
-        self._chunk = Chunk()
-        self._chunk_began = 0.0
-        self._schemas: dict[str, Schema] = {}
-        self._channels: dict[str, Channel] = {}
-
-    def begin(self, about: Mapping[str, str]) -> None:
-        """A World begins."""
-
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Add a file."""
-        raise NotImplementedError
-
-    def registered(self, schema: Schema | None, channel: Channel) -> None:
-        """There is a new channel, perhaps with a new schema."""
-        raise NotImplementedError
-
-    def finished(self, chunk: Chunk) -> None:
-        """A chunk is full."""
-        raise NotImplementedError
-
-    def trigger(self, now: int) -> None:
-        """There was an event of the ring mode."""
-
-    def close(self) -> None:
-        """Write what is left."""
-        raise NotImplementedError
-
-    def abandon(self) -> None:
-        """Close the file after an error."""
-
-    def add(
-        self,
-        topic: str,
-        now: int,
-        simulated: int,
-        tick: int,
-        data: bytes,
-        layout: Layout | None = None,
-        *,
-        is_packed: bool = False,
-    ) -> None:
-        """Add a message: in JSON, or with that layout. `is_packed`: its data are compressed already."""
-        channel = self._channels.get(topic) or self._register(topic, layout)
-        if not self._chunk.data:
-            self._chunk_began = time.monotonic()
-        self._chunk.add(Message(channel.id, tick & 0xFFFFFFFF, now, max(simulated, 0), data), is_packed=is_packed)
-
-    def end_frame(self, now: int) -> None:
-        """A Frame is complete: a chunk may end here."""
-        if len(self._chunk.data) >= CHUNK_SIZE:
-            self.flush()
-        else:
-            self.flush_if_old()
-
-    def flush_if_old(self) -> None:
-        """End the chunk if it is old."""
-        if self._chunk.data and time.monotonic() - self._chunk_began >= CHUNK_TIME:
-            self.flush()
-
-    def flush(self) -> None:
-        """End the chunk."""
-        if self._chunk.data:
-            chunk, self._chunk = self._chunk, Chunk()
-            self.finished(chunk)
-
-    def _register(self, topic: str, layout: Layout | None) -> Channel:
-        name = records.schema_name(topic) if layout is None else layout.name
-        schema = None
-        if name not in self._schemas:
-            encoding, data = (
-                ("jsonschema", records.json_schema(topic)) if layout is None else ("protobuf", descriptor(layout))
-            )
-            schema = self._schemas[name] = Schema(len(self._schemas) + 1, name, encoding, data)
-        channel = Channel(
-            len(self._channels) + 1, self._schemas[name].id, topic, "json" if layout is None else "protobuf", {}
-        )
-        self._channels[topic] = channel
-        self.registered(schema, channel)
-        return channel
-
-
-class _FileOutput(_Output):
-    """Writes chunks to a file at once."""
-
-    def __init__(self, path: Path, encoding: _Encoding) -> None:
-        super().__init__(encoding)
-        try:
-            self._file = path.open("wb")
-            self._writer = mcap.Writer(self._file, f"autodrive {__version__}")
-        except OSError as error:
-            raise RecordingError(f"cannot write: {error.strerror or error}  ({path})") from None
-        self._path = path
-        self._attached: set[str] = set()
-        self._is_begun = False
-        self._is_open = True
-
-    def begin(self, about: Mapping[str, str]) -> None:
-        if not self._is_begun:
-            self._is_begun = True
-            self._writer.metadata(records.PROFILE, about)
-
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        if name not in self._attached:
-            self._attached.add(name)
-            self._writer.attachment(name, media_type, data)
-
-    def registered(self, schema: Schema | None, channel: Channel) -> None:
-        if schema is not None:
-            self._writer.schema(schema)
-        self._writer.channel(channel)
-
-    def finished(self, chunk: Chunk) -> None:
-        self._writer.chunk(chunk)
-
-    def close(self) -> None:
-        if self._is_open:
-            self._is_open = False
-            with self._file:
-                self.flush()
-                self._writer.finish()
-
-    def abandon(self) -> None:
-        """Cut off what was not written whole."""
-        self._is_open = False
-        try:
-            self._file.truncate(self._writer.size)
-        finally:
-            with contextlib.suppress(OSError):
-                self._file.close()
-
-
-class _RingOutput(_Output):
-    """Keeps the chunks of the last seconds, and writes them to a new file when there is an event."""
-
-    def __init__(self, path: Path, encoding: _Encoding, last: float, files: list[Path]) -> None:
-        super().__init__(encoding)
-        if not last > 0:
-            raise RecordingError(f"the time to keep must be a positive number of seconds, not {last}")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(f"cannot write: {error.strerror or error}  ({path})") from None
-        self._path = path
-        self._last = round(last * NANOSECONDS)
-        self._files = files
-        self._kept: deque[Chunk] = deque()
-        self._attachments: dict[str, tuple[str, bytes]] = {}
-        self._about: Mapping[str, str] = {}
-        self._scenario: tuple[int, bytes] | None = None
-        self._due: int | None = None
-
-    def begin(self, about: Mapping[str, str]) -> None:
-        self._about = about
-
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        self._attachments[name] = media_type, data
-
-    def registered(self, schema: Schema | None, channel: Channel) -> None:
-        pass  # they are written with each file
-
-    def add(
-        self,
-        topic: str,
-        now: int,
-        simulated: int,
-        tick: int,
-        data: bytes,
-        layout: Layout | None = None,
-        *,
-        is_packed: bool = False,
-    ) -> None:
-        super().add(topic, now, simulated, tick, data, layout, is_packed=is_packed)
-        if topic == records.SCENARIO:
-            self._scenario = tick, data
-
-    def finished(self, chunk: Chunk) -> None:
-        self._kept.append(chunk)
-        while self._kept and self._kept[0].end < chunk.end - self._last:
-            self._kept.popleft()
-
-    def end_frame(self, now: int) -> None:
-        super().end_frame(now)
-        if self._due is not None and now >= self._due:
-            self._write()
-
-    def trigger(self, now: int) -> None:
-        if self._due is None:
-            self._due = now + round(AFTER_EVENT * NANOSECONDS)
-
-    def close(self) -> None:
-        if self._due is not None:
-            self._write()
-
-    def _write(self) -> None:
-        self._due = None
-        self.flush()
-        path = self._free_path()
-        with path.open("wb") as file:
-            writer = mcap.Writer(file, f"autodrive {__version__}")
-            writer.metadata(records.PROFILE, self._about)
-            for schema in self._schemas.values():
-                writer.schema(schema)
-            for channel in self._channels.values():
-                writer.channel(channel)
-            for name, (media_type, data) in self._attachments.items():
-                writer.attachment(name, media_type, data)
-            if self._scenario is not None and self._kept:
-                first = Chunk()
-                tick, data = self._scenario
-                first.add(Message(self._channels[records.SCENARIO].id, tick, self._kept[0].start, 0, data))
-                writer.chunk(first)
-            for chunk in self._kept:
-                writer.chunk(chunk)
-            writer.finish()
-        self._files.append(path)
-        log.info("wrote the last %g s to %s", self._last / NANOSECONDS, path)
-
-    def _free_path(self) -> Path:
-        """The path with a number that no file has."""
-        number = 1
-        while (path := self._path.with_stem(f"{self._path.stem}-{number:03}")).exists():
-            number += 1
-        return path
-
-
-# -- a World without a Simulation ----------------------------------------------------------------------------------
-
-
-class _WorldTaps:
-    """Replaces methods of one World by methods that also tell the recorder; `detach` takes them back."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-        self._world: World | None = None
-
-    def attach(self, world: World) -> None:
-        """Begin to listen."""
-        self._world = world
-        record = self._recorder
-        step, reset = world.step, world.reset
-
-        def recorded_step(commands: Mapping[str, Command] | None = None) -> Frame:
-            if commands is not None:
-                given = dict(commands) if isinstance(commands, Mapping) else commands
-                frame = step(given)
-                record.given(given)
-            else:
-                frame = step()
-            record.publish(frame)
-            return frame
-
-        def recorded_reset(seed: int | None = None, *, poses: Any = None) -> Frame:
-            frame = reset(seed, poses=poses)
-            record.executed(
-                Reset(seed)
-                if not poses
-                else ResetTo(seed, {name: tuple(map(float, one)) for name, one in poses.items()})
-            )
-            record.publish(frame)
-            return frame
-
-        replaced: dict[str, Any] = {"step": recorded_step, "reset": recorded_reset}
-        for name, request in _REQUESTS.items():
-            replaced[name] = self._told(getattr(world, name), request)
-        for name, method in replaced.items():
-            setattr(world, name, method)
-
-    def _told(self, method: Callable[..., Any], request: Callable[..., Request | None]) -> Callable[..., Any]:
-        @functools.wraps(method)
-        def told(*args: Any, **kwargs: Any) -> Any:
-            assert self._world is not None
-            before = self._world.frame
-            result = method(*args, **kwargs)
-            made = request(*args, **kwargs)
-            if made is not None:
-                self._recorder.executed(made)
-            if self._world.frame is not before:
-                self._recorder.publish(self._world.frame)
-            return result
-
-        return told
-
-    def detach(self) -> None:
-        """Give the World its own methods back."""
-        if self._world is not None:
-            for name in ("step", "reset", *_REQUESTS):
-                self._world.__dict__.pop(name, None)
-
-
-def _poses(poses: Mapping[str, Any]) -> Request:
-    return Poses({name: tuple(map(float, pose)) for name, pose in poses.items()})
-
-
-def _hold(vehicle: str, position: Any, orientation: Any = (1.0, 0.0, 0.0, 0.0)) -> Request:
-    x, y, z = (0.0, 0.0, 0.0) if position is None else map(float, position)
-    qw, qx, qy, qz = map(float, orientation)
-    return Hold(vehicle, None if position is None else (x, y, z), (qw, qx, qy, qz))
-
-
-_REQUESTS: dict[str, Callable[..., Request | None]] = {
-    "set_poses": _poses,
-    "set_driving_mode": lambda vehicle, is_autonomous: SetDrivingMode(vehicle, bool(is_autonomous)),
-    "hold": _hold,
-    "retire": lambda vehicle, reason="", *, is_disqualified=False: Retire(vehicle, reason, is_disqualified),
-    "set_scene_light": lambda enabled: SetSceneLight(bool(enabled)),
-    "set_time_of_day": lambda time_of_day, scale=0.0: SetTimeOfDay(time_of_day, scale),
-    "restore": lambda *_: Restored(),
-    "continue_from": lambda *_: Restored(),
-    "look": lambda: None,
-}
-"""Methods of a World that change it between ticks -> the request that repeats the change."""
+def _period(rate: float | None, of: str) -> Fraction:
+    """Time between two of them [ns]; 0: each is recorded."""
+    if rate is None:
+        return Fraction(0)
+    if not 0.0 < rate < math.inf:
+        raise RecordingError(f"the rate of {of} must be a positive number [Hz], not {rate}")
+    return NANOSECONDS / Fraction(rate)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from autodrive.protocol.messages import Command, Event, Frame, Operation, VehicleFrame
+from autodrive.protocol.messages import Command, Event, Frame, VehicleFrame
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.wire import Message, Schemas
+from autodrive.world.observer import Request
 
 FORMAT = 2
 """Version of the format: in 1, all numbers are written; in 2, messages are without those that are zero.
@@ -74,26 +75,6 @@ class CommandsRecord(msgspec.Struct, frozen=True):
 
     tick: int
     commands: dict[str, Command]
-
-
-class Poses(msgspec.Struct, frozen=True, tag=True):
-    """`World.set_poses`: position [m] and quaternion (wxyz) of each name."""
-
-    poses: dict[str, tuple[float, ...]]
-
-
-class ResetTo(msgspec.Struct, frozen=True, tag=True):
-    """`World.reset` with poses: x, y [m] and yaw [rad] of each name."""
-
-    seed: int | None
-    poses: dict[str, tuple[float, ...]]
-
-
-class Restored(msgspec.Struct, frozen=True, tag=True):
-    """`World.restore`: the World was set to a state that is not in the recording."""
-
-
-Request: TypeAlias = Operation | Poses | ResetTo | Restored
 
 
 class RequestRecord(msgspec.Struct, frozen=True):
@@ -209,6 +190,3 @@ def _required(message: Message, values: dict[str, Any]) -> dict[str, Any]:
 def schema_name(topic: str) -> str:
     """Name of the schema of the messages of a topic in JSON."""
     return f"autodrive.{RECORDS[topic].__name__.removesuffix('Record')}"
-
-
-Texts: TypeAlias = Mapping[str, str]

@@ -16,12 +16,13 @@ from autodrive.recording import records
 from autodrive.recording.about import about_here
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.recording import Recording
-from autodrive.recording.records import CommandsRecord, Poses, Request, RequestRecord, ResetTo, Restored, ScenarioRecord
+from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions
 from autodrive.scenario.files import described
 from autodrive.world import World
 from autodrive.world.factory import make
+from autodrive.world.observer import Request, ResetTo, Restored, SetPoses
 from autodrive.world.simulation import Simulation
 
 
@@ -159,7 +160,7 @@ class _Again:
         match request:
             case Pause() | Resume() | SetSpeed():
                 pass  # they change when a tick runs, not what it does
-            case Poses(poses=poses):
+            case SetPoses(poses=poses):
                 world.set_poses({name: np.array(pose) for name, pose in poses.items()})
             case ResetTo(seed=seed, poses=poses):
                 world.reset(seed, poses={name: (x, y, yaw) for name, (x, y, yaw) in poses.items()})

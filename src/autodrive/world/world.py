@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import math
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -22,12 +22,23 @@ from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, copied, nu
 from autodrive.physics.tick import advance, place
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
 from autodrive.protocol.display import yaw
-from autodrive.protocol.messages import Command, Event, Frame, RaceStatus
+from autodrive.protocol.messages import (
+    Command,
+    Event,
+    Frame,
+    RaceStatus,
+    Reset,
+    Retire,
+    SetDrivingMode,
+    SetSceneLight,
+    SetTimeOfDay,
+)
 from autodrive.scenario import FACTOR_LIMITS
 from autodrive.world.compile import CompiledScenario, set_factors
 from autodrive.world.controls import Controls
 from autodrive.world.frames import FrameBuilder
 from autodrive.world.light import SceneLight
+from autodrive.world.observer import Observer, Request, ResetTo, Restored, SetPoses, hold, plain
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import Poses
 from autodrive.world.racing import Move
@@ -60,6 +71,8 @@ class World(OneThread):
         super().__init__()
         if engine not in ("auto", "always"):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
+        self.observers: list[Observer] = []
+        """Told each command, change and Frame of this World, as long as they are in the list."""
         self._always_engine = engine == "always"
         self._is_closed = False
         self._compiled = compiled
@@ -179,6 +192,9 @@ class World(OneThread):
             events += tuple(news)
             is_moved = bool(moves) and self._move(moves)
         self._sample()
+        if commands is not None:
+            for observer in self.observers:
+                observer.given(commands)
         return self._show(events, is_moved=is_moved)
 
     @by_one_thread
@@ -215,6 +231,7 @@ class World(OneThread):
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._sample()
+        self._tell(lambda: ResetTo(seed, plain(poses)) if poses else Reset(seed))
         return self._show()
 
     @property
@@ -277,6 +294,7 @@ class World(OneThread):
             for name in poses:
                 if name in self.vehicle_names:
                     self.race.moved(self._controls.index(name), self._compiled.state.vehicle_position)
+        self._tell(lambda: SetPoses(plain(poses)))
         self._show(is_moved=True)
 
     @by_one_thread
@@ -334,6 +352,7 @@ class World(OneThread):
         c.sensors.continue_from(b.sensors, self._seed, self._tick * self._substeps)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
+        self._tell(Restored)
         self._show(is_moved=True)
 
     @by_one_thread
@@ -341,6 +360,7 @@ class World(OneThread):
         """Let a script (True) or a person (False) drive; the World itself obeys all commands given to `step`."""
         check_flag(is_autonomous, f"the driving mode of vehicle '{vehicle}'")
         self._controls.vehicles[self._controls.index(vehicle)].is_autonomous = bool(is_autonomous)
+        self._tell(lambda: SetDrivingMode(vehicle, bool(is_autonomous)))
         self._show()
 
     @by_one_thread
@@ -350,6 +370,7 @@ class World(OneThread):
         None ends the hold. Raises `CommandError` for values that are not a pose.
         """
         self._poses.hold(vehicle, position, orientation)
+        self._tell(lambda: hold(vehicle, position, orientation))
 
     @by_one_thread
     def retire(self, vehicle: str, reason: str = "", *, is_disqualified: bool = False) -> None:
@@ -360,6 +381,7 @@ class World(OneThread):
         if self.race.status(i) in (RaceStatus.WAITING, RaceStatus.RACING):
             status = RaceStatus.DISQUALIFIED if is_disqualified else RaceStatus.RETIRED
             event, moves = self.race.end(i, status, reason, self.time, self._compiled.state.vehicle_position)
+            self._tell(lambda: Retire(vehicle, reason, is_disqualified))
             self._show((event,), is_moved=self._move(moves))
 
     @property
@@ -376,6 +398,7 @@ class World(OneThread):
     def set_scene_light(self, enabled: bool) -> None:
         """Day (True) or night (False), instead of a time of day."""
         check_flag(enabled, "the scene light")
+        self._tell(lambda: SetSceneLight(bool(enabled)))
         self._set_light(SceneLight(bool(enabled)))
 
     @by_one_thread
@@ -384,7 +407,9 @@ class World(OneThread):
 
         `scale`: seconds of the day per simulated second. Raises `CommandError` if a value is not finite.
         """
-        self._set_light(self._light.following(time_of_day, scale, self.time))
+        light = self._light.following(time_of_day, scale, self.time)
+        self._tell(lambda: SetTimeOfDay(time_of_day, scale))
+        self._set_light(light)
 
     def _set_light(self, light: SceneLight) -> None:
         before = self.scene_light, self.time_of_day
@@ -427,7 +452,7 @@ class World(OneThread):
         )
         c = self._compiled
         c.engine.forget_warnings()
-        self._tick, self._seed, self.frame = saved.tick, saved.seed, saved.frame
+        self._tick, self._seed = saved.tick, saved.seed
         c.contacts.impulse[:] = 0.0
         c.contacts.pair_count[0] = 0
         for column, kept in zip(c.state, saved.state, strict=True):
@@ -440,7 +465,8 @@ class World(OneThread):
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
         self._light, self._poses.held = saved.light, dict(saved.held)
-        return self.frame
+        self._tell(Restored)
+        return self._publish(saved.frame)
 
     # -- views and cameras ---------------------------------------------------------------------------------------
 
@@ -463,7 +489,8 @@ class World(OneThread):
         """The current Frame with the images that have arrived since; a new Frame, without events, if there are any."""
         if self._cameras is not None:
             seen = self._cameras.update(self.frame)
-            self.frame = seen if seen is self.frame else replace(seen, events=())
+            if seen is not self.frame:
+                self._publish(replace(seen, events=()))
         return self.frame
 
     @by_one_thread
@@ -516,5 +543,16 @@ class World(OneThread):
             time_of_day,
             races=self.race and self.race.states(time),
         )
-        self.frame = frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved)
-        return self.frame
+        return self._publish(frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved))
+
+    def _publish(self, frame: Frame) -> Frame:
+        """Make that the current Frame."""
+        self.frame = frame
+        for observer in self.observers:
+            observer.publish(frame)
+        return frame
+
+    def _tell(self, request: Callable[[], Request]) -> None:
+        """Tell the observers of a change; it is described only for them."""
+        for observer in self.observers:
+            observer.executed(request())

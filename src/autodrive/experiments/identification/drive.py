@@ -15,8 +15,8 @@ from autodrive.protocol.messages import Collision, Hold, Place, Reset, Teleport
 from autodrive.recording import Recording
 from autodrive.recording import open as open_recording
 from autodrive.recording.exports.recorder_layout import read
-from autodrive.recording.records import Poses, ResetTo, Restored
 from autodrive.scenario.maps.map import load_map
+from autodrive.world.observer import ResetTo, Restored, SetPoses
 
 MIN_DURATION = 2.0
 """Shortest drive [s]."""
@@ -165,7 +165,7 @@ def _of_recording(recording: Recording, name: str) -> Drive:
     if columns[6].any():  # sensors that are slower than the ticks repeat their readings
         columns = columns[:, columns[6] > 0.0]
     time, x, y, heading, speed, yaw_rate, _ = columns
-    moved = Reset | Teleport | Place | Hold | Poses | ResetTo | Restored
+    moved = Reset | Teleport | Place | Hold | SetPoses | ResetTo | Restored
     breaks += [at for at, one in recording.requests if isinstance(one.request, moved)]
     given = [(at, one.commands[name]) for at, one in recording.commands if name in one.commands]
     commands: list[tuple[float, float, float]] = [(-math.inf, 0.0, 0.0)]

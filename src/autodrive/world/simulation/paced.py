@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.messages import Command, Frame, Operation
 from autodrive.protocol.native import Source
-from autodrive.scenario import scenario_text
+from autodrive.scenario.files import scenario_text
 from autodrive.world.simulation.clock import Clock, WallClock
 from autodrive.world.simulation.control import Publisher
 

@@ -39,6 +39,7 @@ from autodrive.protocol.messages import (
 )
 from autodrive.protocol.native import Source
 from autodrive.world.editing.editor import Editor
+from autodrive.world.observer import Observer
 from autodrive.world.simulation.checks import check_request, check_speed, check_vehicle
 from autodrive.world.simulation.paced import Paced
 

@@ -1,0 +1,58 @@
+"""Observers: told what a World is given and what it does, for example to record it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Protocol, TypeAlias
+
+import msgspec
+
+from autodrive.base.transforms import Quaternion, Vector
+from autodrive.protocol.messages import Command, Frame, Hold, Operation
+
+
+class SetPoses(msgspec.Struct, frozen=True, tag="Poses"):
+    """`World.set_poses`: position [m] and quaternion (wxyz) of each name."""
+
+    poses: dict[str, tuple[float, ...]]
+
+
+class ResetTo(msgspec.Struct, frozen=True, tag=True):
+    """`World.reset` with poses: x, y [m] and yaw [rad] of each name."""
+
+    seed: int | None
+    poses: dict[str, tuple[float, ...]]
+
+
+class Restored(msgspec.Struct, frozen=True, tag=True):
+    """`World.restore` and `World.continue_from`: the World was set to a state that no request describes."""
+
+
+Request: TypeAlias = Operation | SetPoses | ResetTo | Restored
+"""A change of a World between two ticks."""
+
+
+class Observer(Protocol):
+    """Is called in the thread that uses the World; must not change it."""
+
+    def given(self, commands: Mapping[str, Command]) -> None:
+        """The World runs a tick with these commands; its Frame follows."""
+
+    def executed(self, request: Request) -> None:
+        """A request was executed; its Frame follows, if it made one."""
+
+    def publish(self, frame: Frame) -> None:
+        """A new Frame."""
+
+
+def plain(poses: Mapping[str, Iterable[float]]) -> dict[str, tuple[float, ...]]:
+    """The numbers of poses by name."""
+    return {name: tuple(map(float, pose)) for name, pose in poses.items()}
+
+
+def hold(vehicle: str, position: Vector | None, orientation: Quaternion) -> Hold:
+    """The request of `World.hold`, whose arguments may be arrays."""
+    w, x, y, z = map(float, orientation)
+    if position is None:
+        return Hold(vehicle, None, (w, x, y, z))
+    return Hold(vehicle, (float(position[0]), float(position[1]), float(position[2])), (w, x, y, z))
