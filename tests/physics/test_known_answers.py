@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from autodrive import Command, EngineError, Frame
-from autodrive.base.transforms import rotate
-from autodrive.physics.tick import observe
+from autodrive.base.arrays import Floats
+from autodrive.base.transforms import rotate, rotation_from_quaternion
+from autodrive.physics.tick import observe, place
 from autodrive.scenario import BoxSpec
 from autodrive.world import World
 from tests.support.cars import OBEYS_AT_ONCE
@@ -245,6 +246,24 @@ def test_a_diverged_state_is_an_error_and_a_reset_recovers(world_with: WorldWith
         world.step()
     world.reset()
     assert drive(world, 0.1).vehicles["V1"].pose.position[2] == pytest.approx(0.0325)
+
+
+@pytest.mark.parametrize("engine", ["auto", "always"])
+def test_the_limit_of_the_angular_velocity_leaves_the_momentum(world_with: WorldWith, engine: str) -> None:
+    world = world_with("roboracer", changes={"body.drag_area": 0.0}, engine=engine)  # at most 7 rad/s
+    state, centre = world._compiled.state, np.array([0.15532, 0.0, 0.01434])
+    state.qpos[2], state.qvel[3:6] = 2.0, (3.0, -4.0, 12.0)
+    place(world._compiled.model, state, world._compiled.views)
+
+    def momentum() -> Floats:
+        r = np.reshape(rotation_from_quaternion(tuple(state.qpos[3:7].tolist())), (3, 3))
+        return state.qvel[:3] + r @ np.cross(state.qvel[3:6], centre)
+
+    before = momentum()
+    world.step()
+    assert np.linalg.norm(state.qvel[3:6]) == pytest.approx(7.0)
+    after = before - [0.0, 0.0, G * world.tick_duration]
+    assert momentum() == pytest.approx(after, abs=0.002)  # steps of 1 ms: 0.0005 m/s
 
 
 def test_car_climbs_a_plank_that_leans_on_a_box(world_with: WorldWith) -> None:

@@ -27,7 +27,7 @@ from autodrive.physics.engine import (
     mj_step2,
 )
 from autodrive.physics.formulas import drive_level, steered
-from autodrive.physics.free_body import rotation_at, step_free_body
+from autodrive.physics.free_body import rotated, rotation_at, step_free_body
 from autodrive.physics.model import Model
 from autodrive.physics.state import State
 from autodrive.physics.vehicle_forces import apply_forces, steer_wheels
@@ -93,7 +93,7 @@ def advance(
                 step_free_body(
                     v, rotation, model.gravity, model.dt, scratch.applied, state.qpos, state.qvel, state.qacc
                 )
-                _limit_angular_velocity(v, state.qvel)
+                _limit_angular_velocity(v, state.qpos, state.qvel)
                 way = path(v, state.qvel, model.dt)
                 scratch.clearance[i] -= way
                 scratch.horizon[i] -= way
@@ -179,8 +179,8 @@ def _step_engine(model: Model, state: State, views: Views, contacts: VehicleCont
         state.qvel[k] = views.qvel[k]
     for i in range(model.vehicles.shape[0]):
         v = model.vehicles[i]
-        _limit_angular_velocity(v, state.qvel)
-        for axis in range(3, 6):
+        _limit_angular_velocity(v, state.qpos, state.qvel)
+        for axis in range(6):
             views.qvel[v["dof"] + axis] = state.qvel[v["dof"] + axis]
     mj_step1(views.model, views.data)
     move_shapes(model, state)
@@ -214,14 +214,25 @@ def _is_sound(qpos: Floats, qvel: Floats, applied: Floats) -> bool:
 
 
 @inlined
-def _limit_angular_velocity(v: Any, qvel: Floats) -> None:
-    """Unity's limit of a rigid body's angular velocity."""
-    dof = v["dof"]
+def _limit_angular_velocity(v: Any, qpos: Floats, qvel: Floats) -> None:
+    """Unity's limit of a rigid body's angular velocity; the velocity of its centre of mass stays."""
+    dof, c = v["dof"], v["center_of_mass"]
     x, y, z = qvel[dof + 3], qvel[dof + 4], qvel[dof + 5]
     speed = sqrt(x * x + y * y + z * z)
     if speed > v["angular_velocity_max"]:
+        kept = v["angular_velocity_max"] / speed
+        lost = 1.0 - kept
+        ux, uy, uz = rotated(
+            rotation_at(qpos, v["qpos"] + 3),
+            lost * (y * c[2] - z * c[1]),
+            lost * (z * c[0] - x * c[2]),
+            lost * (x * c[1] - y * c[0]),
+        )
+        qvel[dof] += ux
+        qvel[dof + 1] += uy
+        qvel[dof + 2] += uz
         for axis in range(3):
-            qvel[dof + 3 + axis] *= v["angular_velocity_max"] / speed
+            qvel[dof + 3 + axis] *= kept
 
 
 @inlined

@@ -14,7 +14,10 @@ from autodrive.physics.free_body import velocity_at
 from autodrive.physics.model import BOX, Model
 from autodrive.physics.ray import MISS, cast_ray
 from autodrive.physics.state import State
-from autodrive.physics.wheel_edge import edge_support
+from autodrive.physics.wheel_edge import CLIMBABLE, edge_support
+
+ON_ITS_SIDE = 0.1
+"""Cosine of the inclination beyond which a vehicle lies on the rims of its wheels: its suspension carries nothing."""
 
 
 @inlined
@@ -47,8 +50,10 @@ def find_contact(
     ex, ey, ez = cosine * r00 + sine * r01, cosine * r10 + sine * r11, cosine * r20 + sine * r21
     # the floor is z = 0; a shape may be nearer
     distance, nx, ny, nz, shape = MISS, 0.0, 0.0, 1.0, -1
-    if r22 > 0.0 and pz > 0.0:
+    if r22 > ON_ITS_SIDE:
         distance = pz / r22
+    # what is higher than the wheel can climb, such as another car on top of it, is an obstacle for its collider
+    nearest = start + radius - max(high, (1.0 - CLIMBABLE) * radius)
     edge, edge_ahead, edge_shape = -MISS, 0.0, -1
     for j in range(scratch.nearby_count[i]):
         s = scratch.nearby[i, j]
@@ -82,7 +87,7 @@ def find_contact(
             -r12,
             -r22,
         )
-        if t < distance:
+        if nearest <= t < distance:
             distance, nx, ny, nz, shape = t, sx, sy, sz, s
     compression = radius - (distance - start)
     # the contact is `ahead` of the axle and, at compression 0, `below` it
@@ -95,13 +100,15 @@ def find_contact(
         lean, rise = -ahead / radius, below / radius
         nx, ny, nz = lean * ex + rise * r02, lean * ey + rise * r12, lean * ez + rise * r22
     upright = nx * r02 + ny * r12 + nz * r22
-    if compression <= -low or upright <= 0.1:
+    if compression <= -low or upright <= ON_ITS_SIDE:
         contact["is_airborne"] = True
         contact["load"] = 0.0
         contact["longitudinal_velocity"] = 0.0
         contact["lateral_velocity"] = 0.0
         state.wheel_compression[row] = -low
         state.wheel_normal_load[row] = 0.0
+        if r22 <= ON_ITS_SIDE:
+            _lie_on_rim(i, w, rotation, turn, hx, hy, hz, model, state, scratch)
         return
     # contact point, relative to the origin of the vehicle frame; its velocity relative to the body it stands on
     down = below - compression
@@ -155,6 +162,61 @@ def find_contact(
     point[0], point[1], point[2] = ox + kx, oy + ky, oz + kz
     state.wheel_compression[row] = compression
     state.wheel_normal_load[row] = load
+
+
+@inlined
+def _lie_on_rim(
+    i: int,
+    w: int,
+    rotation: Rotation,
+    turn: Vector,
+    hx: float,
+    hy: float,
+    hz: float,
+    model: Model,
+    state: State,
+    scratch: Scratch,
+) -> None:
+    """Lets the stop of a fully compressed wheel carry a vehicle that lies on its side or its back on the floor.
+
+    hx, hy, hz: hub, relative to the origin of the vehicle frame, map axes. Fills the contact row if the wheel, a circle
+    at full compression, is below the floor.
+    """
+    v = model.vehicles[i]
+    wheel = model.wheels[4 * i + w]
+    qpos, dof = v["qpos"], v["dof"]
+    r00, _, r02, r10, _, r12, _, _, r22 = rotation
+    radius, high, stiffness = wheel["radius"], wheel["compression_max"], wheel["bump_stiffness"]
+    arm = high - radius  # from the hub to the lowest point, along the vehicle's z axis
+    if r22 < 0.0:
+        arm = high + radius
+    kx, ky, kz = hx + arm * r02, hy + arm * r12, hz + arm * r22
+    depth = -(state.qpos[qpos + 2] + kz)
+    if depth <= 0.0:
+        return
+    wx, wy, wz = turn
+    vx = state.qvel[dof] + wy * kz - wz * ky
+    vy = state.qvel[dof + 1] + wz * kx - wx * kz
+    vz = state.qvel[dof + 2] + wx * ky - wy * kx
+    load = max(0.0, stiffness * depth - sqrt(stiffness * wheel["sprung_mass"]) * vz)
+    length = sqrt(r00 * r00 + r10 * r10)
+    fx, fy = 1.0, 0.0
+    if length > 0.1:
+        fx, fy = r00 / length, r10 / length
+    contact = scratch.wheel_contacts[w]
+    contact["is_airborne"] = False
+    contact["shape"] = -1
+    contact["load"] = load
+    contact["longitudinal_velocity"] = vx * fx + vy * fy
+    contact["lateral_velocity"] = vy * fx - vx * fy
+    longitudinal, lateral, normal = contact["longitudinal_axis"], contact["lateral_axis"], contact["normal"]
+    longitudinal[0], longitudinal[1], longitudinal[2] = fx, fy, 0.0
+    lateral[0], lateral[1], lateral[2] = -fy, fx, 0.0
+    normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
+    lever = contact["lever_arm"]
+    lever[0], lever[1], lever[2] = kx, ky, kz
+    state.wheel_compression[4 * i + w] = high
+    state.wheel_normal_load[4 * i + w] = load
 
 
 @inlined

@@ -24,6 +24,10 @@ CLASSES = """
 """
 """Which classes collide: a wheel collides with everything but the floor, because its suspension ray carries it."""
 
+COLLISION = 'ccd_tolerance="1e-9" ccd_iterations="500"'
+"""For precise contacts of cylinders. With MuJoCo's own settings, and with its `multiccd`, wheels that graze each other
+are up to 79 mm deep in each other for one substep, and the cars fly apart."""
+
 UNUSED = " ".join(
     f'{part}="disable"' for part in ("actuation", "equality", "frictionloss", "limit", "spring", "damper", "sensor")
 )
@@ -34,8 +38,8 @@ def world_mjcf(map_: Map, boxes: Iterable[BoxPlacement], vehicles: Iterable[str]
     """MJCF of a whole world. Bodies at rest sleep until they are touched and then cost no time."""
     friction = f'friction="{map_.ground.friction:.17g} 0.005 0.0001"'
     return (
-        f'<mujoco><option timestep="{dt:.17g}" gravity="0 0 {-gravity:.17g}" integrator="Euler">'
-        f'<flag sleep="enable" {UNUSED}/></option><size memory="16M"/>{CLASSES}<worldbody>'
+        f'<mujoco><option timestep="{dt:.17g}" gravity="0 0 {-gravity:.17g}" integrator="Euler" {COLLISION}>'
+        f'<flag sleep="enable" multiccd="disable" {UNUSED}/></option><size memory="16M"/>{CLASSES}<worldbody>'
         f'<geom name="ground" class="floor" type="plane" size="100 100 1" {friction}/>'
         f"{''.join(_static(shape, friction) for shape in map_.statics)}"
         f"{''.join(_movable(box, friction) for box in boxes)}"

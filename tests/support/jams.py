@@ -1,0 +1,182 @@
+"""Cars that drive into each other, and the energy of all bodies while they do."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+import autodrive
+from autodrive import Command
+from autodrive.base.transforms import rotation_from_quaternion
+from autodrive.physics.tick import place
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.vehicles.spec import load_vehicle
+from autodrive.world import World
+
+TYPES = ("nigel", "nigel_2020", "nigel_2023", "roboracer", "roboracer_f1tenth")
+ARENAS = ("plane", "walls", "boxes")
+SUBSTEP = 0.001
+
+
+class Jam(NamedTuple):
+    """What happened in a jam."""
+
+    top_speed: float
+    """Of the centre of mass of any car [m/s]."""
+    gain: float
+    """Largest rise of the energy that no motor did, divided by the kinetic energy; see `Energy`."""
+    excess: float
+    """Kinetic energy at most, divided by what it was at the start plus what the motors did."""
+    load: float
+    """Largest of any wheel, divided by its static load."""
+
+
+class Energy:
+    """Energy of all bodies of a world [J] and the work of the treads of the wheels, which the motors turn.
+
+    Energy: of the motion of the bodies, their height, springs and stops of the wheels. A tread gives force times tread
+    speed; slip, dampers, air and contacts can only take energy.
+    """
+
+    def __init__(self, world: World) -> None:
+        c = self._compiled = world._compiled
+        engine = c.engine.model
+        bodies = engine.jnt_bodyid
+        self._qpos, self._dof = engine.jnt_qposadr[:, None] + np.arange(7), engine.jnt_dofadr[:, None] + np.arange(6)
+        self._mass, self._centre = engine.body_mass[bodies], engine.body_ipos[bodies]
+        axes = np.array([rotation_from_quaternion(q) for q in engine.body_iquat[bodies]]).reshape(-1, 3, 3)
+        self._inertia = np.einsum("bij,bj,bkj->bik", axes, engine.body_inertia[bodies], axes)
+        self._cars = slice(len(bodies) - len(c.vehicles), None)
+        self.tread_work = self.motor_work = 0.0
+        """Since the start [J]: of all treads, and of those that push."""
+
+    def observe_substep(self) -> None:
+        """After each substep."""
+        state, dt = self._compiled.state, self._compiled.model.dt
+        tread = self._compiled.model.wheels["radius"] * state.wheel_angular_velocity
+        work = state.wheel_force[:, 0] * tread * dt
+        self.tread_work += float(work.sum())
+        self.motor_work += float(np.maximum(work, 0.0).sum())
+
+    def now(self) -> tuple[float, float, float]:
+        """Kinetic energy; all energy less the work of the treads; top speed of a car [m/s]."""
+        c = self._compiled
+        q, v = c.state.qpos[self._qpos], c.state.qvel[self._dof]
+        rotation = np.array(rotation_from_quaternion(tuple(q[:, 3:].T))).T.reshape(-1, 3, 3)
+        turn = v[:, 3:]
+        velocity = v[:, :3] + np.einsum("bij,bj->bi", rotation, np.cross(turn, self._centre))
+        speed = np.sqrt((velocity * velocity).sum(axis=1))
+        kinetic = 0.5 * float(self._mass @ speed**2 + np.einsum("bi,bij,bj->", turn, self._inertia, turn))
+        height = q[:, 2] + np.einsum("bj,bj->b", rotation[:, 2], self._centre)
+        weight = c.model.gravity * float(self._mass @ height)
+        springs = self._springs(np.repeat(rotation[self._cars, 2, 2], 4), np.repeat(q[self._cars, 2], 4), rotation)
+        return kinetic, kinetic + weight + springs - self.tread_work, float(speed[self._cars].max())
+
+    def _springs(self, upright: np.ndarray, height: np.ndarray, rotation: np.ndarray) -> float:
+        """Energy of springs and stops of all wheels."""
+        c = self._compiled
+        wheels, compression = c.model.wheels, c.state.wheel_compression
+        high, stiffness = wheels["compression_max"], wheels["stiffness"]
+        static = wheels["sprung_mass"] * c.model.gravity
+        free = np.maximum(-static / stiffness, -wheels["droop_max"])
+        travel = np.clip(compression, free, high)
+        spring = static * (travel - free) + 0.5 * stiffness * (travel**2 - free**2)
+        hub = height + np.einsum("wj,wj->w", np.repeat(rotation[self._cars, 2], 4, axis=0), wheels["hub"])
+        rim = wheels["radius"] * np.abs(upright) - high * upright - hub
+        is_upright = upright > 0.1
+        depth = np.maximum(0.0, np.where(is_upright, upright * (compression - high), rim))
+        stop = 0.5 * wheels["bump_stiffness"] * depth**2 + np.where(is_upright, static + stiffness * high, 0.0) * depth
+        return float((np.where(is_upright, spring, 0.0) + stop).sum())
+
+
+def jam(vehicle: str, seed: int, folder: Path) -> Jam:
+    """Drives 3 to 7 cars into each other: nose to nose, into walls or through boxes, some with reversed throttle later.
+
+    RoboRacers start at up to 8 m/s. Raises `EngineError` if the physics becomes unstable.
+    """
+    rng = np.random.default_rng(seed)
+    count, arena = 3 + seed % 5, ARENAS[seed // 5 % len(ARENAS)]
+    is_racer = vehicle.startswith("roboracer")
+    world = _world(vehicle, count, arena, rng, folder)
+    if is_racer:
+        _roll(world, float(rng.uniform(0.5, 8.0)) * rng.uniform(0.6, 1.0, count))
+    seconds = 1.5 if is_racer else 4.0
+    reversal = rng.uniform(0.3, 1.0) * seconds if rng.random() < 0.4 else math.inf
+    names = world.vehicle_names
+    throttle = dict(zip(names, rng.choice([0.6, 1.0, 1.0], count).tolist(), strict=True))
+    steering = dict(zip(names, rng.uniform(-0.6, 0.6, count).tolist(), strict=True))
+    commands = [{n: Command(throttle=s * throttle[n], steering=steering[n]) for n in names} for s in (1.0, -1.0)]
+    energy = Energy(world)
+    start = most = energy.now()[0]
+    least, gain, excess, top_speed, load = math.inf, 0.0, 0.0, 0.0, 0.0
+    static = world._compiled.model.wheels["sprung_mass"] * world._compiled.model.gravity
+    for tick in range(round(seconds / SUBSTEP)):
+        world.step(commands[tick * SUBSTEP > reversal] if tick % 100 == 0 else None)
+        energy.observe_substep()
+        kinetic, rest, speed = energy.now()
+        most, least, top_speed = max(most, kinetic), min(least, rest), max(top_speed, speed)
+        gain = max(gain, (rest - least) / (most + 0.01))
+        excess = max(excess, kinetic / (start + energy.motor_work + 0.01))
+        load = max(load, float((world._compiled.state.wheel_normal_load / static).max()))
+    return Jam(top_speed=top_speed, gain=gain, excess=excess, load=load)
+
+
+def jams(vehicle: str, count: int, folder: Path) -> Iterator[tuple[int, Jam]]:
+    """So many jams with their seeds."""
+    for seed in range(count):
+        yield seed, jam(vehicle, seed, folder)
+
+
+def _world(vehicle: str, count: int, arena: str, rng: np.random.Generator, folder: Path) -> World:
+    """The cars stand on a circle and look at its middle."""
+    spec = load_vehicle(vehicle)
+    length, width, _ = spec.size
+    nose = 0.5 * (length + spec.wheelbase) + 0.05  # from the rear axle
+    inner = max(0.25, 1.6 * width * count / (2.0 * math.pi))
+    vehicles = {}
+    for i in range(count):
+        bearing = 2.0 * math.pi * (i + rng.uniform(-0.1, 0.1)) / count
+        radius = inner * rng.uniform(1.0, 1.3) + nose
+        yaw = bearing + math.pi + rng.uniform(-0.25, 0.25)
+        vehicles[f"V{i + 1}"] = VehiclePlacement(
+            type=vehicle, x=radius * math.cos(bearing), y=radius * math.sin(bearing), yaw_deg=math.degrees(yaw)
+        )
+    boxes = {}
+    if arena == "boxes":
+        edge = 0.08
+        for x, y in ((edge, 0.0), (-edge, 0.0), (0.0, edge), (0.0, -edge)):
+            boxes[f"box_{len(boxes)}"] = BoxSpec(
+                x=x, y=y, size=(edge, edge, 0.1), yaw_deg=45.0, mass=float(rng.choice([0.1, 0.3, 1.0]))
+            )
+    map_ = _walled(inner + nose + length, folder) if arena == "walls" else "plane"
+    return autodrive.make(ScenarioSpec(map=map_, vehicles=vehicles, boxes=boxes, tick=SUBSTEP))
+
+
+def _walled(size: float, folder: Path) -> str:
+    """Path of a map with a block in the middle of four walls at that distance [m]."""
+    file = folder / f"walls_{size:.4f}.yaml"
+    corners = [[size, size], [-size, size], [-size, -size], [size, -size]]
+    tree = {
+        "title": "Walls",
+        "ground": {"length": 20.0, "width": 20.0},
+        "paved": [{"shape": "rectangle", "length": 20.0, "width": 20.0}],
+        "walls": [{"points": corners, "is_closed": True, "thickness": 0.05, "height": 0.3}],
+        "blocks": [{"x": 0.0, "y": 0.0, "yaw_deg": 20.0, "length": 0.2, "width": 0.1, "height": 0.2}],
+    }
+    file.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    return str(file)
+
+
+def _roll(world: World, speeds: np.ndarray) -> None:
+    """Lets the cars roll at these speeds [m/s]."""
+    c = world._compiled
+    for i, speed in enumerate(speeds.tolist()):
+        forward = world.frame.vehicles[world.vehicle_names[i]].pose.orientation
+        yaw = 2.0 * math.atan2(forward[3], forward[0])
+        dof = int(c.model.vehicles[i]["dof"])
+        c.state.qvel[dof : dof + 2] = speed * math.cos(yaw), speed * math.sin(yaw)
+        c.state.wheel_angular_velocity[4 * i : 4 * i + 4] = speed / c.model.wheels[4 * i]["radius"]
+    place(c.model, c.state, c.views)
