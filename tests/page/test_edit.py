@@ -10,7 +10,7 @@ import autodrive
 from autodrive.protocol.messages import Pause, Resume, Step
 from autodrive.transforms import euler_from_quaternion
 from tests.page.test_driving import yaw
-from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, TEXTS, WRONG_TARGETS
+from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, SHOW_CARDS, TEXTS, WRONG_TARGETS, overlap
 from tests.support.command_line import call
 from tests.support.page import NewTab, PageServer, Tab
 
@@ -169,6 +169,20 @@ def test_all_controls_of_edit_mode_are_reached_on_a_touch_screen(
     tab.click("edit-details")
     tab.wait_until(lambda: tab.get("edit").is_visible() == (size[0] <= 719))
     assert tab.page.evaluate(WRONG_TARGETS) == []
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (800, 600)], ids=lambda size: "x".join(map(str, size)))
+def test_the_bar_covers_no_panel_and_names_what_it_does(
+    plane: PageServer, new_tab: NewTab, size: tuple[int, int]
+) -> None:
+    tab = new_tab(size=size).open(f"{plane.url}?quality=low#hud=1")
+    tab.click("edit-button")
+    tab.page.evaluate(SHOW_CARDS)
+    bar = tab.get("edit-bar")
+    for panel in ("edit", "hud", "minimap", "log"):
+        tab.wait_until(lambda panel=panel: tab.get(panel).is_visible())
+        tab.wait_until(lambda panel=panel: not overlap(bar, tab.get(panel)))
+    assert [tab.get(f"edit-{name}").inner_text() for name in ("undo", "redo")] == ["Undo", "Redo"]
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

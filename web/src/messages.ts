@@ -570,6 +570,7 @@ export interface Scene {
   scene_cameras: Record<string, Record<string, any>>
   object_sizes: Record<string, [number, number, number]>
   plan: Plan | null
+  warm_up_laps: number
   timeline: Timeline | null
 }
 

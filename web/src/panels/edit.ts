@@ -24,6 +24,10 @@ export function edit(store: Store, editor: Editor, view: () => SceneView | null)
     details.hidden = !store.isEditing.value || !isPanelOpen.value
     document.documentElement.toggleAttribute('data-editing', store.isEditing.value)
   }
+  // the panels end above the bar
+  new ResizeObserver(() =>
+    document.documentElement.style.setProperty('--edit-bar', `${buttons.offsetHeight}px`),
+  ).observe(buttons)
   isPanelOpen.watch(show)
   store.isEditing.watch((isEditing) => {
     show()
@@ -51,8 +55,8 @@ function bar(
     remove: button('edit-remove', 'Delete', REMOVE, 'Delete the selected box (Delete)', () => void editor.remove()),
     left: button('edit-left', 'Turn left', TURN_LEFT, 'Turn left by 15° ([)', () => turn(TURN), true),
     right: button('edit-right', 'Turn right', TURN_RIGHT, 'Turn right by 15° (])', () => turn(-TURN), true),
-    undo: button('edit-undo', 'Undo', UNDO, '', () => editor.undo(), true),
-    redo: button('edit-redo', 'Redo', REDO, '', () => editor.redo(), true),
+    undo: button('edit-undo', 'Undo', UNDO, '', () => editor.undo()),
+    redo: button('edit-redo', 'Redo', REDO, '', () => editor.redo()),
     save: button(
       'edit-save',
       'Save as scenario',

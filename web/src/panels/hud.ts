@@ -101,6 +101,7 @@ function hudState(store: Store): HudState {
     scan: store.scans.get(name) ?? null,
     bearing: store.bearing.value,
     status: store.status.value,
+    warmUpLaps: store.scene.value?.warm_up_laps ?? 0,
     frameRate: store.frameRate.value,
     viewer: store.welcome.value?.name ?? '',
   }
