@@ -10,7 +10,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-import shapely
 
 from autodrive.errors import EngineError, SpecError
 from autodrive.maps.map import RESERVED, BoxPlacement, Map, read_map
@@ -269,14 +268,10 @@ def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine, sour
 
 def _vehicles_outside(spec: ScenarioSpec, map_: Map, source: Source) -> list[str]:
     """An error for each vehicle outside the walls that enclose the roads of the map."""
-    if map_.enclosure is None:
-        return []
-    x0, y0, x1, y1 = map_.enclosure.bounds
     return [
-        f"{source.at('vehicles', name)}: ({vehicle.x:g}, {vehicle.y:g}) is outside the walls of map '{map_.name}', "
-        f"which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m"
+        f"{source.at('vehicles', name)}: {outside}"
         for name, vehicle in spec.vehicles.items()
-        if not map_.enclosure.covers(shapely.Point(vehicle.x, vehicle.y))
+        if (outside := map_.outside(vehicle.x, vehicle.y))
     ]
 
 

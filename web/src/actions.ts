@@ -17,13 +17,7 @@ export class Actions {
 
   /** Sends a request to the simulator; returns whether it succeeded. */
   async request(operation: ServerOperation): Promise<boolean> {
-    try {
-      await this.connection.request(operation)
-      return true
-    } catch (error) {
-      this.store.warning.value = sentence(error)
-      return false
-    }
+    return (await this.textOf(operation)) !== null
   }
 
   /** Sends a request; returns the text of its Response, or null if it failed. */
@@ -31,7 +25,7 @@ export class Actions {
     try {
       return (await this.connection.request(operation)).text
     } catch (error) {
-      this.store.warning.value = sentence(error)
+      for (const problem of problems(error)) this.store.warning.value = problem
       return null
     }
   }
@@ -97,6 +91,28 @@ export class Actions {
 export function sentence(error: unknown): string {
   const text = error instanceof Error ? error.message : String(error)
   return text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?)]$/.test(text) ? '' : '.')
+}
+
+/** The problems that an error lists, each as a sentence without paths of files. */
+export function problems(error: unknown): string[] {
+  const text = error instanceof Error ? error.message : String(error)
+  return text
+    .replace(/^\d+ errors:\n/, '')
+    .split(/\n\s*- /)
+    .map((line) => sentence(withoutPath(line.replace(/^\s*- /, ''))))
+}
+
+const SIZES: Record<string, string> = { 'size 1': 'length', 'size 2': 'width', 'size 3': 'height' }
+
+/** 'vehicles.V1.sensors.imu.rate: must be ...' becomes 'the rate of imu of V1 must be ...'. */
+function withoutPath(line: string): string {
+  const limit = /Expected `\w+` (<=|>=) ([-\d.e+]+) - at `\$\.operation\.(\w+)`/.exec(line)
+  if (limit) return `${limit[3]} must be at ${limit[1] === '<=' ? 'most' : 'least'} ${Number(limit[2])}`
+  const [, path, text] = /^((?:vehicles|boxes)\.\S+(?: \d+)?)(?: \(line \d+\))?: (.*)$/s.exec(line) ?? []
+  if (!path) return line
+  if (!text.startsWith('must')) return text
+  const [last, ...owners] = path.split('.').slice(1).reverse()
+  return `the ${[SIZES[last] ?? last, ...owners.filter((one) => one !== 'sensors')].join(' of ')} ${text}`
 }
 
 function next<T>(all: readonly T[], one: T): T {

@@ -22,6 +22,7 @@ import { menu } from './panels/menu'
 import { minimap } from './panels/minimap'
 import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
+import { saveScenario } from './panels/save_dialog'
 import { streamNote } from './panels/stream_note'
 import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
@@ -82,7 +83,7 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
 }
 
 const bar = toolbar(store, actions, keys.toggle)
-const mainMenu = menu(store, connection, actions, programs.open)
+const mainMenu = menu(store, connection, actions, programs.open, () => saveScenario(store, editor))
 document.body.prepend(bar, mainMenu)
 const recording = recorder(store, actions)
 mainMenu.append(recording.section)

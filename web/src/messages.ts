@@ -215,10 +215,11 @@ export interface Redo {
 }
 
 /**
- * Request the scenario with all edits, as YAML, in the `text` of the Response.
+ * Request the scenario with all edits, as YAML, in the `text` of the Response, with that title if there is one.
  */
 export interface SaveScenario {
   type: 'SaveScenario'
+  title?: string
 }
 
 /**

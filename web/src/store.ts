@@ -75,6 +75,8 @@ export class Store {
   readonly isEditing = new Observable(false)
   /** Name of the vehicle or object that is selected in Edit mode; empty: none. */
   readonly selection = new Observable('')
+  /** Whether the scenario has edits that this page has not saved in a file. */
+  readonly hasUnsavedEdits = new Observable(false)
   /** Where the selected thing is shown while it is moved. */
   readonly preview = new Observable<Placement | null>(null)
   /** Whether the LIDAR scan is drawn in the scene. */

@@ -35,7 +35,15 @@ const settle = () => new Promise((done) => setTimeout(done))
 describe('the menu', () => {
   function page(vehicles: readonly string[] = ['V1']) {
     const all = connectedPage(vehicles)
-    document.body.append(menu(all.store, all.connection, new Actions(all.store, all.connection), () => {}))
+    document.body.append(
+      menu(
+        all.store,
+        all.connection,
+        new Actions(all.store, all.connection),
+        () => {},
+        async () => true,
+      ),
+    )
     return all
   }
 

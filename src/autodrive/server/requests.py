@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError, Future
 from typing import TYPE_CHECKING, NamedTuple
 
 from autodrive.errors import AutodriveError
-from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step
+from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Operation, Place, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.scenario import scenario_text
@@ -236,11 +236,16 @@ class Requests:
             self._frame_queue.deliver()
 
     def _text(self, operation: Operation) -> str:
-        """The text of the Response: the scenario as it is now, for a `SaveScenario`."""
-        if not isinstance(operation, SaveScenario):
-            return ""
+        """The text of the Response: the scenario as it is now, or a warning about the place of a vehicle or box."""
         world = self._simulation.world
-        return scenario_text(world.spec.model_copy(update={"scene_light": world.scene_light}))
+        match operation:
+            case SaveScenario(title=title):
+                changes = {"scene_light": world.scene_light, "title": title or world.spec.title}
+                return scenario_text(world.spec.model_copy(update=changes))
+            case Place(name=name, x=x, y=y) | AddBox(name=name, x=x, y=y):
+                outside = world.map.outside(x, y)
+                return outside and f"{name} at {outside}"
+        return ""
 
     def _check_step(self, client: ConnectedClient, step: Step) -> None:
         if not self._simulation.is_paused:

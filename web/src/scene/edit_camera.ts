@@ -44,6 +44,15 @@ export class EditCamera {
     camera.updateMatrixWorld()
   }
 
+  /** Looks at a point of the ground [m], from the same direction and distance. */
+  moveTo(x: number, y: number): void {
+    const { target } = this.controls
+    this.camera.position.x += x - target.x
+    this.camera.position.y += y - target.y
+    target.x = x
+    target.y = y
+  }
+
   /** Edit mode has ended. */
   close(): void {
     this.isOpen = this.controls.enabled = false
