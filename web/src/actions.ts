@@ -2,9 +2,13 @@
 import type { Connection } from './connection'
 import type { ServerOperation } from './messages'
 import type { SceneView } from './scene/view'
+import { clamp, zoomCamera } from './scene/zoom'
 import type { Camera, Store } from './store'
 
 export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit']
+
+/** [rad] */
+const ORBIT_STEP = Math.PI / 36
 
 export class Actions {
   /** The 3D view, as soon as it is loaded. */
@@ -39,6 +43,21 @@ export class Actions {
 
   nextCamera(): void {
     this.store.camera.value = next(CAMERAS, this.store.camera.value)
+  }
+
+  /** Moves the camera nearer by a click of the mouse wheel, or farther: -1. */
+  zoom(click: 1 | -1): void {
+    if (this.store.isEditing.value) this.view?.zoomEdit(click)
+    else zoomCamera(this.store, click)
+  }
+
+  /** Turns the Orbit camera, which is selected, by steps to the right and upwards. */
+  orbit(right: number, up: number): void {
+    const { camera, orbit } = this.store
+    camera.value = 'Orbit'
+    if (!orbit.value) return // its first image sets its standard place
+    const elevation = clamp(orbit.value.elevation + up * ORBIT_STEP, [0.03, 0.5 * Math.PI])
+    orbit.value = { ...orbit.value, azimuth: orbit.value.azimuth + right * ORBIT_STEP, elevation }
   }
 
   nextVehicle(): void {

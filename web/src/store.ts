@@ -70,6 +70,8 @@ export class Store {
   readonly isMapOpen = new Observable(false)
   /** Whether the driven lines are drawn in the scene and on the small map. */
   readonly areTrailsShown = new Observable(false)
+  /** Whether a screen reader gets the scene in words. */
+  readonly isDescribed = new Observable(false)
   /** Whether a click on the ground sets a point of a measured distance. */
   readonly isMeasuring = new Observable(false)
   readonly isEditing = new Observable(false)

@@ -85,11 +85,8 @@ function bar(
   }
   store.selection.watch(showSelection)
   store.frame.watch(showSelection)
-  return h(
-    'div',
-    { class: 'edit-bar', testid: 'edit-bar', role: 'toolbar', 'aria-label': 'Edit' },
-    ...Object.values(buttons),
-  )
+  const tools = h('div', { class: 'edit-tools', role: 'toolbar', 'aria-label': 'Edits' }, ...Object.values(buttons))
+  return h('section', { class: 'edit-bar', testid: 'edit-bar', 'aria-label': 'Edit mode' }, tools)
 }
 
 function button(

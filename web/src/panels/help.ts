@@ -11,8 +11,13 @@ const NAMES: Record<string, string> = {
   ArrowRight: '→',
   Escape: 'Esc',
   Backspace: '⌫',
+  Equal: '+',
+  Minus: '−',
+  NumpadAdd: 'Num +',
+  NumpadSubtract: 'Num −',
 }
 
+/** Caps are separated by ' | '. */
 const OTHERS: Record<string, readonly [string, string][]> = {
   'Mouse and touch': [
     ['Click', 'Use buttons and fields'],
@@ -22,15 +27,16 @@ const OTHERS: Record<string, readonly [string, string][]> = {
   ],
   'Edit mode': [
     ['Drag', 'Move a vehicle or a box; its handle turns it'],
-    ['Arrows, [ ]', 'Move and turn; with Shift in small steps'],
+    ['Arrows | [ | ]', 'Move and turn; with Shift in small steps'],
     ['Delete', 'Remove the selected box'],
-    ['Ctrl Z, ⇧ Ctrl Z', 'Undo, redo'],
+    ['Ctrl | Z', 'Undo'],
+    ['Ctrl | Shift | Z', 'Redo'],
   ],
   Gamepad: [
     ['Left stick', 'Steer'],
     ['Triggers', 'Drive forward (right) or in reverse (left)'],
-    ['A, Y', 'Low beam, high beam'],
-    ['LB, RB, B', 'Left, right, hazard indicators'],
+    ['A | Y', 'Low beam, high beam'],
+    ['LB | RB | B', 'Left, right, hazard indicators'],
   ],
 }
 
@@ -78,7 +84,7 @@ function lists(layout: Layout | undefined): HTMLElement[] {
   const others = Object.entries(OTHERS).map(([title, all]) =>
     list(
       title,
-      all.map(([name, description]) => [[h('kbd', { class: 'wide' }, name)], description]),
+      all.map(([names, description]) => [names.split(' | ').map((name) => h('kbd', {}, name)), description]),
     ),
   )
   return [...keys, ...others]

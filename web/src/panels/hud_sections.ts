@@ -64,7 +64,7 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
   const steeringBar = bar()
   const lights = telltales()
   const road = h('dd', { class: 'badge', testid: 'hud-offroad' })
-  const lastCollision = h('span', { class: 'last-collision', testid: 'hud-last-collision' })
+  const lastCollision = h('dd', { class: 'last-collision', testid: 'hud-last-collision' })
   const collisions = signalRow(rows, 'collisions')
   collisions.append(lastCollision)
   const element = h(

@@ -93,11 +93,17 @@ function simulator(store: Store, actions: Actions): HTMLElement {
   return section(
     'Simulator',
     vehicleField,
-    row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store)),
-    row(modeButton, mode),
+    live(row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store))),
+    live(row(modeButton, mode)),
     row(h('button', { testid: 'camera', onclick: () => actions.nextCamera() }, 'Camera'), camera),
-    row(lightButton, light),
+    live(row(lightButton, light)),
   )
+}
+
+/** Marks what has no effect in a replay, which hides it. */
+function live(element: HTMLElement): HTMLElement {
+  element.classList.add('live')
+  return element
 }
 
 /** Simulated time; Reset sets it to 0. */

@@ -26,8 +26,8 @@ export function touch(driver: Driver, store: Store): HTMLElement {
       () => driver.toggleIndicators(which),
     )
   return h(
-    'div',
-    { class: 'touch', testid: 'touch' },
+    'section',
+    { class: 'touch', testid: 'touch', 'aria-label': 'Touch controls' },
     pad(driver, 'steering', 'Steering'),
     h(
       'div',
@@ -62,7 +62,7 @@ function lamp(
 /** A pad with a knob that follows the finger along one axis and returns to the centre on release. */
 function pad(driver: Driver, axis: keyof DriveInput, label: string): HTMLElement {
   const knob = h('i', { class: 'knob' })
-  const element = h('div', { class: `pad ${axis}`, testid: `pad-${axis}`, 'aria-label': label }, knob)
+  const element = h('div', { class: `pad ${axis}`, testid: `pad-${axis}`, role: 'group', 'aria-label': label }, knob)
 
   /** `value` in [-1, 1]; up and left are positive. */
   function set(value: number): void {

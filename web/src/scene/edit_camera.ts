@@ -2,6 +2,8 @@
 import { PerspectiveCamera, type Vector3 } from 'three'
 import { MapControls } from 'three/addons/controls/MapControls.js'
 
+import { STEP } from './zoom'
+
 /** The first view: distances south of and above a vehicle [m]. */
 const SOUTH = 1.3
 const ABOVE = 1.9
@@ -51,6 +53,14 @@ export class EditCamera {
     this.camera.position.y += y - target.y
     target.x = x
     target.y = y
+  }
+
+  /** Moves nearer to what it looks at by that number of clicks of the mouse wheel. */
+  zoom(clicks: number): void {
+    this.camera.position
+      .sub(this.controls.target)
+      .multiplyScalar(STEP ** -clicks)
+      .add(this.controls.target)
   }
 
   /** Edit mode has ended. */

@@ -36,6 +36,8 @@ export interface SceneView {
   groundPoint(x: number, y: number): [x: number, y: number] | null
   /** In Edit mode: moves the camera above a point of the map [m] that is outside the image or covered by a panel. */
   showPlace(x: number, y: number): void
+  /** In Edit mode: moves the camera nearer by that number of clicks. */
+  zoomEdit(clicks: number): void
   /** The present image with the labels of the vehicles, as a PNG file; null if there is none. */
   picture(): Promise<Blob | null>
   resize(): void
@@ -126,6 +128,10 @@ class View implements SceneView {
     const at = this.screenPoint(x, y, 0)
     if (this.store.isEditing.value && (!at || document.elementFromPoint(...at) !== this.canvas))
       this.editCamera.moveTo(x, y)
+  }
+
+  zoomEdit(clicks: number): void {
+    this.editCamera.zoom(clicks)
   }
 
   async picture(): Promise<Blob | null> {
