@@ -113,7 +113,13 @@ const hints = [
 ]
 document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), programs.element)
 canvas.after(description(store, vehicleEvents))
-document.body.append(dock, touch(driver, store), notices(store), keys.element, timeline(store, connection, actions))
+document.body.append(
+  dock,
+  touch(driver, store, actions, recording.touchButton),
+  notices(store),
+  keys.element,
+  timeline(store, connection, actions),
+)
 canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))

@@ -19,11 +19,17 @@ const NAMES: Record<string, string> = {
 
 /** Caps are separated by ' | '. */
 const OTHERS: Record<string, readonly [string, string][]> = {
-  'Mouse and touch': [
+  Mouse: [
     ['Click', 'Use buttons and fields'],
     ['Wheel', 'Zoom; up is nearer'],
     ['Drag', 'Rotate the Orbit camera'],
-    ['Touch pads', 'Steer (left) and drive (right)'],
+  ],
+  Touch: [
+    ['Left pad', 'Steer'],
+    ['Right pad', 'Drive: up forward, down in reverse'],
+    ['Drag', 'Rotate the Orbit camera'],
+    ['Two fingers', 'Zoom the Orbit camera'],
+    ['Edit mode', 'Drag a vehicle or a box; its handle turns it'],
   ],
   'Edit mode': [
     ['Drag', 'Move a vehicle or a box; its handle turns it'],
@@ -87,7 +93,10 @@ function lists(layout: Layout | undefined): HTMLElement[] {
       all.map(([names, description]) => [names.split(' | ').map((name) => h('kbd', {}, name)), description]),
     ),
   )
-  return [...keys, ...others]
+  const all = [...keys, ...others]
+  // a phone has no keys
+  const isFirst = (section: HTMLElement) => section.querySelector('h3')?.textContent === 'Touch'
+  return matchMedia('(pointer: coarse)').matches ? all.sort((a, b) => Number(isFirst(b)) - Number(isFirst(a))) : all
 }
 
 function list(title: string, rows: readonly [HTMLElement[], string][]): HTMLElement {

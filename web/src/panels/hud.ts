@@ -143,12 +143,7 @@ function lidar(rows: Rows, store: Store): Section {
     'dl',
     { class: 'lidar-figures' },
     signalRow(rows, 'lidar'),
-    h(
-      'div',
-      { class: 'bearing' },
-      h('dt', {}, h('label', { for: 'bearing' }, 'Bearing [°]')),
-      h('dd', {}, bearingField(store)),
-    ),
+    h('div', { class: 'bearing' }, h('dt', { id: 'bearing' }, 'Bearing [°]'), h('dd', {}, bearingField(store))),
     h('div', {}, h('dt', {}, 'Nearest'), plan.nearest),
     h('div', {}, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
   )
@@ -160,7 +155,7 @@ function lidar(rows: Rows, store: Store): Section {
 function bearingField(store: Store): HTMLElement {
   const title = 'Direction of the measurement: 0 is ahead, left is positive. A click on the plot sets it, too'
   const limits = { min: -180, max: 180, step: 1 }
-  const field = h('input', { id: 'bearing', testid: 'hud-bearing', type: 'number', title, ...limits })
+  const field = h('input', { 'aria-labelledby': 'bearing', testid: 'hud-bearing', type: 'number', title, ...limits })
   field.addEventListener('input', () => {
     if (field.value) store.bearing.value = (Number(field.value) * Math.PI) / 180
   })
