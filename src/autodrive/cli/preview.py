@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from autodrive.actuators.lights import lamp_levels
 from autodrive.assets.asset import Asset, AssetNode, Label, Material, MeshSurface
 from autodrive.cache import write_file
 from autodrive.cameras.viewpoints import orbit
@@ -17,6 +18,7 @@ from autodrive.maps.draw import module_alone
 from autodrive.maps.map import Map, load_map
 from autodrive.maps.solids import BoxPlacement
 from autodrive.meshes import store
+from autodrive.protocol.messages import Headlights, Indicators, Lights, TailLights
 from autodrive.protocol.png import encode_png
 from autodrive.render.render_state import RenderState
 from autodrive.render.renderer import Renderer
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
 
 SIZE = 1600, 1000
 """Size of the image [pixels]; it is rendered at twice this size and scaled down, for smooth edges."""
+NIGHT_LIGHTS = Lights(Headlights.LOW, Indicators.HAZARD, TailLights.BRIGHT, True, True, False)
+"""Lamps of all vehicles in an image at night."""
 FIELD_OF_VIEW_DEG = 28.0
 """Vertical [degree]; narrow, for little perspective distortion."""
 
@@ -51,6 +55,8 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
             scene, state = _map_scene(map_)
         view = framed(_map_box(map_), -62.0, 38.0, 2 * SIZE[0], 2 * SIZE[1])
     state.header["is_day"] = is_day
+    if not is_day:
+        state.vehicles["lamps"] = lamp_levels(NIGHT_LIGHTS)
     with Renderer(scene, "gpu") as renderer:
         write_file(path, encode_png(_halved(renderer.draw(state, [view])[0].rgba[..., :3])))
 
