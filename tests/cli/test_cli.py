@@ -139,6 +139,24 @@ def test_show_renders_3d_images(tmp_path: Path, name: str, monkeypatch: pytest.M
 
 
 @needs_gl
+def test_show_draws_a_map_also_when_it_renders_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preview, "SIZE", (320, 200))
+    done = call("show", "straight_road", "-o", "a.png", "--3d", "b.png", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in tmp_path.glob("*.png")} == {"a.png", "b.png"}
+    assert "to a.png" in done.stdout
+    assert "to b.png" in done.stdout
+
+
+@needs_gl
+def test_a_vehicle_at_night_has_its_lamps_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preview, "SIZE", (320, 200))
+    assert call("show", "nigel", "--night", "--3d", "night.png", cwd=tmp_path).returncode == 0
+    picture = decode_png((tmp_path / "night.png").read_bytes())
+    assert (picture.max(2) > 128).mean() > 0.02
+
+
+@needs_gl
 @pytest.mark.parametrize(("file", "text"), [("look.jpg", "must end in .png"), ("nowhere/look.png", "cannot write")])
 def test_show_reports_why_it_cannot_render(
     tmp_path: Path, file: str, text: str, monkeypatch: pytest.MonkeyPatch

@@ -103,6 +103,15 @@ def two_cars(running: PageServer) -> PageServer:
 
 
 @pytest.fixture
+def race(running: PageServer, tmp_path: Path) -> PageServer:
+    """One vehicle in a race of three laps after a warm-up lap."""
+    file = tmp_path / "race.yaml"
+    file.write_text("map: practice\nvehicles:\n  V1: {type: roboracer}\nrace: {rules: league_2026, laps: 3}\n")
+    running.restart(str(file))
+    return running
+
+
+@pytest.fixture
 def new_tab(browser: Browser) -> Iterator[NewTab]:
     """Opens tabs that are closed after the test."""
     with tabs(browser) as new:

@@ -10,7 +10,7 @@ import autodrive
 from autodrive.base.transforms import euler_from_quaternion
 from autodrive.protocol.messages import Pause, Resume, Step
 from tests.page.test_driving import yaw
-from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, TEXTS, WRONG_TARGETS
+from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, SHOW_CARDS, TEXTS, WRONG_TARGETS, overlap
 from tests.support.command_line import call
 from tests.support.page import NewTab, PageServer, Tab
 
@@ -100,17 +100,73 @@ def test_the_saved_file_passes_the_check_and_starts_as_the_edited_scenario(
     editing.wait_until(lambda: yaw(plane) < -0.2)
     editing.click("edit-add")
     editing.wait_until(lambda: "box_1" in plane.frame.objects)
+    editing.click("edit-save")
+    editing.get("save-title").fill("My plane")
     with editing.page.expect_download() as download:
-        editing.click("edit-save")
+        editing.page.keyboard.press("Enter")
     assert download.value.suggested_filename == "plane_edited.yaml"
     file = tmp_path / "mine.yaml"
     download.value.save_as(file)
     checked = call("check", file)
     assert checked.returncode == 0, checked.stderr  # which also has the log of the simulation of this process
-    start = autodrive.make(file).frame
+    world = autodrive.make(file)
+    assert world.spec.title == "My plane"
+    start = world.frame
     assert euler_from_quaternion(start.vehicles["V1"].pose.orientation)[2] == pytest.approx(-0.2618, abs=1e-4)
     there = plane.frame.objects["box_1"].pose.position
     assert start.objects["box_1"].pose.position == pytest.approx(there, abs=1e-3)
+
+
+def test_a_place_outside_the_walls_is_shown_with_a_warning_and_a_refused_one_leaves_no_wrong_number(
+    mini_map: PageServer, new_tab: NewTab
+) -> None:
+    editing = opened(mini_map, new_tab)
+    x = editing.get("edit-x")
+    x.fill("50")
+    editing.page.keyboard.press("Enter")
+    editing.wait_for_notice("V1 at (50, 0) is outside the walls of map 'mini_map'")
+    editing.wait_until(lambda: mini_map.vehicle.pose.position[0] == pytest.approx(50.0, abs=0.01))
+
+    def is_seen(x: float, y: float) -> bool:
+        at = on_screen(editing, x, y)
+        return bool(at) and 340 < at[0] < 900 and 60 < at[1] < 480
+
+    editing.wait_until(lambda: is_seen(50.0, 0.0))
+    editing.get("edit-selection").select_option("barrier_1")
+    editing.wait_until(lambda: editing.value("store.selection.value") == "barrier_1")
+    box = mini_map.frame.objects["barrier_1"].pose.position
+    editing.wait_until(lambda: is_seen(box[0], box[1]))
+    editing.get("edit-selection").select_option("V1")
+    for value, problem in (("1e9", "X must be at most 10000."), ("", "A position and a heading are numbers.")):
+        x.fill(value)
+        editing.page.keyboard.press("Enter")
+        editing.wait_for_notice(problem)
+        editing.wait_until(lambda: x.input_value() == "50")
+    editing.click("edit-undo")
+    editing.wait_until(lambda: is_seen(0.0, 0.0))
+
+
+def test_another_scenario_discards_edits_only_after_a_question(plane: PageServer, editing: Tab) -> None:
+    def choose(name: str) -> None:
+        editing.get("scenario").select_option(name)
+        editing.get("discard-dialog").wait_for()
+
+    editing.click("edit-left")
+    editing.wait_until(lambda: plane.simulation.undo_name and editing.value("store.status.value.undo"))
+    editing.show("menu")
+    choose("two_cars")
+    editing.click("discard-dialog-cancel")
+    editing.wait_until(lambda: editing.get("scenario").input_value() == "plane")
+    assert plane.simulation.undo_name
+    choose("two_cars")
+    editing.click("discard-dialog-save")
+    assert editing.get("save-title").input_value().endswith(" (edited)")
+    with editing.page.expect_download():
+        editing.click("save-dialog-save")
+    editing.wait_until(lambda: plane.scenario() == "two_cars")
+    editing.wait_until(lambda: editing.get("scenario").is_enabled())
+    editing.get("scenario").select_option("plane")  # without edits there is no question
+    editing.wait_until(lambda: plane.scenario() == "plane")
 
 
 def test_the_rate_of_a_sensor_is_that_of_its_scans(plane: PageServer, editing: Tab) -> None:
@@ -128,7 +184,7 @@ def test_the_rate_of_a_sensor_is_that_of_its_scans(plane: PageServer, editing: T
     editing.get("imu-rate").fill("0")  # as in the vehicle's file
     editing.get("imu-rate").fill("-3")
     editing.page.keyboard.press("Enter")
-    editing.wait_for_notice("imu.rate: must be at least 0.001")
+    editing.wait_for_notice("The rate of imu of V1 must be at least 0.001")
     editing.wait_until(lambda: editing.get("imu-rate").input_value() == "")
 
 
@@ -169,6 +225,20 @@ def test_all_controls_of_edit_mode_are_reached_on_a_touch_screen(
     tab.click("edit-details")
     tab.wait_until(lambda: tab.get("edit").is_visible() == (size[0] <= 719))
     assert tab.page.evaluate(WRONG_TARGETS) == []
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (800, 600)], ids=lambda size: "x".join(map(str, size)))
+def test_the_bar_covers_no_panel_and_names_what_it_does(
+    plane: PageServer, new_tab: NewTab, size: tuple[int, int]
+) -> None:
+    tab = new_tab(size=size).open(f"{plane.url}?quality=low#hud=1")
+    tab.click("edit-button")
+    tab.page.evaluate(SHOW_CARDS)
+    bar = tab.get("edit-bar")
+    for panel in ("edit", "hud", "minimap", "log"):
+        tab.wait_until(lambda panel=panel: tab.get(panel).is_visible())
+        tab.wait_until(lambda panel=panel: not overlap(bar, tab.get(panel)))
+    assert [tab.get(f"edit-{name}").inner_text() for name in ("undo", "redo")] == ["Undo", "Redo"]
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

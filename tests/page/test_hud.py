@@ -112,6 +112,12 @@ def test_driving_off_the_road_is_shown_and_plotted(mini_map: PageServer, tab: Ta
         tab.wait_until(lambda canvas=canvas: canvas.evaluate(COLOURS) > 10)
 
 
+def test_a_race_says_that_its_warm_up_lap_is_counted(race: PageServer, tab: Tab) -> None:
+    tab.show("hud")
+    tab.wait_for_text("hud-race-lap", "0 / 4")
+    assert "Lap, 1 warm-up" in tab.text("hud-race")
+
+
 def test_previews_show_the_images_of_the_cameras(gl: str, mini_map: PageServer, tab: Tab) -> None:
     def shown(side: str) -> NDArray[np.float64]:
         values = tab.get(f"hud-{side}-camera").locator("canvas").evaluate(GRID)

@@ -97,11 +97,16 @@ def test_commands_are_refused_with_a_sentence_and_the_plot_has_the_whole_run(rep
     tab.page.keyboard.press("w")
     tab.page.keyboard.press("g")
     tab.wait_for_notice("This is a replay")
-    tab.show("menu")
-    tab.click("reset")
+    tab.page.keyboard.press("Shift+Backspace")
     tab.wait_for_notice("nothing can be changed")
-    assert tab.get("edit-button").is_hidden()
-    assert tab.get("record-button").is_hidden()
+    # what has no effect is hidden, and the time is shown once
+    tab.show("menu", "hud")
+    for control in ("edit-button", "record-button", "reset", "mode", "scene-light", "connect", "programs"):
+        assert tab.get(control).is_hidden()
+    assert tab.get("camera").is_visible()
+    clocks = ("hud-time", "time", "real-time-factor", "timeline-time")
+    assert [name for name in clocks if tab.get(name).is_visible()] == ["timeline-time"]
+    tab.show("menu")
     tab.click("timeline-plot")
     tab.get("run-signal-1").select_option("yaw")
     canvas = tab.get("run-plot").locator("canvas")

@@ -164,6 +164,35 @@ def test_touch_screens_reach_all_controls(plane: PageServer, new_tab: NewTab, si
     assert tab.page.evaluate("() => document.documentElement.scrollWidth") <= size[0]
 
 
+def test_a_phone_shows_speed_buttons_and_readable_notices_and_its_help_begins_with_touch(
+    two_cars: PageServer, new_tab: NewTab
+) -> None:
+    tab = new_tab(size=(390, 844), touch=True).open(f"{two_cars.url}?quality=low")
+    tab.show()
+    place = box(tab.get("pad-throttle"))
+    tools = tab.page.context.new_cdp_session(tab.page)
+    touch(tools, "touchStart", ((place["left"] + place["right"]) / 2, place["top"] + 10))
+    tab.wait_until(lambda: tab.text("touch-speed") not in {"", "0.00 m/s"})
+    touch(tools, "touchEnd")
+    tab.click("touch-camera")
+    assert tab.value("store.camera.value") == "Bird's Eye"
+    tab.click("touch-vehicle")
+    assert tab.value("store.vehicle.value") == "V2"
+    tab.click("touch-record")
+    tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "recording")
+    tab.click("touch-record")
+    tab.wait_for_notice("Recorded ")
+    for panel in ("menu", "hud"):
+        tab.show(panel)
+        tab.page.evaluate("() => { autodrive.store.notice.value = 'A notice of a few words that is read in one go' }")
+        notice = box(tab.page.locator(".notice").last)
+        assert notice["right"] - notice["left"] > 250
+    tab.click("help")
+    headings = tab.get("help-dialog").locator("h3").all_text_contents()
+    assert headings[:2] == ["Touch", "Drive"]
+    tab.click("help-close")
+
+
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_all_text_is_large_enough_and_has_contrast(two_cars: PageServer, new_tab: NewTab, theme: str) -> None:
     saved = f"localStorage.setItem('autodrive.theme', '{theme}');"

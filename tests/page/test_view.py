@@ -175,6 +175,29 @@ def test_two_clicks_measure_a_distance_on_the_ground(mini_map: PageServer, tab: 
     tab.page.keyboard.press("Escape")
 
 
+def test_a_box_hides_the_scan_points_on_its_far_side(running: PageServer, new_tab: NewTab) -> None:
+    running.restart("boxes")
+    tab = new_tab(size=(640, 480), draws=True).open(f"{running.url}?quality=low#camera=orbit")
+    tab.wait_for_image()
+    running.request(Pause())
+    tab.wait_until(lambda: tab.value("store.scans.size") == 1)
+
+    def points_from(azimuth: float) -> int:
+        """Number of pixels of the middle box in which the image with the scan differs, seen from 6 m away."""
+        orbit = f"{{ azimuth: {azimuth}, elevation: 0.3, distance: 6 }}"
+        pictures = []
+        for is_shown in ("true", "false"):
+            tab.page.evaluate(
+                f"() => {{ autodrive.store.orbit.value = {orbit}; autodrive.store.isScanShown.value = {is_shown} }}"
+            )
+            tab.page.evaluate(IMAGES)
+            pictures.append(tab.pixels()[200:280, 317:323])
+        return int((abs(pictures[0] - pictures[1]).max(2) > 0.15).sum())
+
+    assert points_from(math.pi) > 10  # behind the vehicle: the side of the boxes that the LIDAR sees
+    assert points_from(0.0) == 0
+
+
 def test_the_driven_line_is_drawn_in_the_scene_and_on_the_small_map(mini_map: PageServer, new_tab: NewTab) -> None:
     tab = new_tab(size=(640, 480), draws=True, expects="willReadFrequently")
     tab.open(f"{mini_map.url}?quality=low#camera=birds-eye&map=1&scan=0")

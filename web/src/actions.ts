@@ -2,9 +2,13 @@
 import type { Connection } from './connection'
 import type { ServerOperation } from './messages'
 import type { SceneView } from './scene/view'
+import { clamp, zoomCamera } from './scene/zoom'
 import type { Camera, Store } from './store'
 
 export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit']
+
+/** [rad] */
+const ORBIT_STEP = Math.PI / 36
 
 export class Actions {
   /** The 3D view, as soon as it is loaded. */
@@ -17,13 +21,7 @@ export class Actions {
 
   /** Sends a request to the simulator; returns whether it succeeded. */
   async request(operation: ServerOperation): Promise<boolean> {
-    try {
-      await this.connection.request(operation)
-      return true
-    } catch (error) {
-      this.store.warning.value = sentence(error)
-      return false
-    }
+    return (await this.textOf(operation)) !== null
   }
 
   /** Sends a request; returns the text of its Response, or null if it failed. */
@@ -31,7 +29,7 @@ export class Actions {
     try {
       return (await this.connection.request(operation)).text
     } catch (error) {
-      this.store.warning.value = sentence(error)
+      for (const problem of problems(error)) this.store.warning.value = problem
       return null
     }
   }
@@ -45,6 +43,21 @@ export class Actions {
 
   nextCamera(): void {
     this.store.camera.value = next(CAMERAS, this.store.camera.value)
+  }
+
+  /** Moves the camera nearer by a click of the mouse wheel, or farther: -1. */
+  zoom(click: 1 | -1): void {
+    if (this.store.isEditing.value) this.view?.zoomEdit(click)
+    else zoomCamera(this.store, click)
+  }
+
+  /** Turns the Orbit camera, which is selected, by steps to the right and upwards. */
+  orbit(right: number, up: number): void {
+    const { camera, orbit } = this.store
+    camera.value = 'Orbit'
+    if (!orbit.value) return // its first image sets its standard place
+    const elevation = clamp(orbit.value.elevation + up * ORBIT_STEP, [0.03, 0.5 * Math.PI])
+    orbit.value = { ...orbit.value, azimuth: orbit.value.azimuth + right * ORBIT_STEP, elevation }
   }
 
   nextVehicle(): void {
@@ -97,6 +110,28 @@ export class Actions {
 export function sentence(error: unknown): string {
   const text = error instanceof Error ? error.message : String(error)
   return text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?)]$/.test(text) ? '' : '.')
+}
+
+/** The problems that an error lists, each as a sentence without paths of files. */
+export function problems(error: unknown): string[] {
+  const text = error instanceof Error ? error.message : String(error)
+  return text
+    .replace(/^\d+ errors:\n/, '')
+    .split(/\n\s*- /)
+    .map((line) => sentence(withoutPath(line.replace(/^\s*- /, ''))))
+}
+
+const SIZES: Record<string, string> = { 'size 1': 'length', 'size 2': 'width', 'size 3': 'height' }
+
+/** 'vehicles.V1.sensors.imu.rate: must be ...' becomes 'the rate of imu of V1 must be ...'. */
+function withoutPath(line: string): string {
+  const limit = /Expected `\w+` (<=|>=) ([-\d.e+]+) - at `\$\.operation\.(\w+)`/.exec(line)
+  if (limit) return `${limit[3]} must be at ${limit[1] === '<=' ? 'most' : 'least'} ${Number(limit[2])}`
+  const [, path, text] = /^((?:vehicles|boxes)\.\S+(?: \d+)?)(?: \(line \d+\))?: (.*)$/s.exec(line) ?? []
+  if (!path) return line
+  if (!text.startsWith('must')) return text
+  const [last, ...owners] = path.split('.').slice(1).reverse()
+  return `the ${[SIZES[last] ?? last, ...owners.filter((one) => one !== 'sensors')].join(' of ')} ${text}`
 }
 
 function next<T>(all: readonly T[], one: T): T {

@@ -15,9 +15,11 @@ export interface Entry {
   time: number | null
   level: Level
   text: string
+  /** One of many of its kind, which the log shows on demand. */
+  isDetail: boolean
 }
 
-/** Number of entries; older ones are dropped. */
+/** Number of entries, of details and of others; older ones are dropped. */
 const KEPT = 500
 
 const BRIDGE = { closed: 'disconnected', connecting: 'connecting', connected: 'connected' }
@@ -26,8 +28,11 @@ const BRIDGE = { closed: 'disconnected', connecting: 'connecting', connected: 'c
 export function logOf(store: Store): Observable<readonly Entry[]> {
   const entries = new Observable<readonly Entry[]>([])
 
-  function add(level: Level, text: string, time = store.frame.value?.time ?? null): void {
-    entries.value = [...entries.value, { at: new Date(), time, level, text }].slice(-KEPT)
+  function add(level: Level, text: string, time = store.frame.value?.time ?? null, isDetail = false): void {
+    const entry = { at: new Date(), time, level, text, isDetail }
+    const like = entries.value.filter((one) => one.isDetail === isDetail)
+    const oldest = like.length < KEPT ? null : like[0]
+    entries.value = [...entries.value.filter((one) => one !== oldest), entry]
   }
 
   /** Adds a text when it changes to another one that is not empty. */
@@ -44,7 +49,7 @@ export function logOf(store: Store): Observable<readonly Entry[]> {
   store.events.watch((events) => {
     for (const event of events) {
       const [text, level] = describe(event)
-      add(level, text, event.time)
+      add(level, text, event.time, event.type === 'CheckpointPassed')
     }
   })
   const bridgeError = whenChanged('error', 'Bridge: ')
@@ -89,7 +94,10 @@ export function describe(event: Event): [string, Level] {
     case 'CheckpointPassed':
       return [`${event.vehicle} passed checkpoint ${event.checkpoint} of lap ${event.lap}`, 'info']
     case 'LapCompleted':
-      return [`${event.vehicle} completed lap ${event.lap} in ${lapTime(event.lap_time)}`, 'good']
+      return [
+        `${event.vehicle} completed lap ${event.lap} in ${lapTime(event.lap_time)}${event.is_counted ? '' : ', a warm-up lap'}`,
+        'good',
+      ]
     case 'RacePenalty':
       return [`${event.vehicle} gets ${event.duration} s: ${event.reason}`, 'warning']
     case 'SetBack':

@@ -10,7 +10,9 @@ import { Editor } from './editing/editor'
 import { editPointer } from './editing/pointer'
 import { logOf } from './log'
 import { Headlights, Indicators } from './messages'
+import { banner } from './panels/banner'
 import { connectDialog } from './panels/connect'
+import { description } from './panels/description'
 import { edit } from './panels/edit'
 import { h } from './panels/element'
 import { firstSteps } from './panels/first_steps'
@@ -22,11 +24,13 @@ import { menu } from './panels/menu'
 import { minimap } from './panels/minimap'
 import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
+import { saveScenario } from './panels/save_dialog'
 import { streamNote } from './panels/stream_note'
 import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
 import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
+import { VehicleEvents } from './panels/vehicle_events'
 import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
 import { recorder } from './replay/recorder'
@@ -70,6 +74,13 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   minimap: () => (store.isMapOpen.value = !store.isMapOpen.value),
   trails: () => (store.areTrailsShown.value = !store.areTrailsShown.value),
   measure: () => (store.isMeasuring.value = !store.isMeasuring.value),
+  describe: () => (store.isDescribed.value = !store.isDescribed.value),
+  'zoom-in': () => actions.zoom(1),
+  'zoom-out': () => actions.zoom(-1),
+  'orbit-left': () => actions.orbit(-1, 0),
+  'orbit-right': () => actions.orbit(1, 0),
+  'orbit-up': () => actions.orbit(0, 1),
+  'orbit-down': () => actions.orbit(0, -1),
   'full-screen': toggleFullScreen,
   screenshot: () => void actions.downloadView(),
   close: () => {
@@ -81,8 +92,8 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   reset: () => void actions.reset(),
 }
 
-const bar = toolbar(store, actions, keys.toggle)
-const mainMenu = menu(store, connection, actions, programs.open)
+const bar = toolbar(store, keys.toggle)
+const mainMenu = menu(store, connection, actions, programs.open, () => saveScenario(store, editor))
 document.body.prepend(bar, mainMenu)
 const recording = recorder(store, actions)
 mainMenu.append(recording.section)
@@ -90,12 +101,25 @@ mainMenu.querySelector('.tools')?.append(filmButton(store, canvas))
 bar.querySelector('.run')?.after(recording.button)
 showOnePanelOnSmallScreens(store)
 openMapForRaces(store)
+const vehicleEvents = new VehicleEvents()
 const log = logOf(store)
 const dock = h('div', { class: 'dock' }, minimap(store, trails), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
-const hints = [modeHint(store, actions), streamNote(store), firstSteps(programs.open, keys.toggle)]
-document.body.append(h('div', { class: 'hints' }, ...hints), programs.element)
-document.body.append(dock, touch(driver, store), notices(store), keys.element, timeline(store, connection, actions))
+const hints = [
+  banner(store, actions),
+  modeHint(store, actions),
+  streamNote(store),
+  firstSteps(programs.open, keys.toggle),
+]
+document.body.append(h('section', { class: 'hints', 'aria-label': 'Hints' }, ...hints), programs.element)
+canvas.after(description(store, vehicleEvents))
+document.body.append(
+  dock,
+  touch(driver, store, actions, recording.touchButton),
+  notices(store),
+  keys.element,
+  timeline(store, connection, actions),
+)
 canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
@@ -120,7 +144,7 @@ declare global {
 window.autodrive = debug
 
 // Large modules are loaded later; driving already works without them.
-void import('./panels/hud').then(({ hud }) => canvas.before(hud(store, connection)))
+void import('./panels/hud').then(({ hud }) => mainMenu.after(hud(store, connection, vehicleEvents)))
 void import('./scene/view').then(({ showScene }) => (actions.view = debug.view = showScene(canvas, store, trails)))
 
 connection.open()

@@ -215,10 +215,11 @@ export interface Redo {
 }
 
 /**
- * Request the scenario with all edits, as YAML, in the `text` of the Response.
+ * Request the scenario with all edits, as YAML, in the `text` of the Response, with that title if there is one.
  */
 export interface SaveScenario {
   type: 'SaveScenario'
+  title?: string
 }
 
 /**
@@ -570,6 +571,7 @@ export interface Scene {
   scene_cameras: Record<string, Record<string, any>>
   object_sizes: Record<string, [number, number, number]>
   plan: Plan | null
+  warm_up_laps: number
   timeline: Timeline | null
 }
 

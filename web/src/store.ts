@@ -70,11 +70,15 @@ export class Store {
   readonly isMapOpen = new Observable(false)
   /** Whether the driven lines are drawn in the scene and on the small map. */
   readonly areTrailsShown = new Observable(false)
+  /** Whether a screen reader gets the scene in words. */
+  readonly isDescribed = new Observable(false)
   /** Whether a click on the ground sets a point of a measured distance. */
   readonly isMeasuring = new Observable(false)
   readonly isEditing = new Observable(false)
   /** Name of the vehicle or object that is selected in Edit mode; empty: none. */
   readonly selection = new Observable('')
+  /** Whether the scenario has edits that this page has not saved in a file. */
+  readonly hasUnsavedEdits = new Observable(false)
   /** Where the selected thing is shown while it is moved. */
   readonly preview = new Observable<Placement | null>(null)
   /** Whether the LIDAR scan is drawn in the scene. */

@@ -63,8 +63,13 @@ describe('messages of the server', () => {
 
   test('an error without a request becomes a notice', () => {
     const { store, socket } = connectedPage()
-    socket.receive({ type: 'Error', code: 'taken', text: "'page-2' drives vehicle 'V1'", id: null })
-    expect(store.warning.value).toBe("'page-2' drives vehicle 'V1'")
+    socket.receive({
+      type: 'Error',
+      code: 'taken',
+      text: 'another browser drives V1; it is free 2 s after its last key',
+      id: null,
+    })
+    expect(store.warning.value).toBe('another browser drives V1; it is free 2 s after its last key')
   })
 })
 

@@ -1,6 +1,6 @@
 // Edit mode: what the pointer hits, keys, buttons and the requests that they send.
 import { beforeEach, expect, test, vi } from 'vitest'
-import { Actions } from '../src/actions'
+import { Actions, problems } from '../src/actions'
 import { listenToEditKeys } from '../src/editing/edit_keys'
 import { Editor } from '../src/editing/editor'
 import { baseOf, type Extent, handleOf, isHit, type Projection } from '../src/editing/outline'
@@ -85,6 +85,35 @@ test('a refused place is shown as a warning, and the thing is back where it was'
   await done
   expect(store.warning.value).toBe('It would overlap.')
   expect(editor.selected).toMatchObject({ name: 'crate', x: 1, y: 2, yaw: expect.closeTo(Math.PI / 2) })
+})
+
+test('an error is one sentence for each problem, without the paths of files', () => {
+  const text =
+    '2 errors:\n  - boxes.b1.size 3: must be at least 0.001, not -1.0\n  - boxes.b1.mass: must be at least 0.001'
+  expect(problems(new Error(text))).toEqual([
+    'The height of b1 must be at least 0.001, not -1.0.',
+    'The mass of b1 must be at least 0.001.',
+  ])
+  expect(problems(new Error("vehicles.V1 (line 3): 'V1' and 'crate' overlap at the start; move one of them"))).toEqual([
+    "'V1' and 'crate' overlap at the start; move one of them.",
+  ])
+  expect(problems(new Error('a message was not understood: Expected `float` <= 10000.0 - at `$.operation.x`'))).toEqual(
+    ['X must be at most 10000.'],
+  )
+  expect(problems('not connected')).toEqual(['Not connected.'])
+})
+
+test('a box that is refused leaves the fields at the latest box that was not', async () => {
+  const { store, socket, editor } = page()
+  document.body.append(...edit(store, editor, () => null))
+  const field = document.querySelector<HTMLInputElement>("[data-testid='edit-size-z']") as HTMLInputElement
+  field.value = '-1'
+  field.dispatchEvent(new Event('change'))
+  const done = editor.addBox(3, 3)
+  socket.respond('boxes.box_1.size 3: must be at least 0.001, not -1.0')
+  await done
+  expect(store.warning.value).toBe('The height of box_1 must be at least 0.001, not -1.0.')
+  expect(field.value).toBe('0.1')
 })
 
 test('Ctrl+Z and Ctrl+Shift+Z undo and redo what there is', () => {

@@ -13,8 +13,8 @@ import { decodeFrame, frameOf, pose, scanOf, statusOf, vehicleOf } from './suppo
 function stateOf(values: Partial<HudState> = {}): HudState {
   const frame = frameOf()
   const vehicle = frame.vehicles.V1
-  const common = { name: 'V1', scene: null, scan: null, bearing: 0, status: null, frameRate: 59.6, viewer: 'page-1' }
-  return { frame, vehicle, ...common, ...values }
+  const common = { name: 'V1', scene: null, scan: null, bearing: 0, status: null, frameRate: 59.6, warmUpLaps: 0 }
+  return { frame, vehicle, viewer: 'page-1', ...common, ...values }
 }
 
 describe('Frames of the simulator', () => {
@@ -226,6 +226,15 @@ describe('a race', () => {
     const rows = ['race-lap', 'race-lap-time', 'race-last-lap', 'race-best-lap', 'race-penalty'] as const
     expect(rows.map((row) => TEXTS[row](state))).toEqual(['3 / 11', '1:01.045', '0:20.600', '–', '10 s'])
     expect(TEXTS['race-lap'](stateOf({ vehicle: vehicleOf({ race: { ...race, lap_total: 0 } }) }))).toBe('3')
+  })
+
+  test('a warm-up lap that is counted is named', () => {
+    const section = raceSection(new Map())
+    const label = () => section.element.querySelector('.fact-race-lap dt')?.textContent
+    section.refresh(stateOf({ vehicle: vehicleOf({ race }) }))
+    expect(label()).toBe('Lap')
+    section.refresh(stateOf({ vehicle: vehicleOf({ race }), warmUpLaps: 1 }))
+    expect(label()).toBe('Lap, 1 warm-up')
   })
 
   test('standings are in the order of ranks, with gaps', () => {

@@ -3,13 +3,15 @@ import { beforeEach, describe, expect, test, vi } from 'vitest'
 import { Actions, sentence } from '../src/actions'
 import { banner } from '../src/panels/banner'
 import { bridge } from '../src/panels/bridge'
+import { describeScene } from '../src/panels/description'
 import { h } from '../src/panels/element'
 import { help } from '../src/panels/help'
 import { menu } from '../src/panels/menu'
 import { notices } from '../src/panels/notice'
 import { savedTheme, setTheme } from '../src/panels/theme'
 import { toolbar } from '../src/panels/toolbar'
-import { connectedPage, frameOf, sceneOf, statusOf, vehicleOf } from './support'
+import { VehicleEvents } from '../src/panels/vehicle_events'
+import { connectedPage, frameOf, pose, scanOf, sceneOf, statusOf, vehicleOf } from './support'
 
 beforeEach(() => {
   localStorage.clear()
@@ -35,7 +37,15 @@ const settle = () => new Promise((done) => setTimeout(done))
 describe('the menu', () => {
   function page(vehicles: readonly string[] = ['V1']) {
     const all = connectedPage(vehicles)
-    document.body.append(menu(all.store, all.connection, new Actions(all.store, all.connection), () => {}))
+    document.body.append(
+      menu(
+        all.store,
+        all.connection,
+        new Actions(all.store, all.connection),
+        () => {},
+        async () => true,
+      ),
+    )
     return all
   }
 
@@ -317,8 +327,8 @@ describe('notices', () => {
 
 describe('the toolbar', () => {
   test('its buttons open and close the panels', () => {
-    const { store, connection } = connectedPage()
-    document.body.append(toolbar(store, new Actions(store, connection), () => {}))
+    const { store } = connectedPage()
+    document.body.append(toolbar(store, () => {}))
     for (const [name, isOpen] of [
       ['menu', store.isMenuOpen],
       ['hud', store.isHudOpen],
@@ -332,8 +342,8 @@ describe('the toolbar', () => {
   })
 
   test('shows the real-time factor, or that the simulation is paused', () => {
-    const { store, connection, socket } = connectedPage()
-    document.body.append(toolbar(store, new Actions(store, connection), () => {}))
+    const { store, socket } = connectedPage()
+    document.body.append(toolbar(store, () => {}))
     socket.receive(statusOf({ real_time_factor: 1.994 }))
     expect(get('real-time-factor').textContent).toBe('1.99 ×')
     expect(get('paused').hidden).toBe(true)
@@ -346,9 +356,10 @@ describe('the toolbar', () => {
     const { store, connection } = connectedPage()
     document.body.append(banner(store, new Actions(store, connection)))
     expect(get('banner').hidden).toBe(true)
+    store.connectionError.value = 'no answer'
     store.link.value = 'lost'
     expect(get('banner').hidden).toBe(false)
-    expect(get('banner').textContent).toContain('Reconnecting…')
+    expect(get('banner').textContent).toContain('No answer. The page tries to connect again.')
     store.link.value = 'open'
     store.link.value = 'connecting'
     vi.advanceTimersByTime(399)
@@ -370,6 +381,20 @@ describe('the banner', () => {
     expect(socket.request).toEqual({ type: 'Reset' })
     socket.receive(statusOf())
     expect(get('banner').hidden).toBe(true)
+  })
+})
+
+describe('the scene in words', () => {
+  test('says where the vehicle is, how it drives, and what is near', () => {
+    const { store, socket } = connectedPage(['V1'])
+    const vehicle = vehicleOf({ pose: pose(1.25), velocity: new Float64Array([-0.3, 0, 0]) })
+    socket.receive(frameOf([], { vehicles: { V1: vehicle } }))
+    store.scans.set('V1', scanOf([3, 0.5, 2, 4]))
+    expect(describeScene(store, new VehicleEvents())).toBe(
+      "V1 drives in reverse at 0.30 m/s at x 1.25 m, y 0.00 m, heading 0 degrees; on the road; nearest obstacle 0.50 m, 90 degrees to the left; day, camera Driver's Eye.",
+    )
+    store.link.value = 'lost'
+    expect(describeScene(store, new VehicleEvents())).toBe('The connection to the simulator is lost.')
   })
 })
 

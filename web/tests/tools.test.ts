@@ -134,6 +134,31 @@ describe('the log', () => {
     expect(entries.value.length).toBe(500)
     expect(entries.value[0].text).toBe('Number 10.')
   })
+
+  test('shows checkpoints on demand, and they displace no other entry', () => {
+    const store = new Store()
+    const entries = logOf(store)
+    const panel = logPanel(store, entries)
+    const texts = () => [...panel.querySelectorAll('tbody tr')].map((row) => row.lastElementChild?.textContent)
+    const button = panel.querySelector<HTMLElement>("[data-testid='log-details']")
+    store.isLogOpen.value = true
+    const common = { vehicle: 'V1', lap: 1, position: new Float64Array(3) }
+    const lap = { type: 'LapCompleted' as const, time: 8, lap_time: 8, is_counted: false, ...common }
+    const passed = { type: 'CheckpointPassed' as const, time: 1, checkpoint: 2, split: 1, sector_time: 1, ...common }
+    expect(button?.hidden).toBe(true)
+    store.events.value = [passed, lap, { ...passed, time: 9, lap: 2 }]
+    expect(texts()).toEqual(['V1 completed lap 1 in 0:08.000, a warm-up lap'])
+    button?.click()
+    expect(button?.getAttribute('aria-pressed')).toBe('true')
+    expect(texts()).toEqual([
+      'V1 passed checkpoint 2 of lap 1',
+      'V1 completed lap 1 in 0:08.000, a warm-up lap',
+      'V1 passed checkpoint 2 of lap 2',
+    ])
+    button?.click()
+    for (let i = 0; i < 600; i++) store.events.value = [{ ...passed, time: 10 + i }]
+    expect(texts().length).toBe(1)
+  })
 })
 
 describe('trails', () => {

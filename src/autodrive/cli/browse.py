@@ -69,28 +69,28 @@ def show(
 
     found = cast("Kind", kind.value) if kind else spec_files.kind_of_name(name)
     if yaml:
-        from autodrive.base.specs import find
+        from autodrive.base.yaml_files import find
 
         typer.echo(find(found, name).read_text(encoding="utf-8"), nl=False)
         return
+    if output is not None and found in {"vehicle", "ruleset"}:
+        raise typer.BadParameter(f"--output is for images of maps and modules; '{name}' is a {found}")
+    path = output or Path(f"{Path(name).stem}.png")
+    if path.suffix.lower() not in {".png", ".svg"}:
+        raise typer.BadParameter(f"--output must end in .png or .svg, not '{path.suffix}'")
     if in_3d is not None:
         _show_3d(found, name, in_3d, is_day=not night)
-        return
     if occupancy is not None or labels is not None:
         _write_rasters(found, name, occupancy, labels)
+    if output is None and not (in_3d is None and occupancy is None and labels is None):
         return
-    if found in {"map", "track", "module"} or (found == "scenario" and output):
-        path = output or Path(f"{Path(name).stem}.png")
-        if path.suffix.lower() not in {".png", ".svg"}:
-            raise typer.BadParameter(f"--output must end in .png or .svg, not '{path.suffix}'")
+    if found in {"map", "track", "module"} or output is not None:
         spec_files.draw(found, name, path)
         typer.echo(f"wrote {found} '{Path(name).stem}' to {path}")
         if found == "module":
             for line in spec_files.size_and_ports(name):
                 typer.echo(line)
         return
-    if output is not None:
-        raise typer.BadParameter(f"--output is for images of maps and modules; '{name}' is a {found}")
     rows = list(spec_files.fields(found, name))
     width = max(len(field) for field, _ in rows)
     for field, value in rows:

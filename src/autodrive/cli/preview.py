@@ -20,6 +20,7 @@ from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
 from autodrive.protocol.labels import Label
+from autodrive.protocol.messages import Headlights, Indicators, Lights, TailLights
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.map import Map, load_map
 from autodrive.scenario.maps.solids import BoxPlacement
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 SIZE = 1600, 1000
 """Size of the image [pixels]; it is rendered at twice this size and scaled down, for smooth edges."""
+NIGHT_LIGHTS = Lights(Headlights.LOW, Indicators.HAZARD, TailLights.BRIGHT, True, True, False)
+"""Lamps of all vehicles in an image at night."""
 FIELD_OF_VIEW_DEG = 28.0
 """Vertical [degree]; narrow, for little perspective distortion."""
 
@@ -51,6 +54,8 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
             scene, state = _map_scene(map_)
         viewpoint = framed(_map_box(map_), -62.0, 38.0)
     state.header["is_day"] = is_day
+    if not is_day:
+        state.switch_lamps(NIGHT_LIGHTS)
     view = viewpoint.view(2 * SIZE[0], 2 * SIZE[1])
     with Renderer(scene, "gpu") as renderer:
         write_file(path, encode_png(_halved(renderer.draw(state, [view])[0].rgba[..., :3])))

@@ -243,7 +243,9 @@ class Redo(msgspec.Struct, frozen=True, tag=True):
 
 
 class SaveScenario(msgspec.Struct, frozen=True, tag=True):
-    """Request the scenario with all edits, as YAML, in the `text` of the Response."""
+    """Request the scenario with all edits, as YAML, in the `text` of the Response, with that title if there is one."""
+
+    title: Annotated[str, msgspec.Meta(max_length=200)] = ""
 
 
 Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor

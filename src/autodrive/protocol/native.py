@@ -212,6 +212,8 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """Length, width and height [m] of each movable object."""
     plan: Plan | None = None
     """Drawing of the map."""
+    warm_up_laps: int = 0
+    """Laps of the race that are driven first and do not count."""
     timeline: Timeline | None = None
     """The recording that is shown; None: this is a simulation."""
 

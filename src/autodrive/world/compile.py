@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-import shapely
 
 from autodrive.base.errors import EngineError, SpecError
 from autodrive.base.specs import Place, Problem, SpecProblems
@@ -261,17 +260,10 @@ def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine) -> l
 
 def _vehicles_outside(spec: ScenarioSpec, map_: Map) -> list[Problem]:
     """A problem for each vehicle outside the walls that enclose the roads of the map."""
-    if map_.enclosure is None:
-        return []
-    x0, y0, x1, y1 = map_.enclosure.bounds
     return [
-        (
-            _at("vehicles", name),
-            f": ({vehicle.x:g}, {vehicle.y:g}) is outside the walls of map '{map_.name}', "
-            f"which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m",
-        )
+        (_at("vehicles", name), f": {outside}")
         for name, vehicle in spec.vehicles.items()
-        if not map_.enclosure.covers(shapely.Point(vehicle.x, vehicle.y))
+        if (outside := map_.outside(vehicle.x, vehicle.y))
     ]
 
 

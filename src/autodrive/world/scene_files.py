@@ -59,6 +59,7 @@ class SceneFiles:
             light_table=light_table(),
             scene_cameras=scene_cameras(),
             object_sizes={name: box.size for name, box in world.boxes.items()},
+            warm_up_laps=world.race.rules.warm_up_laps if world.race else 0,
         )
         return SceneFiles(scene, files.content)
 

@@ -184,10 +184,10 @@ def test_only_one_of_two_clients_drives(sim: Client, server: Server) -> None:
     with Client(server.url, name="script", timeout=LIMIT) as other:
         assert other.name == "script 2"
         other.drive("V1", throttle=0.2)
-        with pytest.raises(CommandError, match="'script' drives vehicle 'V1'"):
+        with pytest.raises(CommandError, match="'script' drives V1; it is free 2 s after its last command"):
             wait_until(lambda: not other.wait())
         sim.drive("V1", throttle=0.1)
-        with pytest.raises(CommandError, match="'script' drives vehicle 'V1'"):
+        with pytest.raises(CommandError, match="'script' drives V1; it is free 2 s after its last command"):
             other.step({"V1": Command(0.5)})
         sim.resume()
         sim.release("V1")

@@ -78,7 +78,7 @@ def test_one_client_drives_and_the_others_get_its_name(server: Server) -> None:
         ann.until(drivers({"V1": "ann"}))  # type: ignore[arg-type]
         for _ in range(20):
             drive(bob)
-        assert bob.error("taken") == "'ann' drives vehicle 'V1'"
+        assert bob.error("taken") == "'ann' drives V1; it is free 2 s after its last command"
         others = [bob.receive() for _ in range(20)]
         assert [other for other in others if other["type"] == "Error"] == []  # at most one a second
         ann.send("Release", vehicle="V1")
@@ -114,7 +114,7 @@ def test_a_step_with_a_command_needs_the_driver_lease(server: Server) -> None:
         drive(ann)
         ann.until(drivers({"V1": "ann"}))  # type: ignore[arg-type]
         error = bob.ask("Step", commands={"V1": {"throttle": 1.0}})
-        assert (error["code"], error["text"]) == ("taken", "'ann' drives vehicle 'V1'")
+        assert (error["code"], error["text"]) == ("taken", "'ann' drives V1; it is free 2 s after its last command")
         assert bob.ask("Step")["type"] == "Response"
 
 

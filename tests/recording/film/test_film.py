@@ -146,6 +146,8 @@ def test_the_overlay_shows_speed_and_side() -> None:
     bar = (ahead[660, 40:300] == (125, 180, 255)).all(-1)
     assert bar.sum() == pytest.approx(130, abs=2)  # half of the speed limit
     np.testing.assert_array_equal(ahead[:600], plain[:600])
+    still, back = (with_overlay(plain, **(figures | {"speed": v}), steering=v) for v in (0.0, -1e-4))
+    np.testing.assert_array_equal(still[610:650], back[610:650])  # the figures: no "-0.00"
     tiny = with_overlay(plain[:16, :16], steering=0.1, **figures)
     assert tiny.shape == (16, 16, 3)
 

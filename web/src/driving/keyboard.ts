@@ -1,7 +1,7 @@
 // Keyboard input (report, table 12): held keys drive, other keys run an action once.
 import type { Driver } from './driver'
 import type { KeyAction } from './keys'
-import { actionOf } from './keys'
+import { actionOf, keyOf } from './keys'
 
 /** Elements that need the keys themselves; keys do not drive while one has the focus. */
 const FIELDS = 'input, select, textarea, dialog, [contenteditable]'
@@ -44,7 +44,7 @@ export function listenToKeyboard(driver: Driver, onAction: (action: KeyAction) =
     const action = actionOf(event)
     if (!action) return
     event.preventDefault()
-    if (event.repeat) return
+    if (event.repeat && !keyOf(event)?.isRepeated) return
     if (!isHeld(action)) return onAction(action)
     held.set(event.code, action)
     update()

@@ -20,6 +20,13 @@ export type KeyAction =
   | 'minimap'
   | 'trails'
   | 'measure'
+  | 'describe'
+  | 'zoom-in'
+  | 'zoom-out'
+  | 'orbit-left'
+  | 'orbit-right'
+  | 'orbit-up'
+  | 'orbit-down'
   | 'full-screen'
   | 'screenshot'
   | 'edit'
@@ -34,8 +41,12 @@ export interface Key {
   /** KeyboardEvent.code of each key for this action; with Shift if `isShifted`. */
   codes: readonly string[]
   isShifted?: boolean
+  /** Repeated while it is held. */
+  isRepeated?: boolean
   description: string
 }
+
+const TURNS = { isShifted: true, isRepeated: true }
 
 /** The keys by group, in the order of the help. */
 export const KEYS: Record<string, readonly Key[]> = {
@@ -61,6 +72,13 @@ export const KEYS: Record<string, readonly Key[]> = {
     { action: 'minimap', codes: ['KeyQ'], description: 'Small map' },
     { action: 'trails', codes: ['KeyT'], description: 'Driven lines' },
     { action: 'measure', codes: ['KeyX'], description: 'Measure a distance' },
+    { action: 'zoom-in', codes: ['Equal', 'NumpadAdd'], isRepeated: true, description: 'Zoom in' },
+    { action: 'zoom-out', codes: ['Minus', 'NumpadSubtract'], isRepeated: true, description: 'Zoom out' },
+    { action: 'orbit-left', codes: ['ArrowLeft'], ...TURNS, description: 'Orbit camera to the left' },
+    { action: 'orbit-right', codes: ['ArrowRight'], ...TURNS, description: 'Orbit camera to the right' },
+    { action: 'orbit-up', codes: ['ArrowUp'], ...TURNS, description: 'Orbit camera upwards' },
+    { action: 'orbit-down', codes: ['ArrowDown'], ...TURNS, description: 'Orbit camera downwards' },
+    { action: 'describe', codes: ['KeyY'], description: 'Scene in words for screen readers' },
     { action: 'full-screen', codes: ['KeyF'], description: 'Full screen' },
     { action: 'screenshot', codes: ['KeyI'], description: 'Screenshot of the view' },
     { action: 'edit', codes: ['KeyJ'], description: 'Edit mode' },
@@ -79,8 +97,13 @@ export const KEYS: Record<string, readonly Key[]> = {
 /** The action of a keyboard event, if any. */
 export function actionOf(event: KeyboardEvent): KeyAction | undefined {
   if (event.key === '?') return 'help'
-  const key = Object.values(KEYS)
+  return keyOf(event)?.action
+}
+
+/** The key of a keyboard event; with Shift, the one with Shift goes before. */
+export function keyOf(event: KeyboardEvent): Key | undefined {
+  const keys = Object.values(KEYS)
     .flat()
-    .find(({ codes }) => codes.includes(event.code))
-  return key?.isShifted && !event.shiftKey ? undefined : key?.action
+    .filter(({ codes, isShifted }) => codes.includes(event.code) && (!isShifted || event.shiftKey))
+  return keys.find(({ isShifted }) => isShifted) ?? keys[0]
 }

@@ -27,8 +27,8 @@ export function listenToEditKeys(store: Store, editor: Editor, stopDriving: () =
     if (!store.isEditing.value || event.isComposing || event.altKey) return false
     const isControlled = event.ctrlKey || event.metaKey
     if (event.target instanceof HTMLElement && event.target.closest(FIELDS)) return false
-    if (isControlled && event.key.toLowerCase() === 'z') event.shiftKey ? editor.redo() : editor.undo()
-    else if (isControlled && event.key.toLowerCase() === 'y') editor.redo()
+    if (isControlled && event.key.toLowerCase() === 'z') void (event.shiftKey ? editor.redo() : editor.undo())
+    else if (isControlled && event.key.toLowerCase() === 'y') void editor.redo()
     else if (isControlled) return false
     else if (event.code in MOVES) move(event)
     else if (event.key === 'Delete') void editor.remove()

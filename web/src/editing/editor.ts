@@ -1,9 +1,13 @@
 // Edits of the scenario: the selected vehicle or object, its preview while it is moved, and the requests.
-import type { Actions } from '../actions'
-import type { Frame, Pose, SetSensor } from '../messages'
+import { type Actions, sentence } from '../actions'
+import type { Frame, Pose, ServerOperation, SetSensor } from '../messages'
+import { Observable } from '../observable'
 import type { Placement, Store } from '../store'
 import { extentOf, middleOf } from './outline'
 import { saveText } from './save_text'
+
+/** The name of a file without its folder and ending. */
+const STEM = /^.*[/\\]|\.ya?ml$/g
 
 /** Length, width, height [m] and mass [kg] of a new box. */
 export interface BoxShape {
@@ -19,14 +23,21 @@ const GAP = 0.02
 const RINGS = 40
 
 export class Editor {
-  /** The shape of the next box. */
-  shape: BoxShape = { size: [0.1, 0.1, 0.1], mass: 0.1 }
+  /** The shape of the next box; it goes back to that of the latest box if the simulator refuses it. */
+  readonly shape = new Observable<BoxShape>({ size: [0.1, 0.1, 0.1], mass: 0.1 })
+  private accepted = this.shape.value
 
   constructor(
     private readonly store: Store,
     private readonly actions: Actions,
   ) {
     store.frame.watch((frame) => this.checkSelection(frame))
+    let latest = ''
+    store.status.watch((status) => {
+      const undo = status?.undo ?? ''
+      if (undo !== latest) store.hasUnsavedEdits.value = undo !== ''
+      latest = undo
+    })
     store.isEditing.watch((isEditing) => {
       if (isEditing) store.isMeasuring.value = false
       if (!isEditing) store.preview.value = null
@@ -70,13 +81,20 @@ export class Editor {
     if (selected) this.show({ x: selected.x + dx, y: selected.y + dy, yaw: selected.yaw + turn })
   }
 
-  /** Places the thing where the preview shows it. If that is refused, it is back where it was. */
+  /** Places the thing where the preview shows it, in the view. If that is refused, it is back where it was. */
   async commit(): Promise<void> {
     const preview = this.store.preview.value
     if (!preview) return
-    const isPlaced = await this.actions.request({ type: 'Place', ...preview })
-    if (isPlaced) await new Promise((resolve) => setTimeout(resolve, SETTLING))
+    if (await this.edit({ type: 'Place', ...preview })) {
+      this.actions.view?.showPlace(preview.x, preview.y)
+      await new Promise((resolve) => setTimeout(resolve, SETTLING))
+    }
     if (this.store.preview.value === preview) this.store.preview.value = null
+  }
+
+  /** Moves the view to the selected thing, if it is not visible. */
+  showSelected(): void {
+    if (this.selected) this.actions.view?.showPlace(this.selected.x, this.selected.y)
   }
 
   /** Forgets the preview. */
@@ -91,34 +109,57 @@ export class Editor {
     while (taken.includes(`box_${number}`)) number++
     const name = `box_${number}`
     const [x, y] = this.freePlace(nearX, nearY)
-    if (await this.actions.request({ type: 'AddBox', name, x, y, ...this.shape })) this.store.selection.value = name
+    const shape = this.shape.value
+    if (!(await this.edit({ type: 'AddBox', name, x, y, ...shape }))) {
+      this.shape.value = this.accepted
+      return
+    }
+    this.accepted = shape
+    this.store.selection.value = name
   }
 
   async remove(): Promise<void> {
-    if (this.isBoxSelected) await this.actions.request({ type: 'RemoveBox', name: this.store.selection.value })
+    if (this.isBoxSelected) await this.edit({ type: 'RemoveBox', name: this.store.selection.value })
   }
 
-  undo(): void {
-    if (this.store.status.value?.undo) void this.actions.request({ type: 'Undo' })
+  async undo(): Promise<void> {
+    if (this.store.status.value?.undo && (await this.edit({ type: 'Undo' }))) this.showSelected()
   }
 
-  redo(): void {
-    if (this.store.status.value?.redo) void this.actions.request({ type: 'Redo' })
+  async redo(): Promise<void> {
+    if (this.store.status.value?.redo && (await this.edit({ type: 'Redo' }))) this.showSelected()
   }
 
   setSensor(settings: Omit<SetSensor, 'type'>): Promise<boolean> {
-    return this.actions.request({ type: 'SetSensor', ...settings })
+    return this.edit({ type: 'SetSensor', ...settings })
   }
 
-  /** Downloads the scenario as a YAML file. */
-  async save(): Promise<void> {
-    const text = await this.actions.textOf({ type: 'SaveScenario' })
-    if (text) saveText(`${this.fileName()}.yaml`, text, 'application/yaml')
+  /** Downloads the scenario as a YAML file with that title; returns whether it could. */
+  async save(title: string, name: string): Promise<boolean> {
+    const text = await this.actions.textOf({ type: 'SaveScenario', title })
+    if (text === null) return false
+    saveText(`${name.replace(STEM, '')}.yaml`, text, 'application/yaml')
+    this.store.hasUnsavedEdits.value = false
+    return true
+  }
+
+  /** Name of the file of the edited scenario, without its ending. */
+  get fileName(): string {
+    const name = this.store.scene.value?.scenario ?? 'scenario'
+    return `${name.replace(STEM, '')}_edited`.replace('_edited_edited', '_edited')
+  }
+
+  /** Requests an edit; shows what the simulator says about it, and returns whether it was made. */
+  private async edit(operation: ServerOperation): Promise<boolean> {
+    const text = await this.actions.textOf(operation)
+    if (text) this.store.warning.value = sentence(text)
+    if (text !== null) this.store.hasUnsavedEdits.value = true
+    return text !== null
   }
 
   /** The place nearest to x, y [m] where the next box touches no vehicle and no object. */
   private freePlace(x: number, y: number): readonly [x: number, y: number] {
-    const own = 0.5 * Math.hypot(...this.shape.size.slice(0, 2)) + GAP
+    const own = 0.5 * Math.hypot(...this.shape.value.size.slice(0, 2)) + GAP
     const obstacles = this.names.flatMap((name) => {
       const placed = this.placement(name)
       const extent = extentOf(this.store.scene.value, name)
@@ -134,11 +175,6 @@ export class Editor {
       }
     }
     return [x, y]
-  }
-
-  private fileName(): string {
-    const name = this.store.scene.value?.scenario ?? 'scenario'
-    return `${name.replace(/^.*[/\\]/, '').replace(/\.ya?ml$/, '')}_edited`.replace('_edited_edited', '_edited')
   }
 
   private checkSelection(frame: Frame | null): void {

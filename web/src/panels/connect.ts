@@ -6,7 +6,7 @@ import { addressOfPage, SNIPPETS } from './snippets'
 
 export function connectDialog(store: Store): { element: HTMLDialogElement; open: () => void } {
   const note = h('p', { class: 'muted' })
-  const code = h('pre', { testid: 'snippet', tabindex: 0, 'aria-label': 'Program' })
+  const code = h('pre', { testid: 'snippet', tabindex: 0, role: 'group', 'aria-label': 'Program' })
   const copied = h('span', { class: 'muted', testid: 'snippet-copied', role: 'status' })
   const options = SNIPPETS.map(({ title }) => [title, title] as const)
   const languages = segments('language', 'Language', options, show)

@@ -7,6 +7,7 @@ import type { Store } from '../store'
 import { h, icon, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
 import { ADD, DETAILS, REDO, REMOVE, SAVE, TURN_LEFT, TURN_RIGHT, UNDO } from './icons'
+import { saveScenario } from './save_dialog'
 import { sensors } from './sensors'
 
 const DEGREE = Math.PI / 180
@@ -24,6 +25,10 @@ export function edit(store: Store, editor: Editor, view: () => SceneView | null)
     details.hidden = !store.isEditing.value || !isPanelOpen.value
     document.documentElement.toggleAttribute('data-editing', store.isEditing.value)
   }
+  // the panels end above the bar
+  new ResizeObserver(() =>
+    document.documentElement.style.setProperty('--edit-bar', `${buttons.offsetHeight}px`),
+  ).observe(buttons)
   isPanelOpen.watch(show)
   store.isEditing.watch((isEditing) => {
     show()
@@ -51,14 +56,14 @@ function bar(
     remove: button('edit-remove', 'Delete', REMOVE, 'Delete the selected box (Delete)', () => void editor.remove()),
     left: button('edit-left', 'Turn left', TURN_LEFT, 'Turn left by 15° ([)', () => turn(TURN), true),
     right: button('edit-right', 'Turn right', TURN_RIGHT, 'Turn right by 15° (])', () => turn(-TURN), true),
-    undo: button('edit-undo', 'Undo', UNDO, '', () => editor.undo(), true),
-    redo: button('edit-redo', 'Redo', REDO, '', () => editor.redo(), true),
+    undo: button('edit-undo', 'Undo', UNDO, '', () => void editor.undo()),
+    redo: button('edit-redo', 'Redo', REDO, '', () => void editor.redo()),
     save: button(
       'edit-save',
       'Save as scenario',
       SAVE,
       'Download the scenario as a YAML file',
-      () => void editor.save(),
+      () => void saveScenario(store, editor),
     ),
     details: button('edit-details', 'Details', DETAILS, 'Show the selected thing, the next box and the sensors', () => {
       isPanelOpen.value = !isPanelOpen.value
@@ -80,11 +85,8 @@ function bar(
   }
   store.selection.watch(showSelection)
   store.frame.watch(showSelection)
-  return h(
-    'div',
-    { class: 'edit-bar', testid: 'edit-bar', role: 'toolbar', 'aria-label': 'Edit' },
-    ...Object.values(buttons),
-  )
+  const tools = h('div', { class: 'edit-tools', role: 'toolbar', 'aria-label': 'Edits' }, ...Object.values(buttons))
+  return h('section', { class: 'edit-bar', testid: 'edit-bar', 'aria-label': 'Edit mode' }, tools)
 }
 
 function button(
@@ -118,16 +120,24 @@ function panel(store: Store, editor: Editor): HTMLElement {
 
 /** The selected thing and its pose. */
 function selection(store: Store, editor: Editor): HTMLElement {
-  const select = choice('edit-selection', (value) => (store.selection.value = value), { 'aria-label': 'Selected' })
-  const place = (): void => {
-    editor.show({ x: Number(x.value), y: Number(y.value), yaw: Number(yaw.value) * DEGREE })
-    void editor.commit()
+  const choose = (value: string): void => {
+    store.selection.value = value
+    editor.showSelected()
+  }
+  const select = choice('edit-selection', choose, { 'aria-label': 'Selected' })
+  /** Places the selected thing; the fields then show where it is, also if the place was refused. */
+  const place = async (): Promise<void> => {
+    if ([x, y, yaw].every((field) => field.value)) {
+      editor.show({ x: Number(x.value), y: Number(y.value), yaw: Number(yaw.value) * DEGREE })
+      await editor.commit()
+    } else store.warning.value = 'A position and a heading are numbers.'
+    show(true)
   }
   const x = number('edit-x', { step: 0.05, onchange: place })
   const y = number('edit-y', { step: 0.05, onchange: place })
   const yaw = number('edit-yaw', { step: 5, onchange: place, title: 'Left turns are positive; 0 looks along x' })
 
-  function show(): void {
+  function show(isForced: boolean): void {
     const names = editor.names
     setOptions(select, { '': 'Nothing', ...Object.fromEntries(names.map((one) => [one, one])) })
     select.value = store.selection.value
@@ -136,11 +146,11 @@ function selection(store: Store, editor: Editor): HTMLElement {
     for (const [i, field] of [x, y, yaw].entries()) {
       field.disabled = !selected
       const text = selected ? String(round(values[i], i < 2 ? 1000 : 10)) : ''
-      if (document.activeElement !== field && field.value !== text) field.value = text
+      if ((isForced || document.activeElement !== field) && field.value !== text) field.value = text
     }
   }
 
-  for (const observable of [store.frame, store.selection, store.preview]) observable.watch(show)
+  for (const observable of [store.frame, store.selection, store.preview]) observable.watch(() => show(false))
   const hint = h('p', { class: 'edit-hint' })
   setText(hint, 'Drag a vehicle or a box. Turn it at its handle. Keys: arrows, [ and ]; with Shift in small steps.')
   return section('Selected', select, labelled('x [m]', x), labelled('y [m]', y), labelled('Heading [°]', yaw), hint)
@@ -148,21 +158,22 @@ function selection(store: Store, editor: Editor): HTMLElement {
 
 /** Size and mass of the box that is added next. */
 function nextBox(editor: Editor): HTMLElement {
-  const { shape } = editor
-  const sizes = shape.size.map((value, i) =>
-    number(`edit-size-${'xyz'[i]}`, {
-      value,
+  const set = (): void => {
+    const [length, width, height] = sizes.map((field) => Number(field.value))
+    editor.shape.value = { size: [length, width, height], mass: Number(mass.value) }
+  }
+  const sizes = [...'xyz'].map((axis, i) =>
+    number(`edit-size-${axis}`, {
       min: 0.01,
       step: 0.05,
       'aria-label': `${['Length', 'Width', 'Height'][i]} of the next box [m]`,
-      onchange: () => (shape.size[i] = Number(sizes[i].value)),
+      onchange: set,
     }),
   )
-  const mass = number('edit-mass', {
-    value: shape.mass,
-    min: 0.001,
-    step: 0.1,
-    onchange: () => (shape.mass = Number(mass.value)),
+  const mass = number('edit-mass', { min: 0.001, step: 0.1, onchange: set })
+  editor.shape.watch((shape) => {
+    for (const [i, field] of sizes.entries()) field.value = String(shape.size[i])
+    mass.value = String(shape.mass)
   })
   return section(
     'Next box',

@@ -11,26 +11,38 @@ const NAMES: Record<string, string> = {
   ArrowRight: '→',
   Escape: 'Esc',
   Backspace: '⌫',
+  Equal: '+',
+  Minus: '−',
+  NumpadAdd: 'Num +',
+  NumpadSubtract: 'Num −',
 }
 
+/** Caps are separated by ' | '. */
 const OTHERS: Record<string, readonly [string, string][]> = {
-  'Mouse and touch': [
+  Mouse: [
     ['Click', 'Use buttons and fields'],
     ['Wheel', 'Zoom; up is nearer'],
     ['Drag', 'Rotate the Orbit camera'],
-    ['Touch pads', 'Steer (left) and drive (right)'],
+  ],
+  Touch: [
+    ['Left pad', 'Steer'],
+    ['Right pad', 'Drive: up forward, down in reverse'],
+    ['Drag', 'Rotate the Orbit camera'],
+    ['Two fingers', 'Zoom the Orbit camera'],
+    ['Edit mode', 'Drag a vehicle or a box; its handle turns it'],
   ],
   'Edit mode': [
     ['Drag', 'Move a vehicle or a box; its handle turns it'],
-    ['Arrows, [ ]', 'Move and turn; with Shift in small steps'],
+    ['Arrows | [ | ]', 'Move and turn; with Shift in small steps'],
     ['Delete', 'Remove the selected box'],
-    ['Ctrl Z, ⇧ Ctrl Z', 'Undo, redo'],
+    ['Ctrl | Z', 'Undo'],
+    ['Ctrl | Shift | Z', 'Redo'],
   ],
   Gamepad: [
     ['Left stick', 'Steer'],
     ['Triggers', 'Drive forward (right) or in reverse (left)'],
-    ['A, Y', 'Low beam, high beam'],
-    ['LB, RB, B', 'Left, right, hazard indicators'],
+    ['A | Y', 'Low beam, high beam'],
+    ['LB | RB | B', 'Left, right, hazard indicators'],
   ],
 }
 
@@ -78,10 +90,13 @@ function lists(layout: Layout | undefined): HTMLElement[] {
   const others = Object.entries(OTHERS).map(([title, all]) =>
     list(
       title,
-      all.map(([name, description]) => [[h('kbd', { class: 'wide' }, name)], description]),
+      all.map(([names, description]) => [names.split(' | ').map((name) => h('kbd', {}, name)), description]),
     ),
   )
-  return [...keys, ...others]
+  const all = [...keys, ...others]
+  // a phone has no keys
+  const isFirst = (section: HTMLElement) => section.querySelector('h3')?.textContent === 'Touch'
+  return matchMedia('(pointer: coarse)').matches ? all.sort((a, b) => Number(isFirst(b)) - Number(isFirst(a))) : all
 }
 
 function list(title: string, rows: readonly [HTMLElement[], string][]): HTMLElement {

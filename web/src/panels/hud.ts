@@ -2,18 +2,18 @@
 import '../hud.css'
 import type { Connection } from '../connection'
 import type { Store } from '../store'
-import { h } from './element'
+import { h, setText } from './element'
 import { choice } from './fields'
 import { History } from './history'
 import type { HudState } from './hud_rows'
-import { TEXTS } from './hud_rows'
+import { clock, TEXTS } from './hud_rows'
 import type { Rows, Section } from './hud_sections'
 import { dashboard, race, sensors, signalRow, simulation } from './hud_sections'
 import { plot } from './plot'
 import { polar } from './polar'
 import { loadPreference, savePreference } from './preferences'
 import { previews } from './previews'
-import { VehicleEvents } from './vehicle_events'
+import type { VehicleEvents } from './vehicle_events'
 
 /** Refresh rate of the texts [Hz]. */
 const RATE = 12
@@ -21,9 +21,8 @@ const RATE = 12
 const WINDOWS = [10, 20, 30]
 
 /** The HUD panel. It follows `store.isHudOpen`, and is not updated while it is hidden. */
-export function hud(store: Store, connection: Connection): HTMLElement {
+export function hud(store: Store, connection: Connection, vehicleEvents: VehicleEvents): HTMLElement {
   const history = new History()
-  const vehicleEvents = new VehicleEvents()
   const rows: Rows = new Map()
   const sections = [
     dashboard(rows, vehicleEvents),
@@ -34,11 +33,17 @@ export function hud(store: Store, connection: Connection): HTMLElement {
     simulation(rows),
     plots(history),
   ]
+  const old = h('p', { class: 'hud-old', testid: 'hud-old', hidden: true })
   const element = h(
     'aside',
     { id: 'hud', class: 'panel hud', testid: 'hud', 'aria-label': 'Head-up display', tabindex: -1, hidden: true },
+    old,
     ...sections.map((section) => section.element),
   )
+  store.link.watch((link) => {
+    old.hidden = link !== 'lost'
+    setText(old, `Old values, of ${clock(store.frame.value?.time ?? 0)}: the connection is lost.`)
+  })
 
   const refresh = () => {
     if (!store.isHudOpen.value || document.hidden) return
@@ -101,17 +106,18 @@ function hudState(store: Store): HudState {
     scan: store.scans.get(name) ?? null,
     bearing: store.bearing.value,
     status: store.status.value,
+    warmUpLaps: store.scene.value?.warm_up_laps ?? 0,
     frameRate: store.frameRate.value,
     viewer: store.welcome.value?.name ?? '',
   }
 }
 
 /** A collapsible section; the page saves its state. */
-function collapsible(id: string, title: string, extras: HTMLElement[], ...content: HTMLElement[]): HTMLDetailsElement {
+function collapsible(id: string, title: string, ...content: HTMLElement[]): HTMLDetailsElement {
   const details = h(
     'details',
     { class: `hud-section hud-${id}`, open: loadPreference(`hud.${id}`) !== 'collapsed' },
-    h('summary', {}, h('h2', {}, title), ...extras),
+    h('summary', {}, h('h2', {}, title)),
     ...content,
   )
   details.addEventListener('toggle', () => savePreference(`hud.${id}`, details.open ? 'open' : 'collapsed'))
@@ -137,11 +143,11 @@ function lidar(rows: Rows, store: Store): Section {
     'dl',
     { class: 'lidar-figures' },
     signalRow(rows, 'lidar'),
-    h('label', {}, h('span', {}, 'Bearing [°]'), bearingField(store)),
+    h('div', { class: 'bearing' }, h('dt', { id: 'bearing' }, 'Bearing [°]'), h('dd', {}, bearingField(store))),
     h('div', {}, h('dt', {}, 'Nearest'), plan.nearest),
     h('div', {}, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
   )
-  const element = collapsible('lidar', 'LIDAR', [], h('div', { class: 'lidar-split' }, plan.element, figures))
+  const element = collapsible('lidar', 'LIDAR', h('div', { class: 'lidar-split' }, plan.element, figures))
   return { element, refresh: everyOther(plan.refresh) }
 }
 
@@ -149,7 +155,7 @@ function lidar(rows: Rows, store: Store): Section {
 function bearingField(store: Store): HTMLElement {
   const title = 'Direction of the measurement: 0 is ahead, left is positive. A click on the plot sets it, too'
   const limits = { min: -180, max: 180, step: 1 }
-  const field = h('input', { testid: 'hud-bearing', type: 'number', title, ...limits })
+  const field = h('input', { 'aria-labelledby': 'bearing', testid: 'hud-bearing', type: 'number', title, ...limits })
   field.addEventListener('input', () => {
     if (field.value) store.bearing.value = (Number(field.value) * Math.PI) / 180
   })
@@ -162,7 +168,7 @@ function bearingField(store: Store): HTMLElement {
 
 function cameras(store: Store): Section {
   const images = previews(store)
-  return { element: collapsible('cameras', 'Cameras', [], images.element), refresh: images.refresh }
+  return { element: collapsible('cameras', 'Cameras', images.element), refresh: images.refresh }
 }
 
 function plots(history: History): Section {
@@ -172,7 +178,7 @@ function plots(history: History): Section {
   window.append(...WINDOWS.map((seconds) => h('option', { value: seconds }, `${seconds} s`)))
   const kept = loadPreference('plot-window')
   window.value = WINDOWS.includes(Number(kept)) ? String(kept) : '10'
-  const element = collapsible('plots', 'Plots', [window], ...both.map((one) => one.element))
+  const element = collapsible('plots', 'Plots', window, ...both.map((one) => one.element))
   let turn = 0
   const refresh = () => {
     turn = 1 - turn

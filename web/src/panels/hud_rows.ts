@@ -15,6 +15,8 @@ export interface HudState {
   /** Direction of the LIDAR measurement in the vehicle frame [rad], left positive. */
   bearing: number
   status: Status | null
+  /** Laps of the race that do not count. */
+  warmUpLaps: number
   /** Frame rate of the 3D view [Hz]. */
   frameRate: number
   /** Name of this client. */

@@ -64,7 +64,7 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
   const steeringBar = bar()
   const lights = telltales()
   const road = h('dd', { class: 'badge', testid: 'hud-offroad' })
-  const lastCollision = h('span', { class: 'last-collision', testid: 'hud-last-collision' })
+  const lastCollision = h('dd', { class: 'last-collision', testid: 'hud-last-collision' })
   const collisions = signalRow(rows, 'collisions')
   collisions.append(lastCollision)
   const element = h(
@@ -115,13 +115,15 @@ export function dashboard(rows: Rows, vehicleEvents: VehicleEvents): Section {
 /** Laps and times of the vehicle, and the standings; hidden without a race. */
 export function race(rows: Rows): Section {
   const standings = h('table', { class: 'standings', testid: 'hud-standings' })
+  const lap = signalRow(rows, 'race-lap')
+  const lapLabel = lap.querySelector('dt') as HTMLElement
   const element = h(
     'section',
     { class: 'race', 'aria-label': 'Race', hidden: true, testid: 'hud-race' },
     h(
       'dl',
       { class: 'strip' },
-      signalRow(rows, 'race-lap'),
+      lap,
       signalRow(rows, 'race-lap-time'),
       signalRow(rows, 'race-time'),
       signalRow(rows, 'race-penalty'),
@@ -133,8 +135,9 @@ export function race(rows: Rows): Section {
   let written = ''
   return {
     element,
-    refresh({ frame, vehicle, name }) {
+    refresh({ frame, vehicle, name, warmUpLaps }) {
       element.hidden = !vehicle?.race
+      setText(lapLabel, warmUpLaps > 0 ? `Lap, ${warmUpLaps} warm-up` : 'Lap')
       const lines = frame ? standingsOf(frame) : []
       standings.hidden = lines.length < 2
       const text = JSON.stringify([name, lines])

@@ -8,10 +8,15 @@ export const HAZARD = 'M12 4 2.5 20h19zM12 10l-4 6.7h8z'
 export const LOW_BEAM = 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7l-6 2M8 11.5l-6 2M8.5 16l-6 2'
 export const HIGH_BEAM = 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7H3M8 12H2M9 17H3'
 export const EDIT = 'M4 20l1-5L16 4l4 4L9 19zM14 6l4 4'
+export const CAMERA = 'M4 8h3l2-3h6l2 3h3v11H4zM12 9.5a3.5 3.5 0 1 1 0 7a3.5 3.5 0 1 1 0-7'
+// a vehicle from the side, and an arrow to the next
+export const VEHICLE =
+  'M3 18v-4l2.5-1 2-4h6l3 4 4.5 1v4zM7.5 16.4a1.6 1.6 0 1 1 0 3.2a1.6 1.6 0 1 1 0-3.2M16.5 16.4a1.6 1.6 0 1 1 0 3.2a1.6 1.6 0 1 1 0-3.2M13 4h7M17.5 1.5 20 4l-2.5 2.5'
 export const ADD = 'M12 5v14M5 12h14'
 export const REMOVE = 'M5 7h14M10 7V4h4v3M7 7l1 13h8l1-13M10 11v5M14 11v5'
-export const TURN_LEFT = 'M5 5v5h5M5.5 10a7.5 7.5 0 1 1-1 5'
-export const TURN_RIGHT = 'M19 5v5h-5M18.5 10a7.5 7.5 0 1 0 1 5'
+// a box that is turned, with the way of one corner
+export const TURN_LEFT = 'M8 13.5 14.5 11l2.5 6.5-6.5 2.5zM4 5v5h5M4.3 9.8A9 9 0 0 1 20 9'
+export const TURN_RIGHT = 'M16 13.5 9.5 11 7 17.5l6.5 2.5zM20 5v5h-5M19.7 9.8A9 9 0 0 0 4 9'
 export const UNDO = 'M8 5 3.5 9.5 8 14M4 9.5h10a5 5 0 0 1 0 10h-3'
 export const REDO = 'M16 5l4.5 4.5L16 14M20 9.5H10a5 5 0 0 0 0 10h3'
 export const SAVE = 'M12 4v11M7 10.5l5 5 5-5M4 19.5h16'

@@ -1,6 +1,6 @@
 // The log panel: time, level and text of all notices, the latest at the bottom.
 import type { Entry, Level } from '../log'
-import type { Observable } from '../observable'
+import { Observable } from '../observable'
 import type { Store } from '../store'
 import { h } from './element'
 import { clock, NONE } from './hud_rows'
@@ -12,6 +12,12 @@ export function logPanel(store: Store, entries: Observable<readonly Entry[]>): H
   const heads = ['Time', 'Simulated', 'Level', 'Text'].map((title) => h('th', { scope: 'col' }, title))
   const scroller = h('div', { class: 'log-scroll', tabindex: 0, role: 'log', 'aria-label': 'Entries of the log' })
   scroller.append(h('table', {}, h('thead', {}, h('tr', {}, ...heads)), body))
+  const areDetailsShown = new Observable(false)
+  const details = h(
+    'button',
+    { testid: 'log-details', hidden: true, onclick: () => (areDetailsShown.value = !areDetailsShown.value) },
+    'Checkpoints',
+  )
   const close = () => (store.isLogOpen.value = false)
   const clear = () => (entries.value = [])
   const element = h(
@@ -21,6 +27,7 @@ export function logPanel(store: Store, entries: Observable<readonly Entry[]>): H
       'header',
       {},
       h('h2', {}, 'Log'),
+      details,
       h('button', { testid: 'log-clear', onclick: clear }, 'Clear'),
       h('button', { testid: 'log-close', 'aria-label': 'Close the log', onclick: close }, 'Close'),
     ),
@@ -31,20 +38,27 @@ export function logPanel(store: Store, entries: Observable<readonly Entry[]>): H
   function show(all: readonly Entry[]): void {
     if (!store.isLogOpen.value) return
     const isAtEnd = scroller.scrollTop + scroller.clientHeight >= scroller.scrollHeight - 4
-    const kept = new Set(all)
+    details.hidden = !all.some((entry) => entry.isDetail)
+    const wanted = areDetailsShown.value ? all : all.filter((entry) => !entry.isDetail)
+    const kept = new Set(wanted)
     for (const [entry, row] of shown) {
       if (kept.has(entry)) continue
       row.remove()
       shown.delete(entry)
     }
-    for (const entry of all) {
-      if (shown.has(entry)) continue
-      shown.set(entry, body.appendChild(rowOf(entry)))
+    let row = body.firstElementChild
+    for (const entry of wanted) {
+      if (shown.get(entry) === row && row) row = row.nextElementSibling
+      else shown.set(entry, body.insertBefore(rowOf(entry), row))
     }
     if (isAtEnd) scroller.scrollTop = scroller.scrollHeight
   }
 
   entries.watch(show)
+  areDetailsShown.watch((areShown) => {
+    details.setAttribute('aria-pressed', String(areShown))
+    show(entries.value)
+  })
   store.isLogOpen.watch((isOpen) => {
     element.hidden = !isOpen
     show(entries.value)

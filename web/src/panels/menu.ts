@@ -8,6 +8,7 @@ import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
 import { clock } from './hud_rows'
+import { ask } from './question'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
 import { tools } from './tools'
@@ -37,14 +38,21 @@ const THEMES = [
   ['dark', 'Dark'],
 ] as const
 
-export function menu(store: Store, connection: Connection, actions: Actions, showPrograms: () => void): HTMLElement {
+/** `showPrograms` shows programs that connect; `save` saves the edited scenario, and returns whether it did. */
+export function menu(
+  store: Store,
+  connection: Connection,
+  actions: Actions,
+  showPrograms: () => void,
+  save: () => Promise<boolean>,
+): HTMLElement {
   const panel = h(
     'aside',
     { class: 'panel menu', id: 'menu', testid: 'menu', 'aria-label': 'Menu' },
     bridge(store, connection, showPrograms),
     simulator(store, actions),
     time(store, actions),
-    scenario(store, connection),
+    scenario(store, connection, save),
     view(store),
     tools(store, actions),
   )
@@ -85,11 +93,17 @@ function simulator(store: Store, actions: Actions): HTMLElement {
   return section(
     'Simulator',
     vehicleField,
-    row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store)),
-    row(modeButton, mode),
+    live(row(h('button', { testid: 'reset', onclick: () => void actions.reset() }, 'Reset'), timeText(store))),
+    live(row(modeButton, mode)),
     row(h('button', { testid: 'camera', onclick: () => actions.nextCamera() }, 'Camera'), camera),
-    row(lightButton, light),
+    live(row(lightButton, light)),
   )
+}
+
+/** Marks what has no effect in a replay, which hides it. */
+function live(element: HTMLElement): HTMLElement {
+  element.classList.add('live')
+  return element
 }
 
 /** Simulated time; Reset sets it to 0. */
@@ -143,11 +157,31 @@ function time(store: Store, actions: Actions): HTMLElement {
   )
 }
 
-function scenario(store: Store, connection: Connection): HTMLElement {
+function scenario(store: Store, connection: Connection, save: () => Promise<boolean>): HTMLElement {
   const note = h('p', { class: 'note', testid: 'note', role: 'status', hidden: true })
   const error = h('p', { class: 'error', testid: 'scenario-error', role: 'alert', hidden: true })
-  const select = choice('scenario', (name) => void load(name), { 'aria-label': 'Scenario' })
+  const select = choice('scenario', (name) => void choose(name), { 'aria-label': 'Scenario' })
   let isLoading = false
+
+  /** Loads another scenario; asks first if the present one has edits that are in no file. */
+  async function choose(name: string): Promise<void> {
+    if (!store.hasUnsavedEdits.value || (await mayDiscard())) await load(name)
+    else show()
+  }
+
+  async function mayDiscard(): Promise<boolean> {
+    const text = `The edits of “${store.scene.value?.title}” are not saved. Another scenario discards them.`
+    const answer = await ask(
+      'discard-dialog',
+      'Unsaved edits',
+      [h('p', {}, text)],
+      [
+        ['discard', 'Discard the edits'],
+        ['save', 'Save first…', true],
+      ],
+    )
+    return answer === 'discard' || (answer === 'save' && save())
+  }
 
   async function load(name: string): Promise<void> {
     isLoading = select.disabled = true

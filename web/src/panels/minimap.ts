@@ -3,6 +3,7 @@
 
 import type { Scene } from '../messages'
 import { sceneUrl } from '../scene/assets'
+import { clamp } from '../scene/zoom'
 import type { Store } from '../store'
 import type { Trails } from '../trails'
 import { vehicleColour } from '../vehicle_colours'
@@ -66,9 +67,12 @@ export function minimap(store: Store, trails: Trails): HTMLElement {
     const names = Object.keys(frame.vehicles).sort((a, b) => Number(a === viewed) - Number(b === viewed))
     for (const name of names) {
       const { position, orientation } = frame.vehicles[name].pose
+      const [px, py] = at(position[0], position[1])
+      // a vehicle outside the drawing is at its edge
+      const place: [number, number] = [clamp(px, [ARROW, width - ARROW]), clamp(py, [ARROW, height - ARROW])]
       const [w, x, y, z] = orientation
       const yaw = Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-      drawArrow(context, at(position[0], position[1]), yaw, vehicleColour(scene, name), name === viewed)
+      drawArrow(context, place, yaw, vehicleColour(scene, name), name === viewed)
     }
   }
 

@@ -1,20 +1,17 @@
-// The toolbar: Menu, title, connection banner, state of the simulation, help, HUD.
+// The toolbar: Menu, title, state of the simulation, help, HUD.
 
-import type { Actions } from '../actions'
 import type { Observable } from '../observable'
 import type { Store } from '../store'
-import { banner } from './banner'
 import { h, icon, setText } from './element'
 import { EDIT, HUD, MENU } from './icons'
 
-export function toolbar(store: Store, actions: Actions, showHelp: () => void): HTMLElement {
+export function toolbar(store: Store, showHelp: () => void): HTMLElement {
   const label = { 'aria-label': 'Help', title: 'Keys and controls (?)' }
   return h(
     'header',
     { class: 'toolbar' },
     opener('menu', 'Menu', MENU, 'M', store.isMenuOpen),
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
-    banner(store, actions),
     run(store),
     opener('edit', 'Edit', EDIT, 'J', store.isEditing),
     h('button', { class: 'round', testid: 'help', onclick: showHelp, ...label }, '?'),

@@ -24,9 +24,12 @@ export function tools(store: Store, actions: Actions): HTMLElement {
       toggle('log-button', 'Log', 'All notices with their times (key O)', store.isLogOpen),
     ),
     labelled('Small map', toggleSwitch('minimap-switch', 'Key Q', store.isMapOpen)),
+    labelled('Describe the scene', toggleSwitch('describe-switch', DESCRIBE, store.isDescribed)),
     labelled('Driven lines', toggleSwitch('trails-switch', 'Key T', store.areTrailsShown)),
   )
 }
+
+const DESCRIBE = 'Each second a line of text for screen readers: place, speed and nearest obstacle (key Y)'
 
 /** Enters or leaves full screen. */
 export function toggleFullScreen(): void {

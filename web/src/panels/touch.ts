@@ -1,14 +1,17 @@
-// Touch controls: a pad for steering, a pad for throttle, and lamp buttons; shown on touch screens.
+// Touch controls: pads for steering and throttle, speed, and buttons for views and lamps; shown on touch screens.
 
+import type { Actions } from '../actions'
 import type { Driver } from '../driving/driver'
 import type { Lights } from '../messages'
 import { Headlights, Indicators } from '../messages'
 import type { Store } from '../store'
 import type { DriveInput } from '../worker/port'
-import { h, icon } from './element'
-import { HAZARD, HIGH_BEAM, LEFT_INDICATOR, LOW_BEAM, RIGHT_INDICATOR } from './icons'
+import { h, icon, setText } from './element'
+import { fixed } from './hud_rows'
+import { CAMERA, HAZARD, HIGH_BEAM, LEFT_INDICATOR, LOW_BEAM, RIGHT_INDICATOR, VEHICLE } from './icons'
 
-export function touch(driver: Driver, store: Store): HTMLElement {
+/** `record` is the button that records; the toolbar of a small screen has no place for it. */
+export function touch(driver: Driver, store: Store, actions: Actions, record: HTMLElement): HTMLElement {
   const beam = (label: string, path: string, which: Headlights) =>
     lamp(
       store,
@@ -26,20 +29,53 @@ export function touch(driver: Driver, store: Store): HTMLElement {
       () => driver.toggleIndicators(which),
     )
   return h(
-    'div',
-    { class: 'touch', testid: 'touch' },
+    'section',
+    { class: 'touch', testid: 'touch', 'aria-label': 'Touch controls' },
     pad(driver, 'steering', 'Steering'),
     h(
       'div',
-      { class: 'touch-lamps' },
-      beam('Low beam', LOW_BEAM, Headlights.LOW),
-      beam('High beam', HIGH_BEAM, Headlights.HIGH),
-      side('Left indicator', LEFT_INDICATOR, Indicators.LEFT),
-      side('Hazard indicators', HAZARD, Indicators.HAZARD),
-      side('Right indicator', RIGHT_INDICATOR, Indicators.RIGHT),
+      { class: 'touch-buttons' },
+      h(
+        'div',
+        { class: 'touch-views' },
+        speed(store),
+        press('touch-camera', 'Next camera', CAMERA, () => actions.nextCamera()),
+        nextVehicle(store, actions),
+        record,
+      ),
+      h(
+        'div',
+        { class: 'touch-lamps' },
+        beam('Low beam', LOW_BEAM, Headlights.LOW),
+        beam('High beam', HIGH_BEAM, Headlights.HIGH),
+        side('Left indicator', LEFT_INDICATOR, Indicators.LEFT),
+        side('Hazard indicators', HAZARD, Indicators.HAZARD),
+        side('Right indicator', RIGHT_INDICATOR, Indicators.RIGHT),
+      ),
     ),
     pad(driver, 'throttle', 'Throttle'),
   )
+}
+
+/** The speed of the selected vehicle. */
+function speed(store: Store): HTMLElement {
+  const text = h('span', { class: 'touch-speed', testid: 'touch-speed' })
+  store.frame.watch((frame) => {
+    const vehicle = frame?.vehicles[store.vehicle.value]
+    setText(text, vehicle ? `${fixed(Math.abs(vehicle.velocity[0]))} m/s` : '')
+  })
+  return text
+}
+
+function press(testid: string, label: string, path: string, onclick: () => void): HTMLButtonElement {
+  return h('button', { testid, 'aria-label': label, title: label, onclick }, icon(path))
+}
+
+/** The button to the next vehicle, if there are several. */
+function nextVehicle(store: Store, actions: Actions): HTMLElement {
+  const button = press('touch-vehicle', 'Next vehicle', VEHICLE, () => actions.nextVehicle())
+  store.scene.watch((scene) => (button.hidden = Object.keys(scene?.vehicles ?? {}).length < 2))
+  return button
 }
 
 /** A button that switches a lamp and shows its state. */
@@ -62,7 +98,7 @@ function lamp(
 /** A pad with a knob that follows the finger along one axis and returns to the centre on release. */
 function pad(driver: Driver, axis: keyof DriveInput, label: string): HTMLElement {
   const knob = h('i', { class: 'knob' })
-  const element = h('div', { class: `pad ${axis}`, testid: `pad-${axis}`, 'aria-label': label }, knob)
+  const element = h('div', { class: `pad ${axis}`, testid: `pad-${axis}`, role: 'group', 'aria-label': label }, knob)
 
   /** `value` in [-1, 1]; up and left are positive. */
   function set(value: number): void {

@@ -21,6 +21,8 @@ const KEPT: Record<string, string> = {
 export interface Recorder {
   /** For the toolbar. */
   button: HTMLElement
+  /** For the touch controls. */
+  touchButton: HTMLElement
   /** For the menu. */
   section: HTMLElement
 }
@@ -33,6 +35,11 @@ export function recorder(store: Store, actions: Actions): Recorder {
     icon(RECORD),
     h('span', { class: 'record-label' }, 'Record'),
     time,
+  )
+  const touchButton = h(
+    'button',
+    { class: 'record', testid: 'touch-record', onclick: () => void toggle() },
+    icon(RECORD),
   )
   const start = h('button', { testid: 'record', onclick: () => void toggle() })
   const save = h('button', { testid: 'save-recording', onclick: () => void saveKept() }, 'Save')
@@ -64,13 +71,15 @@ export function recorder(store: Store, actions: Actions): Recorder {
   store.status.watch((now) => {
     const recording = now?.recording
     const isRecording = isOn()
-    for (const one of [button, start]) one.setAttribute('aria-pressed', String(isRecording))
+    for (const one of [button, touchButton, start]) one.setAttribute('aria-pressed', String(isRecording))
     const label = isRecording ? 'Stop the recording' : 'Record the simulation'
-    button.title = label
-    button.setAttribute('aria-label', label)
+    for (const one of [button, touchButton]) {
+      one.title = label
+      one.setAttribute('aria-label', label)
+      one.classList.toggle('is-keeping', recording?.state === 'keeping')
+    }
     setText(start, isRecording ? 'Stop recording' : 'Record')
     setText(time, isRecording ? clock(recording?.duration ?? 0) : '')
-    button.classList.toggle('is-keeping', recording?.state === 'keeping')
     save.hidden = recording?.state !== 'keeping'
     keep.disabled = isRecording
     show(state, recording ? text(recording) : '')
@@ -78,6 +87,7 @@ export function recorder(store: Store, actions: Actions): Recorder {
   })
   return {
     button,
+    touchButton,
     section: section('Recording', h('div', { class: 'tools' }, start, save), labelled('Keep', keep), state, error),
   }
 }

@@ -31,12 +31,10 @@ export function timeline(store: Store, connection: Connection, actions: Actions)
   const marks = marksCanvas(window_)
   const cursor = h('div', { class: 'timeline-cursor' })
   const hover = h('output', { class: 'timeline-hover', testid: 'timeline-hover', hidden: true })
-  const slider = {
-    ...{ class: 'timeline-track', testid: 'timeline', role: 'slider', tabindex: 0 },
-    ...{ 'aria-label': 'Time of the recording', 'aria-valuemin': 0 },
-  }
+  const label = { 'aria-label': 'Time of the recording', 'aria-valuemin': 0 }
+  const slider = h('div', { testid: 'timeline', role: 'slider', tabindex: 0, ...label }, marks.element)
   const plot = runPlot(() => requestCurves())
-  const track = h('div', slider, plot.element, marks.element, cursor, hover)
+  const track = h('div', { class: 'timeline-track' }, plot.element, slider, cursor, hover)
   const play = button('play', PLAY, 'Play (P)', () => actions.togglePause())
   const time = h('output', { class: 'timeline-time', testid: 'timeline-time' })
   const file = h('span', { class: 'timeline-file', testid: 'timeline-file' })
@@ -85,7 +83,7 @@ export function timeline(store: Store, connection: Connection, actions: Actions)
     if (!recording) return
     setText(file, recording.name)
     file.title = recording.name
-    track.setAttribute('aria-valuemax', recording.duration.toFixed(2))
+    slider.setAttribute('aria-valuemax', recording.duration.toFixed(2))
     if (window_.range.value.end === 1 || window_.isWhole) window_.showAll(recording.duration)
     requestCurves()
   })
@@ -126,8 +124,8 @@ export function timeline(store: Store, connection: Connection, actions: Actions)
     const share = window_.shareOf(position)
     cursor.hidden = share < 0 || share > 1
     cursor.style.setProperty('--share', String(share))
-    track.setAttribute('aria-valuenow', position.toFixed(2))
-    track.setAttribute('aria-valuetext', preciseClock(position))
+    slider.setAttribute('aria-valuenow', position.toFixed(2))
+    slider.setAttribute('aria-valuetext', preciseClock(position))
   }
 
   const animate = (): void => {

@@ -2,6 +2,8 @@
 import { PerspectiveCamera, type Vector3 } from 'three'
 import { MapControls } from 'three/addons/controls/MapControls.js'
 
+import { STEP } from './zoom'
+
 /** The first view: distances south of and above a vehicle [m]. */
 const SOUTH = 1.3
 const ABOVE = 1.9
@@ -42,6 +44,23 @@ export class EditCamera {
     camera.quaternion.copy(this.camera.quaternion)
     camera.updateProjectionMatrix()
     camera.updateMatrixWorld()
+  }
+
+  /** Looks at a point of the ground [m], from the same direction and distance. */
+  moveTo(x: number, y: number): void {
+    const { target } = this.controls
+    this.camera.position.x += x - target.x
+    this.camera.position.y += y - target.y
+    target.x = x
+    target.y = y
+  }
+
+  /** Moves nearer to what it looks at by that number of clicks of the mouse wheel. */
+  zoom(clicks: number): void {
+    this.camera.position
+      .sub(this.controls.target)
+      .multiplyScalar(STEP ** -clicks)
+      .add(this.controls.target)
   }
 
   /** Edit mode has ended. */

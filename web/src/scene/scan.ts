@@ -19,12 +19,15 @@ import { type MotionInterpolator, type PlacedObject, quaternion } from './motion
 const COLOR = 'vec3(0.30, 0.86, 1.0)'
 /** Diameter of a point [CSS pixels]. */
 const SIZE = 5
+/** Distance by which a point is drawn nearer to the camera than it is [m]. */
+const LIFT = 0.004
 
 const VERTEX = /* glsl */ `
 uniform float size;
 void main() {
-  gl_Position = projectionMatrix * viewMatrix * vec4(position, 1.0);
-  gl_Position.z -= 0.0004 * gl_Position.w;  // in front of the surface it lies on
+  vec3 seen = (viewMatrix * vec4(position, 1.0)).xyz;
+  seen -= ${LIFT} * normalize(seen);  // in front of the surface it lies on
+  gl_Position = projectionMatrix * vec4(seen, 1.0);
   gl_PointSize = size;
 }
 `

@@ -34,6 +34,10 @@ export interface SceneView {
   screenPoint(x: number, y: number, z: number): [x: number, y: number] | null
   /** The point of the ground (z = 0) at a place of the screen [CSS pixels]; null above the horizon. */
   groundPoint(x: number, y: number): [x: number, y: number] | null
+  /** In Edit mode: moves the camera above a point of the map [m] that is outside the image or covered by a panel. */
+  showPlace(x: number, y: number): void
+  /** In Edit mode: moves the camera nearer by that number of clicks. */
+  zoomEdit(clicks: number): void
   /** The present image with the labels of the vehicles, as a PNG file; null if there is none. */
   picture(): Promise<Blob | null>
   resize(): void
@@ -118,6 +122,16 @@ class View implements SceneView {
     const eye = camera.position
     const share = eye.z / (eye.z - to.z)
     return share > 0 && Number.isFinite(share) ? [eye.x + share * (to.x - eye.x), eye.y + share * (to.y - eye.y)] : null
+  }
+
+  showPlace(x: number, y: number): void {
+    const at = this.screenPoint(x, y, 0)
+    if (this.store.isEditing.value && (!at || document.elementFromPoint(...at) !== this.canvas))
+      this.editCamera.moveTo(x, y)
+  }
+
+  zoomEdit(clicks: number): void {
+    this.editCamera.zoom(clicks)
   }
 
   async picture(): Promise<Blob | null> {

@@ -3,7 +3,7 @@ import type { Scene } from '../messages'
 import type { Store } from '../store'
 
 /** Change of the distance or of the focal length by a click of the mouse wheel. */
-const STEP = 1.1
+export const STEP = 1.1
 /** A click of the mouse wheel in a wheel event [pixels]. */
 const CLICK = 100
 /** Limits of the focal length of Driver's Eye and God's Eye, relative to the standard one. */

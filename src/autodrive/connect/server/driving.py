@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.log_throttle import LogThrottle
 from autodrive.base.suggest import suggest
+from autodrive.connect.server.driver_lease import LEASE_TIME
 from autodrive.protocol.native import Drive, Error, Source
 
 if TYPE_CHECKING:
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 ERROR_INTERVAL = 1.0
 """A client gets Errors of the same code at most once in this time [s], because commands come often."""
+PAGE_NAME = re.compile(r"page( \d+)?")
+"""Names of clients that are browsers with the page."""
 
 
 class Driving:
@@ -83,7 +87,8 @@ class Driving:
 
 def taken(vehicle: str, other: ConnectedClient) -> str:
     """The text of the Error 'taken'."""
-    return f"'{other.name}' drives vehicle '{vehicle}'"
+    name, last = ("another browser", "key") if PAGE_NAME.fullmatch(other.name) else (f"'{other.name}'", "command")
+    return f"{name} drives {vehicle}; it is free {LEASE_TIME:g} s after its last {last}"
 
 
 def _wrong_mode(drive: Drive) -> str:

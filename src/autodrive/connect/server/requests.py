@@ -14,7 +14,7 @@ from autodrive.base.errors import AutodriveError
 from autodrive.base.suggest import suggest
 from autodrive.connect.server.driving import taken
 from autodrive.connect.server.request_queue import MAX_PENDING, SHARE, Entry, RequestQueue, TimeLimit
-from autodrive.protocol.messages import Frame, LoadScenario, Operation, SaveScenario, Step
+from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Operation, Place, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 
@@ -231,8 +231,14 @@ class Requests:
             self._frame_queue.deliver()
 
     def _text(self, operation: Operation) -> str:
-        """The text of the Response: the scenario as it is now, for a `SaveScenario`."""
-        return self._simulation.scenario_text() if isinstance(operation, SaveScenario) else ""
+        """The text of the Response: the scenario as it is now, or a warning about the place of a vehicle or box."""
+        match operation:
+            case SaveScenario(title=title):
+                return self._simulation.scenario_text(title)
+            case Place(name=name, x=x, y=y) | AddBox(name=name, x=x, y=y):
+                outside = self._simulation.world.map.outside(x, y)
+                return outside and f"{name} at {outside}"
+        return ""
 
     def _check_step(self, client: ConnectedClient, step: Step) -> None:
         if not self._simulation.is_paused:

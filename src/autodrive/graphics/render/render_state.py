@@ -13,7 +13,7 @@ from autodrive.physics.actuators.lights import LAMPS, lamp_levels
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
-    from autodrive.protocol.messages import Frame
+    from autodrive.protocol.messages import Frame, Lights
 
 VEHICLE = np.dtype(
     [
@@ -75,6 +75,10 @@ class RenderState:
         cut = np.cumsum([HEADER.itemsize // 8, vehicles * VEHICLE.itemsize // 8])
         header, vehicle_rows, object_rows = np.split(data, cut)
         return RenderState(data, header.view(HEADER)[0], vehicle_rows.view(VEHICLE), object_rows.view(OBJECT))
+
+    def switch_lamps(self, lights: Lights) -> None:
+        """Set the lamps of all vehicles."""
+        self.vehicles["lamps"] = lamp_levels(lights)
 
     @property
     def time(self) -> float:

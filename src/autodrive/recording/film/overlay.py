@@ -56,7 +56,7 @@ def with_overlay(
         _blend(out, sprite, round(left + scale * x), round(top + scale * y))
 
     put(_sprite(_PANEL, WIDTH, HEIGHT, scale), 0, 0)
-    for text, begin in ((f"{speed:.2f} m/s", 20.0), (f"{math.degrees(steering):.1f}°", 176.0)):
+    for text, begin in ((f"{speed:z.2f} m/s", 20.0), (f"{math.degrees(steering):z.1f}°", 176.0)):
         x = begin
         for character in text:
             if character in _GLYPHS:

@@ -93,10 +93,11 @@ class Paced(Publisher, ABC):
         The result of the Future is the Frame after the request.
         """
 
-    def scenario_text(self) -> str:
-        """The scenario as it is now, as the text of a YAML file."""
+    def scenario_text(self, title: str = "") -> str:
+        """The scenario as it is now, as the text of a YAML file, with that title if there is one."""
         world = self.world
-        return scenario_text(world.spec.model_copy(update={"scene_light": world.scene_light}))
+        changes = {"scene_light": world.scene_light, "title": title or world.spec.title}
+        return scenario_text(world.spec.model_copy(update=changes))
 
     @abstractmethod
     def start(self) -> None:

@@ -1,0 +1,133 @@
+"""The accessibility rules of axe-core in each state of the page, and the page without eyes or without a mouse."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from autodrive.protocol.messages import Pause
+from autodrive.recording.replay import Replay, ReplayOptions
+from tests.page.test_screens import SHOW_CARDS
+from tests.recording.conftest import Drive, drive
+from tests.support.page import ROOT, NewTab, PageServer, Tab
+
+__all__ = ["drive"]
+
+SIZES = {"screen": (1280, 720), "phone": (390, 844)}
+
+FINDINGS = """async () => (await axe.run(document)).violations.flatMap(({ id, nodes }) =>
+    nodes.map(({ target, failureSummary }) => [id, target.join(' '), failureSummary].join(': ')))"""
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    """The program, from the npm packages of the tests."""
+    subprocess.run([ROOT / "scripts" / "page", "--install"], check=True, cwd=ROOT, timeout=300)
+    return (ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js").read_text()
+
+
+@pytest.fixture
+def replay(built: Path, drive: Drive) -> Iterator[Replay]:
+    with Replay(drive.path, ReplayOptions(is_paused=True, port=0)) as running:
+        yield running
+
+
+def check(tab: Tab, axe: str, state: str) -> None:
+    tab.page.evaluate(axe)
+    assert tab.page.evaluate(FINDINGS) == [], state
+
+
+@pytest.mark.parametrize("name", list(SIZES))
+def test_axe_finds_nothing_in_any_state(two_cars: PageServer, new_tab: NewTab, axe: str, name: str) -> None:
+    tab = new_tab(size=SIZES[name], touch=name == "phone", is_first_visit=True).open(f"{two_cars.url}?quality=low")
+    tab.page.emulate_media(reduced_motion="reduce")
+    tab.wait_until(lambda: tab.get("hud").count() == 1)
+    check(tab, axe, "start")
+    for opens, closes in (("hints-connect", "connect-close"), ("help", "help-close")):
+        tab.click(opens)
+        check(tab, axe, opens)
+        tab.click(closes)
+    tab.click("hints-close")
+    for panel in ("menu", "hud"):
+        tab.show(panel)
+        tab.page.evaluate(SHOW_CARDS)
+        tab.page.evaluate("() => { autodrive.store.isMeasuring.value = autodrive.store.isDescribed.value = true }")
+        check(tab, axe, panel)
+    tab.page.evaluate("() => { autodrive.store.warning.value = 'a warning' }")
+    tab.show()
+    tab.click("edit-button")
+    if not tab.get("edit").is_visible():
+        tab.click("edit-details")
+    check(tab, axe, "Edit mode")
+    tab.click("edit-save")
+    check(tab, axe, "save")
+
+
+def test_axe_finds_nothing_in_a_race_and_in_a_replay(
+    race: PageServer, replay: Replay, new_tab: NewTab, axe: str
+) -> None:
+    for url in (race.url, replay.server.url):
+        tab = new_tab(size=(1280, 720)).open(f"{url}?quality=low#hud=1&log=1&map=1")
+        tab.wait_until(lambda tab=tab: tab.get("hud").count() == 1)
+        tab.show("menu", "hud")
+        if url is not race.url and tab.get("timeline-plot").is_visible():
+            tab.click("timeline-plot")
+        check(tab, axe, url)
+
+
+def test_a_lost_server_is_named_in_a_whole_sentence_and_what_is_shown_is_marked_as_old(
+    plane: PageServer, new_tab: NewTab, axe: str
+) -> None:
+    with plane.with_token("open-sesame-0123") as server:
+        tab = new_tab(size=(1280, 720), expects="WebSocket").open(f"{server.url}&quality=low#hud=1")
+        tab.wait_until(lambda: tab.get("hud").count() == 1)
+    tab.wait_until(lambda: tab.get("banner").is_visible())
+    assert re.search(r"The page tries to connect again\. The image and the HUD are those of 00:0", tab.text("banner"))
+    line = tab.get("banner").locator("span")
+    assert line.evaluate("(line) => line.scrollWidth <= line.clientWidth")
+    assert tab.text("hud-old").startswith("Old values, of 00:0")
+    assert "grayscale" in tab.page.locator("#scene").evaluate("(scene) => getComputedStyle(scene).filter")
+    assert tab.page.locator("#scene").bounding_box() == {"x": 0, "y": 0, "width": 1280, "height": 720}
+    check(tab, axe, "lost")
+
+
+def test_keys_of_the_help_fit_their_caps(plane: PageServer, tab: Tab) -> None:
+    for size in ((1280, 720), (390, 844)):
+        tab.page.set_viewport_size({"width": size[0], "height": size[1]})
+        tab.page.keyboard.press("?")
+        too_wide = tab.page.evaluate(
+            """() => [...document.querySelectorAll('.help-body dt')].filter((dt) => {
+                const right = Math.max(...[...dt.children].map((cap) => cap.getBoundingClientRect().right))
+                return right > dt.nextElementSibling.getBoundingClientRect().left
+            }).map((dt) => dt.textContent)"""
+        )
+        assert too_wide == []
+        tab.page.keyboard.press("?")
+
+
+def test_keys_zoom_and_turn_the_camera_and_describe_the_scene(plane: PageServer, tab: Tab) -> None:
+    plane.request(Pause())
+    keyboard = tab.page.keyboard
+    for _ in range(3):
+        keyboard.press("=")
+    assert tab.value('store.lensZoom.value["Driver\'s Eye"]') == pytest.approx(1.331)
+    keyboard.press("-")
+    assert tab.value('store.lensZoom.value["Driver\'s Eye"]') == pytest.approx(1.21)
+    keyboard.press("Shift+ArrowRight")
+    tab.wait_until(lambda: tab.value("store.camera.value") == "Orbit" and tab.value("store.orbit.value"))
+    before = tab.value("store.orbit.value")
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp"):
+        keyboard.press(f"Shift+{key}")
+    after = tab.value("store.orbit.value")
+    assert after["azimuth"] == pytest.approx(before["azimuth"] + 0.1745, abs=0.01)
+    assert after["elevation"] == pytest.approx(before["elevation"] + 0.0873, abs=0.01)
+    assert tab.text("description") == ""
+    keyboard.press("y")
+    tab.wait_for_text("description", "V1 stands at x 0.00 m, y 0.00 m, heading 0 degrees; on the road; ")
+    keyboard.press("y")
+    tab.wait_until(lambda: tab.text("description") == "")
+    tab.page.evaluate('() => { autodrive.store.lensZoom.value = { "Driver\'s Eye": 1, "God\'s Eye": 1 } }')
