@@ -23,7 +23,6 @@ from autodrive.connect.server import connections, hub
 from autodrive.connect.server.bridge_control import BridgeControl
 from autodrive.connect.server.connections import HttpProtocol
 from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
-from autodrive.connect.server.request_queue import BURST, SHARE, TimeLimit
 from autodrive.connect.server.requests import Requests
 from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
 from autodrive.connect.server.server import Server
@@ -163,18 +162,6 @@ def test_the_simulation_gets_one_request_of_all_clients_at_a_time(
         is_free.set()
 
 
-def test_all_requests_together_use_a_fifth_of_the_time() -> None:
-    limit = TimeLimit(0.0)
-    assert limit.free_at == 0.0
-    limit.use(BURST, 0.0)
-    assert limit.free_at == 0.0
-    limit.use(1.0, 0.0)
-    assert limit.free_at == 1.0 / SHARE
-    limit.use(0.0, 1000.0)
-    limit.use(BURST + 1.0, 1000.0)
-    assert limit.free_at == 1000.0 + 1.0 / SHARE  # a rest saves no more than the burst
-
-
 def test_many_refused_requests_end_the_connection(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("autodrive.connect.server.rate_limit.MOST_DROPPED", 100)
     with native_client(server, max_queue=None) as loud:
@@ -306,7 +293,7 @@ def test_who_sends_more_than_a_piece_waits_and_others_do_not(server: Server, mon
 
 def test_who_sends_many_http_requests_waits_and_others_do_not(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "REQUEST_RATE", 1e-6)
-    monkeypatch.setattr(HttpProtocol, "_credit", 3.0)
+    monkeypatch.setattr(connections, "REQUEST_BURST", 3.0)
     request = b"GET /none HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     with socket.create_connection(("127.0.0.1", server.port), LIMIT) as peer:
         peer.sendall(100 * request)

@@ -26,7 +26,7 @@ _HEADLIGHTS, _INDICATORS = frozenset(Headlights), frozenset(Indicators)
 
 
 def check_commands(commands: object) -> None:
-    """Raises `CommandError` unless it is a dictionary of Commands, by name of the vehicle."""
+    """Raises `CommandError` unless it is a dictionary of Commands that vehicles can obey, by name of the vehicle."""
     if not isinstance(commands, (dict, Mapping)):  # a dictionary is recognised faster
         raise CommandError(
             f"commands must be a dictionary with a Command for each vehicle, {_EXAMPLE}, not {reprlib.repr(commands)}"
@@ -36,10 +36,10 @@ def check_commands(commands: object) -> None:
             raise CommandError(
                 f"the command of vehicle '{vehicle}' must be a Command, {_EXAMPLE}, not {reprlib.repr(command)}"
             )
+        _check_values(vehicle, command)
 
 
-def check_command(vehicle: str, command: Command) -> None:
-    """Raises `CommandError` if the vehicle cannot obey: a value is not a finite number, or a lamp is not known."""
+def _check_values(vehicle: str, command: Command) -> None:
     if not _is_finite(command.throttle):
         raise CommandError(_not_finite(vehicle, "throttle", command.throttle))
     if not _is_finite(command.steering):

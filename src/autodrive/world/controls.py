@@ -10,7 +10,7 @@ import numpy as np
 
 from autodrive.base.errors import CommandError
 from autodrive.base.suggest import suggest
-from autodrive.protocol.commands import check_command, check_commands
+from autodrive.protocol.commands import check_commands
 from autodrive.protocol.messages import Command, Headlights, Indicators
 
 NO_COMMAND = Command()
@@ -59,10 +59,7 @@ class Controls:
     def accept(self, commands: Mapping[str, Command], tick: int) -> None:
         """Take commands at that tick. Raises `CommandError` if one of them is wrong, and takes none of them then."""
         check_commands(commands)
-        obeying: list[tuple[VehicleControls, Command]] = []
-        for name, command in commands.items():
-            obeying.append((self.vehicles[self.index(name)], command))
-            check_command(name, command)
+        obeying = [(self.vehicles[self.index(name)], command) for name, command in commands.items()]
         for controls, command in obeying:
             controls.command, controls.since = command, tick
             if command.headlights is not None:

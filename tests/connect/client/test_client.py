@@ -227,8 +227,8 @@ def test_another_scenario_brings_its_own_frames(sim: Client) -> None:
         (lambda sim: sim.step({"V1": Command(float("nan"))}), "must be a finite number"),
         (lambda sim: sim.step(ticks=0), "1 tick or more"),
         (lambda sim: sim.connect_bridge(), "without a bridge"),
-        (lambda sim: sim.drive("V1", throttle="fast"), "is not a valid Command"),
-        (lambda sim: sim.drive("V1", headlights=7), "7 is not a valid Headlights"),
+        (lambda sim: sim.drive("V1", throttle="fast"), "throttle of vehicle 'V1' must be a finite number"),
+        (lambda sim: sim.drive("V1", headlights=7), "headlights of vehicle 'V1' must be one of 0 off"),
     ],
 )
 def test_a_refused_request_is_a_command_error_with_the_reason(sim: Client, ask: object, words: str) -> None:

@@ -368,15 +368,12 @@ class Client:
 
 def _plain(command: Command) -> Command:
     """The Command with Python numbers, which may be given as numpy numbers."""
-    try:
-        return Command(
-            float(command.throttle),
-            float(command.steering),
-            None if command.headlights is None else Headlights(command.headlights),
-            None if command.indicators is None else Indicators(command.indicators),
-        )
-    except (TypeError, ValueError) as error:
-        raise CommandError(f"{command} is not a valid Command: {error}") from None
+    return Command(
+        float(command.throttle),
+        float(command.steering),
+        None if command.headlights is None else Headlights(command.headlights),
+        None if command.indicators is None else Indicators(command.indicators),
+    )
 
 
 def _decoded(jpeg: bytes) -> NDArray[np.uint8]:

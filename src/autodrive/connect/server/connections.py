@@ -17,6 +17,7 @@ from websockets.frames import Frame
 from websockets.protocol import State
 
 from autodrive.base.tcp_options import drop_dead_peer
+from autodrive.base.token_bucket import TokenBucket
 
 IDLE_TIMEOUT = 10.0
 """A connection without a complete request for this time [s] is closed."""
@@ -50,8 +51,6 @@ class HttpProtocol(H11Protocol):
 
     _timer: asyncio.TimerHandle | None = None
     _began = 0.0
-    _credit, _answered = REQUEST_BURST, 0.0
-    """Requests that are answered without a pause, and when the latest answer ended [s]."""
 
     @property
     def age(self) -> float:
@@ -67,6 +66,7 @@ class HttpProtocol(H11Protocol):
         """Begin the time-out, and make room among the other connections."""
         super().connection_made(transport)
         _limit_buffers(transport)
+        self._limit = TokenBucket(REQUEST_RATE, REQUEST_BURST, self.loop.time())
         self._begin()
         others = [one for one in _open(self.connections, HttpProtocol) if one is not self]
         if len(others) >= MAX_HTTP:
@@ -79,10 +79,9 @@ class HttpProtocol(H11Protocol):
 
     def on_response_complete(self) -> None:
         """Restart the time-out, and read the next request; after a pause if there were too many."""
-        elapsed, self._answered = self.loop.time() - self._answered, self.loop.time()
-        self._credit = min(self._credit + REQUEST_RATE * elapsed, REQUEST_BURST) - 1.0
-        if self._credit < 0.0:
-            self.loop.call_later(-self._credit / REQUEST_RATE, super().on_response_complete)
+        self._limit.take(1.0)
+        if delay := self._limit.delay(self.loop.time()):
+            self.loop.call_later(delay, super().on_response_complete)
         else:
             super().on_response_complete()
         self._begin()

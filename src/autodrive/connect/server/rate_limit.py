@@ -1,8 +1,10 @@
-"""Rate limit for the messages of one client: a token bucket."""
+"""Rate limit for the messages of one client."""
 
 from __future__ import annotations
 
 from typing import Literal
+
+from autodrive.base.token_bucket import TokenBucket
 
 RATE = 1000.0
 """Messages per second [Hz], and the largest burst. Requests do not count: one at a time is executed."""
@@ -16,36 +18,28 @@ class RateLimit:
     """The limit of one client. Times are those of any steady clock [s]."""
 
     def __init__(self, now: float) -> None:
-        self._tokens = RATE
-        self._bytes = BYTES
-        self._refilled = now
+        self._messages = TokenBucket(RATE, RATE, now)
+        self._bytes = TokenBucket(BYTES, BYTES, now)
         self._dropped = 0
 
     def allows_size(self, size: int, now: float) -> bool:
         """Whether one more message of that size [bytes] is read now; one that is read is counted."""
-        self._refill(now)
-        if self._bytes < size:
-            return self.drop()
-        self._bytes -= size
-        return True
+        return self._take(self._bytes, size, now)
 
     def allows(self, now: float) -> bool:
         """Whether one more message is accepted now; an accepted one is counted."""
-        self._refill(now)
-        if self._tokens < 1.0:
-            return self.drop()
-        self._tokens -= 1.0
-        return True
+        return self._take(self._messages, 1.0, now)
 
     def drop(self) -> Literal[False]:
         """Count a dropped message."""
         self._dropped += 1
         return False
 
-    def _refill(self, now: float) -> None:
-        elapsed, self._refilled = now - self._refilled, now
-        self._tokens = min(self._tokens + RATE * elapsed, RATE)
-        self._bytes = min(self._bytes + BYTES * elapsed, BYTES)
+    def _take(self, bucket: TokenBucket, tokens: float, now: float) -> bool:
+        if bucket.tokens(now) < tokens:
+            return self.drop()
+        bucket.take(tokens)
+        return True
 
     @property
     def is_exhausted(self) -> bool:

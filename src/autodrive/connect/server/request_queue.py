@@ -72,21 +72,3 @@ class RequestQueue:
     def clear(self) -> None:
         """Drop all requests that wait."""
         self._entries.clear()
-
-
-class TimeLimit:
-    """Limits the time that requests use together: `SHARE` of the time, and up to `BURST` at once. Times are in s."""
-
-    def __init__(self, now: float) -> None:
-        self._left = BURST
-        self._updated = now
-
-    def use(self, time: float, now: float) -> None:
-        """Count the time that a request used."""
-        self._left = min(self._left + SHARE * (now - self._updated), BURST) - time
-        self._updated = now
-
-    @property
-    def free_at(self) -> float:
-        """Time at which the next request may be executed."""
-        return self._updated + max(-self._left, 0.0) / SHARE

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.suggest import suggest
+from autodrive.base.token_bucket import TokenBucket
 from autodrive.connect.server.driving import taken
-from autodrive.connect.server.request_queue import MAX_PENDING, SHARE, Entry, RequestQueue, TimeLimit
+from autodrive.connect.server.request_queue import BURST, MAX_PENDING, SHARE, Entry, RequestQueue
 from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Operation, Place, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
@@ -90,7 +91,7 @@ class Requests:
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
         """The queue of each client; the client whose turn is next comes first."""
-        self._limit = TimeLimit(time.perf_counter())
+        self._limit = TokenBucket(SHARE, BURST, time.perf_counter())
         self._is_busy = False
         """Whether the simulation executes a request."""
         self._timer: asyncio.Handle | None = None
@@ -192,7 +193,8 @@ class Requests:
             work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
             queue.free_at = now + (1.0 / SHARE - 1.0) * work
             if not is_of_server:
-                self._limit.use(entry.ended - entry.started, now)
+                self._limit.tokens(now)
+                self._limit.take(entry.ended - entry.started)
         if not is_of_server:
             self._is_busy = False
         self._execute_soon()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from autodrive.base.errors import CommandError
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.base.suggest import suggest
-from autodrive.protocol.commands import MAX_DISTANCE, check_command, check_operation, check_seed, is_number
+from autodrive.protocol.commands import MAX_DISTANCE, check_commands, check_operation, check_seed, is_number
 from autodrive.protocol.messages import (
     Frame,
     LoadScenario,
@@ -42,9 +42,9 @@ def check_request(request: Operation, frame: Frame, *, error: str, can_load: boo
         case Step(ticks=ticks, commands=commands):
             if ticks < 1:
                 raise CommandError(f"a Step runs 1 tick or more, not {ticks}")
-            for vehicle, command in commands.items():
+            for vehicle in commands:
                 check_vehicle(vehicle, frame)
-                check_command(vehicle, command)
+            check_commands(commands)
         case LoadScenario() if not can_load:
             raise CommandError("this Simulation was made for one World and loads no other scenario")
         case SetDrivingMode(vehicle=vehicle) | Retire(vehicle=vehicle):

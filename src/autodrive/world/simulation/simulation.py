@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, get_args
 
 from autodrive.base.errors import CommandError, EngineError
 from autodrive.base.pace import Pace
-from autodrive.protocol.commands import check_command, check_commands, is_number
+from autodrive.protocol.commands import check_commands, is_number
 from autodrive.protocol.messages import (
     AddBox,
     Command,
@@ -147,7 +147,6 @@ class Simulation(Paced):
         """
         check_vehicle(vehicle, self._frame)
         check_commands({vehicle: command})
-        check_command(vehicle, command)
         if source not in SOURCES:
             raise CommandError(f"the source of a command must be 'person' or 'script', not {source!r}")
         with self._mailbox:
