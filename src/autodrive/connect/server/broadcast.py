@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
     from autodrive.connect.server.frame_source import FrameSource
     from autodrive.graphics.cameras.jpeg import JpegEncoder
-    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.graphics.cameras.scene_views import SceneViews
     from autodrive.world import World
     from autodrive.world.scene_files import SceneFiles
 
@@ -39,7 +39,7 @@ class Broadcast:
         *,
         scene_files: Callable[[World], SceneFiles],
         jpeg_encoder: JpegEncoder | None,
-        renderer_factory: Callable[[World], SceneProcess],
+        renderer_factory: Callable[[World], SceneViews],
         on_change: Callable[[], None],
     ) -> None:
         self.encoded = EncodedFrames(jpeg_encoder)

@@ -40,7 +40,7 @@ from autodrive.protocol.native import (
 if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.graphics.cameras.jpeg import JpegEncoder
-    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.graphics.cameras.scene_views import SceneViews
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.world import World
     from autodrive.world.scene_files import SceneFiles
@@ -68,7 +68,7 @@ class Hub:
         jpeg_encoder: JpegEncoder | None,
         cameras_error: Callable[[], str],
         want_pictures: Callable[[bool], None],
-        renderer_factory: Callable[[World], SceneProcess],
+        renderer_factory: Callable[[World], SceneViews],
         recording: RecordingControl | None = None,
         replay: Replayed | None = None,
         refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",

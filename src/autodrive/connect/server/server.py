@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.connect.server.frame_source import FrameSource, RecordingControl, Replayed
     from autodrive.graphics.cameras.jpeg import JpegEncoder
-    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.graphics.cameras.scene_views import SceneViews
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.world import World
     from autodrive.world.scene_files import SceneFiles
@@ -80,7 +80,7 @@ class Server:
         jpeg_encoder: JpegEncoder | None = None,
         cameras_error: Callable[[], str] = lambda: "",
         want_pictures: Callable[[bool], None] = lambda wanted: None,
-        renderer_factory: Callable[[World], SceneProcess] | None = None,
+        renderer_factory: Callable[[World], SceneViews] | None = None,
         recording: RecordingControl | None = None,
         replay: Replayed | None = None,
         refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
@@ -197,14 +197,14 @@ def _admits(record: logging.LogRecord) -> bool:
     return _throttle.admits(record.msg)
 
 
-def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneProcess]:
+def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneViews]:
     """A factory of renderers with that quality; the renderer is imported when the first one starts."""
 
-    def start(world: World) -> SceneProcess:
-        from autodrive.graphics.cameras.scene_process import SceneProcess  # noqa: PLC0415
-        from autodrive.graphics.cameras.scene_worker import SceneContents  # noqa: PLC0415
+    def start(world: World) -> SceneViews:
+        from autodrive.graphics.cameras.scene_views import SceneViews  # noqa: PLC0415
+        from autodrive.world.cameras import scene_rig  # noqa: PLC0415
 
-        return SceneProcess(SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), quality))
+        return SceneViews(scene_rig(world, quality))
 
     return start
 

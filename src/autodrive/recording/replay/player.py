@@ -30,7 +30,7 @@ from autodrive.world.simulation.clock import Clock, WallClock
 from autodrive.world.simulation.sinks import Publisher
 
 if TYPE_CHECKING:
-    from autodrive.graphics.cameras.process import CameraProcess
+    from autodrive.graphics.cameras.process_cameras import ProcessCameras
     from autodrive.protocol.native import Source
     from autodrive.recording.replay.tape import Tape
     from autodrive.world import World
@@ -50,7 +50,7 @@ class Stage(NamedTuple):
     """The World of a scenario, which is never stepped, and what draws images that were not recorded."""
 
     world: World
-    cameras: CameraProcess | None = None
+    cameras: ProcessCameras | None = None
 
 
 class Player(Publisher):
