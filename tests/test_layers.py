@@ -11,14 +11,14 @@ from tests.support.layers import GROUPS, LEVEL, PACKAGE, distributions_imported,
 
 FILES = layers.files()
 REAL_TIME = {
+    "base/child_process.py",
     "base/installation.py",
     "base/tcp_options.py",
-    "graphics/cameras/camera_worker.py",
     "graphics/cameras/jpeg.py",
-    "graphics/cameras/process.py",
-    "graphics/cameras/scene_process.py",
-    "graphics/cameras/scene_worker.py",
-    "graphics/cameras/worker.py",
+    "graphics/cameras/process_cameras.py",
+    "graphics/cameras/render_process.py",
+    "graphics/cameras/render_worker.py",
+    "graphics/cameras/scene_views.py",
     "world/batch/batch_world.py",
     "world/one_thread.py",
 }

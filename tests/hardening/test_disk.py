@@ -33,8 +33,6 @@ from autodrive.experiments.campaigns.table import Table
 from autodrive.experiments.envs import race_tracks
 from autodrive.experiments.identification.result import Identification
 from autodrive.experiments.policies import Policy
-from autodrive.graphics.cameras.process import CameraProcess
-from autodrive.graphics.cameras.shared_memory import FileMemory
 from autodrive.graphics.meshes import store
 from autodrive.recording import Recording
 from autodrive.recording.exports import FORMATS, export
@@ -45,8 +43,6 @@ from autodrive.run import RunOptions, simulate
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.tracks.tables import write_centre_line
 from autodrive.scenario.tracks.track import Track
-from autodrive.world.cameras import camera_rig
-from autodrive.world.compile import CompiledScenario
 from autodrive.world.racing.results import RaceRecorder, RaceResult, write_results
 from tests.support.command_line import AUTODRIVE, call, refused
 from tests.support.hardening import fill, make_read_only, small_disk
@@ -57,12 +53,15 @@ OLD = "old content"
 RUN = ("run", "plane", "--headless", "--no-cameras", "--speed", "max", "--duration", "0.1", "--summary", "s.json")
 COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "cli/run.py": (RUN, ("s.json",)),
-    "maps/draw.py": (("show", "mini_map", "-o", "map.png"), ("map.png",)),
+    "scenario/maps/draw.py": (("show", "mini_map", "-o", "map.png"), ("map.png",)),
     "cli/spec_files.py": (("show", "mini_map", "-o", "map.svg"), ("map.svg",)),
     "cli/preview.py": (("show", "construction_box", "--3d", "view.png"), ("view.png",)),
-    "maps/raster.py": (("show", "mini_map", "--occupancy", "."), ("mini_map.png", "mini_map.yaml")),
-    "maps/raster.py, labels": (("show", "mini_map", "--labels", "labels.png"), ("labels.png",)),
-    "tracks/ros_map.py": (("export", "track", "practice", "--output", "."), ("practice_map.png", "practice_map.yaml")),
+    "scenario/maps/raster.py": (("show", "mini_map", "--occupancy", "."), ("mini_map.png", "mini_map.yaml")),
+    "scenario/maps/raster.py, labels": (("show", "mini_map", "--labels", "labels.png"), ("labels.png",)),
+    "scenario/tracks/ros_map.py": (
+        ("export", "track", "practice", "--output", "."),
+        ("practice_map.png", "practice_map.yaml"),
+    ),
     "cli/urdf.py": (("urdf", "nigel", "--output", "ros"), ("ros/package.xml",)),
 }
 """A command for each module that writes a file for a user, and files that it writes."""
@@ -79,53 +78,55 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         lambda folder: simulate(replace(OPTIONS, summary=folder / "summary.json")),
         ("summary.json",),
     ),
-    "tracks/track.py": (lambda folder: PRACTICE.save(folder / "track.yaml"), ("track.yaml",)),
-    "tracks/tables.py": (
+    "scenario/tracks/track.py": (lambda folder: PRACTICE.save(folder / "track.yaml"), ("track.yaml",)),
+    "scenario/tracks/tables.py": (
         lambda folder: write_centre_line(folder / "line.csv", PRACTICE.centre_line),
         ("line.csv",),
     ),
-    "racing/results.py": (lambda folder: write_results(folder, *raced(), PRACTICE), ("result.json",)),
-    "envs/race_tracks.py": (
+    "world/racing/results.py": (lambda folder: write_results(folder, *raced(), PRACTICE), ("result.json",)),
+    "experiments/envs/race_tracks.py": (
         lambda folder: race_tracks._write(1, 1, ((1.4, 1.4), (40.0, 40.0)), folder),
         ("track_0.yaml",),
     ),
-    "campaigns/runs.py": (lambda folder: run_campaign(CAMPAIGN, folder / "r", workers=0), ("r/report.html",)),
-    "campaigns/ray_executor.py": (
+    "experiments/campaigns/runs.py": (
+        lambda folder: run_campaign(CAMPAIGN, folder / "r", workers=0),
+        ("r/report.html",),
+    ),
+    "experiments/campaigns/ray_executor.py": (
         lambda folder: ray_executor._kept(Result(0, recording=str(folder / "r" / "1.mcap")), b"1"),
         ("r/1.mcap",),
     ),
-    "campaigns/table.py": (lambda folder: Table(folder, CAMPAIGN).finish(), ("table.parquet",)),
-    "identification/result.py": (lambda folder: IDENTIFIED.write(folder / "fitted.yaml"), ("fitted.yaml",)),
-    "policies/policy.py": (lambda folder: POLICY.save(folder / "policy.npz"), ("policy.npz",)),
+    "experiments/campaigns/table.py": (lambda folder: Table(folder, CAMPAIGN).finish(), ("table.parquet",)),
+    "experiments/identification/result.py": (lambda folder: IDENTIFIED.write(folder / "fitted.yaml"), ("fitted.yaml",)),
+    "experiments/policies/policy.py": (lambda folder: POLICY.save(folder / "policy.npz"), ("policy.npz",)),
     "recording/plot.py": (
         lambda folder: plot(recorded(), ["V1/throttle"], folder / "plot.svg"),
         ("plot.svg",),
     ),
 }
 """Likewise, for what is not a command of `autodrive`."""
-CACHES = {"jit.py", "meshes/store.py"}
+CACHES = {"base/jit.py", "graphics/meshes/store.py"}
 """They work without their files; see below."""
 OTHERS = {
-    "campaigns/drivers.py": {"TemporaryFile"},  # what a devkit script prints
-    "campaigns/luggage.py": {"write_bytes"},  # in a temporary folder, like the next ones
-    "campaigns/parameters.py": {"write_text"},
-    "identification/windows.py": {"write_text"},
-    "policies/policy.py": {"savez"},  # into memory
-    "cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves
-    "cameras/shared_memory.py": {"mkstemp", "open"},  # memory, where a machine has no better one
+    "experiments/campaigns/drivers.py": {"TemporaryFile"},  # what a devkit script prints
+    "experiments/campaigns/luggage.py": {"write_bytes"},  # in a temporary folder, like the next ones
+    "experiments/campaigns/parameters.py": {"write_text"},
+    "experiments/identification/windows.py": {"write_text"},
+    "experiments/policies/policy.py": {"savez"},  # into memory
+    "base/cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves
     "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
     "cli/app.py": {"open"},  # /dev/null
     "recording/recorder.py": {"open"},  # written while it grows: see tests/recording/test_recorder.py
     "scenario/files.py": {"write_text"},  # in a temporary folder, like the next one
     "run/race.py": {"write_text"},
-    "exports/csv.py": {"open"},  # see below, like the next ones
-    "exports/lerobot.py": {"open"},
-    "exports/recorder_layout.py": {"open"},
-    "exports/rerun_file.py": {"open"},
-    "film/video.py": {"open"},
+    "recording/exports/csv.py": {"open"},  # see below, like the next ones
+    "recording/exports/lerobot.py": {"open"},
+    "recording/exports/recorder_layout.py": {"open"},
+    "recording/exports/rerun_file.py": {"open"},
+    "recording/film/video.py": {"open"},
 }
 """All other calls that can write, by module."""
-EXPORTS = {"exports/lerobot.py", "exports/recorder_layout.py"}
+EXPORTS = {"recording/exports/lerobot.py", "recording/exports/recorder_layout.py"}
 WRITERS = {"write_text", "write_bytes", "mkstemp", "mkdtemp", "TemporaryFile", "NamedTemporaryFile", "savez", "tofile"}
 
 
@@ -336,25 +337,6 @@ def test_the_doctor_names_a_cache_that_cannot_be_written(
     assert "Traceback" not in done.stderr
     if "Read-only" in reason:
         assert f"numba: {reason}; every start would compile again" in done.stdout
-
-
-def test_images_in_a_file_need_room_before_they_are_drawn(
-    disk: tuple[Path, str], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """The memory of the cameras on platforms that have no memory without a file."""
-    folder, reason = disk
-    before = contents(folder)
-    monkeypatch.setattr(tempfile, "tempdir", str(folder))
-
-    def cameras(compiled: CompiledScenario) -> CameraProcess:
-        return CameraProcess(camera_rig(compiled), allocate_memory=FileMemory)
-
-    world = autodrive.make("plane", cameras=cameras)
-    assert world.step().vehicles["V1"].cameras == {}
-    (line,) = caplog.messages
-    assert line == f"cameras are unavailable: their process cannot be started: {reason}"
-    world.close()
-    assert contents(folder) == before
 
 
 def test_the_log_of_the_engine_is_not_needed(disk: tuple[Path, str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,15 +16,12 @@ import pytest
 import autodrive
 from autodrive.base.errors import AutodriveError
 from autodrive.connect.server.served import scene_renderer_factory
-from autodrive.graphics.cameras import process as process_module
-from autodrive.graphics.cameras import scene_process as scene_process_module
-from autodrive.graphics.cameras import worker as worker_module
-from autodrive.graphics.cameras.process import CameraProcess
-from autodrive.graphics.cameras.scene_process import SceneProcess
+from autodrive.graphics.cameras import render_process
+from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.protocol.native import SetCamera
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World
-from autodrive.world.cameras import camera_process
+from autodrive.world.cameras import process_cameras
 from autodrive.world.simulation import Simulation
 from tests.support.cars import car_file, small_images
 from tests.support.hardening import cases
@@ -35,15 +32,14 @@ pytestmark = pytest.mark.process
 
 INSTANCES = cases(3, 26)
 """Each is killed `RESTARTS` + 1 times. The first two fill the caches of the process."""
-RESTARTS = cases(1, worker_module.RESTARTS)
+RESTARTS = cases(1, render_process.RESTARTS)
 """How often a process is started again here; tests/graphics/cameras tests that users have three times."""
 VIEW = SetCamera("Driver's Eye", width=160)
 
 
 @pytest.fixture(autouse=True)
 def _restarts(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (process_module, scene_process_module):
-        monkeypatch.setattr(module, "RESTARTS", RESTARTS)
+    monkeypatch.setattr(render_process, "RESTARTS", RESTARTS)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +59,6 @@ def resources() -> dict[str, object]:
     return {
         "threads": len(os.listdir("/proc/self/task")),
         "descriptors": len(os.listdir("/proc/self/fd")),
-        "shared memory": sorted(os.listdir("/dev/shm")),
         "children": len(children),
     }
 
@@ -98,11 +93,16 @@ def lines(caplog: pytest.LogCaptureFixture, module: str) -> list[str]:
 # -- cameras of vehicles --------------------------------------------------------------------------------------------
 
 
-def made(spec: ScenarioSpec) -> tuple[World, CameraProcess]:
-    world = autodrive.make(spec, cameras=camera_process)
-    process = world._cameras
-    assert isinstance(process, CameraProcess)
-    return world, process
+def made(spec: ScenarioSpec) -> tuple[World, ProcessCameras]:
+    world = autodrive.make(spec, cameras=process_cameras)
+    cameras = world._cameras
+    assert isinstance(cameras, ProcessCameras)
+    return world, cameras
+
+
+def has_ended(cameras: ProcessCameras, pid: int, *, is_last: bool) -> bool:
+    """Whether that process has ended, and another one was started unless it was the last."""
+    return bool(cameras.statistics.error) if is_last else cameras.process.pid not in (0, pid)
 
 
 def has_images_since(simulation: Simulation, time: float) -> bool:
@@ -115,21 +115,22 @@ def test_kills_of_the_camera_process(spec: ScenarioSpec, gl: str, caplog: pytest
     rng = random.Random(0)
 
     def instance() -> int:
-        world, process = made(spec)
+        world, cameras = made(spec)
         caplog.clear()
         with Simulation(world) as simulation:
             for death in range(RESTARTS + 1):
                 if rng.random() < 0.7:
                     wait_until(lambda: simulation.frame.vehicles["V1"].cameras)
-                pid, ticks = process.pid, simulation.ticks
+                wait_until(lambda: cameras.process.pid)
+                pid, ticks = cameras.process.pid, simulation.ticks
                 os.kill(pid, signal.SIGKILL)
-                wait_until(lambda n=death, pid=pid: process.pid != pid if n < RESTARTS else process.statistics.error)
+                wait_until(lambda n=death, pid=pid: has_ended(cameras, pid, is_last=n == RESTARTS))
                 wait_until(lambda ticks=ticks: simulation.ticks > ticks)
             wait_until(lambda: not simulation.frame.vehicles["V1"].cameras)
         world.close()
-        logged = lines(caplog, process_module.__name__)
+        logged = lines(caplog, render_process.__name__)
         assert [f"({n} of {RESTARTS})" in line for n, line in enumerate(logged, 1)] == [*[True] * RESTARTS, False]
-        assert logged[-1] == process.statistics.error
+        assert logged[-1] == cameras.statistics.error
         assert f"{RESTARTS + 1} times, now with SIGKILL" in logged[-1]
         return RESTARTS + 1
 
@@ -139,11 +140,11 @@ def test_kills_of_the_camera_process(spec: ScenarioSpec, gl: str, caplog: pytest
 @pytest.fixture
 def kill_at_once(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bool], None]]:
     """Sets whether a worker that has not answered yet is killed; otherwise only after the time that users wait."""
-    usual = worker_module.ANSWER_TIME
-    monkeypatch.setattr(worker_module, "WATCH_PERIOD", 0.01)
+    usual = render_process.ANSWER_TIME
+    monkeypatch.setattr(render_process, "WATCH_PERIOD", 0.01)
 
     def kill(at_once: bool) -> None:
-        monkeypatch.setattr(worker_module, "ANSWER_TIME", 0.0 if at_once else usual)
+        monkeypatch.setattr(render_process, "ANSWER_TIME", 0.0 if at_once else usual)
 
     yield kill
     kill(False)
@@ -152,20 +153,21 @@ def kill_at_once(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bool], N
 def test_a_camera_process_that_hangs_is_started_again_and_at_last_it_is_said(
     spec: ScenarioSpec, gl: str, caplog: pytest.LogCaptureFixture, kill_at_once: Callable[[bool], None]
 ) -> None:
-    world, process = made(spec)
+    world, cameras = made(spec)
     with Simulation(world) as simulation:
         for hang in range(RESTARTS + 1):
-            now, pid = simulation.frame.time, process.pid
+            now = simulation.frame.time
             wait_until(lambda now=now: has_images_since(simulation, now))
+            pid = cameras.process.pid
             os.kill(pid, signal.SIGSTOP)
             ticks = simulation.ticks
             wait_until(lambda ticks=ticks: simulation.ticks > ticks + 5)
             kill_at_once(True)
-            wait_until(lambda n=hang, pid=pid: process.pid != pid if n < RESTARTS else process.statistics.error)
+            wait_until(lambda n=hang, pid=pid: has_ended(cameras, pid, is_last=n == RESTARTS))
             kill_at_once(False)
             assert not is_alive(pid)
     world.close()
-    logged = lines(caplog, process_module.__name__)
+    logged = lines(caplog, render_process.__name__)
     assert len(logged) == RESTARTS + 1
     assert all("it stopped answering and was killed" in line for line in logged)
 
@@ -178,26 +180,26 @@ def test_kills_of_the_scene_process(spec: ScenarioSpec, gl: str, caplog: pytest.
     world, rng = autodrive.make(spec), random.Random(0)
 
     def instance() -> int:
-        scene: SceneProcess = scene_renderer_factory()(world)
-        first = scene.draw(1, VIEW, world.frame).result(LIMIT)
+        scene = scene_renderer_factory()(world)
+        first = scene.draw(1, VIEW, world.frame).result(LIMIT).answer
         caplog.clear()
         for death in range(RESTARTS + 1):
             image = None
             if rng.random() < 0.5:
-                os.kill(scene.pid, signal.SIGSTOP)
+                os.kill(scene.process.pid, signal.SIGSTOP)
                 image = scene.draw(1, VIEW, world.frame)
                 wait_until(image.running)
-            os.kill(scene.pid, signal.SIGKILL)
+            os.kill(scene.process.pid, signal.SIGKILL)
             image = image or scene.draw(1, VIEW, world.frame)
             if death < RESTARTS:
-                assert image.result(LIMIT) == first
+                assert image.result(LIMIT).answer == first
             else:
                 with pytest.raises(AutodriveError, match=f"{RESTARTS + 1} times, now with SIGKILL"):
                     image.result(LIMIT)
         scene.close()
-        logged = lines(caplog, scene_process_module.__name__)
+        logged = lines(caplog, render_process.__name__)
         assert [f"({n} of {RESTARTS})" in line for n, line in enumerate(logged, 1)] == [*[True] * RESTARTS, False]
-        assert logged[-1] == scene.error
+        assert logged[-1] == scene.process.error
         return RESTARTS + 1
 
     attack(instance)
@@ -207,18 +209,18 @@ def test_a_scene_process_that_hangs_is_killed_and_the_image_comes_from_a_new_one
     spec: ScenarioSpec, gl: str, caplog: pytest.LogCaptureFixture, kill_at_once: Callable[[bool], None]
 ) -> None:
     world = autodrive.make(spec)
-    scene: SceneProcess = scene_renderer_factory()(world)
-    first = scene.draw(1, VIEW, world.frame).result(LIMIT)
-    pid = scene.pid
+    scene = scene_renderer_factory()(world)
+    first = scene.draw(1, VIEW, world.frame).result(LIMIT).answer
+    pid = scene.process.pid
     os.kill(pid, signal.SIGSTOP)
     image = scene.draw(1, VIEW, world.frame)
     wait_until(image.running)
     kill_at_once(True)
-    wait_until(lambda: scene.pid not in (0, pid))
+    wait_until(lambda: scene.process.pid not in (0, pid))
     kill_at_once(False)
-    assert image.result(LIMIT) == first
+    assert image.result(LIMIT).answer == first
     scene.close()
-    (line,) = lines(caplog, scene_process_module.__name__)
+    (line,) = lines(caplog, render_process.__name__)
     assert f"(it stopped answering and was killed); it is started again (1 of {RESTARTS})" in line
 
 
@@ -226,11 +228,11 @@ def test_a_process_that_never_gets_ready_is_killed(
     spec: ScenarioSpec, gl: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """At each of its starts."""
-    monkeypatch.setattr(worker_module, "WATCH_PERIOD", 0.01)
-    monkeypatch.setattr(worker_module, "START_TIME", 0.0)
-    world, process = made(spec)
-    assert not process.wait(LIMIT)
-    wait_until(lambda: process.statistics.error)
-    assert "it stopped answering and was killed" in process.statistics.error
+    monkeypatch.setattr(render_process, "WATCH_PERIOD", 0.01)
+    monkeypatch.setattr(render_process, "START_TIME", 0.0)
+    world, cameras = made(spec)
+    assert not cameras.process.wait(LIMIT)
+    wait_until(lambda: cameras.statistics.error)
+    assert "it stopped answering and was killed" in cameras.statistics.error
     world.step()
     world.close()

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+import simplejpeg
 
 from autodrive.base.transforms import rotate
 from autodrive.protocol.commands import MAX_DISTANCE
@@ -212,26 +213,11 @@ def _image_text(jpeg: bytes) -> str | None:
 
 @cache
 def black_image(width: int, height: int) -> str:
-    """Base64 of a black JPEG, sent for a camera without an image because scripts always decode one.
-
-    Baseline, YCbCr 4:2:0. ITU-T T.81: with a quantization step of 128, black
-    is the level -8 in the first block of Y; nothing changes after it, so every other code is the one-bit word 0.
-    """
-    quantization = b"\x00" + bytes([128] * 64)
-    frame_header = (
-        b"\x08" + height.to_bytes(2, "big") + width.to_bytes(2, "big") + b"\x03\x01\x22\x00\x02\x11\x00\x03\x11\x00"
-    )
-    # canonical codes: DC '0' is "no difference", '10' is "a difference of 4 bits"; AC '0' is "end of block"
-    dc_codes = b"\x00" + bytes([1, 1] + [0] * 14) + b"\x00\x04"
-    ac_codes = b"\x10" + bytes([1] + [0] * 15) + b"\x00"
-    scan_header = b"\x03\x01\x00\x02\x00\x03\x00\x00\x3f\x00"
-    blocks = 6 * math.ceil(width / 16) * math.ceil(height / 16)
-    bits = "10" + "0111" + "0" * (2 * blocks - 1)
-    bits += "1" * (-len(bits) % 8)
-    segments = ((0xDB, quantization), (0xC0, frame_header), (0xC4, dc_codes), (0xC4, ac_codes), (0xDA, scan_header))
-    head = b"".join(b"\xff%c" % mark + (len(body) + 2).to_bytes(2, "big") + body for mark, body in segments)
-    jpeg = b"\xff\xd8" + head + int(bits, 2).to_bytes(len(bits) // 8, "big") + b"\xff\xd9"
-    return base64.b64encode(jpeg).decode()
+    """Base64 of a black JPEG, sent for a camera without an image because scripts always decode one."""
+    jpeg = simplejpeg.encode_jpeg(np.zeros((height, width, 3), np.uint8), colorspace="RGB", colorsubsampling="420")
+    text = _image_text(jpeg)
+    assert text is not None
+    return text
 
 
 # -- commands: devkit to simulator -------------------------------------------------------------------------------

@@ -6,12 +6,12 @@ import logging
 import math
 from typing import TYPE_CHECKING
 
-from autodrive.graphics.cameras.process import CameraProcess
+from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.graphics.render.gl import GlUnavailable, probe
 from autodrive.graphics.render.quality import quality as checked_quality
 from autodrive.run.summary import CamerasSummary, ImageCount
 from autodrive.world import World
-from autodrive.world.cameras import camera_process
+from autodrive.world.cameras import process_cameras
 from autodrive.world.factory import make
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def world_with_cameras(
 ) -> tuple[World, CameraMonitor | None]:
     """A world that renders its cameras, and their monitor; the monitor is None if the world has no cameras.
 
-    Images are rendered in the tick, or in a `CameraProcess` that can be paused (`is_wanted`). If OpenGL is unavailable
+    Images are rendered in the tick, or in a `ProcessCameras` that can be paused (`is_wanted`). If OpenGL is unavailable
     the world has no images, and one warning is logged. Raises `AutodriveError` for an unknown quality.
     """
     checked_quality(quality, "")
@@ -42,10 +42,10 @@ def world_with_cameras(
             log.warning("%s", error)
             return make(scenario), CameraMonitor(str(error))
         return world, CameraMonitor()
-    processes: list[CameraProcess] = []
+    processes: list[ProcessCameras] = []
 
-    def start_process(compiled: CompiledScenario) -> CameraProcess:
-        processes.append(camera_process(compiled, quality, is_wanted=is_wanted))
+    def start_process(compiled: CompiledScenario) -> ProcessCameras:
+        processes.append(process_cameras(compiled, quality, is_wanted=is_wanted))
         return processes[0]
 
     world = make(scenario, cameras=start_process)
@@ -58,7 +58,7 @@ class CameraMonitor:
     `error` says why there are no images; empty if there are.
     """
 
-    def __init__(self, error: str = "", process: CameraProcess | None = None) -> None:
+    def __init__(self, error: str = "", process: ProcessCameras | None = None) -> None:
         self._error = error
         self._process = process
         self._latest: dict[tuple[str, str], CameraImage] = {}
@@ -72,7 +72,7 @@ class CameraMonitor:
     def wait(self) -> None:
         """Wait until the camera process is ready, so that images start with the first Frames."""
         if self._process is not None:
-            self._process.wait(START_TIMEOUT)
+            self._process.process.wait(START_TIMEOUT)
 
     def publish(self, frame: Frame) -> None:
         """Count the new images of a Frame."""

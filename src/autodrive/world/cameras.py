@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from autodrive.graphics.cameras.process import CameraProcess
-from autodrive.graphics.cameras.rig import CameraRig, CameraSlot
-from autodrive.graphics.meshes.store import scene_of
+from autodrive.graphics.cameras.process_cameras import ProcessCameras
+from autodrive.graphics.cameras.rig import CameraRig, CameraSlot, SceneContents
+from autodrive.world import World
 from autodrive.world.compile import CompiledScenario
 
 
@@ -18,14 +18,19 @@ def camera_rig(compiled: CompiledScenario, quality: str = "auto") -> CameraRig:
         for camera, spec in cameras.items()
     ]
     return CameraRig(
-        scene=scene_of(compiled),
+        SceneContents(compiled.map, compiled.vehicles, compiled.boxes),
+        quality,
         slots=tuple(slots),
         substep=Fraction(str(compiled.spec.substep)),
         substeps=compiled.spec.substeps,
-        quality=quality,
     )
 
 
-def camera_process(compiled: CompiledScenario, quality: str = "auto", *, is_wanted: bool = True) -> CameraProcess:
+def scene_rig(world: World, quality: str = "auto") -> CameraRig:
+    """The scene of a world as it is now, without its cameras."""
+    return CameraRig(SceneContents(world.map, world.vehicle_specs, list(world.boxes.values())), quality)
+
+
+def process_cameras(compiled: CompiledScenario, quality: str = "auto", *, is_wanted: bool = True) -> ProcessCameras:
     """A process that renders the cameras of that world."""
-    return CameraProcess(camera_rig(compiled, quality), is_wanted=is_wanted)
+    return ProcessCameras(camera_rig(compiled, quality), is_wanted=is_wanted)

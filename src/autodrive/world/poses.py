@@ -134,7 +134,12 @@ class Poses:
         )
 
 
+def overlapping(c: CompiledScenario, qpos: Floats | None = None) -> list[tuple[str, str]]:
+    """Names of the things that overlap: now, or if the bodies were placed at `qpos`."""
+    return [(c.owners[a], c.owners[b]) for a, b in c.engine.overlapping(qpos)]
+
+
 def _overlaps(c: CompiledScenario, name: str) -> str:
     """Names of the things that a vehicle or an object overlaps."""
-    pairs = [{c.owners[a], c.owners[b]} for a, b in c.engine.overlapping()]
+    pairs = [set(pair) for pair in overlapping(c)]
     return ", ".join(sorted({f"'{other}'" for pair in pairs if name in pair for other in pair - {name}}))

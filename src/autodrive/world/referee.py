@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.arrays import Floats, Integers, read_only_copy
+from autodrive.base.elementary import register_jitable
 from autodrive.base.jit import jit_uncounted, resolved
 from autodrive.base.transforms import rotate
 from autodrive.physics.buffers import VehicleContacts
@@ -21,6 +22,9 @@ Flags = NDArray[np.bool_]
 SEPARATION = 0.2
 """A contact that is interrupted for less than this [s] is the same collision: a pushed box rattles."""
 
+NEVER = -(2**62)
+"""The tick of a contact that has not been."""
+
 
 class Referee:
     """Makes Events from contacts and positions; remembers which contacts and departures have been reported."""
@@ -29,7 +33,9 @@ class Referee:
         self, names: Sequence[str], owners: Sequence[str], drivable_edges: Floats, ticks_per_second: float
     ) -> None:
         self._names = list(names)
-        self._owners = list(owners)
+        self._others = list(dict.fromkeys(owners))
+        self._owners = [self._others.index(owner) for owner in owners]
+        self._last_contact = np.full((len(names), len(self._others)), NEVER)
         self._edges = drivable_edges
         self._separation_ticks = SEPARATION * ticks_per_second
         self._is_off_road = np.zeros(len(names), np.bool_)
@@ -40,17 +46,20 @@ class Referee:
     def reset(self) -> None:
         """Forget everything, as before the first tick."""
         self.collision_counts = [0] * len(self._names)
-        self._last_contact: dict[tuple[int, str], int] = {}
+        self._last_contact[:] = NEVER
         self._is_off_road[:] = False
 
     def save(self) -> Any:
         """Everything that the future depends on, for `restore`."""
-        return list(self.collision_counts), dict(self._last_contact), self._is_off_road.copy()
+        last_contact = dict(zip(self._others, self._last_contact.T.copy(), strict=True))
+        return list(self.collision_counts), last_contact, self._is_off_road.copy()
 
     def restore(self, saved: Any) -> None:
-        """Go back to the state of `save`."""
-        counts, touches, self._is_off_road[:] = saved
-        self.collision_counts, self._last_contact = list(counts), dict(touches)
+        """Go back to the state of `save`, which may be that of a world with other objects."""
+        counts, last_contact, self._is_off_road[:] = saved
+        self.collision_counts = list(counts)
+        for other, column in zip(self._others, self._last_contact.T, strict=True):
+            column[:] = last_contact.get(other, NEVER)
 
     def judge(self, tick: int, time: float, model: Model, state: State, contacts: VehicleContacts) -> tuple[Event, ...]:
         """What happened in the tick that ended at `time` [s]. Clears the contacts."""
@@ -62,8 +71,8 @@ class Referee:
         return tuple(events)
 
     def _collisions(self, tick: int, time: float, contacts: VehicleContacts) -> list[Event]:
-        impulses: dict[tuple[int, str], float] = {}
-        places: dict[tuple[int, str], Floats] = {}
+        impulses: dict[tuple[int, int], float] = {}
+        places: dict[tuple[int, int], Floats] = {}
         pairs: Any = contacts.pairs[: contacts.pair_count[0]].tolist()
         for vehicle, geom in pairs:
             key = (vehicle, self._owners[geom])
@@ -73,11 +82,10 @@ class Referee:
         contacts.pair_count[0] = 0
         events: list[Event] = []
         for (vehicle, other), impulse in impulses.items():
-            last = self._last_contact.get((vehicle, other))
-            self._last_contact[vehicle, other] = tick
-            if last is None or tick - last > self._separation_ticks:
+            if begins_collision(self._last_contact, vehicle, other, tick, self._separation_ticks):
                 self.collision_counts[vehicle] += 1
-                events.append(Collision(time, self._names[vehicle], other, impulse, places[vehicle, other]))
+                name, place = self._others[other], places[vehicle, other]
+                events.append(Collision(time, self._names[vehicle], name, impulse, place))
         return events
 
     def _road(self, time: float, model: Model, state: State) -> list[Event]:
@@ -92,6 +100,17 @@ class Referee:
             )
             for i in np.flatnonzero(self._has_changed).tolist()
         ]
+
+
+@register_jitable
+def begins_collision(last_contact: Integers, vehicle: int, other: int, tick: int, separation: float) -> bool:
+    """Note a contact; whether it begins a collision, after more than `separation` ticks without one.
+
+    `last_contact`: tick of the last contact of each vehicle with each object, shape (n, n_object).
+    """
+    before = last_contact[vehicle, other]
+    last_contact[vehicle, other] = tick
+    return tick - before > separation
 
 
 @jit_uncounted

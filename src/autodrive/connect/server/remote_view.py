@@ -15,7 +15,8 @@ from autodrive.protocol.native import Error, Rendered, SetCamera
 
 if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
-    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.graphics.cameras.render_worker import Drawn
+    from autodrive.graphics.cameras.scene_views import SceneViews
     from autodrive.protocol.messages import Frame
     from autodrive.world import World
 
@@ -43,10 +44,10 @@ class RemoteViews:
     `renderer_factory` starts the process that renders a World; it is called for the first view.
     """
 
-    def __init__(self, renderer_factory: Callable[[World], SceneProcess]) -> None:
+    def __init__(self, renderer_factory: Callable[[World], SceneViews]) -> None:
         self._renderer_factory = renderer_factory
         self._world: World | None = None
-        self._process: SceneProcess | None = None
+        self._process: SceneViews | None = None
         self._views: dict[ConnectedClient, _RemoteView] = {}
         self._latest: Frame | None = None
         self._count = 0
@@ -112,9 +113,9 @@ class RemoteViews:
         view.next = now + 1.0 / min(view.camera.rate, MAX_RATE)
         loop = asyncio.get_running_loop()
 
-        def deliver(jpeg: Future[bytes]) -> None:
+        def deliver(image: Future[Drawn]) -> None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
-                loop.call_soon_threadsafe(self._send, client, view, frame, jpeg)
+                loop.call_soon_threadsafe(self._send, client, view, frame, image)
 
         process.draw(view.number, view.camera, frame).add_done_callback(deliver)
 
@@ -123,13 +124,13 @@ class RemoteViews:
         if self._views.get(client) is view:
             self._render(client, view, asyncio.get_running_loop().time())
 
-    def _send(self, client: ConnectedClient, view: _RemoteView, frame: Frame, jpeg: Future[bytes]) -> None:
+    def _send(self, client: ConnectedClient, view: _RemoteView, frame: Frame, image: Future[Drawn]) -> None:
         view.is_rendering = False
         if self._views.get(client) is not view:
             return
-        error = jpeg.exception()
+        error = image.exception()
         if error is None:
-            client.set_rendered(encode(Rendered(frame.time, jpeg.result())))
+            client.set_rendered(encode(Rendered(frame.time, image.result().answer)))
         elif self._latest is not None:  # otherwise it was rendered for the previous World
             del self._views[client]
             client.send_error(Error("request", str(error)))

@@ -12,7 +12,7 @@ from autodrive.protocol.replay import Curve, PlotRecording, RecordingStatus
 if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.graphics.cameras.jpeg import JpegEncoder
-    from autodrive.graphics.cameras.scene_process import SceneProcess
+    from autodrive.graphics.cameras.scene_views import SceneViews
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.world import World
     from autodrive.world.scene_files import SceneFiles
@@ -56,14 +56,14 @@ class RecordingControl:
         raise AutodriveError("nothing is recorded")
 
 
-def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneProcess]:
+def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneViews]:
     """A factory of renderers with that quality; the renderer is imported when the first one starts."""
 
-    def start(world: World) -> SceneProcess:
-        from autodrive.graphics.cameras.scene_process import SceneProcess  # noqa: PLC0415
-        from autodrive.graphics.cameras.scene_worker import SceneContents  # noqa: PLC0415
+    def start(world: World) -> SceneViews:
+        from autodrive.graphics.cameras.scene_views import SceneViews  # noqa: PLC0415
+        from autodrive.world.cameras import scene_rig  # noqa: PLC0415
 
-        return SceneProcess(SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), quality))
+        return SceneViews(scene_rig(world, quality))
 
     return start
 
@@ -89,7 +89,7 @@ class Served:
     want_pictures: Callable[[bool], None] = lambda wanted: None
     """Called in the server's thread with True when the first client wants pictures, and with False when no client
     does."""
-    renderer_factory: Callable[[World], SceneProcess] = field(default_factory=scene_renderer_factory)
+    renderer_factory: Callable[[World], SceneViews] = field(default_factory=scene_renderer_factory)
     """Starts the process that renders the scene cameras of a World."""
     recording: RecordingControl = field(default_factory=RecordingControl)
     """Makes recordings on request."""

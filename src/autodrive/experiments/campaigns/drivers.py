@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from msgspec.structs import replace
 
+from autodrive.base.child_process import environment
 from autodrive.base.errors import AutodriveError, CommandError
-from autodrive.graphics.cameras.worker import environment
 from autodrive.protocol.messages import Command, Frame, Hold, Operation
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import sys
 import time
 from typing import Any
 
+from autodrive.base.child_process import start_module, take_stdout
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.runner import Result, Runner
-from autodrive.graphics.cameras.worker import environment, popen_options
 
 TRIES = 2
 """A run that ends its process is run so often: something else may have ended it."""
@@ -61,15 +61,7 @@ class Worker:
 
     def _answer(self, run: Run) -> Result:
         if self._process is None:
-            process: subprocess.Popen[Any] = subprocess.Popen(
-                [sys.executable, "-P", "-m", "autodrive.experiments.campaigns.worker"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                env=environment(),
-                **popen_options(),
-            )
-            self._process = process
+            self._process = start_module("autodrive.experiments.campaigns.worker")
             self._send(self._campaign)
         self._send(run)
         assert self._process.stdout is not None
@@ -99,8 +91,7 @@ class Worker:
 
 def main() -> None:
     """Answer runs until stdin closes."""
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what drivers print must not be among the answers
+    answers = take_stdout()
     campaign: Campaign = pickle.load(sys.stdin.buffer)
     runner, limit = Runner(campaign), campaign.spec.time_limit
     with contextlib.suppress(EOFError):
@@ -112,7 +103,3 @@ def main() -> None:
             pickle.dump(result, answers, pickle.HIGHEST_PROTOCOL)
             answers.flush()
     os._exit(0)  # threads of a driver do not matter
-
-
-if __name__ == "__main__":
-    main()

@@ -107,13 +107,10 @@ class RenderedWorld:
 
     def _started_renderer(self) -> Renderer:
         if self._renderer is None:
-            from autodrive.graphics.cameras.scene_worker import SceneContents  # noqa: PLC0415
-            from autodrive.graphics.meshes.store import scene_of  # noqa: PLC0415
             from autodrive.graphics.render.renderer import Renderer  # noqa: PLC0415
+            from autodrive.world.cameras import scene_rig  # noqa: PLC0415
 
-            world = self.world
-            contents = SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), "auto")
-            self._renderer = self._open.enter_context(Renderer(scene_of(contents)))
+            self._renderer = self._open.enter_context(Renderer(scene_rig(self.world).scene))
         return self._renderer
 
     def _serve(self) -> None:

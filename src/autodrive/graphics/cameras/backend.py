@@ -15,7 +15,7 @@ Images = Mapping[tuple[str, str], CameraImage]
 
 
 class CameraBackend(Protocol):
-    """Draws the cameras of a World: `TickCameras` in the tick, `CameraProcess` asynchronously."""
+    """Draws the cameras of a World: `TickCameras` in the tick, `ProcessCameras` asynchronously."""
 
     def update(self, frame: Frame, *, redraw: bool = False) -> Frame:
         """The Frame with the latest image of every camera.

@@ -5,13 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene
 from autodrive.physics.sensors.camera import Camera, CameraSpec
 from autodrive.protocol.messages import CameraImage
+
+if TYPE_CHECKING:
+    from autodrive.scenario.maps.map import Map
+    from autodrive.scenario.maps.solids import BoxPlacement
+    from autodrive.scenario.vehicles.spec import VehicleSpec
+
+
+class SceneContents(NamedTuple):
+    """What a world contains that can be drawn."""
+
+    map: Map
+    vehicles: dict[str, VehicleSpec]
+    boxes: list[BoxPlacement]
 
 
 class CameraSlot(NamedTuple):
@@ -28,14 +42,19 @@ class CameraSlot(NamedTuple):
 class CameraRig:
     """All that images of one world are made of; it can be sent to another process."""
 
-    scene: RenderScene
-    slots: tuple[CameraSlot, ...]
-    substep: Fraction
-    """[s]."""
-    substeps: int
-    """In a tick."""
+    contents: SceneContents
     quality: str
     """One of `render.quality.NAMES`."""
+    slots: tuple[CameraSlot, ...] = ()
+    substep: Fraction = Fraction(1, 1000)
+    """[s]."""
+    substeps: int = 1
+    """In a tick."""
+
+    @property
+    def scene(self) -> RenderScene:
+        """What a renderer needs; read or built anew each time."""
+        return scene_of(self.contents)
 
 
 class CameraArray:

@@ -27,7 +27,7 @@ from autodrive.protocol.messages import (
 from autodrive.world.simulation.paced import Paced
 
 if TYPE_CHECKING:
-    from autodrive.graphics.cameras.process import CameraProcess
+    from autodrive.graphics.cameras.process_cameras import ProcessCameras
     from autodrive.protocol.native import Source
     from autodrive.recording.replay.tape import Tape
     from autodrive.world import World
@@ -48,7 +48,7 @@ class Stage(NamedTuple):
     """The World of a scenario, which is never stepped, and what draws images that were not recorded."""
 
     world: World
-    cameras: CameraProcess | None = None
+    cameras: ProcessCameras | None = None
 
 
 class Player(Paced):

@@ -16,13 +16,13 @@ from autodrive.connect.server.files import built_page
 from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
 from autodrive.connect.server.server import Server
 from autodrive.graphics.cameras.jpeg import JpegEncoder
-from autodrive.graphics.cameras.process import CameraProcess
+from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.protocol.native import Drive
 from autodrive.protocol.replay import Curve, PlotRecording
 from autodrive.recording.replay.overview import Overview
 from autodrive.recording.replay.player import Player, Stage
 from autodrive.recording.replay.tape import Tape
-from autodrive.world.cameras import camera_process
+from autodrive.world.cameras import process_cameras
 from autodrive.world.factory import make
 from autodrive.world.scene_files import SceneFiles
 
@@ -145,10 +145,10 @@ class _Stages:
     def _made(self, spec: ScenarioSpec) -> Stage:
         if self._tape.contains_images:
             return Stage(make(spec))
-        drawn: list[CameraProcess] = []
+        drawn: list[ProcessCameras] = []
 
-        def start(compiled: CompiledScenario) -> CameraProcess:
-            drawn.append(camera_process(compiled, self._quality, is_wanted=False))
+        def start(compiled: CompiledScenario) -> ProcessCameras:
+            drawn.append(process_cameras(compiled, self._quality, is_wanted=False))
             return drawn[0]
 
         return Stage(make(spec, cameras=start), drawn[0] if drawn else None)

@@ -31,7 +31,8 @@ from autodrive.world.batch.readings import Readings, readings_of
 from autodrive.world.batch.tick import begin_worlds, step_worlds
 from autodrive.world.factory import compile_scenario
 from autodrive.world.one_thread import OneThread, by_one_thread
-from autodrive.world.referee import SEPARATION
+from autodrive.world.poses import overlapping
+from autodrive.world.referee import NEVER, SEPARATION
 
 BLOCK = 16
 """Worlds that a thread takes at a time, at least."""
@@ -171,8 +172,9 @@ class BatchWorld(OneThread):
         for column in w.state:
             column[chosen] = 0.0
         w.state.qpos[chosen] = qpos
-        for column in (w.tick, w.is_unstable, w.throttle, w.steering, w.recent_count, w.collision_count):
+        for column in (w.tick, w.is_unstable, w.throttle, w.steering, w.collision_count):
             column[chosen] = 0
+        w.last_contact[chosen] = NEVER
         w.has_collided[chosen] = w.is_off_road[chosen] = False
         tables: dict[tuple[float, ...], tuple[Table, Table]] = {}
         for row, k in enumerate(chosen.tolist()):
@@ -403,10 +405,8 @@ class BatchWorld(OneThread):
         return qpos
 
     def _check_overlaps(self, qpos: NDArray[np.float64], chosen: Integers) -> None:
-        c = self._compiled
         for k, row in zip(chosen.tolist(), qpos, strict=True):
-            if pairs := c.engine.overlapping(row):
-                one, other = (c.owners[geom] for geom in pairs[0])
+            for one, other in overlapping(self._compiled, row):
                 raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
 
 

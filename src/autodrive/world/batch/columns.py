@@ -22,9 +22,7 @@ from autodrive.physics.sensors.columns import (
 )
 from autodrive.physics.state import State
 from autodrive.world.compile import CompiledScenario
-
-RECENT = 64
-"""Contacts that are remembered for each world, to tell a new collision from an old one."""
+from autodrive.world.referee import NEVER
 
 
 class Worlds(NamedTuple):
@@ -45,10 +43,8 @@ class Worlds(NamedTuple):
     steering: Floats
     """Likewise."""
     # referee
-    recent: Integers
-    """Vehicle, other object and tick of the latest contacts, shape (n, RECENT, 3)."""
-    recent_count: Integers
-    """Shape (n,)."""
+    last_contact: Integers
+    """Tick of the last contact of each vehicle with each object, shape (n, v, n_object)."""
     collision_count: Integers
     """Since the reset, shape (n, v)."""
     has_collided: NDArray[np.bool_]
@@ -84,8 +80,7 @@ def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: in
         is_unstable=np.zeros(n, np.bool_),
         throttle=np.zeros((n, v)),
         steering=np.zeros((n, v)),
-        recent=np.zeros((n, RECENT, 3), np.int64),
-        recent_count=np.zeros(n, np.int64),
+        last_contact=np.full((n, v, len(set(compiled.owners))), NEVER),
         collision_count=np.zeros((n, v), np.int64),
         has_collided=np.zeros((n, v), np.bool_),
         is_off_road=np.zeros((n, v), np.bool_),

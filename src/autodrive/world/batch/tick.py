@@ -16,7 +16,7 @@ from autodrive.physics.sensors.tables import SensorTables
 from autodrive.physics.state import State
 from autodrive.physics.tick import advance, move_shapes, observe
 from autodrive.world.batch.columns import Thread, Worlds, model_of, state_of
-from autodrive.world.referee import any_wheel_outside
+from autodrive.world.referee import any_wheel_outside, begins_collision
 
 
 @jit_uncounted
@@ -71,8 +71,7 @@ def step_worlds(
                 thread.contacts,
                 owners,
                 separation,
-                worlds.recent[k],
-                worlds.recent_count[k : k + 1],
+                worlds.last_contact[k],
                 worlds.collision_count[k],
                 worlds.has_collided[k],
             )
@@ -131,8 +130,7 @@ def _judge(
     contacts: VehicleContacts,
     owners: Integers,
     separation: float,
-    recent: Integers,
-    recent_count: Integers,
+    last_contact: Integers,
     collision_count: Integers,
     has_collided: NDArray[np.bool_],
 ) -> None:
@@ -140,20 +138,7 @@ def _judge(
     for p in range(contacts.pair_count[0]):
         vehicle, geom = contacts.pairs[p, 0], contacts.pairs[p, 1]
         contacts.impulse[vehicle, geom] = 0.0
-        other = owners[geom]
-        count = recent_count[0]
-        at = 0
-        while at < count and not (recent[at, 0] == vehicle and recent[at, 1] == other):
-            at += 1
-        if at == count or tick - recent[at, 2] > separation:
+        if begins_collision(last_contact, vehicle, int(owners[geom]), tick, separation):
             collision_count[vehicle] += 1
             has_collided[vehicle] = True
-        if at == count and count < recent.shape[0]:
-            recent_count[0] += 1
-        elif at == count:  # the oldest contact is forgotten
-            at = 0
-            for r in range(count):
-                if recent[r, 2] < recent[at, 2]:
-                    at = r
-        recent[at, 0], recent[at, 1], recent[at, 2] = vehicle, other, tick
     contacts.pair_count[0] = 0

@@ -16,17 +16,17 @@ import autodrive
 from autodrive.base.errors import AutodriveError
 from autodrive.base.transforms import rotate
 from autodrive.connect.server.served import scene_renderer_factory
-from autodrive.graphics.cameras import scene_process as scene_process_module
-from autodrive.graphics.cameras.scene_process import SceneProcess
-from autodrive.graphics.cameras.scene_worker import SceneContents
+from autodrive.graphics.cameras import render_process
+from autodrive.graphics.cameras.render_process import RESTARTS
+from autodrive.graphics.cameras.render_worker import Drawn
+from autodrive.graphics.cameras.scene_views import SceneViews
 from autodrive.graphics.cameras.viewpoints import GodsEye, Viewpoint, birds_eye, drivers_eye, orbit
-from autodrive.graphics.cameras.worker import RESTARTS
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.protocol.messages import Frame
 from autodrive.protocol.native import SetCamera
 from autodrive.world import World
-from autodrive.world.cameras import camera_rig
+from autodrive.world.cameras import camera_rig, scene_rig
 from autodrive.world.factory import compile_scenario
 from tests.support.waiting import LIMIT, is_alive, wait_until
 
@@ -53,16 +53,14 @@ def clock() -> Clock:
 
 
 @pytest.fixture(scope="module")
-def scene(gl: str, shared_world: World, clock: Clock) -> Iterator[SceneProcess]:
-    world = shared_world
-    contents = SceneContents(world.map, world.vehicle_specs, list(world.boxes.values()), "software-fxaa")
-    process = SceneProcess(contents, clock=clock)
-    yield process
-    process.close()
+def scene(gl: str, shared_world: World, clock: Clock) -> Iterator[SceneViews]:
+    views = SceneViews(scene_rig(shared_world, "software-fxaa"), clock=clock)
+    yield views
+    views.close()
 
 
-def decoded(image: Future[bytes]) -> np.ndarray:
-    return simplejpeg.decode_jpeg(image.result(LIMIT)).astype(float)
+def decoded(image: Future[Drawn]) -> np.ndarray:
+    return simplejpeg.decode_jpeg(image.result(LIMIT).answer).astype(float)
 
 
 def mean_difference(a: np.ndarray, b: np.ndarray) -> float:
@@ -84,15 +82,15 @@ def viewpoints(world: World) -> dict[str, Viewpoint]:
 
 def messages(caplog: pytest.LogCaptureFixture) -> list[str]:
     """What the scene process logged; other loggers may warn about a busy machine."""
-    return [record.message for record in caplog.records if record.name == scene_process_module.__name__]
+    return [record.message for record in caplog.records if record.name == render_process.__name__]
 
 
 @pytest.fixture(autouse=True)
 def _log_level(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.INFO, scene_process_module.__name__)
+    caplog.set_level(logging.INFO, render_process.__name__)
 
 
-def test_its_images_are_those_of_the_renderer_by_day_and_night(scene: SceneProcess, world: World) -> None:
+def test_its_images_are_those_of_the_renderer_by_day_and_night(scene: SceneViews, world: World) -> None:
     """JPEG of that quality, with half the colour resolution, changes a pixel by 2 of 255 on average."""
     exact = Renderer(camera_rig(compile_scenario(world.spec)).scene, "software-fxaa")
     for is_day in (True, False):
@@ -111,7 +109,7 @@ def test_its_images_are_those_of_the_renderer_by_day_and_night(scene: SceneProce
     exact.release()
 
 
-def test_gods_eye_turns_with_time(scene: SceneProcess, world: World, clock: Clock) -> None:
+def test_gods_eye_turns_with_time(scene: SceneViews, world: World, clock: Clock) -> None:
     """It turns to where another client, which looks for the first time, sees the vehicle at once."""
     name = next(iter(world.frame.vehicles))
     view = SetCamera("God's Eye", width=SMALL)
@@ -125,9 +123,9 @@ def test_gods_eye_turns_with_time(scene: SceneProcess, world: World, clock: Cloc
     assert mean_difference(decoded(scene.draw(1, view, world.frame)), there) < 1.0
 
 
-def test_each_client_gets_its_latest_view_in_turn_and_one_that_leaves_none(scene: SceneProcess, world: World) -> None:
+def test_each_client_gets_its_latest_view_in_turn_and_one_that_leaves_none(scene: SceneViews, world: World) -> None:
     scene.draw(1, DRIVER, world.frame).result(LIMIT)
-    os.kill(scene.pid, signal.SIGSTOP)
+    os.kill(scene.process.pid, signal.SIGSTOP)
     running = scene.draw(1, DRIVER, world.frame)
     wait_until(running.running)
     waiting = scene.draw(2, BIRD, world.frame)
@@ -139,10 +137,10 @@ def test_each_client_gets_its_latest_view_in_turn_and_one_that_leaves_none(scene
     left, cancelled = scene.draw(4, BIRD, world.frame), scene.draw(5, BIRD, world.frame)
     scene.forget(4)
     assert cancelled.cancel()
-    order: list[Future[bytes]] = []
+    order: list[Future[Drawn]] = []
     for image in (waiting, other, again, running):
         image.add_done_callback(order.append)
-    os.kill(scene.pid, signal.SIGCONT)
+    os.kill(scene.process.pid, signal.SIGCONT)
     assert decoded(waiting).shape == (270, 480, 3)
     assert decoded(again).shape == (180, 320, 3)
     assert order == [running, waiting, other, again]
@@ -152,19 +150,19 @@ def test_each_client_gets_its_latest_view_in_turn_and_one_that_leaves_none(scene
 
 
 def test_if_the_worker_dies_a_new_one_draws_the_image_and_one_line_is_logged(
-    scene: SceneProcess, world: World, caplog: pytest.LogCaptureFixture
+    scene: SceneViews, world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
-    first = scene.draw(1, DRIVER, world.frame).result(LIMIT)
-    pid = scene.pid
+    first = scene.draw(1, DRIVER, world.frame).result(LIMIT).answer
+    pid = scene.process.pid
     os.kill(pid, signal.SIGSTOP)
     running = scene.draw(1, DRIVER, world.frame)
     wait_until(running.running)
     os.kill(pid, signal.SIGKILL)
-    assert running.result(LIMIT) == first
-    assert scene.error == ""
-    assert scene.pid != pid
-    os.kill(scene.pid, signal.SIGKILL)  # between two images
-    assert scene.draw(1, DRIVER, world.frame).result(LIMIT) == first
+    assert running.result(LIMIT).answer == first
+    assert scene.process.error == ""
+    assert scene.process.pid != pid
+    os.kill(scene.process.pid, signal.SIGKILL)  # between two images
+    assert scene.draw(1, DRIVER, world.frame).result(LIMIT).answer == first
     assert len(messages(caplog)) == 2
     assert all("SIGKILL" in message for message in messages(caplog))
 
@@ -174,18 +172,18 @@ def test_if_the_last_of_four_workers_dies_before_it_can_draw_the_image_fails(
 ) -> None:
     scene = scene_renderer_factory()(world)
     scene.draw(1, DRIVER, world.frame).result(LIMIT)
-    pids = {0, scene.pid}
-    os.kill(scene.pid, signal.SIGSTOP)
+    pids = {0, scene.process.pid}
+    os.kill(scene.process.pid, signal.SIGSTOP)
     running = scene.draw(1, DRIVER, world.frame)
     wait_until(running.running)
     for _ in range(RESTARTS):
-        os.kill(scene.pid, signal.SIGKILL)
-        wait_until(lambda: scene.pid not in pids)
-        pids.add(scene.pid)
-    os.kill(scene.pid, signal.SIGKILL)
+        os.kill(scene.process.pid, signal.SIGKILL)
+        wait_until(lambda: scene.process.pid not in pids)
+        pids.add(scene.process.pid)
+    os.kill(scene.process.pid, signal.SIGKILL)
     with pytest.raises(AutodriveError, match="SIGKILL"):
         running.result(LIMIT)
-    assert "SIGKILL" in scene.error
+    assert "SIGKILL" in scene.process.error
     assert ["is started again" in message for message in messages(caplog)] == [True, True, True, False]
     with pytest.raises(AutodriveError, match="SIGKILL"):
         scene.check(DRIVER)
@@ -205,8 +203,8 @@ def test_without_opengl_every_image_fails_with_the_packages_to_install(
             image.result(LIMIT)
     with pytest.raises(AutodriveError, match="apt-get install"):
         scene.check(DRIVER)
-    assert "apt-get install" in scene.error
-    assert scene.pid == 0
+    assert "apt-get install" in scene.process.error
+    assert scene.process.pid == 0
     scene.close()
     assert len(messages(caplog)) == 1
 
@@ -218,7 +216,7 @@ def test_an_impossible_camera_fails_without_a_worker(world: World) -> None:
     foreign: Frame = autodrive.make("mini_map").frame
     with pytest.raises(AutodriveError, match="another world"):
         scene.draw(1, DRIVER, foreign).result(0.0)
-    assert scene.pid == 0
+    assert scene.process.pid == 0
     scene.close()
 
 
@@ -228,8 +226,8 @@ def test_closing_ends_all_processes_and_removes_all_files(gl: str, world: World)
     scene = scene_renderer_factory()(world)
     image = scene.draw(1, DRIVER, world.frame)
     waiting = scene.draw(2, DRIVER, world.frame)
-    wait_until(lambda: scene.pid != 0)
-    pid = scene.pid
+    wait_until(lambda: scene.process.pid != 0)
+    pid = scene.process.pid
     scene.close()  # before the worker can draw
     for failed in (image, waiting, scene.draw(1, DRIVER, world.frame)):
         with pytest.raises(AutodriveError):

@@ -1,0 +1,143 @@
+"""What runs in a `RenderProcess`: draws the cameras of vehicles, and views as JPEG.
+
+The simulator sends a `CameraRig`, which is answered by `Ready`, then a `Request` for each `Drawn`. `Failed` is the last
+answer. Images come through the pipe: that costs 0.4 ms more of processor time for 1.2 MB than memory that both
+processes map, which Linux, macOS and Windows have each in their own way. (The `SharedMemory` of the standard library is
+in /dev/shm, which has 64 MB in a container, and a process that writes more is killed; before Python 3.13 it is also
+tracked by, and removed with, each process that opens it.)
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import sys
+import time
+from collections.abc import Iterator
+from typing import Any, BinaryIO, NamedTuple, TypeAlias
+
+import simplejpeg
+
+from autodrive.base.arrays import Floats
+from autodrive.base.child_process import take_stdout
+from autodrive.base.errors import AutodriveError
+from autodrive.graphics.cameras.adaptive_renderer import AdaptiveRenderer
+from autodrive.graphics.cameras.rig import CameraArray, CameraRig
+from autodrive.graphics.render.render_state import RenderState
+from autodrive.graphics.render.renderer import Renderer
+from autodrive.physics.sensors.camera_view import View
+
+JPEG_QUALITY = 80
+
+VIEW_PERIOD = 1.0 / 30.0
+"""If a view takes longer [s], quality 'auto' stops smoothing edges."""
+
+
+class CameraImages(NamedTuple):
+    """A target: images of the rig's cameras with these numbers. The answer is a list of `CameraImage`."""
+
+    tick: int
+    cameras: list[int]
+    noise: tuple[int, int]
+    """When this changes, or in a new process, image noise restarts from the seed in its second place."""
+
+
+class Jpeg(NamedTuple):
+    """A target: a view, encoded. The answer is `bytes`."""
+
+    view: View
+
+
+Target: TypeAlias = CameraImages | Jpeg
+
+
+class Request(NamedTuple):
+    """Draw a state."""
+
+    state: Floats
+    """`RenderState.data`."""
+    target: Target
+
+
+class Ready(NamedTuple):
+    """The process can draw, with the OpenGL renderer of this name."""
+
+    renderer: str
+
+
+class Drawn(NamedTuple):
+    """A request has been drawn."""
+
+    answer: Any
+    """As its target says."""
+    seconds: float
+    """Wall time that drawing took [s]."""
+
+
+class Failed(NamedTuple):
+    """The process cannot draw, for this reason, and ends."""
+
+    reason: str
+
+
+def main() -> None:
+    """Draw what is requested until the simulator closes the pipe."""
+    answers = take_stdout()
+    if hasattr(os, "nice"):  # not on Windows
+        with contextlib.suppress(OSError):
+            os.nice(5)  # the physics go first
+    with contextlib.suppress(BrokenPipeError):  # the simulator has ended
+        for answer in _answers(sys.stdin.buffer):
+            pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
+            answers.flush()
+
+
+def _answers(pipe: BinaryIO) -> Iterator[Ready | Drawn | Failed]:
+    """An exception becomes a `Failed`."""
+    try:
+        yield from _drawn(pickle.load(pipe), _requests(pipe))
+    except Exception as error:
+        unexpected = "" if isinstance(error, AutodriveError) else f"cameras are unavailable: {type(error).__name__}: "
+        yield Failed(" ".join(f"{unexpected}{error}".split()))
+
+
+def _requests(pipe: BinaryIO) -> Iterator[Request]:
+    with contextlib.suppress(EOFError):
+        while True:
+            yield pickle.load(pipe)
+
+
+def _drawn(rig: CameraRig, requests: Iterator[Request]) -> Iterator[Ready | Drawn]:
+    array, noise = CameraArray(rig), None
+    drawing = AdaptiveRenderer(rig.scene, rig.quality, _shortest_period(rig))
+    try:
+        yield Ready(drawing.renderer.name)
+        for data, target in requests:
+            state = RenderState.from_buffer(data, len(rig.contents.vehicles), len(rig.contents.boxes))
+            start = time.perf_counter()
+            if isinstance(target, Jpeg):
+                answer: Any = _jpeg(drawing.renderer, state, target.view)
+            else:
+                if target.noise != noise:
+                    noise = target.noise
+                    array.reset(noise[1])
+                answer = array.capture(drawing.renderer, state, target.tick, target.cameras)
+            seconds = time.perf_counter() - start
+            yield Drawn(answer, seconds)
+            drawing.add_draw_time(seconds)
+    finally:
+        drawing.release()
+
+
+def _jpeg(renderer: Renderer, state: RenderState, view: View) -> bytes:
+    [image] = renderer.draw(state, [view])
+    return simplejpeg.encode_jpeg(image.rgba, quality=JPEG_QUALITY, colorspace="RGBX", colorsubsampling="420")
+
+
+def _shortest_period(rig: CameraRig) -> float:
+    """Time between two images of the fastest camera [s]; 0 if each camera draws in every tick."""
+    if not rig.slots:
+        return VIEW_PERIOD
+    rate = max(slot.spec.rate or 0.0 for slot in rig.slots)
+    return 1.0 / rate if rate else 0.0

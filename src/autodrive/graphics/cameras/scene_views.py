@@ -1,0 +1,72 @@
+"""Images of scene cameras for clients that cannot draw themselves, from a separate process."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TYPE_CHECKING
+
+from autodrive.base.errors import AutodriveError
+from autodrive.graphics.cameras.render_process import RenderProcess, failed
+from autodrive.graphics.cameras.render_worker import Drawn, Jpeg
+from autodrive.graphics.cameras.scene_camera import SceneCamera, check_view, image_size
+
+if TYPE_CHECKING:
+    from autodrive.graphics.cameras.rig import CameraRig
+    from autodrive.protocol.messages import Frame
+    from autodrive.protocol.native import SetCamera
+
+
+class SceneViews:
+    """Draws the scene cameras of any number of clients, one image at a time, each client in turn.
+
+    The process starts with the first `draw`. All methods may be called in any thread.
+    """
+
+    def __init__(self, rig: CameraRig, *, clock: Callable[[], float] = time.monotonic) -> None:
+        """`clock`: wall time [s], by which God's Eye turns."""
+        self._contents = rig.contents
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._cameras: dict[int, SceneCamera] = {}
+        self.process = RenderProcess(rig, "scene cameras")
+        """What draws; its `error` says why there are no images."""
+
+    def check(self, view: SetCamera) -> None:
+        """Raises `AutodriveError` if that view cannot be drawn in any Frame."""
+        check_view(view, list(self._contents.vehicles))
+        if self.process.error:
+            raise AutodriveError(self.process.error)
+
+    def draw(self, client: int, view: SetCamera, frame: Frame) -> Future[Drawn]:
+        """The JPEG image of that Frame; `client`: a number that identifies the client.
+
+        While an image of that client is still waiting, its view and Frame are replaced and the same Future is
+        returned. The Future fails with an `AutodriveError` if nothing can be drawn; the call itself never raises.
+        """
+        try:
+            self.check(view)
+            self._check_frame(frame)
+        except AutodriveError as error:
+            return failed(Future(), str(error))
+        with self._lock:
+            camera = self._cameras.setdefault(client, SceneCamera(self._contents.vehicles))
+            viewpoint = camera.viewpoint(view, frame, self._clock())
+        return self.process.draw(client, frame, Jpeg(viewpoint.view(*image_size(view.width))))
+
+    def forget(self, client: int) -> None:
+        """That client has left or draws itself; its waiting image fails."""
+        with self._lock:
+            self._cameras.pop(client, None)
+        self.process.forget(client)
+
+    def close(self) -> None:
+        """End the process; images that are waiting or being drawn fail."""
+        self.process.close()
+
+    def _check_frame(self, frame: Frame) -> None:
+        contents = self._contents
+        if list(frame.vehicles) != list(contents.vehicles) or len(frame.objects) != len(contents.boxes):
+            raise AutodriveError("the Frame belongs to another world than the scene cameras")
