@@ -293,7 +293,7 @@ def random_state(c: Compiled, rng: np.random.Generator) -> State:
     state = copied(c.state)
     v = c.model.vehicles[0]
     at, dof = v["qpos"], v["dof"]
-    state.qpos[at : at + 3] = rng.uniform((-1.4, -0.3, 0.02), (1.3, 0.2, 0.06))
+    state.qpos[at : at + 3] = rng.uniform((-1.4, -0.3, 0.02), (1.3, 0.2, 0.07))
     state.qpos[at + 3 : at + 7] = quaternion_from_euler(*rng.normal(0.0, (0.05, 0.05, 2.0)).tolist())
     state.qvel[:] = rng.normal(0.0, 0.01, len(state.qvel))
     state.qvel[dof : dof + 6] = rng.normal(0.0, 1.0, 6)

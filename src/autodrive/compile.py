@@ -32,6 +32,7 @@ from autodrive.transforms import rotation_from_quaternion
 from autodrive.vehicles.mjcf import vehicle_mjcf
 from autodrive.vehicles.parameters import vehicle_table, wheel_table
 from autodrive.vehicles.spec import VehicleSpec, load_vehicle
+from autodrive.vehicles.stability import is_stable, longest_substep
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
     except EngineError as error:
         place = source.at("boxes" if spec.boxes else "vehicles")
         raise SpecError([*errors, f"{place}: {error}. Many bodies at the same place?"], source.path) from None
-    errors += _overlapping_vehicles(vehicles, engine, source)
+    errors += _overlapping_vehicles(vehicles, engine, source) + _unstable_vehicles(vehicles, spec, source)
     if errors:
         raise SpecError(errors, source.path)
     geoms = engine.geoms()
@@ -264,6 +265,16 @@ def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine, sour
         "overlap at the start; move one of them"
         for pair in sorted(pairs)
         if set(pair) & set(vehicles)
+    ]
+
+
+def _unstable_vehicles(vehicles: dict[str, VehicleSpec], spec: ScenarioSpec, source: Source) -> list[str]:
+    """An error for each vehicle whose springs and dampers are not stable with the substep of the scenario."""
+    return [
+        f"{source.at('vehicles', name)}: the springs and dampers of '{spec.vehicles[name].type}' are unstable with a "
+        f"substep of {spec.substep:g} s; set 'substep' to at most {longest_substep(vehicle, spec.tick):g}"
+        for name, vehicle in vehicles.items()
+        if not is_stable(vehicle, spec.substep)
     ]
 
 

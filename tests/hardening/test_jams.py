@@ -23,7 +23,7 @@ GAIN = 0.02
 
 
 def test_three_cars_that_jam_throw_none() -> None:
-    """The platform of one car was lifted onto a wheel of another, which then took it for the ground below itself."""
+    """The platform of one car was lifted onto a wheel of another, which took it for the ground below itself."""
     world = autodrive.make(
         ScenarioSpec(
             vehicles={
@@ -42,7 +42,7 @@ def test_three_cars_that_jam_throw_none() -> None:
 
 @pytest.mark.parametrize("vehicle", TYPES)
 def test_no_car_gains_energy_from_a_contact(vehicle: str, tmp_path: Path) -> None:
-    results = dict(jams(vehicle, cases(2, 200), tmp_path))
+    results = dict(jams(vehicle, cases((0, 46), range(200)), tmp_path))
     worst = {field: max(getattr(one, field) for one in results.values()) for field in Jam._fields}
     gains = [seed for seed, one in results.items() if one.gain > GAIN or one.excess > 1.0 + GAIN]
     print(
