@@ -2,6 +2,8 @@
 
 import itertools
 import math
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -246,6 +248,22 @@ def test_a_diverged_state_is_an_error_and_a_reset_recovers(world_with: WorldWith
         world.step()
     world.reset()
     assert drive(world, 0.1).vehicles["V1"].pose.position[2] == pytest.approx(0.0325)
+
+
+def test_an_unstable_engine_writes_no_file_and_prints_nothing(
+    world_with: WorldWith, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    world = world_with("nigel_2023", engine="always")
+    files = {*tmp_path.iterdir()}
+    for in_thread in (False, True):
+        world.reset()
+        world._compiled.state.qvel[5] = 9e8
+        with ThreadPoolExecutor(1) as threads, pytest.raises(EngineError, match="unstable"):
+            threads.submit(world.step).result() if in_thread else world.step()
+        assert world._compiled.views.warnings.any()  # MuJoCo's own
+    assert {*tmp_path.iterdir()} == files
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("engine", ["auto", "always"])

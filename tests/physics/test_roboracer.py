@@ -221,6 +221,31 @@ def test_yaw_rate_follows_the_single_track_model_at_small_slip(tmp_path: Path, m
 # -- the body ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("speed", [2.0, 3.0])
+def test_yaw_rate_overshoots_as_much_as_with_the_relaxation_length_alone(speed: float) -> None:
+    """A linear single-track model whose slip angles follow over 0.05 m."""
+    drive = Drive(GYM)
+    drive.step(speed, seconds=3.0)
+    rates = []
+    for _ in range(150):
+        drive.step(speed, 0.05)
+        rates.append(drive.yaw_rate)
+    load, dt = MASS * G / (FRONT + REAR), 1e-4
+    front_stiffness, rear_stiffness = STIFFNESS[0] * load * REAR, STIFFNESS[1] * load * FRONT
+    sideways, yaw_rate, front_slip, rear_slip, expected = 0.0, 0.0, 0.0, 0.0, []
+    for k in range(round(1.5 / dt)):
+        angle = min(0.05, 3.2 * k * dt)  # the limit of the servo
+        front_slip += dt * speed / 0.05 * (angle - (sideways + FRONT * yaw_rate) / speed - front_slip)
+        rear_slip += dt * speed / 0.05 * ((REAR * yaw_rate - sideways) / speed - rear_slip)
+        front, rear = front_stiffness * front_slip, rear_stiffness * rear_slip
+        sideways += dt * ((front + rear) / MASS - speed * yaw_rate)
+        yaw_rate += dt * (FRONT * front - REAR * rear) / (1.08 * INERTIA)  # with that of the spinning wheels
+        expected.append(yaw_rate)
+    overshoot = max(rates) / float(np.mean(rates[-20:])) - 1.0
+    assert overshoot == pytest.approx(max(expected) / expected[-1] - 1.0, abs=0.012)  # the formula bends
+    assert overshoot == pytest.approx({2.0: 0.18, 3.0: 0.076}[speed], abs=0.005)  # docs/race_car.md
+
+
 def test_roll_and_load_transfer_are_those_of_springs_and_lever_arms() -> None:
     """In a steady circle of the league's car: m a h = sum of the load differences times half the track, k T^2 roll."""
     drive = Drive(LEAGUE)

@@ -1,7 +1,7 @@
 """Cars that drive into each other, and the energy of all bodies while they do."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -124,9 +124,9 @@ def jam(vehicle: str, seed: int, folder: Path) -> Jam:
     return Jam(top_speed=top_speed, gain=gain, excess=excess, load=load)
 
 
-def jams(vehicle: str, count: int, folder: Path) -> Iterator[tuple[int, Jam]]:
-    """So many jams with their seeds."""
-    for seed in range(count):
+def jams(vehicle: str, seeds: Iterable[int], folder: Path) -> Iterator[tuple[int, Jam]]:
+    """The jams with these seeds."""
+    for seed in seeds:
         yield seed, jam(vehicle, seed, folder)
 
 

@@ -34,6 +34,10 @@ if _error := mujoco_error():
 
 import mujoco  # after the check of its installation
 
+_log = mujoco.MjLogConfig.get()
+_log.logto_console = _log.logto_file = False  # `has_diverged` finds its warnings; it would write MUJOCO_LOG.TXT
+_log.set()
+
 VERSION: str = mujoco.mj_versionString()
 """Of MuJoCo, for example "4.0.1"."""
 

@@ -52,11 +52,13 @@ def find_contact(
     distance, nx, ny, nz, shape = MISS, 0.0, 0.0, 1.0, -1
     if r22 > ON_ITS_SIDE:
         distance = pz / r22
-    # what is higher than the wheel can climb, such as another car on top of it, is an obstacle for its collider
+    # what is higher than the wheel can climb, such as a box on top of it, is an obstacle for its collider
     nearest = start + radius - max(high, (1.0 - CLIMBABLE) * radius)
     edge, edge_ahead, edge_shape = -MISS, 0.0, -1
     for j in range(scratch.nearby_count[i]):
         s = scratch.nearby[i, j]
+        if model.shapes.vehicle[s] >= 0:
+            continue  # a car is no ground but an obstacle: it may come under a wheel from the side, with a step
         centre = state.shape_position[s]
         cx, cy, cz = centre[0] - px, centre[1] - py, centre[2] - pz
         far = 2.0 * radius + high + low + model.shapes.bounding_radius[s]

@@ -31,6 +31,7 @@ from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
 from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
+from autodrive.scenario.vehicles.stability import is_stable, longest_substep
 from autodrive.world.racing import Race
 
 
@@ -98,7 +99,7 @@ def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
     except EngineError as error:
         place = _at("boxes" if spec.boxes else "vehicles")
         raise SpecProblems([*problems, (place, f": {error}. Many bodies at the same place?")]) from None
-    problems += _overlapping_vehicles(vehicles, engine)
+    problems += _overlapping_vehicles(vehicles, engine) + _unstable_vehicles(vehicles, spec)
     if problems:
         raise SpecProblems(problems)
     geoms = engine.geoms()
@@ -255,6 +256,19 @@ def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine) -> l
         )
         for pair in sorted(pairs)
         if set(pair) & set(vehicles)
+    ]
+
+
+def _unstable_vehicles(vehicles: dict[str, VehicleSpec], spec: ScenarioSpec) -> list[Problem]:
+    """A problem for each vehicle whose springs and dampers are not stable with the substep of the scenario."""
+    return [
+        (
+            _at("vehicles", name),
+            f": the springs and dampers of '{spec.vehicles[name].type}' are unstable with a "
+            f"substep of {spec.substep:g} s; set 'substep' to at most {longest_substep(vehicle, spec.tick):g}",
+        )
+        for name, vehicle in vehicles.items()
+        if not is_stable(vehicle, spec.substep)
     ]
 
 

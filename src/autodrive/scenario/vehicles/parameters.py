@@ -145,10 +145,17 @@ def _set_tyres(rows: Table, spec: VehicleSpec, grip: float, dt: float) -> None:
         _set_magic_formula(rows, spec, magic, grip)
     for field in ("active_slip_offset", "passive_slip_minimum", "slip_angle_offset", "hold_speed"):
         rows[field] = getattr(regular, field)
-    # a quarter of the mass on each spring; the frequency is limited to what the substep can follow
-    frequency = 2.0 * math.pi * min(regular.hold_frequency, 0.04 / dt)
-    rows["hold_stiffness"] = spec.body.mass / 4 * frequency * frequency
-    rows["hold_damping"] = 2.0 * HOLD_DAMPING_RATIO * spec.body.mass / 4 * frequency
+    rows["hold_stiffness"], rows["hold_damping"] = hold_spring(spec, dt)
+
+
+def hold_spring(spec: VehicleSpec, dt: float) -> tuple[float, float]:
+    """Stiffness [N/m] and damping [N s/m] of the spring that holds a locked wheel at rest.
+
+    A quarter of the mass on each spring; the frequency is limited to what a substep of `dt` [s] can follow.
+    """
+    frequency = 2.0 * math.pi * min(spec.wheels.regularisation.hold_frequency, 0.04 / dt)
+    quarter = spec.body.mass / 4
+    return quarter * frequency * frequency, 2.0 * HOLD_DAMPING_RATIO * quarter * frequency
 
 
 def _set_magic_formula(rows: Table, spec: VehicleSpec, magic: MagicFormulaSpec, grip: float) -> None:

@@ -1,0 +1,53 @@
+"""Longest substep with which the springs and dampers of a vehicle are stable."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+
+from autodrive.scenario.vehicles.parameters import hold_spring
+from autodrive.scenario.vehicles.spec import VehicleSpec
+
+TOLERANCE = 1e-9
+"""Of the spectral radius: without dampers it is 1."""
+
+
+def is_stable(spec: VehicleSpec, substep: float) -> bool:
+    """Whether a vehicle that stands on its wheels comes to rest with substeps of that length [s].
+
+    The linear system of the chassis on its wheels, whose six velocities v and displacements q from rest a substep dt
+    changes as the engine does (semi-implicit Euler): v' = v - dt M^-1 (K q + C v), q' = q + dt v'. It is stable if no
+    eigenvalue of this map is outside the unit circle (Strogatz, Nonlinear Dynamics and Chaos, section 10.1).
+
+    For springs alone the limit is closed: with the greatest eigenvalue a of M^-1 K, dt = 2 / sqrt(a). For one mode with
+    a damper, whose M^-1 C has the eigenvalue b, it is a dt^2 + 2 b dt < 4 (Jury's criterion).
+    """
+    body, suspension = spec.body, spec.wheels.suspension
+    damping = suspension.damping + suspension.stiffness * suspension.look_ahead(substep)
+    hold_stiffness, hold_damping = hold_spring(spec, substep)
+    stiffnesses, dampings = np.zeros((6, 6)), np.zeros((6, 6))
+    for hub in spec.hubs:
+        x, y, z = (a - b for a, b in zip(hub, body.center_of_mass, strict=True))
+        z -= spec.wheels.radius
+        # velocity of the contact point along x, y and z for the velocities and angular velocities of the chassis
+        along = np.array([[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]])
+        k = np.array([hold_stiffness, hold_stiffness, suspension.stiffness])
+        c = np.array([hold_damping, hold_damping, damping])
+        stiffnesses += along.T @ (k[:, None] * along)
+        dampings += along.T @ (c[:, None] * along)
+    change = -substep / np.array([body.mass] * 3 + [*body.inertia])[:, None] * np.hstack([stiffnesses, dampings])
+    velocities = change + np.hstack([np.zeros((6, 6)), np.eye(6)])
+    displacements = substep * velocities + np.hstack([np.eye(6), np.zeros((6, 6))])
+    return bool(np.abs(np.linalg.eigvals(np.vstack([displacements, velocities]))).max() <= 1.0 + TOLERANCE)
+
+
+def longest_substep(spec: VehicleSpec, tick: float) -> float:
+    """The longest stable substep [s] of which a tick is a whole number, at least 1 us."""
+    whole = Fraction(str(tick))
+    for count in range(1, math.ceil(tick / 1e-6)):
+        substep = float(whole / count)
+        if Fraction(str(substep)) * count == whole and is_stable(spec, substep):
+            return substep
+    return 1e-6
