@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from autodrive.actuators.lights import lamp_levels
 from autodrive.assets.asset import Asset, AssetNode, Label, Material, MeshSurface
 from autodrive.cache import write_file
 from autodrive.cameras.viewpoints import orbit
@@ -55,7 +56,7 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
         view = framed(_map_box(map_), -62.0, 38.0, 2 * SIZE[0], 2 * SIZE[1])
     state.header["is_day"] = is_day
     if not is_day:
-        state.set_lamps(NIGHT_LIGHTS)
+        state.vehicles["lamps"] = lamp_levels(NIGHT_LIGHTS)
     with Renderer(scene, "gpu") as renderer:
         write_file(path, encode_png(_halved(renderer.draw(state, [view])[0].rgba[..., :3])))
 

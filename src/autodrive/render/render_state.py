@@ -13,7 +13,7 @@ from autodrive.render.look import DAY, NIGHT, Daylight, look_at
 
 if TYPE_CHECKING:
     from autodrive.arrays import Floats
-    from autodrive.protocol.messages import Frame, Lights
+    from autodrive.protocol.messages import Frame
 
 VEHICLE = np.dtype(
     [
@@ -60,10 +60,6 @@ class RenderState:
         for row, object_ in zip(state.objects, frame.objects.values(), strict=True):
             row["position"], row["orientation"] = object_.pose.position, object_.pose.orientation
         return state
-
-    def set_lamps(self, lights: Lights) -> None:
-        """Give all vehicles these lamps."""
-        self.vehicles["lamps"] = lamp_levels(lights)
 
     @staticmethod
     def empty(vehicles: int, objects: int) -> RenderState:
