@@ -59,7 +59,7 @@ def test_page_works_below_a_path_of_a_proxy_and_reconnects(plane: PageServer, ne
         tab.wait_until(lambda: plane.vehicle.speed > 0.02)
         connection.is_cut = True
         tab.get("banner").wait_for(state="visible")
-        tab.wait_for_text("banner", "Reconnecting")
+        tab.wait_for_text("banner", "tries to connect again")
         tab.wait_until(lambda: plane.vehicle.throttle == 0)
         tab.page.keyboard.up("w")
         plane.restart("two_cars")

@@ -29,7 +29,7 @@ export class Actions {
     try {
       return (await this.connection.request(operation)).text
     } catch (error) {
-      for (const problem of problems(error)) this.store.warning.value = problem
+      for (const problem of problems(error)) this.store.error.value = problem
       return null
     }
   }

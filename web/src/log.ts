@@ -45,6 +45,7 @@ export function logOf(store: Store): Observable<readonly Entry[]> {
   }
 
   store.notice.watch((text) => text && add('info', sentence(text)))
+  store.error.watch((text) => text && add('error', sentence(text)))
   store.warning.watch((text) => text && add('warning', sentence(text)))
   store.events.watch((events) => {
     for (const event of events) {

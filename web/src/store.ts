@@ -48,7 +48,9 @@ export class Store {
   readonly connectionError = new Observable('')
   /** A message for the user, for example that another client drives. */
   readonly notice = new Observable('')
-  /** A message about something that failed. */
+  /** Why a request of the user failed; it stays until it is closed. */
+  readonly error = new Observable('')
+  /** A message about something else that failed. */
   readonly warning = new Observable('')
 
   /** Name of the selected vehicle, which the camera follows and the user drives. */

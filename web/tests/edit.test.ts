@@ -3,11 +3,11 @@ import { beforeEach, expect, test, vi } from 'vitest'
 import { Actions, problems } from '../src/actions'
 import { listenToEditKeys } from '../src/editing/edit_keys'
 import { Editor } from '../src/editing/editor'
-import { baseOf, type Extent, handleOf, isHit, type Projection } from '../src/editing/outline'
+import { cornersOf, type Extent, handleOf, isHit, type Projection, poseOf } from '../src/editing/outline'
 import { edit } from '../src/panels/edit'
 import { connectedPage, frameOf, sceneOf, statusOf } from './support'
 
-const CAR: Extent = { ahead: 0.07, size: [0.28, 0.2, 0.2] }
+const CAR: Extent = { ahead: 0.07, size: [0.28, 0.2, 0.2], below: 0.03 }
 /** From above: 100 pixels per metre, y of the screen downwards, things higher up appear larger. */
 const above: Projection = (x, y, z) => [400 + 100 * x * (1 + z), 300 - 100 * y * (1 + z)]
 
@@ -29,15 +29,32 @@ function page() {
 beforeEach(() => document.body.replaceChildren())
 
 test('the outline of a turned vehicle lies where its body is', () => {
-  const base = baseOf({ name: 'V1', x: 1, y: 2, yaw: Math.PI / 2 }, CAR, above)
+  const placed = poseOf({ name: 'V1', x: 1, y: 2, yaw: Math.PI / 2 }, CAR)
+  const base = cornersOf(placed, CAR, above)
   // the middle is 0.07 m ahead, along y; front left is 0.14 m further and 0.1 m to the left, along -x
   expect(base?.[0][0]).toBeCloseTo(400 + 100 * (1 - 0.1))
   expect(base?.[0][1]).toBeCloseTo(300 - 100 * (2 + 0.07 + 0.14))
-  expect(baseOf({ name: 'V1', x: 1, y: 2, yaw: 0 }, CAR, () => null)).toBeNull()
+  expect(cornersOf(placed, CAR, () => null)).toBeNull()
+})
+
+test('the outline follows a thing that lies on its side, and one on top of another', () => {
+  const places: number[][] = []
+  const note: Projection = (x, y, z) => {
+    places.push([x, y, z])
+    return [x, y]
+  }
+  const box: Extent = { ahead: 0, size: [0.1, 0.2, 0.4], below: 0.2 }
+  const position = new Float64Array([1, 2, 0.5])
+  cornersOf({ position, orientation: new Float64Array([1, 0, 0, 0]) }, box, note)
+  expect(places.map(([, , z]) => z)).toEqual([0.3, 0.3, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7].map((z) => expect.closeTo(z)))
+  places.length = 0
+  // rolled by 90 degrees: its upper side shows along -y
+  cornersOf({ position, orientation: new Float64Array([Math.SQRT1_2, Math.SQRT1_2, 0, 0]) }, box, note)
+  expect(places[4]).toEqual([1.05, 1.8, 0.6].map((value) => expect.closeTo(value)))
 })
 
 test('a place is on a thing if it is in its image, or near it with a finger', () => {
-  const placed = { name: 'V1', x: 0, y: 0, yaw: 0 }
+  const placed = poseOf({ name: 'V1', x: 0, y: 0, yaw: 0 }, CAR)
   expect(isHit([407, 300], placed, CAR, above, 0)).toBe(true)
   expect(isHit([424, 300], placed, CAR, above, 0)).toBe(true) // on the front of the roof, which appears larger
   expect(isHit([432, 300], placed, CAR, above, 0)).toBe(false)
@@ -45,7 +62,7 @@ test('a place is on a thing if it is in its image, or near it with a finger', ()
 })
 
 test('the handle is ahead of the thing, at a distance that a finger hits', () => {
-  const [front, end] = handleOf({ name: 'V1', x: 0, y: 0, yaw: Math.PI }, CAR, above) ?? []
+  const [front, end] = handleOf(poseOf({ name: 'V1', x: 0, y: 0, yaw: Math.PI }, CAR), CAR, above) ?? []
   expect(front?.[0]).toBeCloseTo(400 - 21)
   expect(end?.[0]).toBeCloseTo(400 - 21 - 38)
   expect(end?.[1]).toBeCloseTo(300)
@@ -83,7 +100,7 @@ test('a refused place is shown as a warning, and the thing is back where it was'
   const done = editor.commit()
   socket.respond('it would overlap')
   await done
-  expect(store.warning.value).toBe('It would overlap.')
+  expect(store.error.value).toBe('It would overlap.')
   expect(editor.selected).toMatchObject({ name: 'crate', x: 1, y: 2, yaw: expect.closeTo(Math.PI / 2) })
 })
 
@@ -112,7 +129,7 @@ test('a box that is refused leaves the fields at the latest box that was not', a
   const done = editor.addBox(3, 3)
   socket.respond('boxes.box_1.size 3: must be at least 0.001, not -1.0')
   await done
-  expect(store.warning.value).toBe('The height of box_1 must be at least 0.001, not -1.0.')
+  expect(store.error.value).toBe('The height of box_1 must be at least 0.001, not -1.0.')
   expect(field.value).toBe('0.1')
 })
 

@@ -325,6 +325,28 @@ describe('notices', () => {
   })
 })
 
+describe('an error', () => {
+  test('stays until it is closed, and its command can be copied', async () => {
+    vi.useFakeTimers()
+    const { store } = connectedPage()
+    document.body.append(notices(store))
+    const copied = vi.fn(async () => {})
+    vi.stubGlobal('navigator', { clipboard: { writeText: copied } })
+    store.error.value = "recording needs zstandard: pip install 'autodrive-simulator[recording]'"
+    for (const text of ['one', 'two', 'three', 'four']) store.notice.value = text
+    vi.advanceTimersByTime(60_000)
+    expect(document.querySelectorAll('.notice').length).toBe(1)
+    get('notice-copy').click()
+    expect(copied).toHaveBeenCalledWith("pip install 'autodrive-simulator[recording]'")
+    get('notice-close').click()
+    expect(document.querySelectorAll('.notice').length).toBe(0)
+    store.error.value = 'no command here: nothing to copy'
+    expect(document.querySelector("[data-testid='notice-copy']")).toBeNull()
+    vi.unstubAllGlobals()
+    vi.useRealTimers()
+  })
+})
+
 describe('the toolbar', () => {
   test('its buttons open and close the panels', () => {
     const { store } = connectedPage()
@@ -420,7 +442,7 @@ describe('actions', () => {
     const done = new Actions(store, connection).reset()
     socket.respond('not while loading')
     await done
-    expect(store.warning.value).toBe('Not while loading.')
+    expect(store.error.value).toBe('Not while loading.')
     expect(store.resets.value).toBe(0)
   })
 

@@ -3,7 +3,7 @@ import { type Actions, sentence } from '../actions'
 import type { Frame, Pose, ServerOperation, SetSensor } from '../messages'
 import { Observable } from '../observable'
 import type { Placement, Store } from '../store'
-import { extentOf, middleOf } from './outline'
+import { extentOf, middleOf, poseOf } from './outline'
 import { saveText } from './save_text'
 
 /** The name of a file without its folder and ending. */
@@ -67,6 +67,15 @@ export class Editor {
     const frame = this.store.frame.value
     const pose = (frame?.vehicles[name] ?? frame?.objects[name])?.pose
     return pose ? { name, x: pose.position[0], y: pose.position[1], yaw: yawOf(pose) } : null
+  }
+
+  /** The pose in which a thing is shown. */
+  pose(name: string): Pose | null {
+    const preview = this.store.preview.value
+    const extent = extentOf(this.store.scene.value, name)
+    if (preview?.name === name) return extent && poseOf(preview, extent)
+    const frame = this.store.frame.value
+    return (frame?.vehicles[name] ?? frame?.objects[name])?.pose ?? null
   }
 
   /** Shows the selected thing elsewhere, before `commit`. */

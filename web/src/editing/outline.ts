@@ -1,5 +1,5 @@
 // Outlines of vehicles and objects on the screen: what the pointer hits, and what the overlay draws.
-import type { Scene } from '../messages'
+import type { Pose, Scene } from '../messages'
 import type { Placement } from '../store'
 
 export type Point = readonly [x: number, y: number]
@@ -14,22 +14,35 @@ export interface Extent {
   /** From the origin of its pose to the middle, along x. */
   ahead: number
   size: readonly [length: number, width: number, height: number]
+  /** From the base up to the origin of its pose. */
+  below: number
 }
 
 /** The extent of a vehicle or an object of the Scene; null if it is not known. */
 export function extentOf(scene: Scene | null, name: string): Extent | null {
   const vehicle = scene?.vehicles[name]
-  if (vehicle) return { ahead: 0.5 * vehicle.wheelbase, size: vehicle.size }
+  if (vehicle) return { ahead: 0.5 * vehicle.wheelbase, size: vehicle.size, below: vehicle.wheel_radius }
   const size = scene?.object_sizes[name]
-  return size ? { ahead: 0, size } : null
+  return size ? { ahead: 0, size, below: 0.5 * size[2] } : null
 }
 
-/** The corners of the base on the screen, counterclockwise from the front left; null if one is behind the camera. */
-export function baseOf(placed: Placement, extent: Extent, project: Projection, z = 0): Point[] | null {
-  const corners = CORNERS.map(([x, y]) => {
-    const at = inMap(placed, extent.ahead + 0.5 * x * extent.size[0], 0.5 * y * extent.size[1])
-    return project(at[0], at[1], z)
-  })
+/** The pose of a thing that stands on the ground. */
+export function poseOf({ x, y, yaw }: Placement, { below }: Extent): Pose {
+  const orientation = new Float64Array([Math.cos(yaw / 2), 0, 0, Math.sin(yaw / 2)])
+  return { position: new Float64Array([x, y, below]), orientation }
+}
+
+/**
+ * The corners on the screen: of the base, counterclockwise from the front left, then those above them; null if one is
+ * behind the camera.
+ */
+export function cornersOf(pose: Pose, extent: Extent, project: Projection): Point[] | null {
+  const [length, width, height] = extent.size
+  const corners = [0, height].flatMap((z) =>
+    CORNERS.map(([x, y]) =>
+      project(...inMap(pose, extent.ahead + 0.5 * x * length, 0.5 * y * width, z - extent.below)),
+    ),
+  )
   return corners.every((corner) => corner !== null) ? corners : null
 }
 
@@ -41,9 +54,9 @@ const CORNERS = [
 ] as const
 
 /** Where the line to the handle starts and ends on the screen; the end is the handle. */
-export function handleOf(placed: Placement, extent: Extent, project: Projection): readonly [Point, Point] | null {
-  const middle = project(...inMap(placed, extent.ahead, 0), 0)
-  const front = project(...inMap(placed, extent.ahead + 0.5 * extent.size[0], 0), 0)
+export function handleOf(pose: Pose, extent: Extent, project: Projection): readonly [Point, Point] | null {
+  const middle = project(...inMap(pose, extent.ahead, 0, -extent.below))
+  const front = project(...inMap(pose, extent.ahead + 0.5 * extent.size[0], 0, -extent.below))
   if (!middle || !front) return null
   const length = Math.hypot(front[0] - middle[0], front[1] - middle[1]) || 1
   const share = HANDLE_DISTANCE / length
@@ -52,20 +65,26 @@ export function handleOf(placed: Placement, extent: Extent, project: Projection)
 }
 
 /** The middle of a thing in the map [m]. */
-export function middleOf(placed: Placement, extent: Extent): Point {
-  return inMap(placed, extent.ahead, 0)
+export function middleOf({ x, y, yaw }: Placement, { ahead }: Extent): Point {
+  return [x + ahead * Math.cos(yaw), y + ahead * Math.sin(yaw)]
 }
 
 /** Whether a place of the screen is on a thing, or nearer to it than `margin` [CSS pixels]. */
-export function isHit(at: Point, placed: Placement, extent: Extent, project: Projection, margin: number): boolean {
-  const low = baseOf(placed, extent, project)
-  const high = baseOf(placed, extent, project, extent.size[2])
-  return low !== null && high !== null && isInside(at, hull([...low, ...high]), margin)
+export function isHit(at: Point, pose: Pose, extent: Extent, project: Projection, margin: number): boolean {
+  const corners = cornersOf(pose, extent, project)
+  return corners !== null && isInside(at, hull(corners), margin)
 }
 
-function inMap({ x, y, yaw }: Placement, ahead: number, left: number): Point {
-  const [c, s] = [Math.cos(yaw), Math.sin(yaw)]
-  return [x + c * ahead - s * left, y + s * ahead + c * left]
+/** A point in the axes of a thing [m], in those of the map. */
+function inMap({ position, orientation }: Pose, x: number, y: number, z: number): [x: number, y: number, z: number] {
+  const [w, i, j, k] = orientation
+  // twice the cross product of the axis with the point
+  const [a, b, c] = [2 * (j * z - k * y), 2 * (k * x - i * z), 2 * (i * y - j * x)]
+  return [
+    position[0] + x + w * a + j * c - k * b,
+    position[1] + y + w * b + k * a - i * c,
+    position[2] + z + w * c + i * b - j * a,
+  ]
 }
 
 /** The convex hull (Andrew's monotone chain), in one direction of rotation. */

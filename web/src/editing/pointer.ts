@@ -1,8 +1,9 @@
 // Edit mode with mouse and touch: selects and drags vehicles and objects, turns them by their handle, draws the outline.
+import type { Pose } from '../messages'
 import type { SceneView } from '../scene/view'
 import type { Placement, Store } from '../store'
 import type { Editor } from './editor'
-import { baseOf, type Extent, extentOf, handleOf, isHit, middleOf, type Point, type Projection } from './outline'
+import { cornersOf, type Extent, extentOf, handleOf, isHit, middleOf, type Point, type Projection } from './outline'
 
 /** Distance within which the pointer hits the handle, and a thing, for a mouse and for a finger [CSS pixels]. */
 const REACH = { handle: { fine: 12, coarse: 24 }, thing: { fine: 2, coarse: 14 } }
@@ -28,25 +29,25 @@ export function editPointer(
   view: () => SceneView | null,
 ): SVGSVGElement {
   const overlay = svg('svg', { class: 'edit-overlay', 'data-testid': 'edit-overlay', 'aria-hidden': 'true' })
-  const base = { under: svg('polygon', { class: 'under' }), line: svg('polygon', { class: 'line' }) }
+  const box = { under: svg('path', { class: 'under' }), line: svg('path', { class: 'line' }) }
   const lever = { under: svg('line', { class: 'under' }), line: svg('line', { class: 'line' }) }
   const handle = svg('circle', { class: 'handle', r: '9' })
-  overlay.append(base.under, lever.under, base.line, lever.line, handle)
+  overlay.append(box.under, lever.under, box.line, lever.line, handle)
   const project: Projection = (x, y, z) => view()?.screenPoint(x, y, z) ?? null
   let drag: Drag | null = null
 
   /** What the pointer hits: the handle of the selected thing, or a thing. */
   function hit(at: Point, reach: 'fine' | 'coarse'): { name: string; kind: Drag['kind'] } | null {
     const selected = outlined(store.selection.value)
-    const end = selected && handleOf(selected.placed, selected.extent, project)?.[1]
+    const end = selected && handleOf(selected.pose, selected.extent, project)?.[1]
     if (end && Math.hypot(end[0] - at[0], end[1] - at[1]) <= REACH.handle[reach])
       return { name: store.selection.value, kind: 'turn' }
     const hits = editor.names
       .map(outlined)
       .filter((one) => one !== null)
-      .filter(({ placed, extent }) => isHit(at, placed, extent, project, REACH.thing[reach]))
-    const distance = ({ placed, extent }: Outlined): number => {
-      const middle = project(...middleOf(placed, extent), 0.5 * extent.size[2])
+      .filter(({ pose, extent }) => isHit(at, pose, extent, project, REACH.thing[reach]))
+    const distance = ({ placed, pose, extent }: Outlined): number => {
+      const middle = project(...middleOf(placed, extent), pose.position[2] - extent.below + 0.5 * extent.size[2])
       return middle ? Math.hypot(middle[0] - at[0], middle[1] - at[1]) : Number.POSITIVE_INFINITY
     }
     const nearest = hits.sort((a, b) => distance(a) - distance(b))[0]
@@ -56,7 +57,8 @@ export function editPointer(
   function outlined(name: string): Outlined | null {
     const placed = editor.placement(name)
     const extent = extentOf(store.scene.value, name)
-    return placed && extent ? { placed, extent } : null
+    const pose = editor.pose(name)
+    return placed && extent && pose ? { placed, extent, pose } : null
   }
 
   function begin(event: PointerEvent): void {
@@ -114,15 +116,16 @@ export function editPointer(
     else editor.cancel()
   }
 
-  /** Draws the outline of the selected thing. */
+  /** Draws the box around the selected thing. */
   function draw(): void {
     const one = store.isEditing.value ? outlined(store.selection.value) : null
-    const corners = one && baseOf(one.placed, one.extent, project)
-    const line = one && handleOf(one.placed, one.extent, project)
+    const corners = one && cornersOf(one.pose, one.extent, project)
+    const line = one && handleOf(one.pose, one.extent, project)
     overlay.style.display = corners && line ? '' : 'none'
     if (!corners || !line) return
-    const points = corners.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(' ')
-    for (const polygon of [base.under, base.line]) polygon.setAttribute('points', points)
+    const [a, b, c, d, e, f, g, h] = corners.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`)
+    const edges = `M${a} ${b} ${c} ${d}Z M${e} ${f} ${g} ${h}Z M${a} ${e} M${b} ${f} M${c} ${g} M${d} ${h}`
+    for (const path of [box.under, box.line]) path.setAttribute('d', edges)
     const [[x1, y1], [x2, y2]] = line
     for (const one of [lever.under, lever.line])
       for (const [name, value] of Object.entries({ x1, y1, x2, y2 })) one.setAttribute(name, value.toFixed(1))
@@ -147,6 +150,7 @@ export function editPointer(
 interface Outlined {
   placed: Placement
   extent: Extent
+  pose: Pose
 }
 
 /** Bearing of a point of the ground from the middle of a thing [rad]. */

@@ -1,5 +1,6 @@
 // The dialog "Connect a program": for each language the shortest program that drives, to copy.
 import type { Store } from '../store'
+import { copyText } from './clipboard'
 import { h, setText } from './element'
 import { segments } from './fields'
 import { addressOfPage, SNIPPETS } from './snippets'
@@ -20,14 +21,7 @@ export function connectDialog(store: Store): { element: HTMLDialogElement; open:
   }
 
   async function copy(): Promise<void> {
-    getSelection()?.selectAllChildren(code)
-    try {
-      await navigator.clipboard.writeText(code.textContent ?? '')
-    } catch {
-      // Browsers have no clipboard for pages that are not encrypted, except those of the same machine.
-      if (!document.execCommand('copy')) return setText(copied, 'Press Ctrl-C to copy the selected text.')
-    }
-    setText(copied, 'Copied.')
+    setText(copied, (await copyText(code)) ? 'Copied.' : 'Press Ctrl-C to copy the selected text.')
   }
 
   const element = h(

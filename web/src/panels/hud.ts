@@ -143,7 +143,7 @@ function lidar(rows: Rows, store: Store): Section {
     'dl',
     { class: 'lidar-figures' },
     signalRow(rows, 'lidar'),
-    h('div', { class: 'bearing' }, h('dt', { id: 'bearing' }, 'Bearing [°]'), h('dd', {}, bearingField(store))),
+    h('div', { class: 'bearing', title: BEARING }, h('dt', {}, 'Bearing [°]'), h('dd', {}, bearingField(store))),
     h('div', {}, h('dt', {}, 'Nearest'), plan.nearest),
     h('div', {}, h('dt', {}, 'Rings [m]'), h('dd', {}, plan.toggle)),
   )
@@ -151,11 +151,12 @@ function lidar(rows: Rows, store: Store): Section {
   return { element, refresh: everyOther(plan.refresh) }
 }
 
+const BEARING = 'Direction of the measurement: 0 is ahead, left is positive. A click on the plot sets it, too'
+
 /** The bearing of the measurement in degrees, left positive. */
 function bearingField(store: Store): HTMLElement {
-  const title = 'Direction of the measurement: 0 is ahead, left is positive. A click on the plot sets it, too'
   const limits = { min: -180, max: 180, step: 1 }
-  const field = h('input', { 'aria-labelledby': 'bearing', testid: 'hud-bearing', type: 'number', title, ...limits })
+  const field = h('input', { 'aria-label': 'Bearing [°]', testid: 'hud-bearing', type: 'number', ...limits })
   field.addEventListener('input', () => {
     if (field.value) store.bearing.value = (Number(field.value) * Math.PI) / 180
   })

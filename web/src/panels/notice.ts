@@ -1,7 +1,8 @@
-// Short notices at the bottom of the page: collisions, road departures, results of actions.
+// Notices at the bottom of the page: collisions, road departures, results of actions; errors stay until they are closed.
 import { sentence } from '../actions'
 import { describe, type Level } from '../log'
 import type { Store } from '../store'
+import { copyText, splitCommand } from './clipboard'
 import { h } from './element'
 
 /** How long a notice is shown [ms]. A repeated event is counted on the notice that is shown. */
@@ -13,7 +14,21 @@ interface Notice {
   element: HTMLElement
   times: HTMLElement
   count: number
+  /** 0: it stays until it is closed. */
   timer: number
+}
+
+/** An error with a button that closes it, and one that copies the command in its text. */
+function errorOf(text: string, close: () => void): HTMLElement {
+  const found = splitCommand(text)
+  const command = found && h('code', {}, found[1])
+  const copy = h('button', { testid: 'notice-copy', onclick: () => void run() }, 'Copy')
+  const run = async (): Promise<void> => {
+    if (command) copy.textContent = (await copyText(command)) ? 'Copied' : 'Press Ctrl-C'
+  }
+  const words = h('span', {}, ...(found ? [found[0], command] : [text]))
+  const end = h('button', { testid: 'notice-close', 'aria-label': 'Close the error', onclick: close }, 'Close')
+  return h('div', { class: 'notice', 'data-severity': 'error', role: 'alert' }, words, command && copy, end)
 }
 
 export function notices(store: Store): HTMLElement {
@@ -27,14 +42,18 @@ export function notices(store: Store): HTMLElement {
       if (isCounted) notice.times.textContent = `× ${++notice.count}`
     } else {
       const times = h('span', { class: 'times' })
-      const element = h('div', { class: 'notice', 'data-severity': severity, onclick: () => remove(text) }, text, times)
+      const element =
+        severity === 'error'
+          ? errorOf(text, () => remove(text))
+          : h('div', { class: 'notice', 'data-severity': severity, onclick: () => remove(text) }, text, times)
       notice = { element, times, count: 1, timer: 0 }
       notices_.set(text, notice)
       list.append(element)
-      const [oldest = ''] = notices_.keys()
+      const texts = [...notices_.keys()]
+      const oldest = texts.find((one) => notices_.get(one)?.timer !== 0) ?? texts[0]
       if (notices_.size > MAX_NOTICES) remove(oldest)
     }
-    notice.timer = window.setTimeout(() => remove(text), DURATION)
+    if (severity !== 'error') notice.timer = window.setTimeout(() => remove(text), DURATION)
   }
 
   function remove(text: string): void {
@@ -45,6 +64,9 @@ export function notices(store: Store): HTMLElement {
 
   store.notice.watch((text) => {
     if (text) show(sentence(text), 'info', false)
+  })
+  store.error.watch((text) => {
+    if (text) show(sentence(text), 'error', false)
   })
   store.warning.watch((text) => {
     if (text) show(sentence(text), 'warning', false)

@@ -26,7 +26,7 @@ const ARROW = 1
 const PAGE = 10
 
 export function timeline(store: Store, connection: Connection, actions: Actions): HTMLElement {
-  const playhead = new Playhead(store, connection, (error) => (store.warning.value = sentence(error)))
+  const playhead = new Playhead(store, connection, (error) => (store.error.value = sentence(error)))
   const window_ = new TimeWindow()
   const marks = marksCanvas(window_)
   const cursor = h('div', { class: 'timeline-cursor' })
@@ -166,7 +166,7 @@ export function timeline(store: Store, connection: Connection, actions: Actions)
       curves = response.curves
       if (response.text) requestCurves(RETRY) // the simulator still reads the recording
     } catch (error) {
-      store.warning.value = sentence(error)
+      store.error.value = sentence(error)
     }
     if (range === window_.range.value) show(curves, range)
   }
