@@ -50,5 +50,19 @@ def test_each_form_of_an_import_is_found(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_module_that_is_not_imported_does_not_count() -> None:
     paths = {path.relative_to(cache.PACKAGE).parts[0] for path in sources(cache.PACKAGE / "physics" / "tick.py")}
-    assert {"physics", "actuators", "model.py"} <= paths
-    assert paths.isdisjoint({"server", "render", "cli", "envs"})
+    assert {"physics", "protocol"} <= paths
+    assert paths.isdisjoint({"connect", "graphics", "cli", "experiments"})
+
+
+def test_a_file_of_a_user_depends_on_the_files_beside_it(tmp_path: Path) -> None:
+    texts = {
+        "driver": "import math; import route\n",
+        "route": "from pack.one import x  # \xe9\n",
+        "far": "",
+        "pack/one": "",
+    }
+    (tmp_path / "pack").mkdir()
+    for name, text in texts.items():
+        (tmp_path / f"{name}.py").write_text(text, encoding="latin-1")
+    found = {path.relative_to(tmp_path).as_posix() for path in sources(tmp_path / "driver.py", is_own=True)}
+    assert found == {"driver.py", "route.py", "pack/one.py"}

@@ -107,8 +107,7 @@ CACHES = {"jit.py", "meshes/store.py"}
 """They work without their files; see below."""
 OTHERS = {
     "campaigns/drivers.py": {"TemporaryFile"},  # what a devkit script prints
-    "campaigns/luggage.py": {"write_bytes"},  # in a temporary folder, like the next ones
-    "campaigns/parameters.py": {"write_text"},
+    "campaigns/campaign_files.py": {"write_bytes"},  # in a temporary folder, like the next ones
     "identification/windows.py": {"write_text"},
     "policies/policy.py": {"savez"},  # into memory
     "cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves

@@ -210,7 +210,7 @@ def _too_large(
     """The problem of a map that is too large, with the place of what is farthest from its other parts."""
     x0, y0, x1, y1 = bounds
     axis = 0 if x1 - x0 > y1 - y0 else 1
-    labels = [*(one.label for one in placed), *places, *(Place(("map", "paved", i)) for i in range(len(spec.paved)))]
+    labels = [*(one.label for one in placed), *places, *(Place("map", ("paved", i)) for i in range(len(spec.paved)))]
     low, high = shapely.bounds(_contents(spec, placed, statics))[:, axis::2].T
     middle = np.median(low + high) / 2.0
     label = labels[int(np.argmax(np.maximum(high - middle, middle - low)))]
@@ -271,7 +271,7 @@ def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], 
     solids = [("walls", i, shape) for i, wall in enumerate(spec.walls) for shape in wall_shapes(wall)]
     solids += [("blocks", i, block_shape(block, block.name or f"block_{i + 1}")) for i, block in enumerate(spec.blocks)]
     solids += [("props", i, shape) for i, prop in enumerate(props) for shape in prop_shapes(prop)]
-    return tuple(shape for _, _, shape in solids), props, [Place(("map", key, i)) for key, i, _ in solids]
+    return tuple(shape for _, _, shape in solids), props, [Place("map", (key, i)) for key, i, _ in solids]
 
 
 def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:
