@@ -91,17 +91,17 @@ class Described(Generic[T]):
     name: str
     """Of the file, without folder and suffix."""
     found: T | None
-    """None: the file is not there, or is not valid."""
     error: SpecError | None = None
-    """What is wrong with the file."""
+    """Why there is no Spec."""
     path: str = ""
     text: str = ""
 
     @property
     def spec(self) -> T:
         """The Spec. Raises `SpecError` if there is none."""
-        if self.found is None:
-            raise self.error or SpecError([f"'{self.name}' is not there"])
+        if self.error is not None:
+            raise self.error
+        assert self.found is not None
         return self.found
 
 

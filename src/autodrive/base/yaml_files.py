@@ -142,7 +142,7 @@ def source(path: Path) -> Source:
 
 @functools.lru_cache(maxsize=8)
 def _source(text: str, path: str) -> Source:
-    """Kept, because a map or vehicle is read several times: by a check, by each World, and by each edit."""
+    """Kept, because a map or vehicle is read several times: by a check and by each World."""
     return Source(text, path)
 
 

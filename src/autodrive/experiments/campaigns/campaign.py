@@ -116,26 +116,21 @@ class Campaign:
     @classmethod
     def _checked(cls, spec: CampaignSpec, source: Source, path: Path) -> Campaign:
         folder = path.parent
-        errors = [f"{source.at(*place)}: {text}" for place, text in _problems(spec, folder)]
+        problems = [*_problems(spec, folder)]
+        campaign = None
         try:
             descriptions = read_scenario(_found(spec.scenario, folder))
-        except SpecError as error:
-            errors += [f"{source.at('scenario')}: {text}" for text in error.errors]
-            raise SpecError(errors, str(path)) from None
-        scenario = descriptions.specs.scenario
-        if spec.vehicle and spec.vehicle not in scenario.vehicles:
-            errors.append(f"{source.at('vehicle')}: {suggest(spec.vehicle, list(scenario.vehicles))}")
-        for name, values in spec.parameters.items():
-            wrong = parameters.errors(descriptions, name, values)
-            errors += [f"{source.at('parameters', name)}: {text}" for text in wrong]
-        campaign = cls(spec, descriptions, folder, path.stem, path)
-        if not errors:
-            try:
+            campaign = cls(spec, descriptions, folder, path.stem, path)
+            if spec.vehicle and spec.vehicle not in campaign.scenario.vehicles:
+                problems.append((("vehicle",), suggest(spec.vehicle, list(campaign.scenario.vehicles))))
+            for name, values in spec.parameters.items():
+                problems += [(("parameters", name), text) for text in parameters.errors(descriptions, name, values)]
+            if not problems:
                 compile_scenario(parameters.structural(descriptions, campaign.design[0]))
-            except SpecError as error:
-                errors += [f"{source.at('scenario')}: {text}" for text in error.errors]
-        if errors:
-            raise SpecError(errors, str(path))
+        except SpecError as error:
+            problems += [(("scenario",), text) for text in error.errors]
+        if problems or campaign is None:
+            raise SpecError([f"{source.at(*place)}: {text}" for place, text in problems], str(path))
         return campaign
 
     @cached_property

@@ -40,7 +40,7 @@ class CampaignFiles:
                     f"'{name}' cannot travel to other machines: give its path from the folder of the campaign"
                 )
         files = own_files(campaign) | {Path(name) for name in _values(campaign)}
-        paths = {path for file in files if not _is_included(path := Path(os.path.abspath(file)))}
+        paths = {path for file in files if not (path := Path(os.path.abspath(file))).is_relative_to(PACKAGE)}
         root = Path(os.path.commonpath([*(path.parent for path in paths), folder, directory]))
         packed = {path.relative_to(root).as_posix(): path.read_bytes() for path in sorted(paths)}
         return cls(replace(campaign, folder=folder), root, directory.relative_to(root), packed)
@@ -63,7 +63,3 @@ def _values(campaign: Campaign) -> Iterator[str]:
         for value in one.values:
             if isinstance(value, str) and Path(value).suffix in YAML and Path(value).is_file():
                 yield value
-
-
-def _is_included(path: Path) -> bool:
-    return path.is_relative_to(PACKAGE)

@@ -115,9 +115,7 @@ def _with_vehicle(name: str, of: Specs, changes: Mapping[str, Value]) -> Specs:
 
 def _changed(file: Described[Any], spec: type[T], changes: Mapping[str, Value]) -> tuple[T, str]:
     """Spec and text of a file with other values. Raises `SpecError`."""
-    if not file.text and file.error is not None:
-        raise file.error
-    tree = Source(file.text).tree
+    tree = Source(file.text).tree if file.text else file.spec.model_dump()
     for name, value in changes.items():
         _set(tree, name, value)
     return specs.checked(tree, spec), yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)

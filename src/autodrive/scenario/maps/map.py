@@ -125,15 +125,10 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[specs.Proble
         return track_map(Track.of(spec, described.name)), ()
     placed, problems = place(described)
     joins, unjoined = join(placed, is_complete=spec is not None and len(placed) == len(spec.placements))
-    problems += unjoined
-    if spec is None:
-        problems += _overlaps(placed, ())
-        map_ = None
-    else:
-        map_, more = _compiled(spec, described.name, placed, joins)
-        problems += more
-    known: list[specs.Problem] = [(text,) for text in described.error.errors] if described.error else []
-    return map_, (*known, *((f"map '{described.name}': ", *one) for one in problems))
+    map_, more = _compiled(spec, described.name, placed, joins) if spec else (None, _overlaps(placed, ()))
+    of_file = described.error.errors if described.error else []
+    prefix = f"map '{described.name}': "
+    return map_, (*((text,) for text in of_file), *((prefix, *one) for one in (*problems, *unjoined, *more)))
 
 
 def track_map(track: Track) -> Map:
