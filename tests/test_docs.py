@@ -13,7 +13,7 @@ from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.camera_imperfections import PRESETS
 from autodrive.protocol.messages import CameraImage
 from autodrive.scenario import load_scenario
-from autodrive.scenario.maps import load_map
+from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.support.cars import car_file
 

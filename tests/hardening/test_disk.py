@@ -109,8 +109,7 @@ CACHES = {"base/jit.py", "graphics/meshes/store.py"}
 """They work without their files; see below."""
 OTHERS = {
     "experiments/campaigns/drivers.py": {"TemporaryFile"},  # what a devkit script prints
-    "experiments/campaigns/luggage.py": {"write_bytes"},  # in a temporary folder, like the next ones
-    "experiments/campaigns/parameters.py": {"write_text"},
+    "experiments/campaigns/campaign_files.py": {"write_bytes"},  # in a temporary folder, like the next ones
     "experiments/identification/windows.py": {"write_text"},
     "experiments/policies/policy.py": {"savez"},  # into memory
     "base/cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves

@@ -10,7 +10,7 @@ from autodrive.base.errors import SpecError
 from autodrive.base.yaml_files import names
 from autodrive.protocol.messages import Command
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario
-from autodrive.scenario.maps import load_map
+from autodrive.scenario.maps.map import load_map
 
 
 @pytest.mark.parametrize("name", names("scenario"))

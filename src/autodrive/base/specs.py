@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -56,14 +56,15 @@ class RuleError(ValueError):
         self.errors = errors
 
 
-Key: TypeAlias = tuple[str | int, ...]
-"""A value in one of the files of a scenario: the file, and the location in it: ("map", "placements", 3)."""
+Key: TypeAlias = tuple[str, ...]
+"""A location in a text, such as ("placements", "3", "x"); in a table for several files, the first part is the file."""
 
 
 class Place(NamedTuple):
     """A value in the text of a problem; `joined` adds its line."""
 
-    key: Key
+    file: Literal["scenario", "map"]
+    location: tuple[str | int, ...]
     name: str = ""
     """How the text calls it; left out: by its location."""
 
@@ -90,17 +91,17 @@ class Described(Generic[T]):
     name: str
     """Of the file, without folder and suffix."""
     found: T | None
-    """None: the file is not there, or is not valid."""
     error: SpecError | None = None
-    """What is wrong with the file."""
+    """Why there is no Spec."""
     path: str = ""
     text: str = ""
 
     @property
     def spec(self) -> T:
         """The Spec. Raises `SpecError` if there is none."""
-        if self.found is None:
-            raise self.error or SpecError([f"'{self.name}' is not there"])
+        if self.error is not None:
+            raise self.error
+        assert self.found is not None
         return self.found
 
 
@@ -144,15 +145,20 @@ def messages(errors: Sequence[Any], spec: type[BaseModel], at: Callable[..., str
     return found
 
 
+def with_line(name: str, location: Sequence[str | int], lines: Mapping[Key, int]) -> str:
+    """What is at a location, with its line, or with that of what it is in."""
+    key = tuple(map(str, location))
+    line = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
+    return f"{name} (line {line})" if line else name
+
+
 def joined(problems: Iterable[Problem], lines: Mapping[Key, int]) -> list[str]:
-    """The messages of problems: each place with its line, or with that of what it is in."""
+    """The messages of problems, with the lines of their places."""
 
     def text(part: Place | str) -> str:
         if isinstance(part, str):
             return part
-        keys = (part.key[:length] for length in range(len(part.key), 1, -1))
-        line = next((lines[key] for key in keys if key in lines), None)
-        return f"{part.name or place_text(*part.key[1:])}{f' (line {line})' if line else ''}"
+        return with_line(part.name or place_text(*part.location), (part.file, *part.location), lines)
 
     return ["".join(map(text, problem)) for problem in problems]
 

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from yaml.constructor import ConstructorError
 
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import MAX_ERRORS, Key, Spec, messages, place_text, short
+from autodrive.base.specs import MAX_ERRORS, Key, Spec, messages, place_text, short, with_line
 from autodrive.base.suggest import suggest
 
 Kind: TypeAlias = Literal["vehicle", "module", "map", "track", "ruleset", "scenario"]
@@ -83,69 +83,42 @@ class Source:
 
     def __init__(self, text: str = "", path: str = "") -> None:
         """Raises `SpecError` if the text is not YAML, has tags, or is beyond the limits, such as `MAX_NODES`."""
-        self.path = path
         self.text = text
-        self._keys: dict[int, dict[str, Any]] = {}
+        self.path = path
         try:
             _check_limits(text)
             loader = _Loader(text)
             try:
                 self._node = loader.get_single_node()
-                self._duplicate_keys = _duplicate_keys(self._node)
+                self.duplicate_keys = _duplicate_keys(self._node)
+                """An error for each."""
                 self.tree: Any = None if self._node is None else loader.construct_document(self._node)
             finally:
                 loader.dispose()
         except (yaml.YAMLError, UnicodeError) as error:
             raise SpecError([_yaml_error(error, text)], path) from None
 
-    def at(self, *location: str | int) -> str:
-        """Where a value is: 'vehicles.V1.x (line 4)'."""
-        line = self.line(*location)
-        return f"{place_text(*location)}{f' (line {line})' if line else ''}"
-
-    def line(self, *location: str | int) -> int | None:
-        """Line (from 1) of the deepest part of the location that exists in the text; None without a text."""
-        node, found = self._node, None
-        for part in location:
-            if isinstance(node, yaml.MappingNode):
-                if str(part) not in (pairs := self._pairs(node)):
-                    break
-                key, node = pairs[str(part)]
-                found = key.start_mark.line + 1
-            elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
-                node = node.value[part]
-                found = node.start_mark.line + 1
-            else:
-                break
-        return found
-
-    def lines(self, file: str, depth: int) -> dict[Key, int]:
-        """Line (from 1) of each key and entry down to a depth; the keys begin with `file`."""
+    @functools.cached_property
+    def lines(self) -> dict[Key, int]:
+        """Line (from 1) of each key and entry."""
         found: dict[Key, int] = {}
 
         def walk(node: yaml.Node | None, key: Key) -> None:
-            inner: list[tuple[str | int, Any, Any]] = []
+            inner: dict[str, tuple[yaml.Node, yaml.Node]] = {}
             if isinstance(node, yaml.MappingNode):
-                inner = [(part, *pair) for part, pair in self._pairs(node).items()]
+                inner = {_text_of(one): (one, value) for one, value in node.value}
             elif isinstance(node, yaml.SequenceNode):
-                inner = [(i, one, one) for i, one in enumerate(node.value)]
-            for part, start, value in inner:
+                inner = {str(i): (one, one) for i, one in enumerate(node.value)}
+            for part, (start, value) in inner.items():
                 found[*key, part] = start.start_mark.line + 1
-                if len(key) < depth:
-                    walk(value, (*key, part))
+                walk(value, (*key, part))
 
-        walk(self._node, (file,))
+        walk(self._node, ())
         return found
 
-    def duplicate_keys(self) -> list[str]:
-        """An error for each duplicate key."""
-        return list(self._duplicate_keys)
-
-    def _pairs(self, node: yaml.MappingNode) -> dict[str, Any]:
-        """Nodes of key and value by key."""
-        if id(node) not in self._keys:
-            self._keys[id(node)] = {_text_of(key): (key, value) for key, value in node.value}
-        return self._keys[id(node)]
+    def at(self, *location: str | int) -> str:
+        """Where a value is: 'vehicles.V1.x (line 4)'."""
+        return with_line(place_text(*location), location, self.lines)
 
 
 def source(path: Path) -> Source:
@@ -170,7 +143,7 @@ def source(path: Path) -> Source:
 
 @functools.lru_cache(maxsize=8)
 def _source(text: str, path: str) -> Source:
-    """Kept, because a map or vehicle is read several times: by a check, by each World, and by each edit."""
+    """Kept, because a map or vehicle is read several times: by a check and by each World."""
     return Source(text, path)
 
 
@@ -194,9 +167,9 @@ def readable(source: Source, spec: type[T]) -> tuple[T | None, list[str]]:
     """
     if not isinstance(source.tree, dict):
         return None, [f"line 1: expected 'key: value' lines ({spec.__name__}), found {type(source.tree).__name__}"]
-    duplicates = source.duplicate_keys()
+    duplicates = source.duplicate_keys
     try:
-        return spec.model_validate(source.tree), duplicates
+        return spec.model_validate(source.tree), [*duplicates]
     except ValidationError as error:
         details = error.errors(include_url=False)
     errors = duplicates + messages(details[:MAX_ERRORS], spec, source.at)

@@ -18,7 +18,7 @@ import typer
 
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.cli.options import Browser, Host, Port, Token
-from autodrive.protocol.devkit_profile import Handshake, Keys, LidarFormat, Side
+from autodrive.protocol.devkit_profile import DevkitKeys, Handshake, LidarFormat, Side
 from autodrive.protocol.ports import DEVKIT_PORT
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def run(
         typer.Option(help="Format of LIDAR scans for the script.  [default: detected from its commands]"),
     ] = None,
     devkit_keys: Annotated[
-        Keys | None,
+        DevkitKeys | None,
         typer.Option(help="Keys of the messages: 'Throttle' or 'V1 Throttle'.  [default: as in the profile]"),
     ] = None,
     devkit_handshake: Annotated[

@@ -15,7 +15,7 @@ from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.scenario.files import described
-from autodrive.scenario.maps.map import Map, MapSpec, load_map, load_module
+from autodrive.scenario.maps.map import Map, MapSpec, load_map
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.tracks.checks import track_errors
 from autodrive.scenario.tracks.track import Track, TrackSpec
@@ -79,8 +79,6 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
                 f"{places['walls' if error.startswith('walls') else 'centre line']}: {error}"
                 for error in track_errors(Track.load(path))
             ]
-        elif kind == "module" and not errors:
-            load_module(path)
         elif kind == "vehicle" and not errors:
             from autodrive.world.factory import compile_scenario
 

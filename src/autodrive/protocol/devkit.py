@@ -33,8 +33,8 @@ from autodrive.protocol.devkit_profile import (
     PROFILES,
     STEERING_SIGN,
     VEHICLE_KEY,
+    DevkitKeys,
     DevkitSettings,
-    Keys,
     LidarFormat,
     Profile,
 )
@@ -99,7 +99,7 @@ def initial_telemetry(
     No scan format suits all: a 2025 devkit raises on text; a 2023 devkit raises on gzip (NumPy 2) or reads wrong values
     (NumPy 1). A script that cannot read `lidar` does not answer.
     """
-    formats: tuple[tuple[str, Keys, LidarFormat], ...] = (("2025", "prefixed", lidar), ("2020", "plain", "text"))
+    formats: tuple[tuple[str, DevkitKeys, LidarFormat], ...] = (("2025", "prefixed", lidar), ("2020", "plain", "text"))
     data: dict[str, str] = {}
     for year, keys, lidar_format in formats:
         profile = (settings or DevkitSettings()).applied_to(PROFILES[year])

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias, get_args
 
 from autodrive.base.errors import AutodriveError
 
-Keys: TypeAlias = Literal["plain", "prefixed"]
+DevkitKeys: TypeAlias = Literal["plain", "prefixed"]
 """'Throttle' of a single vehicle; 'V1 Throttle', with traffic lights."""
 LidarFormat: TypeAlias = Literal["text", "gzip"]
 """Numbers separated by spaces; base64 of gzip with one number per line."""
@@ -24,7 +24,7 @@ class Profile:
 
     name: str
     """Year of the devkit generation, or name of the vehicle that has its own."""
-    keys: Keys
+    keys: DevkitKeys
     """Whether keys have a vehicle prefix ('V1 Throttle') and traffic lights exist; otherwise a single vehicle."""
     decimals: int
     """Digits after the decimal point."""
@@ -93,7 +93,7 @@ class DevkitSettings:
 
     profile: str | None = None
     """Devkit generation, one of `PROFILES`."""
-    keys: Keys | None = None
+    keys: DevkitKeys | None = None
     """Keys of the messages."""
     lidar: LidarFormat | None = None
     """Format of scans; None: detected from the keys of the commands."""
@@ -119,7 +119,7 @@ class DevkitSettings:
 
 KNOWN_SETTINGS: dict[str, tuple[str, ...]] = {
     "profile": tuple(PROFILES),
-    "keys": get_args(Keys),
+    "keys": get_args(DevkitKeys),
     "lidar": get_args(LidarFormat),
     "steering": get_args(Side),
     "feedback": get_args(Side),

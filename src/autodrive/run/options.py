@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from autodrive.connect.server.served import PageOptions
-from autodrive.protocol.devkit_profile import DevkitSettings, Handshake, Keys, LidarFormat, Side
+from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
 from autodrive.scenario import DEFAULT
 
 DrivingMode: TypeAlias = Literal["manual", "autonomous"]
@@ -31,7 +31,7 @@ class RunOptions(PageOptions):
     """Host and port of the devkit script to connect to; None: no connection until a client requests one."""
     devkit_profile: str | None = None
     """Devkit generation of the script: "2020", "2022", "2023" or "2025"; None: detected."""
-    devkit_keys: Keys | None = None
+    devkit_keys: DevkitKeys | None = None
     """Keys of the messages; None: as in the profile."""
     devkit_lidar: LidarFormat | None = None
     """Format of scans; None: detected from the commands of the script."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -48,7 +47,7 @@ def described(
         map_, lines = known.specs.map, {key: line for key, line in known.lines.items() if key[0] == "map"}
     else:
         map_, lines = read_map(scenario.map)
-    lines |= source.lines("scenario", depth=3) if source else {}
+    lines |= {("scenario", *key): line for key, line in source.lines.items()} if source else {}
     types = dict.fromkeys(one.type for one in scenario.vehicles.values())
     race = scenario.race or (RaceSpec() if isinstance(map_.found, TrackSpec) else None)
     specs = Specs(
@@ -64,25 +63,27 @@ def described(
 def read_map(name: str | Path | MapSpec) -> tuple[DescribedMap, dict[Key, int]]:
     """A map or track with its modules, and the lines of its keys."""
     if isinstance(name, MapSpec):
-        return _with_modules("map", name, enumerate(name.placements, 1)), {}
+        return _with_modules(Described("map", name), name.placements), {}
     try:
-        path = find_map(name)
+        path = _find_map(name)
         source = yaml_files.source(path)
     except SpecError as error:
         return DescribedMap(str(name), None, error, error.path), {}
-    tree = source.tree
-    if isinstance(tree, dict) and "centre_line" in tree:
-        track, error = _readable(source, TrackSpec, f"track '{path.stem}': ")
-        return DescribedMap(path.stem, track, error, source.path, source.text), {}
-    spec, error = _readable(source, MapSpec, f"map '{path.stem}': ")
-    placements = enumerate(spec.placements, 1) if spec else _placements(tree)
-    return _with_modules(path.stem, spec, placements, error, source), source.lines("map", depth=2)
+    if isinstance(source.tree, dict) and "centre_line" in source.tree:
+        track = _described(source, TrackSpec, f"track '{path.stem}': ")
+        return DescribedMap(track.name, track.found, track.error, track.path, track.text), {}
+    map_ = _described(source, MapSpec, f"map '{path.stem}': ")
+    placements = map_.found.placements if map_.found else _placements(source.tree)
+    return _with_modules(map_, placements), {("map", *key): line for key, line in source.lines.items()}
 
 
 def read_module(name: str | Path) -> Described[ModuleSpec]:
-    """A module. Raises `SpecError`."""
-    path = yaml_files.find("module", name)
-    return _module(path, path.stat().st_mtime_ns)
+    """What the file of a module says."""
+    try:
+        path = yaml_files.find("module", name)
+        return _module(path, path.stat().st_mtime_ns)
+    except SpecError as error:
+        return Described(str(name), None, error, error.path)
 
 
 def files_of(specs: Specs) -> dict[str, str]:
@@ -130,62 +131,50 @@ def scenario_text(spec: ScenarioSpec) -> str:
 
 
 def _read(kind: Kind, name: str, spec: type[T]) -> Described[T]:
-    source = None
     try:
-        path = yaml_files.find(kind, name)
-        source = yaml_files.source(path)
-        return Described(path.stem, yaml_files.checked_source(source, spec), None, source.path, source.text)
+        return _described(yaml_files.source(yaml_files.find(kind, name)), spec)
     except SpecError as error:
-        return Described(name, None, error, error.path, source.text if source else "")
+        return Described(name, None, error, error.path)
 
 
 @functools.lru_cache(maxsize=256)
 def _module(path: Path, _modified: int) -> Described[ModuleSpec]:
-    source = yaml_files.source(path)
-    return Described(path.stem, yaml_files.checked_source(source, ModuleSpec), None, source.path, source.text)
+    return _described(yaml_files.source(path), ModuleSpec)
 
 
-def find_map(name: str | Path) -> Path:
+def _described(source: Source, spec: type[T], prefix: str = "") -> Described[T]:
+    """What a file says; errors begin with the prefix."""
+    found, errors = yaml_files.readable(source, spec)
+    error = SpecError([f"{prefix}{one}" for one in errors], source.path) if errors else None
+    return Described(Path(source.path).stem, None if errors else found, error, source.path, source.text)
+
+
+def _find_map(name: str | Path) -> Path:
     """Path of the file of a map or track, given its name or path. Raises `SpecError`."""
     if str(name) in yaml_files.names("track") and str(name) not in yaml_files.names("map"):
         return yaml_files.find("track", name)
     return yaml_files.find("map", name, also="track")
 
 
-def _readable(source: Source, spec: type[T], prefix: str) -> tuple[T | None, SpecError | None]:
-    """The Spec of a file, or what is wrong with it."""
-    found, errors = yaml_files.readable(source, spec)
-    if errors or found is None:
-        return None, SpecError([f"{prefix}{one}" for one in errors], source.path)
-    return found, None
-
-
-def _placements(tree: Any) -> Iterator[tuple[int, Placement]]:
-    """The valid placements of the file of a map that is not valid, with their numbers."""
+def _placements(tree: Any) -> Iterator[Placement | None]:
+    """The placements of the file of a map that is not valid; None for those that are not valid themselves."""
     raw = tree.get("placements") if isinstance(tree, dict) else None
-    for number, item in enumerate(raw[:MAX_PLACEMENTS] if isinstance(raw, list) else [], 1):
-        with contextlib.suppress(ValidationError):
-            yield number, Placement.model_validate(item)
-
-
-def _with_modules(
-    name: str,
-    spec: MapSpec | None,
-    placements: Iterable[tuple[int, Placement]],
-    error: SpecError | None = None,
-    source: Source | None = None,
-) -> DescribedMap:
-    """A map with the modules that it names. Relative paths of modules start at its folder."""
-    numbered = tuple(placements)
-    modules: dict[str, Described[ModuleSpec]] = {}
-    for module in dict.fromkeys(one.module for _, one in numbered):
-        path = Path(source.path).parent / module if source and module.endswith(YAML) else module
+    for one in raw[:MAX_PLACEMENTS] if isinstance(raw, list) else []:
         try:
-            modules[module] = read_module(path)
-        except SpecError as wrong:
-            modules[module] = Described(module, None, wrong)
-    text, path = (source.text, source.path) if source else ("", "")
-    return DescribedMap(name, spec, error, path, text, numbered, modules)
+            yield Placement.model_validate(one)
+        except ValidationError:
+            yield None
+
+
+def _with_modules(of: Described[MapSpec], placements: Iterable[Placement | None]) -> DescribedMap:
+    """A map with the modules that it names. Relative paths of modules start at its folder."""
+    numbered = tuple((number, one) for number, one in enumerate(placements, 1) if one)
+    folder = Path(of.path).parent if of.path else None
+    modules = {
+        name: read_module(folder / name if folder and name.endswith(YAML) else name)
+        for name in dict.fromkeys(one.module for _, one in numbered)
+    }
+    return DescribedMap(of.name, of.found, of.error, of.path, of.text, numbered, modules)
 
 
 def _files(specs: Specs) -> dict[str, Described[Any]]:

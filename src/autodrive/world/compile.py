@@ -222,7 +222,7 @@ def on_grid(spec: ScenarioSpec, map_: Map) -> ScenarioSpec:
 
 def _at(*location: str | int) -> Place:
     """A value of the scenario."""
-    return Place(("scenario", *location))
+    return Place("scenario", location)
 
 
 def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem]]:
@@ -285,7 +285,7 @@ def _overlapping_boxes(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement])
     """A problem for each box of the scenario that overlaps a box or a fixed object."""
     own = [box for box in boxes if box.name in spec.boxes]
     solids: list[Solid] = [
-        (Place(("scenario", "boxes", box.name), f"box '{box.name}'"), box.plan, *box.span) for box in own
+        (Place("scenario", ("boxes", box.name), f"box '{box.name}'"), box.plan, *box.span) for box in own
     ]
     solids += [(f"'{one.name}'", one.plan, *one.span) for one in (*boxes, *map_.statics) if one.name not in spec.boxes]
     return overlaps(solids, len(own))

@@ -24,7 +24,8 @@ from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.protocol.devkit import initial_telemetry, telemetry
 from autodrive.protocol.devkit_profile import PROFILES
 from autodrive.scenario import VehiclePlacement
-from autodrive.scenario.maps import LaneGraph, load_map
+from autodrive.scenario.maps.lanes import LaneGraph
+from autodrive.scenario.maps.map import load_map
 from autodrive.world import World
 from tests.connect.bridge.conftest import ROOT, python_of, script
 from tests.protocol.devkit_frames import frame, scan, vehicle

@@ -25,7 +25,7 @@ from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.scenario import VehiclePlacement, load_scenario
-from autodrive.scenario.maps import load_map
+from autodrive.scenario.maps.map import load_map
 from tests.support.command_line import call
 from tests.support.lockstep import answered_ticks
 from tests.support.waiting import free_port, is_listening, wait_until

@@ -13,7 +13,7 @@ import pytest
 
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.campaigns import Campaign, run_campaign
-from autodrive.experiments.campaigns.luggage import Luggage
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.runner import Runner
 from tests.support.command_line import AUTODRIVE, refused
 from tests.support.waiting import LIMIT, free_port, wait_until
@@ -123,7 +123,7 @@ def test_files_travel_with_the_campaign(campaign: Make, tmp_path: Path, monkeypa
     (tmp_path / "there").mkdir()
     monkeypatch.chdir(tmp_path / "data")
     one = campaign(files=["data/route.csv"], parameters={}, samples={})
-    packed = Luggage.pack(one)
+    packed = CampaignFiles.pack(one)
     assert sorted(packed.files) == ["data/route.csv", "driver.py", "speed.py"]
     there = packed.unpack(tmp_path / "there")
     monkeypatch.chdir(tmp_path / "there" / packed.directory)
@@ -135,7 +135,7 @@ def test_files_travel_with_the_campaign(campaign: Make, tmp_path: Path, monkeypa
 def test_a_script_travels_with_the_modules_beside_it(campaign: Make, tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text("import route\n")
     (tmp_path / "route.py").write_text("")
-    packed = Luggage.pack(
+    packed = CampaignFiles.pack(
         campaign(driver="python script.py {port}", parameters={}, samples={}, metrics=["distance"], pass_="")
     )
     assert sorted(Path(name).name for name in packed.files) == ["route.py", "script.py"]
@@ -144,7 +144,7 @@ def test_a_script_travels_with_the_modules_beside_it(campaign: Make, tmp_path: P
 def test_what_cannot_travel_is_one_line(campaign: Make, tmp_path: Path) -> None:
     one = campaign(driver=f"{tmp_path / 'driver.py'}:Driver")
     with pytest.raises(AutodriveError, match=r"driver\.py:Driver' cannot travel to other machines: give its path from"):
-        Luggage.pack(one)
+        CampaignFiles.pack(one)
 
 
 def test_a_cluster_that_is_not_there_is_one_line(campaign: Make, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from pyarrow import parquet
 from autodrive import CommandError, SnapshotError, make
 from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.experiments.campaigns import Campaign, LocalExecutor, run_campaign
-from autodrive.experiments.campaigns.luggage import Luggage
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.runner import Result, Runner
 from autodrive.experiments.campaigns.runs import Observer, Progress
 from autodrive.experiments.campaigns.table import Table
@@ -366,8 +366,8 @@ def test_a_policy_drives_as_in_a_time_trial(campaign: Make, tmp_path: Path) -> N
     (tmp_path / "track.yaml").write_text(scenario_text(spec.model_copy(update={"tick": PERIOD / 5})))
     mine = campaign(driver="mine.npz", **given)
     assert Runner(mine).run(mine.run(0)).metrics["distance"] == pytest.approx(distance, rel=0.05)  # finer ticks
-    assert list(Luggage.pack(mine).files.values()) == [(tmp_path / "mine.npz").read_bytes()]
-    assert list(Luggage.pack(one).files) == []
+    assert list(CampaignFiles.pack(mine).files.values()) == [(tmp_path / "mine.npz").read_bytes()]
+    assert list(CampaignFiles.pack(one).files) == []
     (tmp_path / "mine.npz").write_bytes(b"no policy")
     with pytest.raises(SpecError, match="is not a policy"):
         campaign(driver="mine.npz", **given)

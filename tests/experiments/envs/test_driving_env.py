@@ -19,7 +19,7 @@ from autodrive.experiments.envs.driving_env import DrivingEnv
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.registration import IDS
 from autodrive.protocol.display import yaw
-from autodrive.scenario.maps import load_map
+from autodrive.scenario.maps.map import load_map
 
 COLLIDES = {"parking": 0, "navigation": 7}
 """Seed of an episode in which a car that drives straight on hits something."""

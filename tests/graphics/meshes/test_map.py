@@ -9,9 +9,9 @@ import shapely
 from autodrive.base import yaml_files
 from autodrive.graphics.meshes.map import box_asset, map_asset
 from autodrive.protocol.labels import Label
-from autodrive.scenario.maps import load_map
 from autodrive.scenario.maps.draw import module_alone
 from autodrive.scenario.maps.ground import SIMPLIFY_TOLERANCE, floor_extent
+from autodrive.scenario.maps.map import load_map
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 import shapely
 
-from autodrive.scenario.maps import drivable_edges, is_inside, load_map
+from autodrive.scenario.maps.area import drivable_edges, is_inside
+from autodrive.scenario.maps.map import load_map
 
 
 @pytest.mark.parametrize("name", ["mini_map", "tiny_town", "plane"])

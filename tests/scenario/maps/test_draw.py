@@ -9,9 +9,9 @@ import resvg_py
 import shapely
 
 from autodrive.base import yaml_files
-from autodrive.scenario.maps import load_map
 from autodrive.scenario.maps.draw import OVERLAYS, module_alone, to_png, to_svg
 from autodrive.scenario.maps.icons import icon_svg
+from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.props import PropKind, Sign
 
 SVG = "{http://www.w3.org/2000/svg}"

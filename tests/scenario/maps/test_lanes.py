@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autodrive.scenario.maps import load_map
 from autodrive.scenario.maps.lanes import Piece, lane_graph, lane_path
+from autodrive.scenario.maps.map import load_map
 
 
 def test_path_between_poses_in_line_is_a_line():

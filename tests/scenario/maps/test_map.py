@@ -8,7 +8,7 @@ import shapely
 from autodrive.base import yaml_files
 from autodrive.physics.model import BOX
 from autodrive.scenario import load_scenario
-from autodrive.scenario.maps import load_map
+from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.shapes import CHORD_ERROR
 
 LIDAR_HEIGHT = 0.208

@@ -8,8 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from autodrive.base.errors import SpecError
-from autodrive.scenario.maps import MapSpec, load_map, load_module
-from autodrive.scenario.maps.spec import Placement
+from autodrive.scenario.maps.map import load_map, load_module
+from autodrive.scenario.maps.spec import MapSpec, Placement
 
 angles = st.floats(-180.0, 180.0)
 lengths = st.floats(-20.0, 20.0)

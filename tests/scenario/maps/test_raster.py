@@ -7,7 +7,8 @@ import yaml
 
 from autodrive.base.png import decode_png
 from autodrive.protocol.labels import Label
-from autodrive.scenario.maps import load_map, raster
+from autodrive.scenario.maps import raster
+from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.raster import FREE, OCCUPIED, labels, write_labels, write_occupancy
 
 

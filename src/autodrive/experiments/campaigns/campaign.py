@@ -23,7 +23,9 @@ from autodrive.experiments.campaigns.sampling import Design, Range, Sampling, Va
 from autodrive.experiments.policies.policy import DATA as POLICIES
 from autodrive.experiments.policies.policy import Policy
 from autodrive.protocol.messages import Event
-from autodrive.scenario import ScenarioSpec, load_scenario
+from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.descriptions import Descriptions
+from autodrive.scenario.files import read_scenario
 from autodrive.world.factory import compile_scenario
 
 Recorded: TypeAlias = Literal["none", "failures", "all"]
@@ -96,7 +98,8 @@ class Campaign:
     """A checked campaign. `folder` is where its files are: paths in it are relative to that folder."""
 
     spec: CampaignSpec
-    scenario: ScenarioSpec
+    descriptions: Descriptions
+    """Of the scenario, with its files."""
     folder: Path
     name: str = "campaign"
     path: Path | None = field(default=None, compare=False)
@@ -114,30 +117,32 @@ class Campaign:
     @classmethod
     def _checked(cls, spec: CampaignSpec, source: Source, path: Path) -> Campaign:
         folder = path.parent
-        errors = [f"{source.at(*place)}: {text}" for place, text in _problems(spec, folder)]
+        problems = [*_problems(spec, folder)]
+        campaign = None
         try:
-            scenario = load_scenario(_found(spec.scenario, folder))
+            descriptions = read_scenario(_found(spec.scenario, folder))
+            campaign = cls(spec, descriptions, folder, path.stem, path)
+            if spec.vehicle and spec.vehicle not in campaign.scenario.vehicles:
+                problems.append((("vehicle",), suggest(spec.vehicle, list(campaign.scenario.vehicles))))
+            for name, values in spec.parameters.items():
+                problems += [(("parameters", name), text) for text in parameters.errors(descriptions, name, values)]
+            if not problems:
+                compile_scenario(parameters.structural(descriptions, campaign.design[0]))
         except SpecError as error:
-            errors += [f"{source.at('scenario')}: {text}" for text in error.errors]
-            raise SpecError(errors, str(path)) from None
-        if spec.vehicle and spec.vehicle not in scenario.vehicles:
-            errors.append(f"{source.at('vehicle')}: {suggest(spec.vehicle, list(scenario.vehicles))}")
-        for name, values in spec.parameters.items():
-            errors += [f"{source.at('parameters', name)}: {text}" for text in parameters.errors(scenario, name, values)]
-        campaign = cls(spec, scenario, folder, path.stem, path)
-        if not errors:
-            try:
-                compile_scenario(parameters.structural(scenario, campaign.design[0]))
-            except SpecError as error:
-                errors += [f"{source.at('scenario')}: {text}" for text in error.errors]
-        if errors:
-            raise SpecError(errors, str(path))
+            problems += [(("scenario",), text) for text in error.errors]
+        if problems or campaign is None:
+            raise SpecError([f"{source.at(*place)}: {text}" for place, text in problems], str(path))
         return campaign
 
     @cached_property
     def design(self) -> Design:
         """The samples."""
         return Design(self.spec.parameters, self.spec.samples)
+
+    @property
+    def scenario(self) -> ScenarioSpec:
+        """Of all runs, before their parameters."""
+        return self.descriptions.specs.scenario
 
     @property
     def vehicle(self) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
 import os
@@ -12,17 +11,17 @@ from importlib.metadata import version
 from pathlib import Path
 
 import autodrive
-from autodrive.base.cache import PACKAGE, cache_folder
+from autodrive.base.cache import PACKAGE, cache_folder, sources
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.campaign import FUNCTION, Campaign, Run
 from autodrive.experiments.campaigns.runner import Result
-from autodrive.scenario.files import described, files_of
+from autodrive.scenario.files import files_of
 
 ROWS = cache_folder("campaigns").with_name("campaigns") / "rows.sqlite"
 """The rows of all campaigns of this user."""
 
 
-class Keys:
+class RunKeys:
     """The keys of the runs of a campaign."""
 
     def __init__(self, campaign: Campaign) -> None:
@@ -41,7 +40,7 @@ class Keys:
         named = {path: one for path, one in run.values.items() if path in ("map", "race") or path.endswith(".type")}
         names = json.dumps(named)
         if names not in self._files:
-            texts = files_of(described(parameters.applied(self._campaign.scenario, named)).specs)
+            texts = files_of(parameters.applied(self._campaign.descriptions, named).specs)
             self._files[names] = _hash(*(f"{name.partition('/')[0]}\n{texts[name]}" for name in sorted(texts)))
         return _hash(self._base, self._files[names], json.dumps(run.values, sort_keys=True), str(run.seed))
 
@@ -84,41 +83,18 @@ class RowCache:
 def own_files(campaign: Campaign) -> set[Path]:
     """Files of the user that decide results: `files`, and those of driver and metrics with the modules beside them."""
     spec, folder = campaign.spec, campaign.folder
-    sources = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
+    names = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
     if policy := campaign.policy:
-        sources.append(os.path.relpath(policy, folder))
+        names.append(os.path.relpath(policy, folder))
     elif not FUNCTION.fullmatch(spec.driver):
-        sources += [word for word in spec.driver.split() if (folder / word).is_file()]
-    files = {folder / name for name in (*spec.files, *sources)}
-    return files | {one for name in sources if name.endswith(".py") for one in imported(folder / name)}
+        names += [word for word in spec.driver.split() if (folder / word).is_file()]
+    files = {folder / name for name in (*spec.files, *names)}
+    return files | {one for name in names if name.endswith(".py") for one in sources(folder / name, is_own=True)}
 
 
 def versions() -> tuple[str, ...]:
     """Versions of the packages that decide results; the last one is the hash of the sources of this package."""
     return autodrive.__version__, version("mujoco-core"), version("numpy"), _package()
-
-
-def imported(file: Path) -> set[Path]:
-    """A Python file and the files in its folder that it imports, directly or not."""
-    found, pending = {file}, [file]
-    while pending:
-        try:
-            tree = ast.parse(pending.pop().read_bytes())
-        except SyntaxError:
-            continue
-        names: set[str] = set()
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Import):
-                names |= {one.name for one in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                names |= {node.module, *(f"{node.module}.{one.name}" for one in node.names)}
-        paths = [file.parent.joinpath(*name.split(".")) for name in names]
-        new = {
-            one for path in paths for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file()
-        } - found
-        found |= new
-        pending += new
-    return found
 
 
 def _package() -> str:

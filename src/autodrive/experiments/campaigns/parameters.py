@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 import re
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import yaml
 
-from autodrive.base import specs, yaml_files
+from autodrive.base import specs
 from autodrive.base.errors import SpecError
+from autodrive.base.specs import Described, Spec
 from autodrive.base.suggest import suggest
+from autodrive.base.yaml_files import Source
 from autodrive.experiments.campaigns.sampling import Range, Value
 from autodrive.scenario import ScenarioSpec
-from autodrive.scenario.files import find_map
+from autodrive.scenario.descriptions import Descriptions, Specs
+from autodrive.scenario.files import described
 from autodrive.scenario.maps.spec import MapSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
+
+T = TypeVar("T", bound=Spec)
 
 LATENCY = "latency"
 """Path of the time from a Frame until its commands are obeyed [s]."""
@@ -35,7 +38,7 @@ OF_VEHICLE = re.compile(r"vehicles\.(\w+)\.spec\.(.+)")
 """Path of a field of a vehicle's file, such as 'vehicles.V1.spec.wheels.radius'."""
 
 
-def errors(scenario: ScenarioSpec, path: str, values: Range) -> list[str]:
+def errors(descriptions: Descriptions, path: str, values: Range) -> list[str]:
     """What is wrong with a parameter."""
     if path == LATENCY:
         fits = all(isinstance(one, int | float) and 0.0 <= one <= MAX_LATENCY for one in values.values)
@@ -47,7 +50,7 @@ def errors(scenario: ScenarioSpec, path: str, values: Range) -> list[str]:
     found: list[str] = []
     for value in values.values:
         try:
-            applied(scenario, {path: value})
+            applied(descriptions, {path: value})
         except SpecError as error:
             found += [text for text in error.errors if text not in found]
     return found
@@ -58,17 +61,18 @@ def is_compiled(path: str) -> bool:
     return not (path == LATENCY or DRIVER.fullmatch(path) or WARM.fullmatch(path))
 
 
-def structural(scenario: ScenarioSpec, values: Mapping[str, Value]) -> ScenarioSpec:
+def structural(descriptions: Descriptions, values: Mapping[str, Value]) -> Descriptions:
     """The scenario with the values that need another compiled world. Raises `SpecError`.
 
     Factors that are parameters are 1: the world takes them afterwards.
     """
     neutral = {path: 1.0 for path in values if path.endswith("_factor") and WARM.fullmatch(path)}
-    return applied(scenario, neutral | {path: value for path, value in values.items() if is_compiled(path)})
+    return applied(descriptions, neutral | {path: value for path, value in values.items() if is_compiled(path)})
 
 
-def applied(scenario: ScenarioSpec, values: Mapping[str, Value]) -> ScenarioSpec:
+def applied(descriptions: Descriptions, values: Mapping[str, Value]) -> Descriptions:
     """The scenario with these values by path. Raises `SpecError` with all errors."""
+    scenario = descriptions.specs.scenario
     tree = scenario.model_dump(exclude_unset=True)
     tree.setdefault("vehicles", {name: one.model_dump(exclude_unset=True) for name, one in scenario.vehicles.items()})
     files: dict[str, dict[str, Value]] = {}
@@ -81,18 +85,41 @@ def applied(scenario: ScenarioSpec, values: Mapping[str, Value]) -> ScenarioSpec
             files.setdefault(found[1], {})[found[2]] = value
         else:
             _set(tree, path, value)
-    spec = specs.checked(tree, ScenarioSpec)
+    result = described(specs.checked(tree, ScenarioSpec), known=descriptions)
     for name, changes in files.items():
-        if name == "map":
-            spec = spec.model_copy(update={"map": _changed_file("map", str(find_map(spec.map)), changes)})
-            continue
-        if name not in spec.vehicles:
-            raise SpecError([f"there is no vehicle '{name}'. {suggest(name, list(spec.vehicles))}"])
-        placed = spec.vehicles[name]
-        file = str(yaml_files.find("vehicle", placed.type))
-        changed = placed.model_copy(update={"type": _changed_file("vehicle", file, changes)})
-        spec = spec.model_copy(update={"vehicles": {**spec.vehicles, name: changed}})
-    return spec
+        changed = _with_map if name == "map" else functools.partial(_with_vehicle, name)
+        result = replace(result, specs=changed(result.specs, changes))
+    return result
+
+
+def _with_map(of: Specs, changes: Mapping[str, Value]) -> Specs:
+    """With other values in the file of the map."""
+    spec, text = _changed(of.map, MapSpec, changes)
+    numbered = tuple(enumerate(spec.placements, 1))
+    return replace(of, map=replace(of.map, found=spec, error=None, text=text, placements=numbered))
+
+
+def _with_vehicle(name: str, of: Specs, changes: Mapping[str, Value]) -> Specs:
+    """With other values in the file of one vehicle. It has a type of its own."""
+    vehicles = of.scenario.vehicles
+    if name not in vehicles:
+        raise SpecError([f"there is no vehicle '{name}'. {suggest(name, list(vehicles))}"])
+    file, type_ = of.vehicles[vehicles[name].type], f"{vehicles[name].type} of {name}"
+    spec, text = _changed(file, VehicleSpec, changes)
+    placed = vehicles | {name: vehicles[name].model_copy(update={"type": type_})}
+    return replace(
+        of,
+        scenario=of.scenario.model_copy(update={"vehicles": placed}),
+        vehicles={**of.vehicles, type_: replace(file, found=spec, error=None, text=text)},
+    )
+
+
+def _changed(file: Described[Any], spec: type[T], changes: Mapping[str, Value]) -> tuple[T, str]:
+    """Spec and text of a file with other values. Raises `SpecError`."""
+    tree = Source(file.text).tree if file.text else file.spec.model_dump()
+    for name, value in changes.items():
+        _set(tree, name, value)
+    return specs.checked(tree, spec), yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
 
 
 def _set(tree: dict[str, Any], path: str, value: Value) -> None:
@@ -113,27 +140,3 @@ def _set(tree: dict[str, Any], path: str, value: Value) -> None:
         node[part] = inner
         node = inner
     node[last] = value
-
-
-def _changed_file(kind: str, path: str, changes: Mapping[str, Value]) -> str:
-    """Path of a copy of a file with other values. Raises `SpecError`."""
-    source = yaml_files.source(Path(path))
-    tree = yaml.safe_load(yaml.safe_dump(source.tree))
-    for name, value in changes.items():
-        _set(tree, name, value)
-    specs.checked(tree, MapSpec if kind == "map" else VehicleSpec)
-    if kind == "map":
-        for placement in tree.get("placements") or ():
-            if Path(str(placement.get("module"))).suffix in {".yaml", ".yml"}:
-                placement["module"] = str((Path(path).parent / placement["module"]).absolute())
-    text = yaml.safe_dump(tree, sort_keys=False)
-    file = Path(_folder().name) / f"{Path(path).stem}_{hashlib.sha256(text.encode()).hexdigest()[:16]}.yaml"
-    if not file.exists():
-        file.write_text(text, encoding="utf-8")
-    return str(file)
-
-
-@functools.cache
-def _folder() -> tempfile.TemporaryDirectory[str]:
-    """Folder of this process for changed files; it is removed with the process."""
-    return tempfile.TemporaryDirectory(prefix="autodrive-campaign-")

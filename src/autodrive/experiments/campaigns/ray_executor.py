@@ -17,8 +17,8 @@ from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import AutodriveError
 from autodrive.base.installation import missing
 from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.keys import versions
-from autodrive.experiments.campaigns.luggage import Luggage
 from autodrive.experiments.campaigns.runner import Result
 from autodrive.experiments.campaigns.worker import Worker
 
@@ -33,12 +33,12 @@ LOSSES = 3
 class Remote:
     """On a node of the cluster: unpacks the campaign and runs runs in a worker process."""
 
-    def prepare(self, luggage: Luggage) -> tuple[str, ...]:
+    def prepare(self, files: CampaignFiles) -> tuple[str, ...]:
         """Unpack the campaign; the versions here of what decides a result."""
         self._folder = tempfile.TemporaryDirectory(prefix="autodrive-campaign-")
         target = Path(self._folder.name)
-        self._worker = Worker(luggage.unpack(target))
-        os.chdir(target / luggage.directory)  # an actor has its process alone; the worker process inherits it
+        self._worker = Worker(files.unpack(target))
+        os.chdir(target / files.directory)  # an actor has its process alone; the worker process inherits it
         return versions()
 
     def run(self, run: Run) -> tuple[Result, bytes]:
@@ -69,11 +69,11 @@ class RayExecutor:
         except ModuleNotFoundError:
             raise AutodriveError(missing("ray", "ray")) from None
         self._ray: Any = ray
-        luggage = Luggage.pack(campaign)
+        files = CampaignFiles.pack(campaign)
         self._is_own = not ray.is_initialized()
         if self._is_own:
             self._connect(address)
-        self._luggage = ray.put(luggage)
+        self._files = ray.put(files)
         self._actor: Any = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(Remote)
         self._versions = versions()
         self._runs: deque[Run] = deque()
@@ -169,7 +169,7 @@ class RayExecutor:
 
     def _start_actor(self) -> None:
         actor = self._actor.remote()
-        self._busy[actor.prepare.remote(self._luggage)] = actor, None
+        self._busy[actor.prepare.remote(self._files)] = actor, None
 
     def _distribute(self) -> None:
         while self._runs and self._idle:

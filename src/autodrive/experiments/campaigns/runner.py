@@ -80,8 +80,8 @@ class Runner:
         if key in self._worlds:
             self._worlds.move_to_end(key)
         else:
-            spec = parameters.structural(self.campaign.scenario, values)
-            self._worlds[key] = make(spec, cameras=self.campaign.spec.cameras)
+            descriptions = parameters.structural(self.campaign.descriptions, values)
+            self._worlds[key] = make(descriptions, cameras=self.campaign.spec.cameras)
             if len(self._worlds) > KEPT:
                 self._worlds.popitem(last=False)[1].close()
         return self._worlds[key]

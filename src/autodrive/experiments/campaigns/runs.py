@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from autodrive.base.cache import make_folder, write_file
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.executor import Executor, InProcessExecutor, LocalExecutor
-from autodrive.experiments.campaigns.keys import Keys, RowCache
+from autodrive.experiments.campaigns.keys import RowCache, RunKeys
 from autodrive.experiments.campaigns.runner import Result
 from autodrive.experiments.campaigns.table import Table
 
@@ -85,7 +85,7 @@ def run_campaign(
     observer, progress = observer or Observer(), Progress(len(campaign))
     batch: list[tuple[str, Result]] = []
     earlier = table.start()
-    keys, key_of = Keys(campaign), dict[int, tuple[Run, str]]()
+    keys, key_of = RunKeys(campaign), dict[int, tuple[Run, str]]()
     numbers = iter(range(len(campaign)))
 
     def add(run: Run, key: str, result: Result, *, is_new: bool) -> None:
@@ -168,7 +168,7 @@ def run_search(
 
     folder = Path(output or f"{campaign.name}_search")
     make_folder(folder)
-    table, keys = Table(folder, campaign), Keys(campaign)
+    table, keys = Table(folder, campaign), RunKeys(campaign)
     table.start()
     observer, progress, is_complete = observer or Observer(), Progress(trials), False
     try:

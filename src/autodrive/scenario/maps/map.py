@@ -135,15 +135,10 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[specs.Proble
         return track_map(Track.of(spec, described.name)), ()
     placed, problems = place(described)
     joins, unjoined = join(placed, is_complete=spec is not None and len(placed) == len(spec.placements))
-    problems += unjoined
-    if spec is None:
-        problems += _overlaps(placed, ())
-        map_ = None
-    else:
-        map_, more = _compiled(spec, described.name, placed, joins)
-        problems += more
-    known: list[specs.Problem] = [(text,) for text in described.error.errors] if described.error else []
-    return map_, (*known, *((f"map '{described.name}': ", *one) for one in problems))
+    map_, more = _compiled(spec, described.name, placed, joins) if spec else (None, _overlaps(placed, ()))
+    of_file = described.error.errors if described.error else []
+    prefix = f"map '{described.name}': "
+    return map_, (*((text,) for text in of_file), *((prefix, *one) for one in (*problems, *unjoined, *more)))
 
 
 def track_map(track: Track) -> Map:
@@ -220,7 +215,7 @@ def _too_large(
     """The problem of a map that is too large, with the place of what is farthest from its other parts."""
     x0, y0, x1, y1 = bounds
     axis = 0 if x1 - x0 > y1 - y0 else 1
-    labels = [*(one.label for one in placed), *places, *(Place(("map", "paved", i)) for i in range(len(spec.paved)))]
+    labels = [*(one.label for one in placed), *places, *(Place("map", ("paved", i)) for i in range(len(spec.paved)))]
     low, high = shapely.bounds(_contents(spec, placed, statics))[:, axis::2].T
     middle = np.median(low + high) / 2.0
     label = labels[int(np.argmax(np.maximum(high - middle, middle - low)))]
@@ -281,7 +276,7 @@ def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], 
     solids = [("walls", i, shape) for i, wall in enumerate(spec.walls) for shape in wall_shapes(wall)]
     solids += [("blocks", i, block_shape(block, block.name or f"block_{i + 1}")) for i, block in enumerate(spec.blocks)]
     solids += [("props", i, shape) for i, prop in enumerate(props) for shape in prop_shapes(prop)]
-    return tuple(shape for _, _, shape in solids), props, [Place(("map", key, i)) for key, i, _ in solids]
+    return tuple(shape for _, _, shape in solids), props, [Place("map", (key, i)) for key, i, _ in solids]
 
 
 def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:

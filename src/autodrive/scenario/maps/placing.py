@@ -82,7 +82,7 @@ def place(described: DescribedMap) -> tuple[list[PlacedModule], list[Problem]]:
     corners = 0
     for number, placement in described.placements:
         title = f"placement {number} '{placement.name or placement.module}'"
-        label = Place(("map", "placements", number - 1), title)
+        label = Place("map", ("placements", number - 1), title)
         of = described.modules[placement.module]
         if of.found is None:
             problems.append((label, f": {of.error}"))

@@ -7,22 +7,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import yaml
-
-from autodrive.base import yaml_files
 from autodrive.base.cache import PACKAGE
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.keys import own_files
-from autodrive.scenario import ScenarioSpec
-from autodrive.scenario.files import find_map
 
 YAML = {".yaml", ".yml"}
 
 
 @dataclass(frozen=True)
-class Luggage:
-    """A campaign and the files that its runs read: those of driver, metrics, `files`, and own files of the scenario."""
+class CampaignFiles:
+    """A campaign and the files that its runs read, besides those of its scenario: of driver, metrics and `files`."""
 
     campaign: Campaign
     root: Path
@@ -33,7 +28,7 @@ class Luggage:
     """By path from the root."""
 
     @classmethod
-    def pack(cls, campaign: Campaign) -> Luggage:
+    def pack(cls, campaign: Campaign) -> CampaignFiles:
         """The campaign with its files; those of the package are where the package is.
 
         Raises `AutodriveError` for a file that would not be found on another machine.
@@ -44,8 +39,8 @@ class Luggage:
                 raise AutodriveError(
                     f"'{name}' cannot travel to other machines: give its path from the folder of the campaign"
                 )
-        files = own_files(campaign) | _of_scenario(campaign.scenario) | {Path(name) for name in _values(campaign)}
-        paths = {path for file in files if not _is_included(path := Path(os.path.abspath(file)))}
+        files = own_files(campaign) | {Path(name) for name in _values(campaign)}
+        paths = {path for file in files if not (path := Path(os.path.abspath(file))).is_relative_to(PACKAGE)}
         root = Path(os.path.commonpath([*(path.parent for path in paths), folder, directory]))
         packed = {path.relative_to(root).as_posix(): path.read_bytes() for path in sorted(paths)}
         return cls(replace(campaign, folder=folder), root, directory.relative_to(root), packed)
@@ -59,24 +54,7 @@ class Luggage:
         folder = target / self.campaign.folder.relative_to(self.root)
         for one in (folder, target / self.directory):
             one.mkdir(parents=True, exist_ok=True)
-        scenario = self.campaign.scenario
-        vehicles = {
-            name: one.model_copy(update={"type": self._there(one.type, target)})
-            for name, one in scenario.vehicles.items()
-        }
-        changes = {"map": self._there(scenario.map, target), "vehicles": vehicles}
-        if scenario.race is not None:
-            race = {"rules": self._there(scenario.race.rules, target)}
-            if scenario.race.track:
-                race["track"] = self._there(scenario.race.track, target)
-            changes["race"] = scenario.race.model_copy(update=race)
-        return replace(self.campaign, folder=folder, scenario=scenario.model_copy(update=changes))
-
-    def _there(self, name: str, target: Path) -> str:
-        """The path of a file in that folder; a name of the package stays."""
-        if Path(name).suffix not in YAML:
-            return name
-        return str(target / Path(os.path.abspath(name)).relative_to(self.root))
+        return replace(self.campaign, folder=folder)
 
 
 def _values(campaign: Campaign) -> Iterator[str]:
@@ -85,21 +63,3 @@ def _values(campaign: Campaign) -> Iterator[str]:
         for value in one.values:
             if isinstance(value, str) and Path(value).suffix in YAML and Path(value).is_file():
                 yield value
-
-
-def _of_scenario(scenario: ScenarioSpec) -> set[Path]:
-    """Own files of vehicles, race, map and modules."""
-    names = {scenario.map, *(one.type for one in scenario.vehicles.values())}
-    if scenario.race is not None:
-        names |= {scenario.race.rules, scenario.race.track or ""}
-    files = {Path(name) for name in names if Path(name).suffix in YAML}
-    if Path(scenario.map) in files:
-        map_ = find_map(scenario.map)
-        tree = yaml.safe_load(yaml.safe_dump(yaml_files.source(map_).tree))
-        modules = {Path(str(one["module"])) for one in tree.get("placements") or ()}
-        files |= {map_.parent / one for one in modules if one.suffix in YAML}
-    return files
-
-
-def _is_included(path: Path) -> bool:
-    return path.is_relative_to(PACKAGE)
