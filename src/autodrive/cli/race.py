@@ -45,6 +45,14 @@ def race(
             "--lockstep/--real-time", help="Each tick waits for the command of each script, as fast as they are."
         ),
     ] = False,
+    pace: Annotated[
+        float | None,
+        typer.Option(
+            metavar="FACTOR",
+            help="With --lockstep: not faster than so many simulated seconds per second.  [default: no limit; 1 for a "
+            "script that answers before its driver has a new command, as ROS bridges do]",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
     output: Annotated[
         Path | None,
@@ -77,6 +85,7 @@ def race(
         vehicle=vehicle,
         has_realistic_sensors=noise,
         is_lockstep=lockstep,
+        pace=pace,
         seed=seed,
         start_limit=start_limit,
         output=output or Path(f"race_{now:%Y-%m-%d_%H-%M-%S}"),

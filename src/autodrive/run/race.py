@@ -14,8 +14,10 @@ import autodrive
 from autodrive.base.cache import check_writable, make_folder
 from autodrive.base.errors import AutodriveError
 from autodrive.base.jit import compiling
+from autodrive.base.pace import MAX_SPEED, MIN_SPEED, Pace
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
+from autodrive.connect.bridge.one_vehicle import OWN
 from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import (
     Pause,
@@ -30,7 +32,7 @@ from autodrive.protocol.messages import (
 from autodrive.protocol.native import Drive, SetCamera
 from autodrive.protocol.replay import PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.run.options import RunOptions
-from autodrive.run.race_seat import OWN, Seat
+from autodrive.run.race_seat import Seat
 from autodrive.run.recordings import Recordings
 from autodrive.run.runner import Run, RunObserver, StopRequest, image_encoder, page_server
 from autodrive.run.summary import Odometer
@@ -79,6 +81,9 @@ class RaceOptions(PageOptions):
     """Whether LIDAR and IMU have the noise of their data sheets; otherwise that of the vehicle's file."""
     is_lockstep: bool = False
     """Whether each tick waits for the command of each script; otherwise in real time."""
+    pace: float | None = None
+    """Greatest simulated time per wall time of a race in lock-step; None: no limit, but 1 once a script seems to answer
+    before its driver has a new command."""
     seed: int = 0
     """Seed of all noise."""
     start_limit: float = 60.0
@@ -127,6 +132,11 @@ class Grid:
     bridges: list[DevkitBridge] = field(default_factory=list)
     is_started: bool = False
 
+    @property
+    def notes(self) -> dict[str, str]:
+        """What is to be known about the scripts in lock-step, by vehicle."""
+        return {seat.vehicle: text for seat in self.seats if self.is_lockstep and (text := seat.repeats)}
+
     def refusal(self, message: ServerOperation | Drive) -> str:
         """Why viewers of the race may not have that operation or Drive now; empty if they may."""
         if isinstance(message, Drive):
@@ -154,8 +164,7 @@ class Grid:
         deadline = time.monotonic() + limit
         for seat in self.seats:
             while not seat.answers and not stop.is_set() and time.monotonic() < deadline:
-                with seat.news:
-                    seat.news.wait_for(lambda seat=seat: seat.answers > 0, CHECK_INTERVAL)
+                seat.wait_for_answer(0, CHECK_INTERVAL)
         for seat, bridge in zip(self.seats, self.bridges, strict=True):
             if not seat.answers and not stop.is_set():
                 self.retire(seat, bridge.error or f"no command within {limit:g} s")
@@ -169,10 +178,10 @@ class Grid:
             seat.publish(frame)
         for seat, before in asked:
             while seat.answers == before and self.is_racing(seat) and not stop.is_set():
-                with seat.news:
-                    if seat.news.wait_for(lambda seat=seat, before=before: seat.answers > before, CHECK_INTERVAL):
-                        break
-                if time.monotonic() - start > self.rules.silence_limit:
+                if (
+                    not seat.wait_for_answer(before, CHECK_INTERVAL)
+                    and time.monotonic() - start > self.rules.silence_limit
+                ):
                     self.retire(seat, f"no command for {self.rules.silence_limit:g} s")
         return frame
 
@@ -253,6 +262,7 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
             wall_time=time.monotonic() - started,
             ended_by=stop.reason or "all vehicles",
             standings=recorder.standings(options.team_names),
+            notes=grid.notes,
         )
     if options.output is not None:
         write_results(options.output, result, recorder, track)
@@ -276,9 +286,16 @@ def _drive(
             simulation.add_sink(seat)
         simulation.request(Resume()).result()
     grid.is_started = True
+    pace = Pace(TICK, options.pace)
+    pace.restart(seen)
     while not recorder.is_over and not stop.is_set():
         if options.is_lockstep:
             grid.step(stop)
+            pace.count(time.monotonic())
+            if pace.speed is None and grid.notes:
+                pace.set_speed(1.0, time.monotonic())
+            while (delay := pace.delay(time.monotonic())) > 0.0 and not stop.is_set():
+                time.sleep(min(delay, CHECK_INTERVAL))
         elif not simulation.wait(CHECK_INTERVAL):
             grid.retire_the_silent()
         if time.monotonic() - seen > CHECK_INTERVAL:
@@ -296,6 +313,10 @@ def _check(options: RaceOptions) -> None:
         raise AutodriveError("each script of a race needs its own address (--devkit HOST:PORT)")
     if len(options.teams) > count:
         raise AutodriveError(f"there are {len(options.teams)} names of teams, but {count} scripts")
+    if options.pace is not None and not (options.is_lockstep and MIN_SPEED <= options.pace <= MAX_SPEED):
+        raise AutodriveError(
+            f"the pace of a race in lock-step (--lockstep) is from {MIN_SPEED:g} to {MAX_SPEED:g}, not {options.pace}"
+        )
     rules = load_rules(options.rules)
     if not rules.race_laps and options.laps is None and rules.time_limit is None:
         raise AutodriveError(f"the rules '{options.rules}' have no number of laps: give --laps N")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import itertools
 import json
 import runpy
 import time
@@ -133,6 +134,26 @@ def test_in_lock_step_two_races_have_the_same_scans_however_slow_a_script_is(tmp
         races.append([script.scans[:80] for script in scripts])
     assert races[0] == races[1]
     assert [len(scans) for scans in races[0]] == [80, 80]
+
+
+def test_a_script_that_repeats_its_commands_is_named_and_slowed_down_to_real_time(tmp_path: Path) -> None:
+    """As a ROS bridge that answers at once while its driver is still busy."""
+    messages = itertools.count()
+
+    def respond(_: Any) -> dict[str, str]:
+        return {"V1 Throttle": "0.05", "V1 Steering": f"{0.001 * (next(messages) // 4):.3f}", "V1 Reset": "False"}
+
+    rules = ruleset(tmp_path, time_limit=3.0)
+    with Server(respond, port=0) as server:
+        here = (("127.0.0.1", server.port),)
+        result = race(RaceOptions("practice", here, rules=rules, is_lockstep=True, has_page=False))
+    assert "answers repeat the command before" in result.notes["V1"]
+    assert "the result depends on the machine" in result.to_markdown()
+    assert result.wall_time > 1.5  # the first second, of 40 commands, may be faster
+    attentive = Script()
+    assert not run({"rules": ruleset(tmp_path, time_limit=2.0), "is_lockstep": True, "pace": 50.0}, attentive).notes
+    with pytest.raises(AutodriveError, match="the pace of a race in lock-step"):
+        race(RaceOptions("practice", here, pace=1.0))
 
 
 @pytest.mark.wall_clock
