@@ -23,9 +23,16 @@ if TYPE_CHECKING:
 def race(
     track: Annotated[str, typer.Argument(help="Name of a track, or path of its file.")],
     devkit: Annotated[
-        list[str],
-        typer.Option(metavar="HOST:PORT", help="Address of a devkit script; once for each vehicle, 1 to 8."),
-    ],
+        list[str] | None,
+        typer.Option(metavar="HOST:PORT", help="Address of a devkit script; once for each vehicle, 1 to 8 in all."),
+    ] = None,
+    script: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="COMMAND",
+            help="Command line with {port} of a script that the race starts, for the vehicles after those of --devkit.",
+        ),
+    ] = None,
     team: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Name of the team of each script, in the same order.")
     ] = None,
@@ -58,6 +65,10 @@ def race(
         Path | None,
         typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results.  [default: race_DATE_TIME]"),
     ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mcap", help="Record the race in that file; see: autodrive replay --help."),
+    ] = None,
     cameras: Annotated[
         bool, typer.Option("--cameras/--no-cameras", help="Render camera images; otherwise they are black.")
     ] = False,
@@ -78,7 +89,8 @@ def race(
     now = datetime.now()
     options = RaceOptions(
         track=track,
-        devkits=tuple(address(text) for text in devkit),
+        devkits=tuple(address(text) for text in devkit or ()),
+        scripts=tuple(script or ()),
         teams=tuple(team or ()),
         rules=rules,
         laps=laps,
@@ -89,6 +101,7 @@ def race(
         seed=seed,
         start_limit=start_limit,
         output=output or Path(f"race_{now:%Y-%m-%d_%H-%M-%S}"),
+        record=record,
         cameras=cameras,
         has_page=not headless,
         host=host,

@@ -12,6 +12,7 @@ from autodrive.connect.bridge.one_vehicle import OneVehicle
 from autodrive.protocol.messages import Command, Frame, IpsReading, Operation, RaceState, Reset, Retire, VehicleFrame
 
 if TYPE_CHECKING:
+    from autodrive.connect.bridge.script_process import ScriptProcess
     from autodrive.world.racing import RaceRules
     from autodrive.world.simulation.control import Control
 
@@ -27,7 +28,11 @@ class Seat(OneVehicle):
     As a sink of the simulation it passes on each Frame; in lock-step the race calls `publish` instead.
     """
 
-    def __init__(self, simulation: Control, vehicle: str, rules: RaceRules) -> None:
+    def __init__(
+        self, simulation: Control, vehicle: str, rules: RaceRules, process: ScriptProcess | None = None
+    ) -> None:
+        """`process`: the script, if the race has started it."""
+        self._process = process
         self._simulation = simulation
         self._rules = rules
         self._changes = self._repeats = 0
@@ -46,6 +51,11 @@ class Seat(OneVehicle):
             self._changes, self._repeats = self._changes + is_new, self._repeats + (not is_new)
             self._answered = self.frame
         super().submit(vehicle, command)
+
+    @property
+    def end(self) -> str:
+        """How the script has ended, if the race has started it; empty while it runs."""
+        return self._process.end if self._process is not None else ""
 
     @property
     def repeats(self) -> str:

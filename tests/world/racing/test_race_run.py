@@ -10,7 +10,7 @@ import runpy
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import yaml
 
-from autodrive import Client, Command
+from autodrive import Client, Command, recording
 from autodrive.base.errors import AutodriveError, CommandError, SpecError
 from autodrive.base.specs import find
 from autodrive.connect.devkit import RoboRacer, Server
@@ -166,9 +166,41 @@ def test_in_real_time_a_car_that_is_too_slow_retires(tmp_path: Path) -> None:
     assert script.messages > 0
 
 
+SCRIPT = """
+import sys
+from autodrive.devkit import RoboRacer, drive
+car = RoboRacer("V1")
+car.throttle_command, car.steering_command = 0.05, 0.0
+print("this script listens", flush=True)
+drive(lambda: None, car, port=int(sys.argv[1]))
+"""
+
+
+def test_a_race_is_recorded_and_starts_scripts_whose_output_stands_beside_the_result(tmp_path: Path) -> None:
+    (tmp_path / "driver.py").write_text(SCRIPT)
+    command, folder, file = f"python {tmp_path / 'driver.py'} {{port}}", tmp_path / "results", tmp_path / "race.mcap"
+    rules = ruleset(tmp_path, time_limit=0.5)
+    options = RaceOptions("practice", scripts=(command, "python -c 'print(7)' {port}"), rules=rules, is_lockstep=True)
+    race(replace(options, has_page=False, output=folder, record=file))
+    assert (folder / "V1.log").read_text() == "this script listens\n"
+    result = json.loads((folder / "result.json").read_text())
+    reasons = {one["vehicle"]: one["reason"] for one in result["standings"]}
+    assert reasons == {"V1": "not finished after 0.5 s", "V2": "the script ended with exit code 0: 7"}
+    assert result["recording"] == str(file)
+    digests = {name: hashlib.sha256(Path(path).read_bytes()).hexdigest() for name, path in (
+        ("track", find("track", "practice")), ("rules", rules), ("V1", tmp_path / "driver.py")
+    )}  # fmt: skip
+    assert result["digests"] == {**digests, "V2": hashlib.sha256(b"").hexdigest()}
+    with recording.open(file) as recorded:
+        assert recorded.duration > 0.4
+    with pytest.raises(AutodriveError, match=r"needs \{port\}"):
+        race(RaceOptions("practice", scripts=("python driver.py",)))
+
+
 def test_a_script_that_never_connects_and_a_race_that_is_stopped(tmp_path: Path) -> None:
     options = RaceOptions("practice", (("127.0.0.1", 9),), has_page=False, start_limit=0.2, is_lockstep=True)
     (standing,) = race(options).standings
+    assert standing.reason == "no script at 127.0.0.1:9 (connection refused)"
     assert (standing.status, standing.race_time) == ("retired", 0.0)
     stop = StopRequest()
 

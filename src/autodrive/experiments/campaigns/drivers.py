@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import functools
 import importlib.util
-import shlex
-import socket
-import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -14,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from autodrive.base.errors import AutodriveError
-from autodrive.graphics.cameras.worker import environment
 from autodrive.protocol.messages import Command, Frame
 
 if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.connect.bridge.one_vehicle import OneVehicle
+    from autodrive.connect.bridge.script_process import ScriptProcess
     from autodrive.experiments.campaigns.scene import Scene
     from autodrive.experiments.policies.policy import Policy
 
@@ -102,7 +99,7 @@ class DevkitScript:
     def __init__(self, command: str, folder: Path) -> None:
         """`command`: its command line with '{port}'; it runs in `folder`."""
         self._command, self._folder = command, folder
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: ScriptProcess | None = None
         self._messages = tempfile.TemporaryFile()  # noqa: SIM115  `close` closes it
         self._bridge: DevkitBridge | None = None
         self._seat: OneVehicle | None = None
@@ -122,8 +119,8 @@ class DevkitScript:
             self._seat.publish(frame)
         assert self._process is not None
         while not self._seat.wait_for_answer(before, CHECK_INTERVAL):
-            if self._process.poll() is not None:
-                raise DriverError(f"the script ended with exit code {self._process.returncode}{self._last_line()}")
+            if end := self._process.end:
+                raise DriverError(end)
         return self._seat.command
 
     def close(self) -> None:
@@ -131,34 +128,19 @@ class DevkitScript:
         if self._bridge is not None:
             self._bridge.close()
         if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+            self._process.close()
         self._messages.close()
 
     def _start(self, frame: Frame) -> OneVehicle:
         from autodrive.connect.bridge.devkit import DevkitBridge  # noqa: PLC0415  only this driver needs it
         from autodrive.connect.bridge.one_vehicle import OneVehicle  # noqa: PLC0415  likewise
+        from autodrive.connect.bridge.script_process import ScriptProcess  # noqa: PLC0415  likewise
 
-        with socket.create_server(("127.0.0.1", 0)) as listener:
-            port = listener.getsockname()[1]
-        line = [sys.executable if one == "python" else one for one in shlex.split(self._command.format(port=port))]
         try:
-            self._process = subprocess.Popen(
-                line,
-                cwd=self._folder,
-                env=environment(),
-                stdin=subprocess.DEVNULL,
-                stdout=self._messages,
-                stderr=subprocess.STDOUT,
-            )
-        except OSError as error:
-            raise DriverError(f"the script cannot be started: {error.strerror}: {line[0]}") from None
+            self._process = ScriptProcess(self._command, self._folder, self._messages)
+        except AutodriveError as error:
+            raise DriverError(str(error)) from None
         seat = OneVehicle(self._vehicle, frame)
-        self._bridge = DevkitBridge(seat, "127.0.0.1", port, vehicle_profile=lambda: self._profile)
+        self._bridge = DevkitBridge(seat, "127.0.0.1", self._process.port, vehicle_profile=lambda: self._profile)
         self._bridge.start()
         return seat
-
-    def _last_line(self) -> str:
-        self._messages.seek(0)
-        lines = self._messages.read().decode("utf-8", "replace").strip().splitlines()
-        return f": {lines[-1][:200]}" if lines else ""

@@ -95,6 +95,10 @@ class RaceResult:
     standings: list[Standing]
     notes: dict[str, str] = field(default_factory=dict)
     """In lock-step, by vehicle: how its script repeats commands, so that the result may depend on the machine."""
+    recording: str = ""
+    """Path of the recording; empty if there is none."""
+    digests: dict[str, str] = field(default_factory=dict)
+    """SHA-256 of the files of track and rules, and by vehicle of the scripts that the race has started."""
 
     def to_json(self) -> str:
         """The content of result.json."""
