@@ -15,7 +15,7 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.files import built_page
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.run.options import RunOptions
-from autodrive.run.recordings import Recordings
+from autodrive.run.recordings import ClientRecordings
 from autodrive.run.summary import Odometer, Summary, run_summary
 from autodrive.run.world_loader import WorldLoader
 from autodrive.world.simulation import Simulation
@@ -181,7 +181,7 @@ def opened(
     bridges, refusal = make_bridges(simulation, encoder)
     bridge = bridges[0]
     loader.render_while_connected(bridge)
-    recordings = Recordings(
+    recordings = ClientRecordings(
         simulation,
         options.recordings,
         scenario=lambda: loader.scenario,
@@ -278,7 +278,7 @@ def _page_server(
     options: RunOptions,
     bridge: DevkitBridge,
     encoder: JpegEncoder | None,
-    recordings: Recordings,
+    recordings: ClientRecordings,
     refusal: Refusal,
 ) -> Server:
     """The server of the page and of the native protocol, which is not started yet."""

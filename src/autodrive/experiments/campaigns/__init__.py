@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from autodrive.experiments.campaigns.campaign import Campaign as Campaign
     from autodrive.experiments.campaigns.executor import Executor as Executor
     from autodrive.experiments.campaigns.executor import LocalExecutor as LocalExecutor
-    from autodrive.experiments.campaigns.runs import Observer as Observer
+    from autodrive.experiments.campaigns.runs import CampaignObserver as CampaignObserver
     from autodrive.experiments.campaigns.runs import Outcome as Outcome
     from autodrive.experiments.campaigns.runs import run_campaign as run_campaign
     from autodrive.experiments.campaigns.scene import Scene as Scene
@@ -29,13 +29,13 @@ _MODULE_OF = {
     "Campaign": "campaign",
     "Executor": "executor",
     "LocalExecutor": "executor",
-    "Observer": "runs",
+    "CampaignObserver": "runs",
     "Outcome": "runs",
     "Scene": "scene",
     "run_campaign": "runs",
 }
 
-__all__ = ["Campaign", "Executor", "LocalExecutor", "Observer", "Outcome", "Scene", "run_campaign"]
+__all__ = ["Campaign", "CampaignObserver", "Executor", "LocalExecutor", "Outcome", "Scene", "run_campaign"]
 
 
 def __getattr__(name: str) -> Any:
