@@ -117,7 +117,7 @@ OTHERS = {
     "cli/app.py": {"open"},  # /dev/null
     "recording/recorder.py": {"open"},  # written while it grows: see tests/recording/test_recorder.py
     "recording/scenario_files.py": {"write_text"},  # in a temporary folder, like the next one
-    "run/race.py": {"write_text"},
+    "run/race.py": {"write_text", "open", "TemporaryFile"},  # what scripts print, while they run
     "exports/csv.py": {"open"},  # see below, like the next ones
     "exports/lerobot.py": {"open"},
     "exports/recorder_layout.py": {"open"},
