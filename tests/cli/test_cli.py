@@ -77,7 +77,7 @@ def test_help_imports_neither_physics_nor_compiler() -> None:
         (("run", "--seed", "1.5"), "Invalid value for '--seed': must be a whole number"),
         (("run", "--devkit-profile", "1999"), "'2020', '2022', '2023', '2025'"),
         (("run", "--summary", "no/such/folder/s.json"), "cannot write: No such file or directory"),
-        (("race", "practice"), "Missing option '--devkit'"),
+        (("race", "practice"), "a race has 1 to 8 scripts"),
         (("race", "practice", "--devkit", "foo"), "--devkit must be HOST:PORT, for example 127.0.0.1:4567"),
         (("list", "cars"), "'scenarios', 'maps', 'tracks', 'vehicles', 'modules', 'rulesets'"),
         (("show", "mini_mapp"), "Did you mean 'mini_map'?"),

@@ -117,7 +117,7 @@ OTHERS = {
     "cli/app.py": {"open"},  # /dev/null
     "recording/recorder.py": {"open"},  # written while it grows: see tests/recording/test_recorder.py
     "scenario/files.py": {"write_text"},  # in a temporary folder, like the next one
-    "run/race.py": {"write_text"},
+    "run/race.py": {"write_text", "open", "TemporaryFile"},  # what scripts print, while they run
     "recording/exports/csv.py": {"open"},  # see below, like the next ones
     "recording/exports/lerobot.py": {"open"},
     "recording/exports/recorder_layout.py": {"open"},

@@ -18,7 +18,7 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.run.options import RunOptions
-from autodrive.run.recordings import Recordings
+from autodrive.run.recordings import ClientRecordings
 from autodrive.run.world_loader import WorldLoader
 from autodrive.world.simulation import Simulation
 from tests.support.page import ROOT, NewTab, PageServer, Tab, tabs
@@ -61,7 +61,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
         bridge = DevkitBridge(simulation, images=partial(images_of, encoder=encoder))
         stack.callback(bridge.close)
         folder = tmp_path_factory.mktemp("recordings")
-        recordings = Recordings(simulation, folder, scenario=lambda: loader.scenario, encoder=encoder)
+        recordings = ClientRecordings(simulation, folder, scenario=lambda: loader.scenario, encoder=encoder)
         stack.callback(recordings.stop_now)
         served = Served(
             simulation,

@@ -108,7 +108,7 @@ def _run(
     with Progress(*columns, console=console, speed_estimate_period=60.0) as bar:
         task = bar.add_task("runs", total=trials or len(loaded), rate="")
 
-        class Display(runs.Observer):
+        class Display(runs.CampaignObserver):
             def progress(self, progress: runs.Progress) -> None:
                 speed = bar.tasks[0].speed
                 rate = f"{speed:.3g}/s" if speed else ""

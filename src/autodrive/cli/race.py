@@ -23,9 +23,16 @@ if TYPE_CHECKING:
 def race(
     track: Annotated[str, typer.Argument(help="Name of a track, or path of its file.")],
     devkit: Annotated[
-        list[str],
-        typer.Option(metavar="HOST:PORT", help="Address of a devkit script; once for each vehicle, 1 to 8."),
-    ],
+        list[str] | None,
+        typer.Option(metavar="HOST:PORT", help="Address of a devkit script; once for each vehicle, 1 to 8 in all."),
+    ] = None,
+    script: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="COMMAND",
+            help="Command line with {port} of a script that the race starts, for the vehicles after those of --devkit.",
+        ),
+    ] = None,
     team: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Name of the team of each script, in the same order.")
     ] = None,
@@ -45,10 +52,22 @@ def race(
             "--lockstep/--real-time", help="Each tick waits for the command of each script, as fast as they are."
         ),
     ] = False,
+    pace: Annotated[
+        float | None,
+        typer.Option(
+            metavar="FACTOR",
+            help="With --lockstep: not faster than so many simulated seconds per second.  [default: no limit; 1 for a "
+            "script that answers before its driver has a new command, as ROS bridges do]",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results.  [default: race_DATE_TIME]"),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mcap", help="Record the race in that file; see: autodrive replay --help."),
     ] = None,
     cameras: Annotated[
         bool, typer.Option("--cameras/--no-cameras", help="Render camera images; otherwise they are black.")
@@ -70,16 +89,19 @@ def race(
     now = datetime.now()
     options = RaceOptions(
         track=track,
-        devkits=tuple(address(text) for text in devkit),
+        devkits=tuple(address(text) for text in devkit or ()),
+        scripts=tuple(script or ()),
         teams=tuple(team or ()),
         rules=rules,
         laps=laps,
         vehicle=vehicle,
         has_realistic_sensors=noise,
         is_lockstep=lockstep,
+        pace=pace,
         seed=seed,
         start_limit=start_limit,
         output=output or Path(f"race_{now:%Y-%m-%d_%H-%M-%S}"),
+        record=record,
         cameras=cameras,
         has_page=not headless,
         host=host,

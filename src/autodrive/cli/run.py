@@ -18,7 +18,7 @@ import typer
 
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.cli.options import Browser, Host, Port, Token
-from autodrive.protocol.devkit_profile import DevkitKeys, Handshake, LidarFormat, Side
+from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
 from autodrive.protocol.ports import DEVKIT_PORT
 
 if TYPE_CHECKING:
@@ -149,12 +149,14 @@ def run(
         "speed": _speed(speed),
         "seed": seed,
         "devkit": address(devkit) if devkit else None,
-        "devkit_profile": devkit_profile and devkit_profile.value,
-        "devkit_steering": devkit_steering,
-        "devkit_feedback": devkit_feedback,
-        "devkit_lidar": devkit_lidar,
-        "devkit_keys": devkit_keys,
-        "devkit_handshake": devkit_handshake,
+        "devkit_settings": DevkitSettings(
+            profile=devkit_profile and devkit_profile.value,
+            keys=devkit_keys,
+            lidar=devkit_lidar,
+            steering=devkit_steering,
+            feedback=devkit_feedback,
+            handshake=devkit_handshake,
+        ),
         "summary": summary,
         "recordings": recordings,
         "record": record,

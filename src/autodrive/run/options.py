@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from autodrive.connect.server.served import PageOptions
-from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
+from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.scenario import DEFAULT
 
 DrivingMode: TypeAlias = Literal["manual", "autonomous"]
@@ -29,18 +29,8 @@ class RunOptions(PageOptions):
     """Seed of all noise; None: the seed of the scenario."""
     devkit: tuple[str, int] | None = None
     """Host and port of the devkit script to connect to; None: no connection until a client requests one."""
-    devkit_profile: str | None = None
-    """Devkit generation of the script: "2020", "2022", "2023" or "2025"; None: detected."""
-    devkit_keys: DevkitKeys | None = None
-    """Keys of the messages; None: as in the profile."""
-    devkit_lidar: LidarFormat | None = None
-    """Format of scans; None: detected from the commands of the script."""
-    devkit_steering: Side | None = None
-    """Direction of a positive steering command; None: as in the profile."""
-    devkit_feedback: Side | None = None
-    """Direction of a positive steering feedback; None: as in the profile."""
-    devkit_handshake: Handshake | None = None
-    """Handshake of the script's server; None: detected."""
+    devkit_settings: DevkitSettings = DevkitSettings()  # noqa: RUF009  it is frozen
+    """Devkit generation of the script, keys, formats and signs; what is left out is detected."""
     summary: Path | None = None
     """File for the summary, as JSON."""
     record: Path | None = None
@@ -62,18 +52,6 @@ class RunOptions(PageOptions):
     """Folder of the recordings that clients start."""
     has_page: bool = True
     """Whether the page and the native protocol are served."""
-
-    @property
-    def devkit_settings(self) -> DevkitSettings:
-        """The options of the devkit. Raises `AutodriveError` for an unknown value."""
-        return DevkitSettings(
-            profile=self.devkit_profile,
-            keys=self.devkit_keys,
-            lidar=self.devkit_lidar,
-            steering=self.devkit_steering,
-            feedback=self.devkit_feedback,
-            handshake=self.devkit_handshake,
-        )
 
     @property
     def pictures(self) -> Literal["always", "wanted", "never"]:

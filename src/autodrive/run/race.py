@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import autodrive
 from autodrive.base.cache import check_writable, make_folder
 from autodrive.base.errors import AutodriveError
-from autodrive.base.jit import compiling
+from autodrive.base.pace import MAX_SPEED, MIN_SPEED, Pace
+from autodrive.base.specs import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
+from autodrive.connect.bridge.one_vehicle import OWN
+from autodrive.connect.bridge.script_process import ScriptProcess, digest
 from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.messages import (
     Pause,
@@ -30,11 +34,8 @@ from autodrive.protocol.messages import (
 from autodrive.protocol.native import Drive, SetCamera
 from autodrive.protocol.replay import PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.run.options import RunOptions
-from autodrive.run.race_seat import OWN, Seat
-from autodrive.run.recordings import Recordings
-from autodrive.run.runner import Run, RunObserver, StopRequest, image_encoder, page_server
-from autodrive.run.summary import Odometer
-from autodrive.run.world_loader import WorldLoader
+from autodrive.run.race_seat import Seat
+from autodrive.run.runner import Refusal, Run, RunObserver, StopRequest, images_by, opened
 from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.files import scenario_text
 from autodrive.scenario.maps.map import load_map
@@ -66,8 +67,10 @@ class RaceOptions(PageOptions):
 
     track: str
     """Name or file of a track."""
-    devkits: tuple[tuple[str, int], ...]
+    devkits: tuple[tuple[str, int], ...] = ()
     """Host and port of each script; the first one drives V1."""
+    scripts: tuple[str, ...] = ()
+    """Command lines of scripts that the race starts, with '{port}'; they drive the vehicles after those."""
     teams: tuple[str, ...] = ()
     """Name of each team in the results; left out: the addresses of the scripts."""
     rules: str = "league_2026"
@@ -80,12 +83,17 @@ class RaceOptions(PageOptions):
     """Whether LIDAR and IMU have the noise of their data sheets; otherwise that of the vehicle's file."""
     is_lockstep: bool = False
     """Whether each tick waits for the command of each script; otherwise in real time."""
+    pace: float | None = None
+    """Greatest simulated time per wall time of a race in lock-step; None: no limit, but 1 once a script seems to answer
+    before its driver has a new command."""
     seed: int = 0
     """Seed of all noise."""
     start_limit: float = 60.0
     """Wall time in which each script must send its first command [s]."""
     output: Path | None = None
     """Folder of the results; None: they are not written."""
+    record: Path | None = None
+    """File in which the race is recorded (MCAP)."""
     cameras: bool = False
     """Whether camera images are rendered; otherwise scripts receive black images."""
     has_page: bool = True
@@ -94,12 +102,12 @@ class RaceOptions(PageOptions):
     @property
     def names(self) -> list[str]:
         """The vehicles: V1, V2 ..."""
-        return [f"V{i}" for i in range(1, len(self.devkits) + 1)]
+        return [f"V{i}" for i in range(1, len(self.devkits) + len(self.scripts) + 1)]
 
     @property
     def team_names(self) -> list[str]:
         """One for each vehicle."""
-        own = [f"{host}:{port}" for host, port in self.devkits]
+        own = [*(f"{host}:{port}" for host, port in self.devkits), *self.scripts]
         return [*self.teams, *own[len(self.teams) :]]
 
     def scenario(self) -> ScenarioSpec:
@@ -125,8 +133,13 @@ class Grid:
     rules: RaceRules
     seats: list[Seat]
     is_lockstep: bool
-    bridges: list[DevkitBridge] = field(default_factory=list)
+    bridges: list[DevkitBridge]
     is_started: bool = False
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """What is to be known about the scripts in lock-step, by vehicle."""
+        return {seat.vehicle: text for seat in self.seats if self.is_lockstep and (text := seat.repeats)}
 
     def refusal(self, message: ServerOperation | Drive) -> str:
         """Why viewers of the race may not have that operation or Drive now; empty if they may."""
@@ -154,12 +167,12 @@ class Grid:
         """Wait for the first command of each script; a script that sends none within `limit` [s] retires."""
         deadline = time.monotonic() + limit
         for seat in self.seats:
-            while not seat.answers and not stop.is_set() and time.monotonic() < deadline:
-                with seat.news:
-                    seat.news.wait_for(lambda seat=seat: seat.answers > 0, CHECK_INTERVAL)
+            while not (seat.answers or seat.end or stop.is_set()) and time.monotonic() < deadline:
+                seat.wait_for_answer(0, CHECK_INTERVAL)
         for seat, bridge in zip(self.seats, self.bridges, strict=True):
             if not seat.answers and not stop.is_set():
-                self.retire(seat, bridge.error or f"no command within {limit:g} s")
+                error = bridge.error.removesuffix("; trying again")
+                self.retire(seat, seat.end or error or f"no command within {limit:g} s")
 
     def step(self, stop: StopRequest) -> Frame:
         """Run one tick, and wait for the answer of each script to its Frame; one that does not answer retires."""
@@ -170,12 +183,15 @@ class Grid:
             seat.publish(frame)
         for seat, before in asked:
             while seat.answers == before and self.is_racing(seat) and not stop.is_set():
-                with seat.news:
-                    if seat.news.wait_for(lambda seat=seat, before=before: seat.answers > before, CHECK_INTERVAL):
-                        break
-                if time.monotonic() - start > self.rules.silence_limit:
-                    self.retire(seat, f"no command for {self.rules.silence_limit:g} s")
+                if not seat.wait_for_answer(before, CHECK_INTERVAL):
+                    self._retire_if_silent(seat, start)
         return frame
+
+    def _retire_if_silent(self, seat: Seat, since: float) -> None:
+        """Take a script out that has ended, or has sent no command for too long since a wall time [s]."""
+        is_silent = time.monotonic() - since > self.rules.silence_limit
+        if reason := seat.end or (f"no command for {self.rules.silence_limit:g} s" if is_silent else ""):
+            self.retire(seat, reason)
 
     def retire_the_silent(self) -> None:
         """In real time: take the scripts out that have sent no command for too long."""
@@ -183,8 +199,8 @@ class Grid:
             for seat in self.seats:
                 seat.answered_at = time.monotonic()
         for seat in self.seats:
-            if self.is_racing(seat) and time.monotonic() - seat.answered_at > self.rules.silence_limit:
-                self.retire(seat, f"no command for {self.rules.silence_limit:g} s")
+            if self.is_racing(seat):
+                self._retire_if_silent(seat, seat.answered_at)
 
 
 def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: RunObserver | None = None) -> RaceResult:
@@ -197,47 +213,33 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
     if options.output is not None:
         make_folder(options.output)
         check_writable(options.output / "result.json")
+    if options.record is not None:
+        check_writable(options.record)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         scenario = folder / f"race_{Path(options.track).stem}.yaml"
         scenario.write_text(scenario_text(options.scenario()), encoding="utf-8")
-        run_options = _run_options(options, scenario)
-        loader = WorldLoader(run_options)
-        with compiling(observer.compiled):
-            world = loader.load(str(scenario))
-        simulation = Simulation(world, is_paused=True, load=loader.load)
-        stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
-        assert world.race is not None
-        rules, track = world.race.rules, world.race.track
-        recorder, odometer = RaceRecorder(), Odometer(simulation)
-        for sink in (recorder, odometer, loader):
-            simulation.add_sink(sink)
-        grid = Grid(simulation, rules, [Seat(simulation, name, rules) for name in options.names], options.is_lockstep)
-        encoder = image_encoder(run_options)
-        # A script that only is slow must not receive a Frame twice: its second answer would drive the next tick.
-        resend_delay = 0.5 * rules.silence_limit if options.is_lockstep else RESEND_DELAY
-        for seat, address in zip(grid.seats, options.devkits, strict=True):
-            grid.bridges.append(_bridge(seat, address, encoder, simulation, resend_delay))
-        first = grid.bridges[0]
-        recordings = Recordings(
-            simulation,
-            run_options.recordings,
-            scenario=lambda: loader.scenario,
-            encoder=encoder,
-            bridge=lambda: first.status,
-        )
-        stack.callback(recordings.stop_now)
-        server = None
-        if options.has_page:
-            server = page_server(simulation, loader, run_options, first, encoder, recordings, refusal=grid.refusal)
+        digests = _digests(options)
+        scripts = [
+            _started(command, options.output, name, stack)
+            for name, command in zip(options.names[len(options.devkits) :], options.scripts, strict=True)
+        ]
+        grids: list[Grid] = []
+
+        def make_grid(simulation: Simulation, encoder: JpegEncoder | None) -> tuple[Sequence[DevkitBridge], Refusal]:
+            grids.append(_grid(simulation, options, scripts, encoder))
+            return grids[0].bridges, grids[0].refusal
+
+        run = opened(stack, _run_options(options, scenario), observer, make_grid)
+        (grid,), simulation = grids, run.simulation
+        assert simulation.world.race is not None
+        rules, track = simulation.world.race.rules, simulation.world.race.track
+        recorder = RaceRecorder()
+        simulation.add_sink(recorder)
         simulation.start()
-        stack.callback(simulation.stop)
-        if server is not None:
-            stack.enter_context(server)
-        run = Run(simulation, loader, grid.bridges[0], server, odometer)
         observer.started(run)
         for bridge in grid.bridges:
-            stack.enter_context(bridge)
+            bridge.start()
         started = time.monotonic()
         recorder.publish(simulation.frame)
         grid.wait_for_scripts(options.start_limit, stop)
@@ -254,6 +256,9 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
             wall_time=time.monotonic() - started,
             ended_by=stop.reason or "all vehicles",
             standings=recorder.standings(options.team_names),
+            notes=grid.notes,
+            recording=str(options.record or ""),
+            digests=digests,
         )
     if options.output is not None:
         write_results(options.output, result, recorder, track)
@@ -277,9 +282,16 @@ def _drive(
             simulation.add_sink(seat)
         simulation.request(Resume()).result()
     grid.is_started = True
+    pace = Pace(TICK, options.pace)
+    pace.restart(seen)
     while not recorder.is_over and not stop.is_set():
         if options.is_lockstep:
             grid.step(stop)
+            pace.count(time.monotonic())
+            if pace.speed is None and grid.notes:
+                pace.set_speed(1.0, time.monotonic())
+            while (delay := pace.delay(time.monotonic())) > 0.0 and not stop.is_set():
+                time.sleep(min(delay, CHECK_INTERVAL))
         elif not simulation.wait(CHECK_INTERVAL):
             grid.retire_the_silent()
         if time.monotonic() - seen > CHECK_INTERVAL:
@@ -290,13 +302,22 @@ def _drive(
 
 def _check(options: RaceOptions) -> None:
     """Raises `AutodriveError` for options that are no race."""
-    count = len(options.devkits)
+    count = len(options.names)
     if not 1 <= count <= MAX_VEHICLES:
-        raise AutodriveError(f"a race has 1 to {MAX_VEHICLES} scripts (--devkit HOST:PORT for each), not {count}")
-    if len(set(options.devkits)) < count:
+        raise AutodriveError(
+            f"a race has 1 to {MAX_VEHICLES} scripts (--devkit HOST:PORT or --script COMMAND for each), not {count}"
+        )
+    if len(set(options.devkits)) < len(options.devkits):
         raise AutodriveError("each script of a race needs its own address (--devkit HOST:PORT)")
     if len(options.teams) > count:
         raise AutodriveError(f"there are {len(options.teams)} names of teams, but {count} scripts")
+    if options.pace is not None and not (options.is_lockstep and MIN_SPEED <= options.pace <= MAX_SPEED):
+        raise AutodriveError(
+            f"the pace of a race in lock-step (--lockstep) is from {MIN_SPEED:g} to {MAX_SPEED:g}, not {options.pace}"
+        )
+    for command in options.scripts:
+        if "{port}" not in command:
+            raise AutodriveError(f"the command of a script needs {{port}}, the port at which it listens: '{command}'")
     rules = load_rules(options.rules)
     if not rules.race_laps and options.laps is None and rules.time_limit is None:
         raise AutodriveError(f"the rules '{options.rules}' have no number of laps: give --laps N")
@@ -307,6 +328,7 @@ def _run_options(options: RaceOptions, scenario: Path) -> RunOptions:
         scenario=str(scenario),
         mode="autonomous",
         cameras=options.cameras,
+        record=options.record,
         is_lockstep=options.is_lockstep,
         has_page=options.has_page,
         host=options.host,
@@ -316,25 +338,47 @@ def _run_options(options: RaceOptions, scenario: Path) -> RunOptions:
     )
 
 
-def _bridge(
-    seat: Seat,
-    address: tuple[str, int],
-    encoder: JpegEncoder | None,
-    simulation: Simulation,
-    resend_delay: float,
-) -> DevkitBridge:
-    spec = simulation.world.vehicle_specs[seat.vehicle]
-    images = None
-    if encoder is not None:
-        from autodrive.graphics.cameras.jpeg import images_of
+def _started(command: str, folder: Path | None, name: str, stack: ExitStack) -> ScriptProcess:
+    """Start a script; what it prints goes to a file beside the results. Raises `AutodriveError`."""
+    output = stack.enter_context((folder / f"{name}.log").open("w+b") if folder else tempfile.TemporaryFile())  # noqa: SIM115
+    process = ScriptProcess(command, Path.cwd(), output)
+    stack.callback(process.close)
+    return process
 
-        images = partial(images_of, encoder=encoder)
-    sizes = {(OWN, name): (camera.width, camera.height) for name, camera in spec.cameras.items()}
-    return DevkitBridge(
-        seat,
-        *address,
-        images=images,
-        image_sizes=lambda: sizes,
-        vehicle_profile=lambda: spec.devkit_profile,
-        resend_delay=resend_delay,
-    )
+
+def _grid(
+    simulation: Simulation, options: RaceOptions, scripts: Sequence[ScriptProcess], encoder: JpegEncoder | None
+) -> Grid:
+    """The scripts at their vehicles; their bridges are not started yet."""
+    assert simulation.world.race is not None
+    rules = simulation.world.race.rules
+    processes = [*(None for _ in options.devkits), *scripts]
+    addresses = [*options.devkits, *(("127.0.0.1", script.port) for script in scripts)]
+    seats = [Seat(simulation, name, rules, process) for name, process in zip(options.names, processes, strict=True)]
+    # A script that only is slow must not receive a Frame twice: its second answer would drive the next tick.
+    resend_delay = 0.5 * rules.silence_limit if options.is_lockstep else RESEND_DELAY
+    bridges = []
+    for seat, address in zip(seats, addresses, strict=True):
+        spec = simulation.world.vehicle_specs[seat.vehicle]
+        sizes = {(OWN, name): (camera.width, camera.height) for name, camera in spec.cameras.items()}
+        bridges.append(
+            DevkitBridge(
+                seat,
+                *address,
+                images=images_by(encoder),
+                image_sizes=lambda sizes=sizes: sizes,
+                vehicle_profile=lambda spec=spec: spec.devkit_profile,
+                resend_delay=resend_delay,
+            )
+        )
+    return Grid(simulation, rules, seats, options.is_lockstep, bridges)
+
+
+def _digests(options: RaceOptions) -> dict[str, str]:
+    """SHA-256 of the files of the track, of the rules, and of the scripts that the race has started, by vehicle."""
+    files = {"track": find("track", options.track), "rules": find("ruleset", options.rules)}
+    scripts = zip(options.names[len(options.devkits) :], options.scripts, strict=True)
+    return {
+        **{name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()},
+        **{name: digest(command, Path.cwd()) for name, command in scripts},
+    }

@@ -2,102 +2,79 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
 
 from autodrive.base.errors import CommandError
-from autodrive.protocol.messages import (
-    Command,
-    Frame,
-    Hold,
-    IpsReading,
-    Operation,
-    RaceState,
-    Reset,
-    Retire,
-    VehicleFrame,
-)
+from autodrive.connect.bridge.one_vehicle import OneVehicle
+from autodrive.protocol.messages import Command, Frame, IpsReading, Operation, RaceState, Reset, Retire, VehicleFrame
 
 if TYPE_CHECKING:
+    from autodrive.connect.bridge.script_process import ScriptProcess
     from autodrive.world.racing import RaceRules
-    from autodrive.world.simulation.control import Control, Sink
-
-OWN = "V1"
-"""Name of a vehicle for its script."""
+    from autodrive.world.simulation.control import Control
 
 
-class Seat:
-    """Connects the bridge of one script to one vehicle; stands for the Simulation towards the bridge.
+MIN_CHANGES, MIN_REPEATS = 10, 2.0
+"""A script seems to answer before its driver has a new command if its commands have changed so often, and it has
+repeated each of them so often on average."""
 
-    As a sink of the simulation it passes on each Frame; in lock-step the race calls `publish` instead. All methods may
-    be called from any thread.
+
+class Seat(OneVehicle):
+    """Connects the bridge of one script to one vehicle of a race.
+
+    As a sink of the simulation it passes on each Frame; in lock-step the race calls `publish` instead.
     """
 
-    def __init__(self, simulation: Control, vehicle: str, rules: RaceRules) -> None:
-        self.vehicle = vehicle
-        self.answers = 0
-        """Number of commands received for the vehicle."""
-        self.answered_at = time.monotonic()
-        """Wall time of the last command [s], or of the start."""
-        self.news = threading.Condition()
-        """Notified with each command."""
+    def __init__(
+        self, simulation: Control, vehicle: str, rules: RaceRules, process: ScriptProcess | None = None
+    ) -> None:
+        """`process`: the script, if the race has started it."""
+        self._process = process
         self._simulation = simulation
         self._rules = rules
-        self._sinks: tuple[Sink, ...] = ()
-        self._frame = self._seen(simulation.frame)
+        self._changes = self._repeats = 0
+        self._answered: Frame | None = None
+        super().__init__(vehicle, simulation.frame)
 
-    # -- towards the simulation ---------------------------------------------------------------------------------
-
-    def publish(self, frame: Frame) -> None:
-        """Show a Frame to the script."""
-        self._frame = self._seen(frame)
-        for sink in self._sinks:
-            sink.publish(self._frame)
-
-    # -- towards the bridge -------------------------------------------------------------------------------------
-
-    @property
-    def frame(self) -> Frame:
-        """The latest Frame, as the script sees it."""
-        return self._frame
+    def permitted(self, vehicle: VehicleFrame) -> VehicleFrame:
+        """The vehicle with zeros for the signals that the rules withhold."""
+        return permitted(vehicle, self._rules)
 
     def submit(self, vehicle: str, command: Command) -> None:
         """Drive the vehicle."""
         self._simulation.submit(self.vehicle, command)
-        with self.news:
-            self.answers += 1
-            self.answered_at = time.monotonic()
-            self.news.notify_all()
+        if self.frame is not self._answered:
+            is_new = (command.throttle, command.steering) != (self.command.throttle, self.command.steering)
+            self._changes, self._repeats = self._changes + is_new, self._repeats + (not is_new)
+            self._answered = self.frame
+        super().submit(vehicle, command)
 
-    def request(self, request: Operation) -> object:
-        """Refuse what the rules forbid. Raises `CommandError`."""
-        if isinstance(request, Hold) and request.position is None:
-            return None
-        if isinstance(request, Reset | Hold):
-            what = "a reset" if isinstance(request, Reset) else "a pose of its vehicle"
-            if self._rules.on_reset == "disqualify":
-                self._simulation.request(Retire(self.vehicle, f"its script requested {what}", is_disqualified=True))
-            elif self._rules.on_reset == "allow" and isinstance(request, Reset):
-                return self._simulation.request(request)
-            raise CommandError(f"{what} is not allowed in this race")
-        return None  # time of day and weather are those of the race
+    @property
+    def end(self) -> str:
+        """How the script has ended, if the race has started it; empty while it runs."""
+        return self._process.end if self._process is not None else ""
 
-    def add_sink(self, sink: Sink) -> None:
-        """Call `sink.publish(frame)` with each Frame."""
-        self._sinks = (*self._sinks, sink)
+    @property
+    def repeats(self) -> str:
+        """How the script repeats its commands, as a sentence; empty if it does not.
 
-    def remove_sink(self, sink: Sink) -> None:
-        """Stop calling the sink."""
-        self._sinks = tuple(other for other in self._sinks if other is not sink)
+        A bridge that answers at once, with the newest command that it has, repeats those of a driver that needs longer.
+        """
+        if self._changes < MIN_CHANGES or self._repeats < MIN_REPEATS * self._changes:
+            return ""
+        answers = self._changes + self._repeats
+        return f"{self._repeats} of its {answers} answers repeat the command before"
 
-    def _seen(self, frame: Frame) -> Frame:
-        """The Frame with its own vehicle only."""
-        own = permitted(frame.vehicles[self.vehicle], self._rules)
-        return replace(frame, vehicles={OWN: own}, objects={}, events=())
+    def forbid(self, request: Operation, what: str) -> object:
+        """Do what the rules say. Raises `CommandError`."""
+        if self._rules.on_reset == "disqualify":
+            self._simulation.request(Retire(self.vehicle, f"its script requested {what}", is_disqualified=True))
+        elif self._rules.on_reset == "allow" and isinstance(request, Reset):
+            return self._simulation.request(request)
+        raise CommandError(f"{what} is not allowed in this race")
 
 
 def permitted(vehicle: VehicleFrame, rules: RaceRules) -> VehicleFrame:

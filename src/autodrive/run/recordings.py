@@ -20,7 +20,7 @@ SAVE_TIMEOUT = 10.0
 """Wall time to wait for the file of the last seconds, which contains a second after the request [s]."""
 
 
-class Recordings(RecordingControl):
+class ClientRecordings(RecordingControl):
     """Writes recordings of a Simulation to files in `folder`, named after the scenario and the time of day.
 
     `scenario()`: name of the current scenario. `bridge()`: state of the connection to a devkit script.

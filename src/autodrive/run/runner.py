@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from autodrive.base.cache import check_writable, write_file
 from autodrive.base.jit import compiling
@@ -15,7 +15,7 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.files import built_page
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.run.options import RunOptions
-from autodrive.run.recordings import Recordings
+from autodrive.run.recordings import ClientRecordings
 from autodrive.run.summary import Odometer, Summary, run_summary
 from autodrive.run.world_loader import WorldLoader
 from autodrive.world.simulation import Simulation
@@ -23,9 +23,13 @@ from autodrive.world.simulation import Simulation
 if TYPE_CHECKING:
     from autodrive.connect.server.server import Server
     from autodrive.graphics.cameras.jpeg import JpegEncoder
-    from autodrive.protocol.devkit import ImageSizes
+    from autodrive.protocol.devkit import Images, ImageSizes
+    from autodrive.protocol.messages import Frame
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.recording import Recorder
+
+Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
+"""Why clients may not have an operation or Drive now; empty if they may."""
 
 REFRESH_INTERVAL = 0.2
 """Wall time between two calls of `RunObserver.running` [s]; a stop request takes effect within that time."""
@@ -127,53 +131,79 @@ def simulate(
     options, stop, observer = options or RunOptions(), stop or StopRequest(), observer or RunObserver()
     if options.summary is not None:
         check_writable(options.summary)  # before a long run, not after it
-    loader = WorldLoader(options)
-    with compiling(observer.compiled):
-        world = loader.load(options.scenario)
-    simulation = Simulation(world, speed=options.speed, load=loader.load, pause_on_error=options.has_page)
-    odometer = Odometer(simulation)
-    simulation.add_sink(odometer)
-    simulation.add_sink(loader)
     with ExitStack() as stack:
-        stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
-        if loader.cameras is not None and options.pictures == "always":
-            loader.cameras.wait()
-        encoder = image_encoder(options)
-        bridge = _bridge(simulation, options, encoder)
-        stack.callback(bridge.close)
-        loader.render_while_connected(bridge)
-        recordings = Recordings(
-            simulation,
-            options.recordings,
-            scenario=lambda: loader.scenario,
-            encoder=encoder,
-            bridge=lambda: bridge.status,
-        )
-        stack.callback(recordings.stop_now)
-        server = page_server(simulation, loader, options, bridge, encoder, recordings) if options.has_page else None
-        recorder = _recorder(simulation, loader, options, bridge, encoder)
-        if recorder is not None:
-            stack.enter_context(recorder)
-        stack.callback(simulation.stop)
-        if server is not None:
-            stack.enter_context(server)
-        run = Run(simulation, loader, bridge, server, odometer, recorder)
+        run = opened(stack, options, observer)
+        simulation = run.simulation
         observer.started(run)
         if options.devkit is not None:
-            bridge.start()
+            run.bridge.start()
         simulation.start(options.duration)
         while not stop.is_set() and not simulation.wait(REFRESH_INTERVAL):
             observer.running(run)
         simulation.stop()
-        if recorder is not None:
-            recorder.close()
+        if run.recorder is not None:
+            run.recorder.close()
         summary = run.summary(stop.reason or "duration")
         if options.summary is not None:
             write_file(options.summary, summary.to_json())
     return summary
 
 
-def image_encoder(options: RunOptions) -> JpegEncoder | None:
+def opened(
+    stack: ExitStack,
+    options: RunOptions,
+    observer: RunObserver,
+    make_grid: Callable[[Simulation, JpegEncoder | None], tuple[Sequence[DevkitBridge], Refusal]] | None = None,
+) -> Run:
+    """A run whose time and bridges have not started yet; `stack` closes it. The page is served.
+
+    `make_grid` makes a race of it, whose time is paused: it returns the bridges of the scripts, and what clients may
+    not have. None: the bridge of the options, and clients may have everything.
+    """
+    loader = WorldLoader(options)
+    with compiling(observer.compiled):
+        world = loader.load(options.scenario)
+    simulation = Simulation(
+        world,
+        speed=options.speed,
+        load=loader.load,
+        is_paused=make_grid is not None,
+        pause_on_error=options.has_page and make_grid is None,
+    )
+    stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
+    odometer = Odometer(simulation)
+    simulation.add_sink(odometer)
+    simulation.add_sink(loader)
+    if loader.cameras is not None and options.pictures == "always":
+        loader.cameras.wait()
+    encoder = _image_encoder(options)
+    make_bridges = make_grid or (lambda *_: ([_bridge(simulation, options, encoder)], lambda _: ""))
+    bridges, refusal = make_bridges(simulation, encoder)
+    bridge = bridges[0]
+    loader.render_while_connected(bridge)
+    recordings = ClientRecordings(
+        simulation,
+        options.recordings,
+        scenario=lambda: loader.scenario,
+        encoder=encoder,
+        bridge=lambda: bridge.status,
+    )
+    stack.callback(recordings.stop_now)
+    server = (
+        _page_server(simulation, loader, options, bridge, encoder, recordings, refusal) if options.has_page else None
+    )
+    recorder = _recorder(simulation, loader, options, bridge, encoder)
+    if recorder is not None:
+        stack.enter_context(recorder)
+    stack.callback(simulation.stop)
+    if server is not None:
+        stack.enter_context(server)
+    for one in bridges:
+        stack.callback(one.close)
+    return Run(simulation, loader, bridge, server, odometer, recorder)
+
+
+def _image_encoder(options: RunOptions) -> JpegEncoder | None:
     """The encoder of the images for scripts and clients; None if there are none."""
     if options.pictures == "never":
         return None
@@ -185,20 +215,24 @@ def image_encoder(options: RunOptions) -> JpegEncoder | None:
 def _bridge(simulation: Simulation, options: RunOptions, encoder: JpegEncoder | None) -> DevkitBridge:
     """A bridge that is not started yet: an option or a client request starts it."""
     host, port = options.devkit or ("127.0.0.1", DEVKIT_PORT)
-    images = None
-    if encoder is not None:
-        from autodrive.graphics.cameras.jpeg import images_of
-
-        images = partial(images_of, encoder=encoder)
     return DevkitBridge(
         simulation,
         host,
         port,
         options.devkit_settings,
-        images=images,
+        images=images_by(encoder),
         image_sizes=partial(_image_sizes, simulation, options),
         vehicle_profile=partial(_vehicle_profile, simulation),
     )
+
+
+def images_by(encoder: JpegEncoder | None) -> Callable[[Frame, float], Images] | None:
+    """The function that a bridge gets for its images."""
+    if encoder is None:
+        return None
+    from autodrive.graphics.cameras.jpeg import images_of
+
+    return partial(images_of, encoder=encoder)
 
 
 def _recorder(
@@ -238,20 +272,16 @@ def _vehicle_profile(simulation: Simulation) -> str | None:
     return next((spec.devkit_profile for spec in specs if spec.devkit_profile), None)
 
 
-def page_server(
+def _page_server(
     simulation: Simulation,
     loader: WorldLoader,
     options: RunOptions,
     bridge: DevkitBridge,
     encoder: JpegEncoder | None,
-    recordings: Recordings,
-    *,
-    refusal: Callable[[ServerOperation | Drive], str] = lambda _: "",
+    recordings: ClientRecordings,
+    refusal: Refusal,
 ) -> Server:
-    """The server of the page and of the native protocol, which is not started yet.
-
-    `refusal`: why clients may not have an operation or Drive now; empty if they may.
-    """
+    """The server of the page and of the native protocol, which is not started yet."""
     from autodrive.connect.server.served import Served, scene_renderer_factory
     from autodrive.connect.server.server import Server
 

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import queue
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 
 import autodrive
 from autodrive import Command, Frame, Simulation
+from autodrive.base.specs import find
 from autodrive.connect.bridge.devkit import DevkitBridge
-from autodrive.connect.ros import Bridge, Config, Message
+from autodrive.connect.ros import Bridge, Config, Message, Topic
 from autodrive.connect.ros.source import VehicleInfo
 from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
 from autodrive.connect.server.server import Server
-from autodrive.protocol.messages import Pause, RaceState, RaceStatus, Reset, Resume, SetDrivingMode, Step
+from autodrive.protocol.messages import Operation, Pause, RaceState, RaceStatus, Reset, Resume, SetDrivingMode, Step
+from autodrive.run import race as races
+from autodrive.run.race import RaceOptions
+from autodrive.run.runner import Run, RunObserver
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from tests.connect.client.conftest import started
 from tests.connect.ros.test_bridge import ROOT, running, seconds, served, vector
@@ -164,6 +173,67 @@ def test_the_league_s_simulator_may_connect_instead(simulation: Simulation) -> N
         assert node.last(f"{CAR}/front_camera")["header"]["frame_id"] == "front_camera"
         assert node.last("autodrive/roboracer_2/ips")["y"] == pytest.approx(2.0, abs=1e-3)
         assert (devkit.counters.profile, devkit.counters.refused_values) == ("roboracer", 0)
+
+
+class SlowDriver(Recorder):
+    """A node with a driver in a thread of its own, which needs longer for a scan than a tick of a race in lock-step.
+
+    Its commands are numbered.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.scans: queue.SimpleQueue[bool] = queue.SimpleQueue()
+
+    def publish(self, message: Message, topic: Topic) -> None:
+        super().publish(message, topic)
+        if topic.name == f"{CAR}/lidar":
+            self.scans.put(True)
+
+    def drive(self) -> None:
+        for number in itertools.count(1):
+            if not self.scans.get():
+                return
+            time.sleep(0.03)
+            self.send("roboracer_1/throttle_command", data=0.05)
+            self.send("roboracer_1/steering_command", data=1e-3 * number)
+
+
+class Given(RunObserver):
+    """The steering that the world of a race is given, in each tick."""
+
+    def __init__(self) -> None:
+        self.steering: list[float] = []
+
+    def started(self, run: Run) -> None:
+        run.simulation.add_observer(self)
+
+    def given(self, commands: Mapping[str, Command]) -> None:
+        self.steering += [command.steering for command in commands.values()]
+
+    def executed(self, request: Operation) -> None:
+        pass
+
+    def publish(self, frame: Frame) -> None:
+        pass
+
+
+def test_in_lock_step_each_tick_waits_for_the_command_that_follows_its_scan(tmp_path: Path) -> None:
+    rules = yaml.safe_load(find("ruleset", "league_2026").read_text()) | {"time_limit": 1.0}
+    (tmp_path / "rules.yaml").write_text(yaml.safe_dump(rules))
+    node, port, given = SlowDriver(), free_port(), Given()
+    driver = threading.Thread(target=node.drive)
+    driver.start()
+    with running(Config(mode="devkit", port=port, profile="roboracer", race=True, lockstep=True), node):
+        options = RaceOptions(
+            "practice", (("127.0.0.1", port),), rules=str(tmp_path / "rules.yaml"), is_lockstep=True, has_page=False
+        )
+        result = races.race(options, observer=given)
+    node.scans.put(False)
+    driver.join()
+    assert not result.notes
+    assert len(given.steering) == 40
+    assert given.steering == pytest.approx([1e-3 * number for number in range(1, 41)])
 
 
 @pytest.mark.parametrize("mode", ["direct", "devkit"])

@@ -19,7 +19,7 @@ from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.experiments.campaigns import Campaign, LocalExecutor, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
 from autodrive.experiments.campaigns.runner import Result, Runner
-from autodrive.experiments.campaigns.runs import Observer, Progress
+from autodrive.experiments.campaigns.runs import CampaignObserver, Progress
 from autodrive.experiments.campaigns.table import Table
 from autodrive.experiments.policies import Policy
 from autodrive.experiments.policies.racer import PERIOD, PolicyRacer
@@ -36,7 +36,7 @@ Make = Callable[..., Campaign]
 ROOT = Path(__file__).parents[3]
 
 
-class Counting(Observer):
+class Counting(CampaignObserver):
     """Counts the rows that are not new."""
 
     reused = 0
@@ -98,7 +98,7 @@ def test_the_table_does_not_depend_on_workers_kills_resumes_or_the_cache(campaig
 
     executor = LocalExecutor(one, 2)
 
-    class Killing(Observer):
+    class Killing(CampaignObserver):
         """Kills a worker after some results, and stops the campaign later, as Ctrl-C does."""
 
         def progress(self, progress: Progress) -> None:
@@ -275,7 +275,7 @@ def test_ctrl_c_keeps_rows_of_an_earlier_campaign_that_it_had_not_come_to(campai
     one = campaign()
     expected = run_campaign(one, tmp_path, workers=0, uses_cache=False).table.read_bytes()
 
-    class Stopping(Observer):
+    class Stopping(CampaignObserver):
         """Stops the campaign at once, as Ctrl-C does."""
 
         def progress(self, progress: Progress) -> None:

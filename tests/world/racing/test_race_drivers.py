@@ -67,6 +67,15 @@ def test_ten_laps_without_a_collision(track: str, make_driver: Callable[[Race], 
 
 
 @pytest.mark.process
+def test_a_driver_that_reads_withheld_signals_says_so() -> None:
+    script = f"{sys.executable} {EXAMPLES / 'race_line.py'} {{port}}"
+    result = race(RaceOptions("practice", scripts=(script,), is_lockstep=True, has_page=False))
+    assert result.standings[0].reason.startswith(
+        "the script ended with exit code 1: this driver reads withheld signals"
+    )
+
+
+@pytest.mark.process
 def test_both_examples_start_side_by_side_as_devkit_scripts(tmp_path: Path) -> None:
     rules = tmp_path / "rules.yaml"
     rules.write_text(yaml.safe_dump({"race_laps": 1, "time_limit": 4.0, "vehicle_contact": "none"}))

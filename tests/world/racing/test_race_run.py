@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import itertools
 import json
 import runpy
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 import pytest
 import yaml
 
-from autodrive import Client, Command
+from autodrive import Client, Command, recording
 from autodrive.base.errors import AutodriveError, CommandError, SpecError
 from autodrive.base.yaml_files import find
 from autodrive.connect.devkit import RoboRacer, Server
@@ -135,6 +136,26 @@ def test_in_lock_step_two_races_have_the_same_scans_however_slow_a_script_is(tmp
     assert [len(scans) for scans in races[0]] == [80, 80]
 
 
+def test_a_script_that_repeats_its_commands_is_named_and_slowed_down_to_real_time(tmp_path: Path) -> None:
+    """As a ROS bridge that answers at once while its driver is still busy."""
+    messages = itertools.count()
+
+    def respond(_: Any) -> dict[str, str]:
+        return {"V1 Throttle": "0.05", "V1 Steering": f"{0.001 * (next(messages) // 4):.3f}", "V1 Reset": "False"}
+
+    rules = ruleset(tmp_path, time_limit=3.0)
+    with Server(respond, port=0) as server:
+        here = (("127.0.0.1", server.port),)
+        result = race(RaceOptions("practice", here, rules=rules, is_lockstep=True, has_page=False))
+    assert "answers repeat the command before" in result.notes["V1"]
+    assert "the result depends on the machine" in result.to_markdown()
+    assert result.wall_time > 1.5  # the first second, of 40 commands, may be faster
+    attentive = Script()
+    assert not run({"rules": ruleset(tmp_path, time_limit=2.0), "is_lockstep": True, "pace": 50.0}, attentive).notes
+    with pytest.raises(AutodriveError, match="the pace of a race in lock-step"):
+        race(RaceOptions("practice", here, pace=1.0))
+
+
 @pytest.mark.wall_clock
 def test_in_real_time_a_car_that_is_too_slow_retires(tmp_path: Path) -> None:
     """Wall clock: simulated time follows it."""
@@ -145,9 +166,41 @@ def test_in_real_time_a_car_that_is_too_slow_retires(tmp_path: Path) -> None:
     assert script.messages > 0
 
 
+SCRIPT = """
+import sys
+from autodrive.devkit import RoboRacer, drive
+car = RoboRacer("V1")
+car.throttle_command, car.steering_command = 0.05, 0.0
+print("this script listens", flush=True)
+drive(lambda: None, car, port=int(sys.argv[1]))
+"""
+
+
+def test_a_race_is_recorded_and_starts_scripts_whose_output_stands_beside_the_result(tmp_path: Path) -> None:
+    (tmp_path / "driver.py").write_text(SCRIPT)
+    command, folder, file = f"python {tmp_path / 'driver.py'} {{port}}", tmp_path / "results", tmp_path / "race.mcap"
+    rules = ruleset(tmp_path, time_limit=0.5)
+    options = RaceOptions("practice", scripts=(command, "python -c 'print(7)' {port}"), rules=rules, is_lockstep=True)
+    race(replace(options, has_page=False, output=folder, record=file))
+    assert (folder / "V1.log").read_text() == "this script listens\n"
+    result = json.loads((folder / "result.json").read_text())
+    reasons = {one["vehicle"]: one["reason"] for one in result["standings"]}
+    assert reasons == {"V1": "not finished after 0.5 s", "V2": "the script ended with exit code 0: 7"}
+    assert result["recording"] == str(file)
+    digests = {name: hashlib.sha256(Path(path).read_bytes()).hexdigest() for name, path in (
+        ("track", find("track", "practice")), ("rules", rules), ("V1", tmp_path / "driver.py")
+    )}  # fmt: skip
+    assert result["digests"] == {**digests, "V2": hashlib.sha256(b"").hexdigest()}
+    with recording.open(file) as recorded:
+        assert recorded.duration > 0.4
+    with pytest.raises(AutodriveError, match=r"needs \{port\}"):
+        race(RaceOptions("practice", scripts=("python driver.py",)))
+
+
 def test_a_script_that_never_connects_and_a_race_that_is_stopped(tmp_path: Path) -> None:
     options = RaceOptions("practice", (("127.0.0.1", 9),), has_page=False, start_limit=0.2, is_lockstep=True)
     (standing,) = race(options).standings
+    assert standing.reason == "no script at 127.0.0.1:9 (connection refused)"
     assert (standing.status, standing.race_time) == ("retired", 0.0)
     stop = StopRequest()
 

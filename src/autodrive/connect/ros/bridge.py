@@ -7,7 +7,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -64,7 +64,9 @@ class Bridge:
         self._time = 0.0
         self._is_direct = config.mode == "direct"
         self._source: DirectSource | DevkitSource = (
-            DirectSource(config) if self._is_direct else DevkitSource(config, node.now, self._commands)
+            DirectSource(config)
+            if self._is_direct
+            else DevkitSource(config, node.now, self._commands, self._wait_for_answers)
         )
         world = published(config, WORLD_TOPICS)
         node.add_topics([*world, *self._light_topics], [*self._light_subscriptions(), *self._league_subscriptions()])
@@ -153,6 +155,8 @@ class Bridge:
 
     def on_update(self, update: Update) -> None:
         """Publish new data, and the states if they are due."""
+        for vehicle in update.scans:
+            self._inputs[vehicle].begin()
         with self._lock:
             self._publish(update)
         if self._is_direct:
@@ -282,6 +286,17 @@ class Bridge:
     def _commands(self) -> dict[str, Command]:
         """Commands of all vehicles; zero for vehicles without one."""
         return {name: self._inputs[name].command(self._time) or Command() for name in self._vehicles}
+
+    def _wait_for_answers(self, vehicles: Collection[str], timeout: float) -> bool:
+        """Wait for the commands that follow the scans of these vehicles, those of a driver; whether there are any.
+
+        `timeout` [s], in all.
+        """
+        end = time.monotonic() + timeout
+        inputs = [self._inputs[name] for name in vehicles]
+        driven = [one for one in inputs if one.has_command] or inputs
+        answers = [one.wait_for_answer(max(end - time.monotonic(), 0.0)) for one in driven]
+        return any(answers)
 
     def _on_reset(self, vehicle: str, message: Any) -> None:
         if isinstance(self._source, DevkitSource):

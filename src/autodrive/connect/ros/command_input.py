@@ -23,10 +23,28 @@ class CommandInput:
         self.vehicle = vehicle
         self._devkit = config.devkit_profile
         self._timeout = config.command_timeout
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()
         self._command = Command()
         self._received: float | None = None
         self._now = 0.0
+        self._expected = {"throttle", "steering"}
+        """What the driver has commanded after the previous scan."""
+        self._answered: set[str] = set()
+
+    def begin(self) -> None:
+        """A new scan is published now."""
+        with self._lock:
+            if self._answered:
+                self._expected, self._answered = self._answered, set()
+
+    def wait_for_answer(self, timeout: float) -> bool:
+        """Wait until the driver has answered the scan with what it commanded after the last one; whether it has begun.
+
+        `timeout` [s].
+        """
+        with self._lock:
+            self._lock.wait_for(lambda: self._expected <= self._answered, timeout)
+            return bool(self._answered)
 
     def command(self, now: float) -> Command | None:
         """The command at simulated time `now` [s]; None if there is none. After the timeout, the throttle is 0."""
@@ -39,6 +57,11 @@ class CommandInput:
             if self._timeout and now - self._received > self._timeout:
                 self._command = replace(self._command, throttle=0.0)
             return self._command
+
+    @property
+    def has_command(self) -> bool:
+        """Whether a command was received since the start of the simulation."""
+        return self._received is not None
 
     @property
     def is_active(self) -> bool:
@@ -88,6 +111,8 @@ class CommandInput:
         with self._lock:
             self._command = replace(self._command, **values)
             self._received = self._now
+            self._answered |= values.keys() & {"throttle", "steering"}
+            self._lock.notify_all()
 
 
 def _fraction(value: float) -> float:

@@ -50,6 +50,9 @@ class Config:
     """JPEG quality, 1 to 100; direct mode."""
     command_timeout: float = 0.5
     """A vehicle stops if no command arrives for this time [s]; 0: never."""
+    lockstep: bool = False
+    """Whether the answer to a message with a scan waits for the commands that follow the scan; devkit mode. For races
+    in lock-step."""
     take_over: bool = True
     """Whether the first command, also after a timeout, switches its vehicle to autonomous mode; direct mode."""
     publish_tf: bool = True

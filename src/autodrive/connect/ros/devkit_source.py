@@ -8,7 +8,7 @@ import math
 import re
 import time
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -41,19 +41,23 @@ from autodrive.protocol.messages import (
 )
 from autodrive.protocol.native import Picture
 
+ANSWER_TIME = 4.0
+"""In lock-step, the driver has this time for a scan [s]; a race sends a message that is not answered again after 5 s or
+later."""
 MAX_DELAY = 0.5
 """An answer is never delayed longer: the simulator may take its message for lost [s]."""
 PARSE_ERRORS = (ValueError, TypeError, ArithmeticError, EOFError, OSError, zlib.error)
 """Raised for malformed values: numbers, arrays, base64, gzip."""
 UNKNOWN = np.full(4, math.nan)
 REPEAT_INTERVAL = 0.2
-"""A scan or an image that is equal to the last one is published again after this time [s]."""
+"""A scan or an image that is equal to the last one is published again after this time [s]; in lock-step, each scan."""
 
 
 class DevkitSource:
     """Passes each message of a simulator to the listener and answers with `commands()`, by vehicle.
 
     The protocol has no time stamps: `now` returns the time of a message [s]. `clock` and `sleep` limit the rate.
+    `wait_for_answers(vehicles, timeout)` waits for the commands that follow a scan, and returns whether there are any.
     """
 
     def __init__(
@@ -61,6 +65,7 @@ class DevkitSource:
         config: Config,
         now: Callable[[], float],
         commands: Callable[[], dict[str, Command]],
+        wait_for_answers: Callable[[Collection[str], float], bool] = lambda vehicles, timeout: True,
         *,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -68,6 +73,7 @@ class DevkitSource:
         self._config = config
         self._now = now
         self._commands = commands
+        self._wait_for_answers = wait_for_answers
         self._clock = clock
         self._sleep = sleep
         self._vehicles: dict[str, _Vehicle] = {}
@@ -86,13 +92,20 @@ class DevkitSource:
                 server.wait(min(listener.max_wait, POLL_INTERVAL))
                 listener.on_idle()
 
-    def respond(self, data: Mapping[str, Any], listener: Listener) -> dict[str, str]:
-        """The answer to a message. Malformed messages are answered too: the original simulator waits for it."""
+    def respond(self, data: Mapping[str, Any], listener: Listener) -> dict[str, str] | None:
+        """The answer to a message. Malformed messages are answered too: the original simulator waits for it.
+
+        None in lock-step, if the driver has not answered the scan of the message in time.
+        """
+        scanned: Collection[str] = ()
         try:
-            self._publish(data, listener)
+            scanned = self._publish(data, listener)
         except PARSE_ERRORS as error:
             listener.warn(f"cannot read a message of the simulator: {error}")
-        self._limit_rate()
+        if not self._config.lockstep:
+            self._limit_rate()
+        elif scanned and not self._wait_for_answers(scanned, ANSWER_TIME):
+            return None
         return self._answer()
 
     def _limit_rate(self) -> None:
@@ -100,7 +113,8 @@ class DevkitSource:
         self._sleep(max(min(self._due - self._clock(), MAX_DELAY), 0.0))
         self._due = self._clock() + 1.0 / self._config.rate
 
-    def _publish(self, data: Mapping[str, Any], listener: Listener) -> None:
+    def _publish(self, data: Mapping[str, Any], listener: Listener) -> Collection[str]:
+        """Returns the vehicles with a new scan."""
         prefixes = self._prefixes(data)
         if prefixes and prefixes.keys() != self._vehicles.keys():
             infos = {name: VehicleInfo.of(self._config.car, number) for number, name in enumerate(prefixes, start=1)}
@@ -119,6 +133,7 @@ class DevkitSource:
         lights = {n: int(data[key]) for n in range(1, TRAFFIC_LIGHTS + 1) if (key := f"TL{n} State") in data}
         if frames:
             listener.on_update(Update(Frame(now, self._tick, frames, {}, (), True), scans, pictures, lights))
+        return scans.keys()
 
     def _prefixes(self, data: Mapping[str, Any]) -> dict[str, str]:
         """Vehicle -> prefix of its keys."""
@@ -174,7 +189,8 @@ class _Vehicle:
             ("Image",) if scan != self._texts.get("scan", ("",))[0] else ("Image", "LIDAR Range", "LIDAR Intensity")
         )
         state.parse_data({key: text for key, text in data.items() if not any(word in key for word in skipped)})
-        self.new_scan = self._scan(now) if self._is_new("scan", scan, now) else None
+        is_new = self._is_new("scan", scan, now) or (self._config.lockstep and bool(scan))
+        self.new_scan = self._scan(now) if is_new else None
         orientation = np.roll(_vector(state.orientation_quaternion, (0.0, 0.0, 0.0, 1.0)), 1)
         lever = rotate(orientation, devkit.origin)
         position = _vector(state.position, (0.0, 0.0, 0.0)) - lever

@@ -1,7 +1,7 @@
 from .campaign import Campaign as Campaign
 from .executor import Executor as Executor
 from .executor import LocalExecutor as LocalExecutor
-from .runs import Observer as Observer
+from .runs import CampaignObserver as CampaignObserver
 from .runs import Outcome as Outcome
 from .runs import run_campaign as run_campaign
 from .scene import Scene as Scene

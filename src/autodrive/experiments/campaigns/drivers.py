@@ -4,31 +4,23 @@ from __future__ import annotations
 
 import functools
 import importlib.util
-import shlex
-import socket
-import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
-from msgspec.structs import replace
-
-from autodrive.base.child_process import environment
-from autodrive.base.errors import AutodriveError, CommandError
-from autodrive.protocol.messages import Command, Frame, Hold, Operation
+from autodrive.base.errors import AutodriveError
+from autodrive.protocol.messages import Command, Frame
 
 if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
+    from autodrive.connect.bridge.one_vehicle import OneVehicle
+    from autodrive.connect.bridge.script_process import ScriptProcess
     from autodrive.experiments.campaigns.scene import Scene
     from autodrive.experiments.policies.policy import Policy
-    from autodrive.world.simulation.control import Sink
 
 Commands: TypeAlias = Mapping[str, Command] | Command | None
-OWN = "V1"
-"""Name of the vehicle for a devkit script."""
 CHECK_INTERVAL = 0.2
 """Wall time between two looks at whether a devkit script still runs [s]."""
 
@@ -107,14 +99,11 @@ class DevkitScript:
     def __init__(self, command: str, folder: Path) -> None:
         """`command`: its command line with '{port}'; it runs in `folder`."""
         self._command, self._folder = command, folder
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: ScriptProcess | None = None
         self._messages = tempfile.TemporaryFile()  # noqa: SIM115  `close` closes it
         self._bridge: DevkitBridge | None = None
-        self._sinks: tuple[Sink, ...] = ()
-        self._answer: Command | None = None
-        self._news = threading.Condition()
+        self._seat: OneVehicle | None = None
         self._vehicle = ""
-        self._frame: Frame | None = None
 
     def reset(self, scene: Scene) -> None:
         """Remember the vehicle; the script starts with the first Frame."""
@@ -123,77 +112,35 @@ class DevkitScript:
 
     def act(self, frame: Frame) -> Commands:
         """The answer of the script. Raises `DriverError` if it ends."""
-        self._frame = replace(frame, vehicles={OWN: frame.vehicles[self._vehicle]}, objects={}, events=())
-        self._answer = None
-        if self._process is None:
-            self._start()  # the bridge sends the present Frame when the script is there
-        for sink in self._sinks:
-            sink.publish(self._frame)
+        if self._seat is None:
+            self._seat, before = self._start(frame), 0  # the bridge sends this Frame when the script is there
+        else:
+            before = self._seat.answers
+            self._seat.publish(frame)
         assert self._process is not None
-        with self._news:
-            while not self._news.wait_for(lambda: self._answer is not None, CHECK_INTERVAL):
-                if self._process.poll() is not None:
-                    raise DriverError(f"the script ended with exit code {self._process.returncode}{self._last_line()}")
-        return self._answer
+        while not self._seat.wait_for_answer(before, CHECK_INTERVAL):
+            if end := self._process.end:
+                raise DriverError(end)
+        return self._seat.command
 
     def close(self) -> None:
         """End the script."""
         if self._bridge is not None:
             self._bridge.close()
         if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+            self._process.close()
         self._messages.close()
 
-    def _start(self) -> None:
+    def _start(self, frame: Frame) -> OneVehicle:
         from autodrive.connect.bridge.devkit import DevkitBridge  # noqa: PLC0415  only this driver needs it
+        from autodrive.connect.bridge.one_vehicle import OneVehicle  # noqa: PLC0415  likewise
+        from autodrive.connect.bridge.script_process import ScriptProcess  # noqa: PLC0415  likewise
 
-        with socket.create_server(("127.0.0.1", 0)) as listener:
-            port = listener.getsockname()[1]
-        line = [sys.executable if one == "python" else one for one in shlex.split(self._command.format(port=port))]
         try:
-            self._process = subprocess.Popen(
-                line,
-                cwd=self._folder,
-                env=environment(),
-                stdin=subprocess.DEVNULL,
-                stdout=self._messages,
-                stderr=subprocess.STDOUT,
-            )
-        except OSError as error:
-            raise DriverError(f"the script cannot be started: {error.strerror}: {line[0]}") from None
-        self._bridge = DevkitBridge(self, "127.0.0.1", port, vehicle_profile=lambda: self._profile)
+            self._process = ScriptProcess(self._command, self._folder, self._messages)
+        except AutodriveError as error:
+            raise DriverError(str(error)) from None
+        seat = OneVehicle(self._vehicle, frame)
+        self._bridge = DevkitBridge(seat, "127.0.0.1", self._process.port, vehicle_profile=lambda: self._profile)
         self._bridge.start()
-
-    def _last_line(self) -> str:
-        self._messages.seek(0)
-        lines = self._messages.read().decode("utf-8", "replace").strip().splitlines()
-        return f": {lines[-1][:200]}" if lines else ""
-
-    # -- towards the bridge, in its thread -------------------------------------------------------------------------
-
-    @property
-    def frame(self) -> Frame:
-        """The present Frame."""
-        assert self._frame is not None
-        return self._frame
-
-    def submit(self, vehicle: str, command: Command) -> None:
-        """Take the answer of the script."""
-        with self._news:
-            self._answer = command
-            self._news.notify_all()
-
-    def request(self, request: Operation) -> object:
-        """Refuse resets and poses: they are those of the campaign."""
-        if not (isinstance(request, Hold) and request.position is None):
-            raise CommandError("a script cannot reset or move its vehicle in a campaign")
-        return None
-
-    def add_sink(self, sink: Sink) -> None:
-        """Tell the bridge about each Frame."""
-        self._sinks = (*self._sinks, sink)
-
-    def remove_sink(self, sink: Sink) -> None:
-        """Stop telling it."""
-        self._sinks = tuple(one for one in self._sinks if one is not sink)
+        return seat

@@ -35,7 +35,7 @@ class Progress:
     errors: int = 0
 
 
-class Observer:
+class CampaignObserver:
     """Called while a campaign runs; a subclass overrides what it needs."""
 
     def progress(self, progress: Progress) -> None:
@@ -71,7 +71,7 @@ def run_campaign(
     executor: Executor | None = None,
     cache: RowCache | None = None,
     uses_cache: bool = True,
-    observer: Observer | None = None,
+    observer: CampaignObserver | None = None,
 ) -> Outcome:
     """Run a campaign into a folder (NAME_results if left out); runs that this folder or the cache has are not repeated.
 
@@ -82,7 +82,7 @@ def run_campaign(
     make_folder(folder)
     table = Table(folder, campaign)
     cache = (cache or RowCache()) if uses_cache else None
-    observer, progress = observer or Observer(), Progress(len(campaign))
+    observer, progress = observer or CampaignObserver(), Progress(len(campaign))
     batch: list[tuple[str, Result]] = []
     earlier = table.start()
     keys, key_of = RunKeys(campaign), dict[int, tuple[Run, str]]()
@@ -161,7 +161,11 @@ def run_campaign(
 
 
 def run_search(
-    campaign: Campaign, trials: int, output: str | Path | None, executor: Executor, observer: Observer | None = None
+    campaign: Campaign,
+    trials: int,
+    output: str | Path | None,
+    executor: Executor,
+    observer: CampaignObserver | None = None,
 ) -> Outcome:
     """Search for a failure of the driver, see `falsify`; the table has all runs. Raises `AutodriveError`."""
     from autodrive.experiments.campaigns.search import falsify  # noqa: PLC0415  an extra
@@ -170,7 +174,7 @@ def run_search(
     make_folder(folder)
     table, keys = Table(folder, campaign), RunKeys(campaign)
     table.start()
-    observer, progress, is_complete = observer or Observer(), Progress(trials), False
+    observer, progress, is_complete = observer or CampaignObserver(), Progress(trials), False
     try:
         for trial in falsify(campaign, executor, trials=trials):
             row = table.add(trial.run, keys.of(trial.run), trial.result)

@@ -93,6 +93,12 @@ class RaceResult:
     wall_time: float
     ended_by: str
     standings: list[Standing]
+    notes: dict[str, str] = field(default_factory=dict)
+    """In lock-step, by vehicle: how its script repeats commands, so that the result may depend on the machine."""
+    recording: str = ""
+    """Path of the recording; empty if there is none."""
+    digests: dict[str, str] = field(default_factory=dict)
+    """SHA-256 of the files of track and rules, and by vehicle of the scripts that the race has started."""
 
     def to_json(self) -> str:
         """The content of result.json."""
@@ -102,7 +108,9 @@ class RaceResult:
         """The content of result.md."""
         pace = "lock-step" if self.is_lockstep else "real time"
         head = f"# {self.title}: {self.track}\n\nTrack of {self.length:.1f} m; {pace}; seed {self.seed}.\n\n"
-        return head + _table(COLUMNS, [standing.row for standing in self.standings])
+        meaning = "The script seems to answer before its driver has a new command: the result depends on the machine."
+        notes = "".join(f"\n{vehicle}: {note}. {meaning}\n" for vehicle, note in self.notes.items())
+        return head + _table(COLUMNS, [standing.row for standing in self.standings]) + notes
 
     def laps_csv(self) -> str:
         """The content of laps.csv: a row for each lap."""

@@ -1,0 +1,56 @@
+"""A devkit script as a process of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import IO
+
+from autodrive.base.child_process import environment
+from autodrive.base.errors import AutodriveError
+
+
+class ScriptProcess:
+    """Runs `command`, in which '{port}' is a free port of this machine, in `folder`; what it prints goes to `output`.
+
+    Raises `AutodriveError` if it cannot be started.
+    """
+
+    def __init__(self, command: str, folder: Path, output: IO[bytes]) -> None:
+        self._output = output
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            self.port: int = listener.getsockname()[1]
+        line = [
+            sys.executable if word == "python" else word.replace("{port}", str(self.port))
+            for word in shlex.split(command)
+        ]
+        try:
+            self._process = subprocess.Popen(
+                line, cwd=folder, env=environment(), stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
+            )
+        except OSError as error:
+            raise AutodriveError(f"the script cannot be started: {error.strerror}: {line[0]}") from None
+
+    @property
+    def end(self) -> str:
+        """How it has ended, with the last line that it printed; empty while it runs."""
+        if (code := self._process.poll()) is None:
+            return ""
+        self._output.seek(0)
+        lines = self._output.read().decode("utf-8", "replace").strip().splitlines()
+        return f"the script ended with exit code {code}" + (f": {lines[-1][:200]}" if lines else "")
+
+    def close(self) -> None:
+        """End the script."""
+        self._process.kill()
+        self._process.wait()
+
+
+def digest(command: str, folder: Path) -> str:
+    """SHA-256 of the files that a command line names."""
+    files = [folder / word for word in shlex.split(command) if (folder / word).is_file()]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
