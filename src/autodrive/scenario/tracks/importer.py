@@ -23,11 +23,9 @@ from autodrive.scenario.tracks.tables import read_centre_line, read_race_line, w
 from autodrive.scenario.tracks.track import POINT_GAP, BarrierSpec, Track
 
 SPACING = 0.1
-"""Distance of the points of a centre line that is computed from a map [m]."""
-
-
-MAX_LENGTH = 10_000.0
-"""Of the walls of a track whose centre line is computed [m]."""
+"""Distance of the points of a centre line that is computed from a map [m]; more on a track that is longer than 1 km."""
+MAX_POINTS = 20_000
+"""On both walls, for the computation of the centre line."""
 
 
 @dataclass(frozen=True)
@@ -228,11 +226,8 @@ def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
         raise SpecError(
             ["the free area has no inner wall, so that the track is not a ring; give a centre line"], str(path)
         )
-    length = sum(ring.length for ring in rings[:2])
-    if length > MAX_LENGTH:
-        text = f"the walls are {length / 1e3:.1f} km long; at most {MAX_LENGTH / 1e3:g} km are possible"
-        raise SpecError([f"{text}: is the resolution right?"], str(path))
-    outer, inner = (shapely.segmentize(ring, SPACING) for ring in rings[:2])
+    spacing = max(SPACING, sum(ring.length for ring in rings[:2]) / MAX_POINTS)
+    outer, inner = (shapely.segmentize(ring, spacing) for ring in rings[:2])
     outer_points, inner_points = shapely.MultiPoint(_points(outer)), shapely.MultiPoint(_points(inner))
     borders = shapely.voronoi_polygons(shapely.union(outer_points, inner_points), only_edges=True)
     parts = np.concatenate([_split(border) for border in shapely.get_parts(borders)])
@@ -249,10 +244,10 @@ def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
     points = _points(ring)
     if not ring.is_ccw:
         points = points[::-1]
-    points = resampled(points, SPACING)
+    points = resampled(points, spacing)
     for _ in range(10):
         points = (np.roll(points, 1, axis=0) + 2.0 * points + np.roll(points, -1, axis=0)) / 4.0
-    points = np.roll(points, -straightest(points, SPACING), axis=0)
+    points = np.roll(points, -straightest(points, spacing), axis=0)
     places = shapely.points(points)
     return np.column_stack([points, shapely.distance(rings[0], places), shapely.distance(rings[1], places)])
 
