@@ -71,20 +71,6 @@ def test_motors_reach_the_target_of_the_mean_speed_in_one_step(left: float, righ
     assert abs(limited) <= 0.1
 
 
-@pytest.mark.parametrize("angle_deg", [1.0, 10.0, 30.0])
-def test_axes_of_ackermann_wheels_meet_in_one_centre(angle_deg: float) -> None:
-    wheelbase, half_track, delta = 0.14154, 0.0765, math.radians(angle_deg)
-    radius = wheelbase / math.tan(delta)
-    for y in (half_track, -half_track):
-        assert wheel.ackermann_angle(delta, wheelbase, y) == pytest.approx(math.atan2(wheelbase, radius - y), abs=EXACT)
-
-
-def test_ackermann_angles_at_the_limit_are_those_of_the_original() -> None:
-    inner = math.degrees(wheel.ackermann_angle(math.radians(30), 0.14154, 0.0765))
-    outer = math.degrees(wheel.ackermann_angle(math.radians(30), 0.14154, -0.0765))
-    assert (inner, outer) == (pytest.approx(40.0, abs=0.05), pytest.approx(23.75, abs=0.05))  # known to 0.01 degree
-
-
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0, 20))
 def test_compiled_and_plain_source_agree_to_the_last_bit(ratio: float, angle: float, load: float) -> None:
     arguments = (ratio, angle, load, *CURVE, 0.2, 1.0, 0.5, 0.75, 1.2)

@@ -10,8 +10,6 @@ import pytest
 
 import autodrive
 from autodrive.base.png import decode_png
-from autodrive.base.transforms import quaternion_from_euler
-from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import CameraIntrinsics, Images
 
 LINE = 300
@@ -91,12 +89,6 @@ def test_the_drawing_of_a_scan_has_a_point_for_each_ray_that_hit(world: autodriv
     assert len(points) == np.isfinite(scan.ranges).sum()
     ranges = [math.hypot(float(one.attrib["cx"]), float(one.attrib["cy"])) for one in points]
     assert ranges == pytest.approx(scan.ranges[np.isfinite(scan.ranges)], abs=1.5e-3)  # written in millimetres
-
-
-@pytest.mark.parametrize("angle", [-3.0, -0.2, 0.0, 1.4, 3.1])
-def test_the_heading_is_the_yaw_of_the_quaternion(angle: float) -> None:
-    pose = autodrive.Pose(np.zeros(3), np.array(quaternion_from_euler(0.1, -0.2, angle)))
-    assert yaw(pose) == pytest.approx(angle)
 
 
 # -- cameras without images -------------------------------------------------------------------------------------

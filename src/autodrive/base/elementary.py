@@ -1,14 +1,18 @@
 """Sine, cosine, tangent, arc tangent, exponential function and logarithm with the same bits on every processor.
 
 The C library chooses its implementation for the processor, and the implementations differ in the last bit. The
-functions here use only operations whose result IEEE 754 fixes: + - * /, comparisons, conversions, abs, copysign, frexp
-and ldexp. They are plain scalar Python; compiled functions can call them, too. The error is less than 1 unit in the
-last place for all arguments. Zeros keep their sign, nan gives nan, and sine, cosine and tangent of infinity are nan.
+functions here use only operations whose result is fixed: + - * /, comparisons, conversions, abs, copysign, frexp, ldexp
+and %. They are plain scalar Python; compiled functions can call them, too. The error is less than 1 unit in the last
+place. Zeros keep their sign, nan gives nan, and sine, cosine and tangent of infinity are nan.
 
-The methods are known: argument reduction after Cody and Waite (Software Manual for the Elementary Functions) and after
-Payne and Hanek (Radian reduction for trigonometric functions), double numbers after Dekker, and logarithm after Tang;
-see Muller, Elementary Functions. `tests/base/test_elementary.py` computes all constants again: a polynomial
-interpolates its function at the Chebyshev points of the interval; constants are split from 60 digits.
+Angles beyond 2^20 rad are first reduced by the number that is nearest to 2 pi, which is wrong by 4e-17 of the angle.
+Nothing in a simulation has such angles: headings and the angles in files are below 1e4 rad, a rotation in a substep is
+below 1e6 rad, or the world has diverged, and the angles of the wheels, which grow for ever, are only reported.
+
+The methods are known: argument reduction after Cody and Waite (Software Manual for the Elementary Functions), double
+numbers after Dekker, and logarithm after Tang; see Muller, Elementary Functions. `tests/base/test_elementary.py`
+computes all constants again: a polynomial interpolates its function at the Chebyshev points of the interval; constants
+are split from 60 digits.
 """
 
 from __future__ import annotations
@@ -101,9 +105,7 @@ QUARTER_PI = (0.7853981633974483, 3.061616997868383e-17)
 LOG_2 = (0.6931471803691238, 1.9082149292705877e-10)
 """log(2) in two parts; products of the first, which has 32 bits, with 21 bits are exact."""
 
-QUARTER_TURN = (1.5707963267948966, 6.123233995736766e-17)
-"""pi / 2 as the sum of a number and a rest."""
-
+TWO_PI = 6.283185307179586
 TWO_OVER_PI = 0.6366197723675814
 LOG2_E = 1.4426950408889634
 SQUARE_ROOT_OF_HALF = 0.7071067811865476
@@ -119,30 +121,6 @@ ROUND = 6755399441055744.0
 
 SPLIT = 134217729.0
 """2^27 + 1; splits a number in two of at most 26 bits each (Dekker, after Veltkamp)."""
-
-DIGIT = 16777216.0
-"""2^24: the base of the digits of a long product."""
-
-
-def _digits_of_two_over_pi(count: int) -> tuple[float, ...]:
-    """Digits of 2 / pi after the point in base 2^24, from Machin's formula for pi in integers."""
-    one = 1 << (24 * count + 64)
-
-    def arc_cotangent(n: int) -> int:
-        total, power, k = 0, one // n, 1
-        while power:
-            total += power // k if k % 4 == 1 else -(power // k)
-            power //= n * n
-            k += 2
-        return total
-
-    pi = 4 * (4 * arc_cotangent(5) - arc_cotangent(239))
-    quotient = (2 * one << (24 * count)) // pi
-    return tuple(float(quotient >> (24 * (count - 1 - i)) & 0xFFFFFF) for i in range(count))
-
-
-TWO_OVER_PI_DIGITS = _digits_of_two_over_pi(52)
-"""As many as the largest number needs."""
 
 
 @register_jitable
@@ -329,7 +307,9 @@ def _quotient(a: float, a_rest: float, b: float, b_rest: float) -> tuple[float, 
 def _reduced(x: float) -> tuple[int, float, float]:
     """Quadrant n modulo 4, and the pair x - n pi/2 in [-pi/4, pi/4]; nan for infinity and nan."""
     if not abs(x) <= 1048576.0:
-        return _reduced_large(x)
+        if not abs(x) < inf:
+            return 0, nan, nan
+        x = copysign(abs(x) % TWO_PI, x)
     n = (x * TWO_OVER_PI + ROUND) - ROUND
     high, low = x - n * HALF_PI[0], n * HALF_PI_TAIL
     y = high - low
@@ -341,63 +321,3 @@ def _reduced(x: float) -> tuple[int, float, float]:
         y = high + low
         rest = (high - y) + low
     return int(n) & 3, y, rest
-
-
-@register_jitable(forceinline=False)
-def _reduced_large(x: float) -> tuple[int, float, float]:
-    """`_reduced` for large numbers: the product with 2 / pi in digits, without those that are multiples of 4."""
-    a, first = abs(x), 0
-    if not a < inf:
-        return 0, nan, nan
-    while a >= DIGIT * DIGIT:
-        a, first = a / DIGIT, first + 1
-    m0 = float(int(a / DIGIT))
-    a -= m0 * DIGIT
-    m1 = float(int(a))
-    a = (a - m1) * DIGIT
-    m2 = float(int(a))
-    m3 = (a - m2) * DIGIT
-    # digit k of the product after the point; the last ones only carry
-    carry, unit = 0.0, 1.0 / DIGIT**8
-    high = middle = low = 0.0
-    for k in range(8, 0, -1):
-        digit = carry + _column(k + first, m0, m1, m2, m3)
-        carry = float(int(digit / DIGIT))
-        digit = (digit - carry * DIGIT) * unit
-        unit *= DIGIT
-        if k > 4:
-            low += digit
-        elif k > 2:
-            middle += digit
-        else:
-            high += digit
-    quadrant = int(carry + _column(first, m0, m1, m2, m3)) & 3
-    if high >= 0.5:
-        high, quadrant = high - 1.0, quadrant + 1
-    turn, rest = _sum(high, middle)
-    turn, rest = _sum(turn, rest + low)
-    y, more = _product(turn, QUARTER_TURN[0])
-    y, rest = _sum(y, more + (turn * QUARTER_TURN[1] + rest * QUARTER_TURN[0]))
-    return (quadrant & 3, y, rest) if x > 0.0 else (-quadrant & 3, -y, -rest)
-
-
-@register_jitable
-def _column(k: int, m0: float, m1: float, m2: float, m3: float) -> float:
-    """Sum of the products of digits whose place is k places after that of m1."""
-    return m0 * _digit(k) + m1 * _digit(k - 1) + m2 * _digit(k - 2) + m3 * _digit(k - 3)
-
-
-@register_jitable
-def _digit(k: int) -> float:
-    """Digit of 2 / pi, number 0 is the first one after the point."""
-    return TWO_OVER_PI_DIGITS[k] if k >= 0 else 0.0
-
-
-@register_jitable
-def _product(a: float, b: float) -> tuple[float, float]:
-    """The product of two numbers as a pair, exactly (Dekker)."""
-    c, d = SPLIT * a, SPLIT * b
-    a_high, b_high = c - (c - a), d - (d - b)
-    a_low, b_low = a - a_high, b - b_high
-    value = a * b
-    return value, ((a_high * b_high - value) + a_high * b_low + a_low * b_high) + a_low * b_low

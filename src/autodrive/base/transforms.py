@@ -60,6 +60,12 @@ def euler_from_quaternion(q: Quaternion | Floats) -> Vector:
     return _upper_half(atan2(m21, m22)), pitch, _upper_half(atan2(m10, m00))
 
 
+def yaw_from_quaternion(q: Quaternion | Floats) -> float:
+    """The yaw [rad] of `euler_from_quaternion`, in [-pi, pi]."""
+    w, x, y, z = (float(value) for value in q)
+    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
 @register_jitable
 def rotation_from_quaternion(q: Quaternion | Floats) -> Rotation:
     """The rotation matrix, row-major."""

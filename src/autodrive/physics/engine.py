@@ -12,7 +12,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -111,11 +111,6 @@ class Views(NamedTuple):
     """Number of diverged states, for each kind of warning."""
     contact_layout: Integers
     """Offsets in bytes: from one contact to the next, and within a contact to its position and its two geoms."""
-
-
-def text(numbers: Iterable[float]) -> str:
-    """Numbers for an MJCF attribute, exact to the last bit."""
-    return " ".join(f"{number:.17g}" for number in numbers)
 
 
 FLOOR = 1

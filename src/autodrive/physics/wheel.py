@@ -7,7 +7,7 @@ does not publish are parameters of `WheelSpec`.
 
 from math import sqrt
 
-from autodrive.base.elementary import atan, sin, tan
+from autodrive.base.elementary import atan, sin
 
 
 def friction_coefficient(
@@ -275,9 +275,3 @@ def relaxed(previous_force: float, force: float, slip_velocity: float, effective
     """
     stiffness = abs(force / slip_velocity) if slip_velocity != 0.0 else 0.0
     return previous_force + (force - previous_force) / (1.0 + stiffness * dt / effective_mass)
-
-
-def ackermann_angle(steering_angle: float, wheelbase: float, left_of_centre: float) -> float:
-    """Angle [rad] of a wheel `left_of_centre` [m] of the steered axle's centre (Rajamani (2.5), (2.6), any angle)."""
-    t = tan(steering_angle)
-    return atan(wheelbase * t / (wheelbase - left_of_centre * t))

@@ -81,7 +81,7 @@ def frame_html(frame: Frame) -> str:
     rows = [
         (
             name,
-            *(f"{number:.2f}" for number in (*vehicle.pose.position[:2], yaw(vehicle.pose), vehicle.speed)),
+            *(f"{number:.2f}" for number in (*vehicle.pose.position[:2], _yaw(vehicle.pose), vehicle.speed)),
             short(vehicle.throttle),
             f"{vehicle.steering:.2f}",
             "" if vehicle.lidar is None else f"{vehicle.lidar.ranges.min():.2f}",
@@ -119,15 +119,15 @@ def table(title: str, rows: Sequence[Sequence[str]], head: Sequence[str] = ()) -
     return f"<table><caption>{html.escape(title)}</caption>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
 
-def yaw(pose: Pose) -> float:
-    """Heading [rad]. `transforms` has it too, but loads Numba, which the messages do not need."""
-    w, x, y, z = pose.orientation.tolist()
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+def _yaw(pose: Pose) -> float:
+    from autodrive.base.transforms import yaw_from_quaternion  # noqa: PLC0415  loads Numba, which the messages do not need
+
+    return yaw_from_quaternion(pose.orientation)
 
 
 def _motion(vehicle: VehicleFrame) -> str:
     x, y, _ = vehicle.pose.position
-    return f"at ({x:.2f}, {y:.2f}) m, yaw {yaw(vehicle.pose):.2f} rad, speed {vehicle.speed:.2f} m/s"
+    return f"at ({x:.2f}, {y:.2f}) m, yaw {_yaw(vehicle.pose):.2f} rad, speed {vehicle.speed:.2f} m/s"
 
 
 def _fields(message: msgspec.Struct) -> Iterator[tuple[str, str]]:

@@ -17,11 +17,16 @@ from msgspec.structs import replace
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, EngineError
 from autodrive.base.jit import resolved
-from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion, quaternion_from_yaw
+from autodrive.base.transforms import (
+    Quaternion,
+    Vector,
+    euler_from_quaternion,
+    quaternion_from_yaw,
+    yaw_from_quaternion,
+)
 from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, copied, numbers
 from autodrive.physics.tick import advance, place
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
-from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import (
     Command,
     Event,
@@ -135,14 +140,21 @@ class World(OneThread):
 
         poses = self.frame.objects
         boxes = (
-            dataclasses.replace(box, position=tuple(poses[name].pose.position.tolist()), yaw=yaw(poses[name].pose))
+            dataclasses.replace(
+                box,
+                position=tuple(poses[name].pose.position.tolist()),
+                yaw=yaw_from_quaternion(poses[name].pose.orientation),
+            )
             for name, box in self.boxes.items()
         )
         x0, _, x1, _ = self.map.bounds
         drawing = to_svg(
             dataclasses.replace(self.map, boxes=tuple(boxes)),
             pixels_per_metre=DRAWING_WIDTH / (x1 - x0),
-            starts=[(*one.pose.position.tolist()[:2], yaw(one.pose)) for one in self.frame.vehicles.values()],
+            starts=[
+                (*one.pose.position.tolist()[:2], yaw_from_quaternion(one.pose.orientation))
+                for one in self.frame.vehicles.values()
+            ],
         )
         return drawing + self.frame._repr_html_()
 

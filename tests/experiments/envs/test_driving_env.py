@@ -15,10 +15,10 @@ from gymnasium.utils.env_checker import check_env
 
 import autodrive
 from autodrive.base.errors import SpecError
+from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.envs.driving_env import DrivingEnv
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.registration import IDS
-from autodrive.protocol.display import yaw
 from autodrive.scenario.maps.map import load_map
 
 COLLIDES = {"parking": 0, "navigation": 7}
@@ -172,7 +172,7 @@ def test_the_goal_and_the_boxes_are_seen_from_the_vehicle() -> None:
     env = make("navigation", observation="state")
     seen = values(env, env.reset(seed=4)[0])
     x, y, _ = car(env).pose.position
-    heading = yaw(car(env).pose)
+    heading = yaw_from_quaternion(car(env).pose.orientation)
 
     def in_vehicle(point: Any) -> tuple[float, float]:
         turn = complex(point[0] - x, point[1] - y) * np.exp(-1j * heading)
@@ -222,7 +222,7 @@ def test_leaving_the_lane_ends_the_episode(envs: dict[str, DrivingEnv]) -> None:
 def test_the_goal_is_reached_by_a_car_that_is_placed_before_it(envs: dict[str, DrivingEnv], task: str) -> None:
     env = envs[task]
     seen = values(env, env.reset(seed=6)[0])
-    heading = yaw(car(env).pose)
+    heading = yaw_from_quaternion(car(env).pose.orientation)
     goal = complex(*car(env).pose.position[:2]) + complex(seen["goal_x"], seen["goal_y"]) * np.exp(1j * heading)
     heading += math.atan2(seen["goal_sin"], seen["goal_cos"])
     distance = math.hypot(seen["goal_x"], seen["goal_y"])

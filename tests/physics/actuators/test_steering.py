@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import autodrive
-from autodrive.physics.actuators.steering import steered
+from autodrive.physics.actuators.steering import ackermann_angle, steered
 from autodrive.protocol.messages import Command
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from tests.support.cars import OBEYS_AT_ONCE, car_file
@@ -90,3 +90,17 @@ def test_angle_is_limited_to_thirty_degrees(steering: float) -> None:
     angle = steering_after_each_substep("nigel", [steering] * 400)
     assert angle[-1] == pytest.approx(math.copysign(LIMIT, steering), abs=1e-6)  # e^(-300 ms / 20 ms) is 3e-7
     assert max(abs(value) for value in angle) <= LIMIT
+
+
+@pytest.mark.parametrize("angle_deg", [1.0, 10.0, 30.0])
+def test_axes_of_ackermann_wheels_meet_in_one_centre(angle_deg: float) -> None:
+    wheelbase, half_track, delta = 0.14154, 0.0765, math.radians(angle_deg)
+    radius = wheelbase / math.tan(delta)
+    for y in (half_track, -half_track):
+        assert ackermann_angle(delta, wheelbase, y) == pytest.approx(math.atan2(wheelbase, radius - y), abs=1e-12)
+
+
+def test_ackermann_angles_at_the_limit_are_those_of_the_original() -> None:
+    inner = math.degrees(ackermann_angle(math.radians(30), 0.14154, 0.0765))
+    outer = math.degrees(ackermann_angle(math.radians(30), 0.14154, -0.0765))
+    assert (inner, outer) == (pytest.approx(40.0, abs=0.05), pytest.approx(23.75, abs=0.05))  # known to 0.01 degree

@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from shapely.affinity import affine_transform
 
+from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.campaigns.scene import Scene
-from autodrive.protocol.display import yaw
 from autodrive.protocol.messages import Collision, Frame, LapCompleted, OffRoad, VehicleFrame
 
 PERIOD = 0.05
@@ -235,7 +235,7 @@ METRICS: dict[str, type[Metric]] = {
 def _lateral_error(scene: Scene, vehicle: VehicleFrame) -> float:
     """Signed distance from the nearest lane [m]; nan without one."""
     x, y = vehicle.pose.position[:2].tolist()
-    point = scene.map.lane_graph.nearest(x, y, yaw(vehicle.pose))
+    point = scene.map.lane_graph.nearest(x, y, yaw_from_quaternion(vehicle.pose.orientation))
     return math.nan if point is None else point.offset
 
 
@@ -253,6 +253,6 @@ def _outline(spec: Any) -> shapely.Polygon:
 
 
 def _placed(outline: shapely.Polygon, pose: Any) -> shapely.Polygon:
-    angle = yaw(pose)
+    angle = yaw_from_quaternion(pose.orientation)
     c, s = math.cos(angle), math.sin(angle)
     return affine_transform(outline, [c, -s, s, c, *pose.position[:2].tolist()])

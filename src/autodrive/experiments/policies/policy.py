@@ -109,17 +109,12 @@ class Policy:
 
     @classmethod
     def load(cls, file: Path) -> Policy:
-        """Read a file. Raises `AutodriveError` if it is missing or no policy."""
+        """Read a file. Raises `SpecError` if it is missing or no policy."""
         try:
-            if file.stat().st_size > MOST_BYTES:
-                raise ValueError(f"it has more than {MOST_BYTES} bytes")
-            with np.load(file, allow_pickle=False) as arrays:
-                about = json.loads(str(arrays["about"]))
-                count = sum(name.startswith("weight_") for name in arrays.files)
-                layers = tuple(
-                    (arrays[f"weight_{k}"].astype(np.float32), arrays[f"bias_{k}"].astype(np.float32))
-                    for k in range(count)
-                )
+            arrays = _arrays(file)
+            about = json.loads(str(arrays["about"]))
+            count = sum(name.startswith("weight_") for name in arrays)
+            layers = tuple((_real(arrays[f"weight_{k}"]), _real(arrays[f"bias_{k}"])) for k in range(count))
             if about["format"] != FORMAT:
                 raise ValueError(f"its format is {about['format']!r}; this version reads {FORMAT}")
             return cls(
@@ -130,10 +125,11 @@ class Policy:
                 layers=layers,
                 training=dict(about["training"]),
             )
-        except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError, zipfile.BadZipFile) as error:
-            raise AutodriveError(f"{file} is not a policy: {error}") from None
         except AutodriveError as error:
-            raise AutodriveError(f"{file}: {error}") from None
+            raise SpecError([f"{file}: {error}"]) from None
+        except Exception as error:  # numpy, zipfile and json raise what they like for damaged files
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise SpecError([f"{file} is not a policy: {reason}"]) from None
 
 
 @jit
@@ -146,6 +142,23 @@ def _layer(weight: NDArray[np.float32], bias: NDArray[np.float32], values: Float
             total += weight[i, k] * values[k]
         outputs[i] = 1.0 - 2.0 / (exp(2.0 * total) + 1.0) if is_inner else total
     return outputs
+
+
+def _arrays(file: Path) -> dict[str, NDArray[Any]]:
+    if file.stat().st_size > MOST_BYTES:
+        raise ValueError(f"it has more than {MOST_BYTES} bytes")
+    with zipfile.ZipFile(file) as archive:
+        if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:
+            raise ValueError(f"its contents have more than {MOST_BYTES} bytes")
+    with np.load(file, allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def _real(array: NDArray[Any]) -> NDArray[np.float32]:
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"its layers must be real numbers, not {array.dtype}")
+    with np.errstate(over="ignore"):  # infinity is refused
+        return array.astype(np.float32)
 
 
 def _numbers(values: Sequence[Any]) -> tuple[float, ...]:

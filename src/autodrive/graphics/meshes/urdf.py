@@ -16,9 +16,9 @@ from autodrive.graphics.assets.asset import Material
 from autodrive.graphics.meshes.urdf_inertia import Inertia, chassis, knuckle, wheel
 from autodrive.graphics.meshes.urdf_mesh import Triangles, meshes_by_link, stl
 from autodrive.graphics.meshes.vehicle import vehicle_asset
+from autodrive.physics.actuators.steering import ackermann_angle
 from autodrive.physics.sensors.camera import OPTICAL
 from autodrive.physics.sensors.sensor import Mount
-from autodrive.physics.wheel import ackermann_angle
 from autodrive.protocol.messages import WHEEL_NAMES
 from autodrive.scenario.vehicles.spec import ColliderSpec, VehicleSpec
 

@@ -30,8 +30,8 @@ from autodrive.graphics.meshes.vehicle_materials import (
     WIRE_ORANGE,
     WIRE_RED,
 )
+from autodrive.physics.actuators.steering import ackermann_angle
 from autodrive.physics.sensors.camera import CameraSpec
-from autodrive.physics.wheel import ackermann_angle
 from autodrive.scenario.vehicles.spec import ColliderSpec, VehicleSpec
 
 CORNER = 0.016

@@ -38,7 +38,7 @@ from autodrive.graphics.meshes.vehicle_materials import (
     WIRE_ORANGE,
 )
 from autodrive.graphics.meshes.vehicle_wheel import wheel
-from autodrive.physics.wheel import ackermann_angle
+from autodrive.physics.actuators.steering import ackermann_angle
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 FLOOR = 0.0035

@@ -16,7 +16,7 @@ from autodrive.graphics.meshes.mesh_builder import MeshBuilder, Resolution, surf
 from autodrive.graphics.meshes.solids import box, cylinder
 from autodrive.graphics.meshes.vehicle_chassis import servo_shaft
 from autodrive.graphics.meshes.vehicle_materials import ALUMINIUM, BLACK, STEEL, WHITE
-from autodrive.physics.wheel import ackermann_angle
+from autodrive.physics.actuators.steering import ackermann_angle
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 FITTED = 0.9

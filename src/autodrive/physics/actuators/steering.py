@@ -6,6 +6,7 @@ import math
 
 from pydantic import Field
 
+from autodrive.base.elementary import atan, tan
 from autodrive.base.specs import Spec
 
 
@@ -34,3 +35,9 @@ def steered(angle: float, target: float, response: float, rate_limit: float, dt:
     """
     step = rate_limit * dt
     return angle + max(-step, min(step, (target - angle) * response))
+
+
+def ackermann_angle(steering_angle: float, wheelbase: float, left_of_centre: float) -> float:
+    """Angle [rad] of a wheel `left_of_centre` [m] of the steered axle's centre (Rajamani (2.5), (2.6), any angle)."""
+    t = tan(steering_angle)
+    return atan(wheelbase * t / (wheelbase - left_of_centre * t))

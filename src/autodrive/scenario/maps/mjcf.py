@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from autodrive.base.transforms import quaternion_from_yaw
-from autodrive.physics.engine import text
 from autodrive.physics.model import BOX
 from autodrive.scenario.maps.map import BoxPlacement, Map
 from autodrive.scenario.maps.solids import StaticShape
@@ -32,6 +31,11 @@ UNUSED = " ".join(
     f'{part}="disable"' for part in ("actuation", "equality", "frictionloss", "limit", "spring", "damper", "sensor")
 )
 """Features of the engine that a world of free bodies does not need."""
+
+
+def text(numbers: Iterable[float]) -> str:
+    """Numbers for an MJCF attribute, exact to the last bit."""
+    return " ".join(f"{number:.17g}" for number in numbers)
 
 
 def world_mjcf(map_: Map, boxes: Iterable[BoxPlacement], vehicles: Iterable[str], dt: float, gravity: float) -> str:

@@ -7,20 +7,26 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from autodrive.base.arrays import Floats
+from autodrive.base.errors import SpecError
 from autodrive.scenario.tracks.shape import simplified
+
+MAX_BORDER, MAX_LINES = 300_000, 10_000
+"""Of an image. With more, it is noise or a pattern, and would take minutes."""
 
 
 def contours(values: Floats, level: float) -> list[Floats]:
     """Closed lines between the pixels above a level and the others, in pixels, shape (n, 2) each.
 
     The centre of the lower left pixel is (0.5, 0.5); y points up. Outside of the image everything is above the level.
-    The pixels that are not above the level are on the left of a line.
+    The pixels that are not above the level are on the left of a line. Raises `SpecError` if they are too many.
     """
     padded = np.pad(values, 1, constant_values=max(2.0 * level, float(values.max())) + 1e-9)
     high = padded > level
     # each square has its corners at the centres of four pixels: upper left, upper right, lower right, lower left
-    code = high[:-1, :-1] * 8 + high[:-1, 1:] * 4 + high[1:, 1:] * 2 + high[1:, :-1]
+    corners = high.view(np.uint8)
+    code = corners[:-1, :-1] * 8 + corners[:-1, 1:] * 4 + corners[1:, 1:] * 2 + corners[1:, :-1]
     rows, columns = np.nonzero((code > 0) & (code < 15))
+    _check(len(rows), MAX_BORDER, "pixels at borders between free and occupied areas")
     points: dict[tuple[int, int, int], tuple[float, float]] = {}
     following: dict[tuple[int, int, int], tuple[int, int, int]] = {}
     for row, column, kind in zip(rows.tolist(), columns.tolist(), code[rows, columns].tolist(), strict=True):
@@ -38,7 +44,14 @@ def contours(values: Floats, level: float) -> list[Floats]:
             line.append(points[at])
             at = following.pop(at)
         lines.append(np.array([(x, height - y) for x, y in line]))
+    _check(len(lines), MAX_LINES, "separate free or occupied areas")
     return lines
+
+
+def _check(count: int, most: int, what: str) -> None:
+    if count > most:
+        text = f"the image has {count} {what}; the map of a track has at most {most}: remove the noise from the image"
+        raise SpecError([text])
 
 
 _TOP, _RIGHT, _BOTTOM, _LEFT = range(4)
@@ -97,15 +110,15 @@ def free_area(lines: list[Floats], point: tuple[float, float] | None, tolerance:
 def _free_areas(lines: list[Floats]) -> list[shapely.Polygon]:
     """Each outer line with the inner lines that are directly inside of it."""
     outer = sorted((line for line in lines if _area(line) > 0.0), key=_area)
-    areas = [shapely.Polygon(line) for line in outer]
-    shapely.prepare(areas)
+    inner = [line for line in lines if _area(line) < 0.0]
+    tree = shapely.STRtree([shapely.Polygon(line) for line in outer])
+    places = shapely.points(np.array([line[0] for line in inner]).reshape(-1, 2))
+    owners: dict[int, int] = {}
+    for hole, owner in tree.query(places, predicate="within").T.tolist():
+        owners[hole] = min(owner, owners.get(hole, owner))  # the smallest area
     holes: list[list[Floats]] = [[] for _ in outer]
-    for line in lines:
-        if _area(line) < 0.0:
-            place = shapely.Point(line[0])
-            owner = next((i for i, area in enumerate(areas) if area.contains(place)), None)
-            if owner is not None:
-                holes[owner].append(line)
+    for hole, owner in sorted(owners.items()):
+        holes[owner].append(inner[hole])
     return [shapely.Polygon(line, own) for line, own in zip(outer, holes, strict=True)]
 
 

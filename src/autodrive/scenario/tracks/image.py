@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import warnings
 import zlib
 from pathlib import Path
 
@@ -13,7 +14,11 @@ from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
 
-MAX_PIXELS = 50_000_000
+MAX_PIXELS = 2**24
+MAX_BYTES = 100 * 2**20
+"""Of a file, and of its pixels without compression."""
+ROWS = 64
+"""So many rows are converted to numbers at a time."""
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 """Colour type of a PNG -> channels."""
 
@@ -24,6 +29,8 @@ def read_grey(path: Path) -> Floats:
     Pixels that are more than half transparent are white.
     """
     try:
+        if path.stat().st_size > MAX_BYTES:
+            raise SpecError([f"an image must have at most {MAX_BYTES // 2**20} MiB"], str(path))
         data = path.read_bytes()
     except OSError as error:
         raise SpecError([f"the image cannot be read: {error.strerror or error}"], str(path)) from None
@@ -32,8 +39,8 @@ def read_grey(path: Path) -> Floats:
             return _png(data)
         if data[:2] in (b"P2", b"P5"):
             return _pgm(data)
-    except (ValueError, struct.error, zlib.error, IndexError) as error:
-        raise SpecError([f"the image is damaged: {error}"], str(path)) from None
+    except (ValueError, struct.error, zlib.error, IndexError, DeprecationWarning) as error:
+        raise SpecError([f"the image cannot be read: {error}"], str(path)) from None
     raise SpecError(["the image is neither PNG nor PGM; save it as PNG"], str(path))
 
 
@@ -59,22 +66,36 @@ def _png(data: bytes) -> Floats:
     _check_size(width, height)
     channels = _CHANNELS[colour_type]
     row_bytes = (width * channels * depth + 7) // 8
-    raw = zlib.decompressobj().decompress(b"".join(parts), height * (1 + row_bytes))
-    if len(raw) != height * (1 + row_bytes):
+    size = height * (1 + row_bytes)
+    if size > MAX_BYTES:
+        mib = MAX_BYTES // 2**20
+        raise ValueError(f"its pixels have {size >> 20} MiB; at most {mib} are possible: save it as 8-bit grey")
+    raw = zlib.decompressobj().decompress(b"".join(parts), size)
+    if len(raw) != size:
         raise ValueError("it ends too early")
-    lines = np.frombuffer(raw, np.uint8).reshape(height, 1 + row_bytes).copy()
+    lines = np.frombuffer(bytearray(raw), np.uint8).reshape(height, 1 + row_bytes)
+    del raw
     if lines[:, 0].max() > 4:
         raise ValueError("unknown filter")
     unfilter(lines, max(1, channels * depth // 8))
-    values = _samples(lines[:, 1:], depth, width * channels).reshape(height, width, channels)
-    if colour_type == 3:
-        table = np.frombuffer(palette, np.uint8).reshape(-1, 3).astype(np.float64).mean(axis=1)
-        alpha = np.full(len(table), 255)
-        alpha[: len(transparent)] = np.frombuffer(transparent, np.uint8)[: len(table)]
-        return np.where(alpha < 128, 255.0, table)[values[..., 0]]
+    table = np.frombuffer(palette, np.uint8).reshape(-1, 3).astype(np.float64).mean(axis=1)
+    alpha = np.full(len(table), 255)
+    alpha[: len(transparent)] = np.frombuffer(transparent, np.uint8)[: len(table)]
+    table = np.where(alpha < 128, 255.0, table)
+    grey = np.empty((height, width))
+    for first in range(0, height, ROWS):  # the numbers of a whole image would take 64 bytes a pixel
+        block = lines[first : first + ROWS, 1:]
+        values = _samples(block, depth, width * channels).reshape(len(block), width, channels)
+        grey[first : first + ROWS] = table[values[..., 0]] if colour_type == 3 else _mean(values, depth)
+    return grey
+
+
+def _mean(values: NDArray[np.int64], depth: int) -> Floats:
+    """Of the colour channels; white where the last channel, if it is the second or fourth, is transparent."""
+    channels = values.shape[-1]
     scaled = values * (255.0 / (2**depth - 1))
     grey = scaled[..., : min(channels, 3) if channels > 2 else 1].mean(axis=2, dtype=np.float64)
-    return np.where(scaled[..., -1] < 127.5, 255.0, grey) if colour_type in (4, 6) else grey
+    return np.where(scaled[..., -1] < 127.5, 255.0, grey) if channels in (2, 4) else grey
 
 
 def _samples(rows: NDArray[np.uint8], depth: int, count: int) -> NDArray[np.int64]:
@@ -129,15 +150,16 @@ def _pgm(data: bytes) -> Floats:
     if not 0 < greatest < 65536:
         raise ValueError(f"its greatest value is {greatest}")
     if data[:2] == b"P2":
-        values = np.array(data[at:].split()[: width * height], np.float64)
+        with warnings.catch_warnings(action="error", category=DeprecationWarning):  # what is no number
+            values = np.fromstring(data[at:].decode("ascii"), np.float64, width * height, sep=" ")
     else:
         kind = np.dtype(np.uint8) if greatest < 256 else np.dtype(">u2")
         values = np.frombuffer(data, kind, min(width * height, (len(data) - at - 1) // kind.itemsize), at + 1)
     if len(values) != width * height:
         raise ValueError("it ends too early")
-    return values.astype(np.float64).reshape(height, width) * (255.0 / greatest)
+    return np.multiply(values.reshape(height, width), 255.0 / greatest, dtype=np.float64)
 
 
 def _check_size(width: int, height: int) -> None:
     if not 0 < width * height <= MAX_PIXELS:
-        raise ValueError(f"{width} x {height} pixels; at most {MAX_PIXELS} are possible")
+        raise ValueError(f"{width} x {height} pixels; at most {MAX_PIXELS} are possible: save it smaller")

@@ -23,7 +23,9 @@ from autodrive.scenario.tracks.tables import read_centre_line, read_race_line, w
 from autodrive.scenario.tracks.track import POINT_GAP, BarrierSpec, Track
 
 SPACING = 0.1
-"""Distance of the points of a centre line that is computed from a map [m]."""
+"""Distance of the points of a centre line that is computed from a map [m]; more on a track that is longer than 1 km."""
+MAX_POINTS = 20_000
+"""On both walls, for the computation of the centre line."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,10 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
             )
         known = rows[0] if rows is not None else race[0, 1:] if race is not None else None
         inside = options.start if known is None else (float(known[0]), float(known[1]))
-        walls = _walls(ros_map, inside, options, path)
+        try:
+            walls = _walls(ros_map, inside, options)
+        except SpecError as error:
+            raise SpecError(error.errors, str(path)) from None
     if rows is None:
         rows = _middle_line(walls, path)
         text = "direction and start line are guesses"
@@ -148,9 +153,7 @@ def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> lis
     return paths
 
 
-def _walls(
-    ros_map: RosMap, inside: tuple[float, float] | None, options: ImportOptions, path: Path
-) -> tuple[Floats, ...]:
+def _walls(ros_map: RosMap, inside: tuple[float, float] | None, options: ImportOptions) -> tuple[Floats, ...]:
     """The contours around the free area that contains a point, in the map frame."""
     spec = ros_map.spec
     tolerance, gap = options.tolerance / spec.resolution, options.gap / spec.resolution
@@ -165,9 +168,9 @@ def _walls(
     if not found and inside:
         text = f"the map is not free at ({inside[0]:.2f}, {inside[1]:.2f}), where the start line is"
         hint = "the map and the centre line have different origins, or negate is wrong"
-        raise SpecError([f"{text}: {hint}"], str(path))
+        raise SpecError([f"{text}: {hint}"])
     if not found:
-        raise SpecError(["the map has no free area that is a ring; give a start point or a centre line"], str(path))
+        raise SpecError(["the map has no free area that is a ring; give a start point or a centre line"])
     return tuple(np.round(ros_map.metres(line), 4) + 0.0 for line in found)
 
 
@@ -223,14 +226,17 @@ def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
         raise SpecError(
             ["the free area has no inner wall, so that the track is not a ring; give a centre line"], str(path)
         )
-    outer, inner = (shapely.segmentize(ring, SPACING) for ring in rings[:2])
+    spacing = max(SPACING, sum(ring.length for ring in rings[:2]) / MAX_POINTS)
+    outer, inner = (shapely.segmentize(ring, spacing) for ring in rings[:2])
     outer_points, inner_points = shapely.MultiPoint(_points(outer)), shapely.MultiPoint(_points(inner))
     borders = shapely.voronoi_polygons(shapely.union(outer_points, inner_points), only_edges=True)
     parts = np.concatenate([_split(border) for border in shapely.get_parts(borders)])
-    ends = [shapely.points(shapely.get_coordinates(parts)[k::2]) for k in (0, 1)]
-    is_middle = np.ones(len(parts), bool)
-    for end in ends:
-        is_middle &= np.abs(shapely.distance(outer_points, end) - shapely.distance(inner_points, end)) < 1e-6
+    ends = shapely.points(shapely.get_coordinates(parts))
+    outer_away, inner_away = (
+        shapely.STRtree(shapely.get_parts(points)).query_nearest(ends, return_distance=True, all_matches=False)[1]
+        for points in (outer_points, inner_points)
+    )
+    is_middle = (np.abs(outer_away - inner_away) < 1e-6).reshape(-1, 2).all(axis=1)
     area = shapely.polygonize(shapely.get_parts(shapely.node(shapely.union_all(parts[is_middle]))))
     if shapely.is_empty(area):
         raise SpecError(["no middle line was found between the walls; give a centre line"], str(path))
@@ -238,10 +244,10 @@ def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
     points = _points(ring)
     if not ring.is_ccw:
         points = points[::-1]
-    points = resampled(points, SPACING)
+    points = resampled(points, spacing)
     for _ in range(10):
         points = (np.roll(points, 1, axis=0) + 2.0 * points + np.roll(points, -1, axis=0)) / 4.0
-    points = np.roll(points, -straightest(points, SPACING), axis=0)
+    points = np.roll(points, -straightest(points, spacing), axis=0)
     places = shapely.points(points)
     return np.column_stack([points, shapely.distance(rings[0], places), shapely.distance(rings[1], places)])
 

@@ -34,7 +34,7 @@ class RosMapSpec(Spec):
 
     image: str
     """File name, from the folder of the YAML file."""
-    resolution: float = Field(gt=0.0, le=10.0)
+    resolution: float = Field(ge=1e-4, le=10.0)
     """Edge of a pixel [m]."""
     origin: Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
     """x [m], y [m], yaw [rad] of the lower left corner of the image."""
@@ -93,8 +93,10 @@ def read_ros_map(path: Path) -> RosMap:
         image = others[0]
         warning += f"; '{image.name}' is read instead"
     grey = read_grey(image)
-    occupancy = grey / 255.0 if spec.negate else (255.0 - grey) / 255.0
-    return RosMap(spec, occupancy, warning)
+    if not spec.negate:
+        np.subtract(255.0, grey, out=grey)
+    grey /= 255.0
+    return RosMap(spec, grey, warning)
 
 
 def write_ros_map(

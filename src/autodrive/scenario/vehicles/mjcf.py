@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from autodrive.base.transforms import quaternion_from_yaw
-from autodrive.physics.engine import text
 from autodrive.protocol.messages import WHEEL_NAMES
+from autodrive.scenario.maps.mjcf import text
 from autodrive.scenario.vehicles.spec import ColliderSpec, VehicleSpec
 
 
