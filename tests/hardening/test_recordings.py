@@ -15,7 +15,8 @@ import zstandard
 
 import autodrive
 from autodrive import Command
-from autodrive.recording import Recorder, mcap
+from autodrive.recording import Recorder, mcap, outputs
+from autodrive.recording import open as open_recording
 from tests.support.forger import (
     MESSAGE_INDEX,
     METADATA,
@@ -29,6 +30,7 @@ from tests.support.forger import (
     record,
     texts,
 )
+from tests.support.frames import digest
 from tests.support.waiting import LIMIT
 
 MEMORY_LIMIT = 300.0
@@ -223,3 +225,57 @@ def test_a_hostile_recording_takes_little_memory_and_time_or_is_refused(small: P
         assert float(memory) < MEMORY_LIMIT, f"{name}: {line}"
         assert float(seconds) < CPU_LIMIT, f"{name}: {line}"
         assert re.search(f"^refused: .*({refusal})" if refusal else "", text), f"{name}: {line}"
+
+
+CUT = """
+import os, sys
+from autodrive.base.errors import AutodriveError
+from autodrive.recording.replay.tape import Tape
+from pathlib import Path
+
+path = sys.argv[1]
+with Tape(Path(path)) as tape:
+    for size in (os.path.getsize(path) // 2, 100, 0):
+        os.truncate(path, size)
+        for time in range(20):
+            try:
+                tape.frame_at(0.1 * time)
+            except AutodriveError as error:
+                print(error)
+    print(tape.problems)
+"""
+
+
+@pytest.mark.process
+def test_a_file_that_is_cut_off_while_it_is_replayed_is_a_sentence(long: Path) -> None:
+    """A reader that maps the file into its memory is killed by the system."""
+    done = subprocess.run(
+        [sys.executable, "-c", CUT, str(long)], check=False, capture_output=True, text=True, timeout=LIMIT
+    )
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    assert re.search(r"the chunk at byte \d+ is damaged: the file has become shorter since it was opened", done.stdout)
+
+
+def test_a_recording_that_is_made_again_leaves_its_readers_the_old_one(long: Path) -> None:
+    with open_recording(long) as whole:
+        ticks = [frame.tick for frame in whole.frames()]
+    with open_recording(long) as before:
+        first = before.frame_at(0.0)
+        with Recorder(long, autodrive.make("plane"), has_meshes=False):
+            assert [frame.tick for frame in before.frames()] == ticks
+        assert digest(before.frame_at(0.0)) == digest(first)
+    with open_recording(long) as after:
+        assert [frame.tick for frame in after.frames()] == [0]
+    assert [path.name for path in long.parent.iterdir()] == [long.name]
+
+
+@pytest.fixture
+def long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A recording of more chunks than a reader keeps."""
+    monkeypatch.setattr(outputs, "CHUNK_SIZE", 20_000)
+    path = tmp_path / "long.mcap"
+    world = autodrive.make("plane")
+    with Recorder(path, world, has_meshes=False):
+        for _ in range(500):
+            world.step({"V1": Command(0.5)})
+    return path

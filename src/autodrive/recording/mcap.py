@@ -165,21 +165,28 @@ class Chunk:
             self.packed += len(data)
 
 
-class Writer:
-    """Writes an MCAP file. A method that fails with `OSError` leaves all earlier records readable."""
+def header(library: str) -> bytes:
+    """The start of an MCAP file, with the name of the program that writes it."""
+    return MAGIC + _record(HEADER, _text("") + _text(library))
 
-    def __init__(self, file: BinaryIO, library: str) -> None:
+
+class Writer:
+    """Writes an MCAP file after its `header`. A method that fails with `OSError` leaves all earlier records readable.
+
+    `start`: size of what was written [bytes].
+    """
+
+    def __init__(self, file: BinaryIO, start: int) -> None:
         self._file = file
         self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
         self._compress_packed = zstandard.ZstdCompressor(level=PACKED_LEVEL).compress
-        self._offset = 0
+        self._offset = start
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
         self._chunks: list[tuple[ChunkIndex, int, int, int]] = []
         self._attachments: list[bytes] = []
         self._metadata: list[bytes] = []
         self._counts: dict[int, int] = {}
-        self._write(MAGIC + _record(HEADER, _text("") + _text(library)))
 
     def schema(self, schema: Schema) -> None:
         """Add a schema, before the channels that use it."""
