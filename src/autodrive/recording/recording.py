@@ -14,7 +14,6 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from autodrive.physics.sensors.camera import MAX_PIXELS
 from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, VehicleFrame
 from autodrive.protocol.native import Picture
 from autodrive.recording import mcap, records, tables
@@ -33,6 +32,8 @@ MAX_WORK, WORK_PER_BYTE = 2**30, 4
 file."""
 MAX_SIZE, MESSAGE_WORK = 2**25, 2**9
 """Size of all messages of such a topic, and what a message counts besides its size [bytes]."""
+MAX_PIXELS = 2**24
+"""Of a picture that is decoded; no camera has more."""
 MAX_BROKEN = 1000
 """Frames one after the other that cannot be read."""
 
