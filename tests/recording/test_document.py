@@ -20,4 +20,12 @@ def test_the_programs_of_the_document_run(
     for program in programs:
         exec(program, names)
     assert names["position"].shape == (201, 3)
-    assert capsys.readouterr().out.startswith("2.0 ('V1',) []\n50 ")
+    printed = capsys.readouterr().out
+    assert printed.startswith("2.0 ('V1',) []\n50 ")
+    for line in (
+        "0.0 /autodrive/scenario autodrive.Scenario",
+        "0.0 /autodrive/commands autodrive.Commands",
+        "0.0 /autodrive/frame autodrive.Frame",
+        "0.0 /V1/lidar foxglove.LaserScan",
+    ):
+        assert f"\n{line}\n" in printed

@@ -8,8 +8,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from autodrive.base.svg_plot import HEIGHT, LEFT, RIGHT, TOP, WIDTH
 from autodrive.recording import Recording, RecordingError
-from autodrive.recording.plot import HEIGHT, LEFT, RIGHT, TOP, WIDTH, plot
+from autodrive.recording.plot import plot
 
 
 def test_a_plot_has_the_values(recording: Recording, tmp_path: Path) -> None:

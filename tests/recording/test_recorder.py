@@ -107,7 +107,7 @@ def test_chunks_that_are_mostly_images_get_little_compression(tmp_path: Path) ->
     path, data = tmp_path / "a.mcap", [bytes(i * k % 251 for k in range(3000)) for i in range(1, 30)]
     contents: list[bytes] = []
     with path.open("wb") as file:
-        writer = mcap.Writer(file, "")
+        writer = mcap.Writer(file, file.write(mcap.header("")))
         for share in (0, 10, 20):  # of the messages
             chunk = mcap.Chunk()
             for i, one in enumerate(data):

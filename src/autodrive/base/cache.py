@@ -34,6 +34,16 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
         yield file
 
 
+def growing_file(path: Path, start: bytes) -> BinaryIO:
+    """A new file of that name that begins so and is written further; readers of the old file keep its content.
+
+    Raises `AutodriveError`; the old file is complete then.
+    """
+    with _errors(path):
+        _replace(path, start)
+        return _target(path).open("ab")
+
+
 def make_folder(path: Path) -> None:
     """Make a folder, and those that it is in. Raises `AutodriveError`."""
     with _errors(path):

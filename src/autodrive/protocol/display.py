@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from autodrive.base.arrays import read_only_copy
+from autodrive.base.svg_plot import svg
 
 Frame = VehicleFrame = LidarScan = Pose = Any
 """Messages of `messages`, which imports this module."""
@@ -102,13 +103,14 @@ def scan_svg(scan: LidarScan, size: int = 300) -> str:
         f'<circle cx="{-r * math.sin(a):.3f}" cy="{-r * math.cos(a):.3f}" r="{0.012 * reach:.4f}"/>'
         for a, r in zip(angles.tolist(), ranges.tolist(), strict=True)
     )
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}" height="{size}" '
-        f'viewBox="{-1.1 * reach:.3f} {-1.1 * reach:.3f} {2.2 * reach:.3f} {2.2 * reach:.3f}">'
-        f"<title>{ranges.size} of {scan.ranges.size} rays, up to {reach:.2f} m</title>"
-        f'<circle r="{reach:.3f}" fill="#f4f6f8" stroke="#9aa4ae" stroke-width="{0.006 * reach:.4f}"/>'
+    return svg(
+        size,
+        size,
+        f"<title>{ranges.size} of {scan.ranges.size} rays, up to {reach:.2f} m</title>",
+        f'<circle r="{reach:.3f}" fill="#f4f6f8" stroke="#9aa4ae" stroke-width="{0.006 * reach:.4f}"/>',
         f'<path d="M0 {-0.08 * reach:.3f} L{0.05 * reach:.3f} {0.06 * reach:.3f} H{-0.05 * reach:.3f} Z" '
-        f'fill="#ff3b30"/><g fill="#1666a8">{points}</g></svg>'
+        f'fill="#ff3b30"/><g fill="#1666a8">{points}</g>',
+        box=(-1.1 * reach, -1.1 * reach, 2.2 * reach, 2.2 * reach),
     )
 
 

@@ -12,14 +12,16 @@ from __future__ import annotations
 
 import bisect
 import contextlib
-import mmap
+import os
 import struct
+import threading
 import zlib
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, overload
+from typing import BinaryIO, NamedTuple, Protocol, overload
 
 import numpy as np
 import zstandard
@@ -32,17 +34,35 @@ HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = ra
 ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
 """Kinds of records."""
 
-MAX_CHUNK = 2**28
+MAX_CHUNK = 2**26
 """Largest size of a chunk that is read [bytes]."""
-CACHED_CHUNKS = 8
-"""Chunks that a reader keeps in memory."""
+MAX_MESSAGES = 2**18
+"""Messages of a chunk that are read."""
+MAX_DESCRIPTIONS = 2**22
+"""Size of all schemas, channels, metadata and names of attachments of a file that is read [bytes]."""
+MAX_METADATA = 64
+"""Metadata records of a file that is read."""
+MAX_PROBLEMS = 100
+"""Problems of a file that are listed."""
+LEAST_RECORDS, RECORD_SIZE = 2**19, 2**10
+LEAST_CHUNKS, CHUNK_SIZE = 2**15, 2**11
+LEAST_PLACES, PLACE_SIZE = 2**22, 2**8
+"""A file that is read has at most so many records, chunks and channels of chunks, and one more for each so many bytes.
+
+A chunk of a recording has half a megabyte or 0.7 s of wall time.
+"""
+CHUNK_WORK = 2**16
+"""What it costs to read a chunk, besides its size [bytes]."""
+CACHE_SIZE, CACHED_CHUNKS = 2**25, 8
+"""Size [bytes] and number of the chunks that a reader keeps in memory."""
 LEVEL, PACKED_LEVEL = 3, -1
 """Of the compression; the second for chunks that are mostly JPEG: a quarter of the time, 2 % more bytes."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
 _CHUNK_INDEX_HEAD = struct.Struct("<QQQQI")
-_CHANNEL_PLACE = struct.Struct("<HQ")
+_CHANNEL_PLACE = np.dtype([("channel", "<u2"), ("place", "<u8")])
+"""A channel of a chunk, and the place of its index in the file."""
 _RECORD_HEAD = struct.Struct("<BQ")
 _HEAD = np.dtype(
     [
@@ -88,15 +108,21 @@ class Channel:
     metadata: Mapping[str, str]
 
 
-@dataclass(frozen=True)
-class ChunkIndex:
+class ChunkIndex(NamedTuple):
     """Where a chunk is in a file, and the time of its first and last message [ns]."""
 
     start: int
     end: int
     offset: int
-    channels: Mapping[int, int]
-    """Channels that have messages in it, and the place of their index."""
+    length: int
+    """Of its record [bytes]."""
+    places: NDArray[np.void]
+    """Its channels and the places of their indexes: fields 'channel' and 'place', shape (n,)."""
+
+    @property
+    def channels(self) -> NDArray[np.uint16]:
+        """Channels that have messages in it, shape (n,)."""
+        return self.places["channel"]
 
 
 @dataclass(frozen=True)
@@ -139,21 +165,28 @@ class Chunk:
             self.packed += len(data)
 
 
-class Writer:
-    """Writes an MCAP file. A method that fails with `OSError` leaves all earlier records readable."""
+def header(library: str) -> bytes:
+    """The start of an MCAP file, with the name of the program that writes it."""
+    return MAGIC + _record(HEADER, _text("") + _text(library))
 
-    def __init__(self, file: BinaryIO, library: str) -> None:
+
+class Writer:
+    """Writes an MCAP file after its `header`. A method that fails with `OSError` leaves all earlier records readable.
+
+    `start`: size of what was written [bytes].
+    """
+
+    def __init__(self, file: BinaryIO, start: int) -> None:
         self._file = file
         self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
         self._compress_packed = zstandard.ZstdCompressor(level=PACKED_LEVEL).compress
-        self._offset = 0
+        self._offset = start
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
-        self._chunks: list[tuple[ChunkIndex, int, int, int, int]] = []
+        self._chunks: list[tuple[ChunkIndex, int, int, int]] = []
         self._attachments: list[bytes] = []
         self._metadata: list[bytes] = []
         self._counts: dict[int, int] = {}
-        self._write(MAGIC + _record(HEADER, _text("") + _text(library)))
 
     def schema(self, schema: Schema) -> None:
         """Add a schema, before the channels that use it."""
@@ -186,14 +219,14 @@ class Writer:
         data = compress(chunk.data)
         head = _CHUNK_HEAD.pack(chunk.start, chunk.end, len(chunk.data), zlib.crc32(chunk.data))
         record = _record(CHUNK, head + _text("zstd") + struct.pack("<Q", len(data)), data)
-        offsets: dict[int, int] = {}
+        places: list[tuple[int, int]] = []
         indexes = b""
         for channel, entries in chunk.index.items():
-            offsets[channel] = self._offset + len(record) + len(indexes)
+            places.append((channel, self._offset + len(record) + len(indexes)))
             indexes += _record(MESSAGE_INDEX, struct.pack("<H", channel) + _block(bytes(entries)))
-        index = ChunkIndex(chunk.start, chunk.end, self._offset, offsets)
+        index = ChunkIndex(chunk.start, chunk.end, self._offset, len(record), np.array(places, _CHANNEL_PLACE))
         self._write(record + indexes)
-        self._chunks.append((index, len(record), len(indexes), len(data), len(chunk.data)))
+        self._chunks.append((index, len(indexes), len(data), len(chunk.data)))
         for channel, count in chunk.counts.items():
             self._counts[channel] = self._counts.get(channel, 0) + count
 
@@ -260,12 +293,11 @@ class Writer:
         return self._offset
 
 
-def _chunk_index(index: ChunkIndex, length: int, indexes: int, compressed: int, size: int) -> bytes:
-    offsets = b"".join(struct.pack("<HQ", channel, offset) for channel, offset in index.channels.items())
+def _chunk_index(index: ChunkIndex, indexes: int, compressed: int, size: int) -> bytes:
     return _record(
         CHUNK_INDEX,
-        struct.pack("<QQQQ", index.start, index.end, index.offset, length)
-        + _block(offsets)
+        struct.pack("<QQQQ", index.start, index.end, index.offset, index.length)
+        + _block(index.places.tobytes())
         + struct.pack("<Q", indexes)
         + _text("zstd")
         + struct.pack("<QQ", compressed, size),
@@ -294,31 +326,25 @@ def _texts(values: Mapping[str, str]) -> bytes:
 class Reader:
     """Reads an MCAP file by its summary; a file without a whole summary is read record by record as far as it goes.
 
-    `problems` are texts that say what is missing or damaged.
+    `problems` are texts that say what is missing or damaged. Whatever the file contains, memory and work are bounded: a
+    file with more chunks, records or channels than a recording of that size can have is refused.
     """
 
     def __init__(self, path: Path) -> None:
         """Raises `RecordingError` if it cannot be read or is not an MCAP file."""
         self.path = path
         self.problems: list[str] = []
-        self.library = ""
-        self.schemas: dict[int, Schema] = {}
-        self.channels: dict[int, Channel] = {}
-        self.chunks: list[ChunkIndex] = []
-        self.attachments: list[AttachmentIndex] = []
-        self.metadata: dict[str, dict[str, str]] = {}
+        self.work = 0
+        """Bytes of chunks that were unpacked so far, with `CHUNK_WORK` for each chunk."""
         self._cache: OrderedDict[int, Messages] = OrderedDict()
+        self._data = _File(path)
         try:
-            with path.open("rb") as file:
-                self._data: Any = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except ValueError:
-            raise RecordingError(f"the file is empty  ({path})") from None
-        except OSError as error:
-            raise RecordingError(f"cannot read: {error.strerror or error}  ({path})") from None
-        if self._data[: len(MAGIC)] != MAGIC:
+            if self._data[0 : len(MAGIC)] != MAGIC:
+                raise RecordingError(f"this is not an MCAP file  ({path})")
+            self._read()
+        except BaseException:
             self.close()
-            raise RecordingError(f"this is not an MCAP file  ({path})")
-        self._read()
+            raise
 
     def close(self) -> None:
         """Close the file."""
@@ -329,25 +355,59 @@ class Reader:
         """[bytes]."""
         return len(self._data)
 
-    def _read(self) -> None:
-        if not self._read_summary():
-            self._forget()
-            self._read_records(len(MAGIC), len(self._data), is_summary=False)
-        self.chunks.sort(key=lambda one: one.offset)
+    def report(self, problem: str) -> None:
+        """Add a problem, once."""
+        if problem not in self.problems and len(self.problems) < MAX_PROBLEMS:
+            self.problems.append(problem)
 
-    def _forget(self) -> None:
-        self.schemas, self.channels, self.chunks, self.attachments, self.metadata = {}, {}, [], [], {}
+    def _read(self) -> None:
+        self._begin()
+        if not self._read_summary():
+            self._begin()
+            self._read_records(len(MAGIC), len(self._data), is_summary=False)
+        self._end_chunk()
+        self.chunks.sort(key=lambda one: one.offset)
+        for one, following in pairwise(self.chunks):
+            if one.offset + one.length > following.offset:
+                raise RecordingError(f"the chunks at bytes {one.offset} and {following.offset} overlap  ({self.path})")
+
+    def _begin(self) -> None:
+        self.library = ""
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.chunks: list[ChunkIndex] = []
+        self.attachments: list[AttachmentIndex] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self._places: list[tuple[int, int]] = []
+        """Of the last chunk: its channels, and the places of their indexes."""
+        self._left = {
+            "records": LEAST_RECORDS + self.size // RECORD_SIZE,
+            "chunks": LEAST_CHUNKS + self.size // CHUNK_SIZE,
+            "channels of chunks": LEAST_PLACES + self.size // PLACE_SIZE,
+            "bytes of schemas, channels and metadata": MAX_DESCRIPTIONS,
+            "metadata records": MAX_METADATA,
+        }
+        """How many more of each are read."""
+
+    def _count(self, what: str, number: int = 1) -> None:
+        """Raises `RecordingError` if there are too many."""
+        self._left[what] -= number
+        if self._left[what] < 0:
+            raise RecordingError(f"the file has more {what} than a recording of its size can have  ({self.path})")
 
     def _read_summary(self) -> bool:
         """Whether the file has a whole summary."""
         data, end = self._data, len(self._data)
         footer = end - len(MAGIC) - 29
-        if footer < len(MAGIC) or data[-len(MAGIC) :] != MAGIC or data[footer] != FOOTER:
-            self.problems.append("the file has no summary: the recording did not end properly, or its end is missing")
+        if footer < len(MAGIC) or data[end - len(MAGIC) : end] != MAGIC or data[footer : footer + 1] != b"\x02":
+            self.report("the file has no summary: the recording did not end properly, or its end is missing")
             return False
-        start, _, checksum = struct.unpack_from("<QQI", data, footer + 9)
-        if not len(MAGIC) <= start <= footer or (checksum and zlib.crc32(data[start : footer + 25]) != checksum):
-            self.problems.append("the summary at the end of the file is damaged")
+        try:
+            start, _, checksum = struct.unpack("<QQI", _Cursor(data, footer + 9, footer + 29).take(20))
+            if not len(MAGIC) <= start <= footer or (checksum and data.checksum(start, footer + 25) != checksum):
+                raise _CutOffError
+        except _CutOffError:
+            self.report("the summary at the end of the file is damaged")
             return False
         with contextlib.suppress(_CutOffError, UnicodeDecodeError):
             self._read_record(HEADER, self._record(len(MAGIC), HEADER), len(MAGIC))
@@ -355,28 +415,31 @@ class Reader:
 
     def _read_records(self, at: int, end: int, *, is_summary: bool) -> bool:
         """Read the index of records, and of attachments and chunks that are in the data section."""
-        data = self._data
-        while at < end:
-            if at + 9 > end:
+        while at + _RECORD_HEAD.size <= end:
+            head = self._data[at : at + _RECORD_HEAD.size]
+            if len(head) < _RECORD_HEAD.size:
                 break
-            kind, length = _RECORD_HEAD.unpack_from(data, at)
+            kind, length = _RECORD_HEAD.unpack(head)
             start, at_next = at + 9, at + 9 + length
             if at_next > end or kind == 0:
                 break
+            self._count("records")
             try:
-                self._read_record(kind, _Cursor(data, start, at_next), at)
+                self._read_record(kind, _Cursor(self._data, start, at_next), at)
             except (_CutOffError, UnicodeDecodeError):
-                self.problems.append(f"the record at byte {at} is damaged")
+                self.report(f"the record at byte {at} is damaged")
                 if is_summary:
                     return False
             at = at_next
             if kind in {DATA_END, FOOTER} and not is_summary:
                 return True
         if at < end and not is_summary:
-            self.problems.append(f"the file is cut off or damaged at byte {at} of {end}")
+            self.report(f"the file is cut off or damaged at byte {at} of {end}")
         return at >= end
 
     def _read_record(self, kind: int, cursor: _Cursor, offset: int) -> None:
+        if kind in {HEADER, SCHEMA, CHANNEL, METADATA, METADATA_INDEX, ATTACHMENT_INDEX}:
+            self._count("bytes of schemas, channels and metadata", cursor.left)
         if kind == HEADER:
             cursor.text()
             self.library = cursor.text()
@@ -388,29 +451,42 @@ class Reader:
             channel = Channel(id_, schema, cursor.text(), cursor.text(), cursor.texts())
             self.channels.setdefault(id_, channel)
         elif kind == CHUNK:
+            self._count("chunks")
+            self._end_chunk()
             start, end = cursor.number("<Q"), cursor.number("<Q")
-            self.chunks.append(ChunkIndex(start, end, offset, {}))
+            self.chunks.append(ChunkIndex(start, end, offset, cursor.end - offset, NO_PLACES))
         elif kind == MESSAGE_INDEX and self.chunks:
-            self.chunks[-1].channels[cursor.number("<H")] = offset  # type: ignore[index]  the dictionary made above
+            self._places.append((cursor.number("<H"), offset))
         elif kind == CHUNK_INDEX:
-            start, end, place, _, size = _CHUNK_INDEX_HEAD.unpack(cursor.take(_CHUNK_INDEX_HEAD.size))
-            offsets = cursor.take(size)
-            if place >= len(self._data) or size % 10:
+            self._count("chunks")
+            start, end, place, length, size = _CHUNK_INDEX_HEAD.unpack(cursor.take(_CHUNK_INDEX_HEAD.size))
+            self._count("channels of chunks", size // _CHANNEL_PLACE.itemsize)
+            places = cursor.take(size)
+            if place + length > len(self._data) or size % _CHANNEL_PLACE.itemsize:
                 raise _CutOffError
-            self.chunks.append(ChunkIndex(start, end, place, dict(_CHANNEL_PLACE.iter_unpack(offsets))))
+            self.chunks.append(ChunkIndex(start, end, place, length, np.frombuffer(places, _CHANNEL_PLACE)))
         elif kind == ATTACHMENT:
             cursor.take(16)
-            self.attachments.append(AttachmentIndex(cursor.text(), cursor.text(), offset))
+            name, media_type = cursor.text(), cursor.text()
+            self._count("bytes of schemas, channels and metadata", 16 + len(name) + len(media_type))
+            self.attachments.append(AttachmentIndex(name, media_type, offset))
         elif kind == ATTACHMENT_INDEX:
             place = cursor.number("<Q")
             cursor.take(32)
             self.attachments.append(AttachmentIndex(cursor.text(), cursor.text(), place))
         elif kind == METADATA:
+            self._count("metadata records")
             name = cursor.text()
             self.metadata[name] = cursor.texts()
         elif kind == METADATA_INDEX:
             place = cursor.number("<Q")
             self._read_record(METADATA, self._record(place, METADATA), place)
+
+    def _end_chunk(self) -> None:
+        """Without a summary: the indexes of the last chunk are complete."""
+        if self._places:
+            self.chunks[-1] = self.chunks[-1]._replace(places=np.array(self._places, _CHANNEL_PLACE))
+            self._places = []
 
     def _record(self, offset: int, kind: int) -> _Cursor:
         """The content of the record at a place. Raises `_CutOffError` if it is not there, or of another kind."""
@@ -447,24 +523,30 @@ class Reader:
             self._cache.move_to_end(chunk)
             return self._cache[chunk]
         index = self.chunks[chunk]
+        self.work += CHUNK_WORK
         try:
-            content = self._content(index.offset)
+            content = self._content(index)
             found = self._indexed(index, content) or Messages(content, _places(content))
         except (_CutOffError, UnicodeDecodeError) as error:
             raise RecordingError(f"the chunk at byte {index.offset} is damaged{error}") from None
         self._cache[chunk] = found
-        if len(self._cache) > CACHED_CHUNKS:
+        while len(self._cache) > CACHED_CHUNKS or sum(one.size for one in self._cache.values()) > CACHE_SIZE:
             self._cache.popitem(last=False)
         return found
 
     def _indexed(self, index: ChunkIndex, content: bytes) -> Messages | None:
         """The messages of a chunk by the indexes of its channels; None if these do not name all that is in it."""
         places = [np.empty(0, np.int64)]
+        count = 0
         try:
-            for offset in index.channels.values():
+            for offset in index.places["place"].tolist():
                 cursor = self._record(offset, MESSAGE_INDEX)
                 cursor.take(2)
-                places.append(np.frombuffer(cursor.block(), "<i8").reshape(-1, 2)[:, 1])
+                size = cursor.number("<I")
+                count += size // 16
+                if count > MAX_MESSAGES:
+                    return None
+                places.append(np.frombuffer(cursor.take(size), "<i8").reshape(-1, 2)[:, 1])
         except (_CutOffError, ValueError):
             return None
         found = np.sort(np.concatenate(places))
@@ -477,26 +559,31 @@ class Reader:
         """Number of the last chunk that starts at that time [ns] or before; -1 if there is none."""
         return bisect.bisect_right(self.chunks, time, key=lambda one: one.start) - 1
 
-    def _content(self, offset: int) -> bytes:
+    def _content(self, index: ChunkIndex) -> bytes:
         if self._data.closed:
             raise RecordingError(f"the recording is closed; read its images before  ({self.path})")
-        cursor = self._record(offset, CHUNK)
+        cursor = self._record(index.offset, CHUNK)
+        if cursor.end - index.offset != index.length:
+            raise _CutOffError(": its length is not that in the index")
         cursor.take(16)
         size, checksum = cursor.number("<Q"), cursor.number("<I")
         compression, length = cursor.text(), cursor.number("<Q")
-        data = cursor.take(length)
-        if size > MAX_CHUNK:
-            raise _CutOffError(f": it has {size} bytes; at most {MAX_CHUNK} are read")
-        content = _decompressed(compression, data, size)
+        if max(size, length) > MAX_CHUNK:
+            raise _CutOffError(f": it has {max(size, length)} bytes; at most {MAX_CHUNK} are read")
+        self.work += size
+        content = _decompressed(compression, cursor.take(length), size)
         if len(content) != size or (checksum and zlib.crc32(content) != checksum):
             raise _CutOffError(": its checksum is wrong")
         return content
 
 
 def _decompressed(compression: str, data: bytes, size: int) -> bytes:
+    """At most `size` bytes, whatever the data are."""
     if compression == "zstd":
         try:
-            return zstandard.ZstdDecompressor().decompressobj().decompress(data)[: size + 1] if size else b""
+            if zstandard.frame_content_size(data) not in {-1, size}:  # -1: the data do not say
+                raise _CutOffError(f": it does not unpack to {size} bytes")
+            return zstandard.ZstdDecompressor().decompress(data, max_output_size=size) if size else b""
         except (zstandard.ZstdError, MemoryError) as error:
             raise _CutOffError(f": {error}") from None
     if compression:
@@ -510,8 +597,8 @@ class Messages(Sequence[Message]):
     def __init__(self, content: bytes, places: NDArray[np.int64]) -> None:
         """`places`: where their records begin."""
         self._content = content
-        table = np.frombuffer(content, np.uint8)[places[:, None] + np.arange(_HEAD.itemsize)]
-        heads = table.view(_HEAD)[:, 0]
+        everywhere = max(len(content) - _HEAD.itemsize + 1, 0)
+        heads = np.ndarray(everywhere, _HEAD, content, strides=(1,))[places]
         self._kinds, self._places = heads["kind"], places
         self._ends = places + 9 + heads["length"].astype(np.int64)
         self._heads = heads
@@ -519,6 +606,11 @@ class Messages(Sequence[Message]):
         """Shape (n,)."""
         self.log_times: NDArray[np.uint64] = heads["log_time"]
         """[ns], shape (n,)."""
+
+    @property
+    def size(self) -> int:
+        """Of the chunk [bytes]."""
+        return len(self._content)
 
     @property
     def are_whole(self) -> bool:
@@ -556,6 +648,7 @@ class Messages(Sequence[Message]):
         return int(found[-1]) if len(found) else -1
 
 
+NO_PLACES = np.empty(0, _CHANNEL_PLACE)
 NO_MESSAGES = Messages(b"", np.empty(0, np.int64))
 """Of a chunk that is damaged."""
 
@@ -564,7 +657,9 @@ def _places(content: bytes) -> NDArray[np.int64]:
     """Where the messages of a chunk begin, found from record to record."""
     found: list[int] = []
     at, size = 0, len(content)
-    while at < size:
+    for _ in range(MAX_MESSAGES):
+        if at == size:
+            return np.array(found, np.int64)
         if at + 9 > size:
             raise _CutOffError(": a record is cut off")
         kind, length = _RECORD_HEAD.unpack_from(content, at)
@@ -574,26 +669,91 @@ def _places(content: bytes) -> NDArray[np.int64]:
         if kind == MESSAGE:
             found.append(at)
         at = end
-    return np.array(found, np.int64)
+    raise _CutOffError(f": it has more than {MAX_MESSAGES} records")
 
 
 class _CutOffError(Exception):
     """A record is shorter than its content."""
 
 
+class _File:
+    """The bytes of a file. If another program cuts it off meanwhile, what is missing is not there.
+
+    A memory map would end the process then.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Raises `RecordingError`."""
+        if path.exists() and not path.is_file():
+            raise RecordingError(f"cannot read: this is not a file  ({path})")
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise RecordingError(f"cannot read: {error.strerror or error}  ({path})") from None
+        self._lock = threading.Lock()
+        self._size = os.fstat(self._file.fileno()).st_size
+        self._path = path
+        if not self._size:
+            self.close()
+            raise RecordingError(f"the file is empty  ({path})")
+
+    @property
+    def closed(self) -> bool:
+        return self._file.closed
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __len__(self) -> int:
+        """When it was opened [bytes]."""
+        return self._size
+
+    def __getitem__(self, part: slice[int, int, None]) -> bytes:
+        """Raises `RecordingError`."""
+        try:
+            with self._lock:
+                self._file.seek(part.start)
+                return self._file.read(part.stop - part.start)
+        except OSError as error:
+            raise RecordingError(f"cannot read: {error.strerror or error}  ({self._path})") from None
+
+    def checksum(self, start: int, end: int) -> int:
+        """CRC-32 of a part."""
+        found = 0
+        for at in range(start, end, 2**20):
+            found = zlib.crc32(self[at : min(at + 2**20, end)], found)
+        return found
+
+
+class _Bytes(Protocol):
+    """`bytes` or a `_File`."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, part: slice, /) -> bytes: ...
+
+
 class _Cursor:
     """Reads values one after the other between two places."""
 
-    def __init__(self, data: Any, at: int, end: int) -> None:
+    def __init__(self, data: _Bytes, at: int, end: int) -> None:
         self._data = data
         self.at = at
-        self._end = min(end, len(data))
+        self.end = min(end, len(data))
+
+    @property
+    def left(self) -> int:
+        """Bytes that were not read yet."""
+        return self.end - self.at
 
     def take(self, size: int) -> bytes:
-        if self.at + size > self._end:
+        if self.at + size > self.end:
             raise _CutOffError
         self.at += size
-        return self._data[self.at - size : self.at]
+        found = self._data[self.at - size : self.at]
+        if len(found) < size:
+            raise _CutOffError(": the file has become shorter since it was opened")
+        return found
 
     def number(self, form: str) -> int:
         return struct.unpack(form, self.take(struct.calcsize(form)))[0]
@@ -602,7 +762,10 @@ class _Cursor:
         return self.take(self.number("<I"))
 
     def text(self) -> str:
-        return self.block().decode()
+        size = self.number("<I")
+        if size > MAX_DESCRIPTIONS:
+            raise _CutOffError
+        return self.take(size).decode()
 
     def texts(self) -> dict[str, str]:
         block = self.block()

@@ -6,11 +6,13 @@ import contextlib
 import logging
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from autodrive import __version__
+from autodrive.base.cache import growing_file, make_folder, new_file
+from autodrive.base.errors import AutodriveError
 from autodrive.recording import mcap, records
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
@@ -20,6 +22,8 @@ from autodrive.recording.wire import descriptor
 
 log = logging.getLogger(__name__)
 
+START = mcap.header(f"autodrive {__version__}")
+"""Of each file."""
 CHUNK_TIME = 0.7
 """A chunk is written this long after its first message [s of wall time]; less than 1 s is lost, with `DRAIN_TIME`."""
 CHUNK_SIZE = 2**19
@@ -116,16 +120,22 @@ class Output:
         return channel
 
 
+@contextlib.contextmanager
+def _errors() -> Iterator[None]:
+    try:
+        yield
+    except AutodriveError as error:
+        raise RecordingError(str(error)) from None
+
+
 class FileOutput(Output):
     """Writes chunks to a file at once."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        try:
-            self._file = path.open("wb")
-            self._writer = mcap.Writer(self._file, f"autodrive {__version__}")
-        except OSError as error:
-            raise RecordingError(f"cannot write: {error.strerror or error}  ({path})") from None
+        with _errors():
+            self._file = growing_file(path, START)
+        self._writer = mcap.Writer(self._file, len(START))
         self._attached: set[str] = set()
         self._is_begun = False
         self._is_open = True
@@ -177,10 +187,8 @@ class RingOutput(Output):
         super().__init__()
         if not last > 0:
             raise RecordingError(f"the time to keep must be a positive number of seconds, not {last}")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(f"cannot write: {error.strerror or error}  ({path})") from None
+        with _errors():
+            make_folder(path.parent)
         self._path = path
         self._last = round(last * NANOSECONDS)
         self._files = files
@@ -223,8 +231,8 @@ class RingOutput(Output):
         self._due = None
         self.flush()
         path = self._free_path()
-        with path.open("wb") as file:
-            writer = mcap.Writer(file, f"autodrive {__version__}")
+        with new_file(path) as file:
+            writer = mcap.Writer(file, file.write(START))
             writer.metadata(records.PROFILE, self._about)
             for schema in self._schemas.values():
                 writer.schema(schema)

@@ -13,6 +13,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from autodrive.base.errors import AutodriveError
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, Command, Frame, SaveScenario, Step
 from autodrive.recording import records
@@ -282,6 +283,8 @@ class Recorder:
             yield
         except OSError as error:
             self._fail(f"cannot write: {error.strerror or error}")
+        except AutodriveError as error:
+            self._fail(str(error))
         except Exception as error:
             log.exception("the recording failed")
             self._fail(str(error))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 import simplejpeg
 import yaml
+from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import checked
@@ -26,6 +27,18 @@ from autodrive.recording.signals import Signals
 from autodrive.recording.wire import Message, Schemas, pool_of
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.files import write_to
+
+MAX_IN_VAIN = 2**29
+"""Work of a search that finds nothing [bytes of chunks]."""
+MAX_WORK, WORK_PER_BYTE = 2**30, 4
+"""Work to read all events, or where scenarios are [bytes of chunks]: at most so much, and so much for each byte of the
+file."""
+MAX_SIZE, MESSAGE_WORK = 2**25, 2**9
+"""Size of all messages of such a topic, and what a message counts besides its size [bytes]."""
+MAX_PIXELS = 2**24
+"""Of a picture that is decoded; no camera has more."""
+MAX_BROKEN = 1000
+"""Frames one after the other that cannot be read."""
 
 
 class Moment(NamedTuple):
@@ -64,9 +77,9 @@ class Recording:
         schemas = self._schemas()
         self._states = States(schemas)
         self.scan_message = Message(LaserScan, schemas=schemas)
-        self._image = Message(CompressedImage, schemas=schemas)
+        self._image = Message(CompressedImage, schemas=schemas, max_size=mcap.MAX_CHUNK)
         self._frame_channel = self._ids.get(records.FRAME, -1)
-        self._reported: set[str] = set()
+        self._scenarios: dict[int, ScenarioRecord] = {}
 
     def _check(self) -> None:
         problems = f": {self._file.problems[0]}" if self._file.problems else ""
@@ -78,9 +91,10 @@ class Recording:
             raise RecordingError(f"the recording has no content{problems}  ({self.path})")
         self.about: Mapping[str, str] = about
         """Versions, platform, tick and settings of the recording, by name."""
-        if not about.get("format", "").isdecimal() or int(about["format"]) > records.FORMAT:
+        version, format_ = (about.get(name, "?")[:100] for name in ("version", "format"))
+        if format_ not in map(str, range(1, records.FORMAT + 1)):
             raise RecordingError(
-                f"the recording is of AutoDRIVE {about.get('version', '?')} in format {about.get('format', '?')}; "
+                f"the recording is of AutoDRIVE {version} in format {format_}; "
                 f"this version reads formats up to {records.FORMAT}: install a newer version  ({self.path})"
             )
 
@@ -140,29 +154,38 @@ class Recording:
 
     def _edge(self, chunks: range, which: int) -> tuple[int, int]:
         """Time [ns] and tick of the first or last Frame."""
-        for chunk in chunks:
-            messages = self._messages(chunk)
-            found = messages.on(self._frame_channel)
-            if len(found):
-                message = messages[int(found[which])]
-                return message.log_time, self._states.decode_frame(message.data)["tick"]
+        for _, messages, found in self._search(self._frame_channel, chunks):
+            message = messages[int(found[which])]
+            return message.log_time, self._states.decode_frame(message.data)["tick"]
         self._no_frames()
 
     def _no_frames(self) -> NoReturn:
         problems = f": {'; '.join(self.problems)}" if self.problems else ""
         raise RecordingError(f"the recording has no Frames{problems}  ({self.path})")
 
-    @cached_property
+    @property
     def scenarios(self) -> list[tuple[float, ScenarioRecord]]:
         """Time and scenario of each World: of the start, of other scenarios, and of edits that make a new World."""
-        return [(time, one) for time, one in self._records(records.SCENARIO)]
+        return [(time, self._scenario(number)) for number, (time, _, _) in enumerate(self._scenario_places)]
 
     def scenario_at(self, time: float) -> ScenarioRecord:
-        """The scenario at that time [s]. Raises `RecordingError` if the file has none."""
-        before = [one for start, one in self.scenarios if start <= time] or [one for _, one in self.scenarios[:1]]
-        if not before:
+        """The scenario at that time [s], the same object while it is the same. Raises `RecordingError`."""
+        times = [start for start, _, _ in self._scenario_places]
+        if not times:
             raise RecordingError(f"the recording has no scenario  ({self.path})")
-        return before[-1]
+        return self._scenario(max(bisect.bisect_right(times, time) - 1, 0))
+
+    @cached_property
+    def _scenario_places(self) -> list[tuple[float, int, int]]:
+        """Time [s], chunk and place in it of each scenario."""
+        found = self._all_of(records.SCENARIO)
+        return [(int(messages.log_times[i]) / NANOSECONDS, chunk, i) for chunk, messages, i in found]
+
+    def _scenario(self, number: int) -> ScenarioRecord:
+        if number not in self._scenarios:
+            _, chunk, i = self._scenario_places[number]
+            self._scenarios[number] = records.decode_json(records.SCENARIO, self._messages(chunk)[i].data)
+        return self._scenarios[number]
 
     @property
     def scenario(self) -> ScenarioRecord:
@@ -208,12 +231,8 @@ class Recording:
     def moment_at(self, time: float) -> Moment:
         """As `frame_at`, with the time of the Frame."""
         limit = _nanoseconds(time)
-        for chunk in range(self._file.chunk_at(limit), -1, -1):
-            messages = self._messages(chunk)
-            found = messages.on(self._frame_channel)
-            found = found[messages.log_times[found] <= limit]
-            if len(found):
-                return self._moment(chunk, int(found[-1]))
+        for chunk, _, found in self._search(self._frame_channel, range(self._file.chunk_at(limit), -1, -1), limit):
+            return self._moment(chunk, int(found[-1]))
         return next(self.moments(), None) or self._no_frames()
 
     def frames(self, start: float | None = None, end: float | None = None) -> Iterator[Frame]:
@@ -224,21 +243,23 @@ class Recording:
         """As `frames`, with the time of each."""
         first = -1 if start is None else _nanoseconds(start)
         last = None if end is None else _nanoseconds(end)
-        for chunk, index in enumerate(self._file.chunks):
-            if index.end < first:
-                continue
-            if last is not None and index.start > last:
-                break
-            messages = self._messages(chunk)
-            for i in messages.on(self._frame_channel).tolist():
+        broken = 0
+        for chunk, messages, found in self._search(self._frame_channel, self._chunks(first, last)):
+            for i in found.tolist():
                 if messages.log_times[i] < first:
                     continue
                 if last is not None and messages.log_times[i] > last:
                     break
                 try:
-                    yield self._moment(chunk, i)
+                    moment = self._moment(chunk, i)
                 except RecordingError as error:
-                    self._report(str(error))
+                    self._file.report(str(error))
+                    broken += 1
+                    if broken > MAX_BROKEN:
+                        raise
+                else:
+                    broken = 0
+                    yield moment
 
     @cached_property
     def times(self) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -264,7 +285,7 @@ class Recording:
         missing = [name for name in values["vehicles"] if name not in states]
         if missing:
             raise RecordingError(
-                f"the state of {', '.join(missing)} at {message.log_time / NANOSECONDS:g} s is missing"
+                f"the state of {', '.join(missing[:5])} at {message.log_time / NANOSECONDS:g} s is missing"
             )
         values["vehicles"] = {name: self._vehicle(name, states[name], chunk, i) for name in values["vehicles"]}
         values["events"] = tuple(events)
@@ -287,13 +308,11 @@ class Recording:
     def _last(self, topic: str, chunk: int, i: int) -> mcap.Message | None:
         """The last message of a topic before message i of a chunk."""
         channel = self._ids.get(topic, -1)
-        place: int | None = i
-        for earlier in range(chunk, -1, -1):
-            if earlier == chunk or channel in self._file.chunks[earlier].channels:
-                messages = self._messages(earlier)
-                if (found := messages.last(channel, place)) >= 0:
-                    return messages[found]
-            place = None
+        messages = self._messages(chunk)
+        if (found := messages.last(channel, i)) >= 0:
+            return messages[found]
+        for _, earlier, places in self._search(channel, range(chunk - 1, -1, -1)):
+            return earlier[int(places[-1])]
         return None
 
     # -- pictures --------------------------------------------------------------------------------------------------
@@ -301,13 +320,8 @@ class Recording:
     def picture_at(self, vehicle: str, camera: str, time: float) -> Picture | None:
         """The last picture of a camera at that time [s] or before, as JPEG; None if there is none."""
         channel, limit = self._ids.get(records.image_topic(vehicle, camera), -1), _nanoseconds(time)
-        for chunk in range(self._file.chunk_at(limit), -1, -1):
-            if channel in self._file.chunks[chunk].channels:
-                messages = self._messages(chunk)
-                found = messages.on(channel)
-                found = found[messages.log_times[found] <= limit]
-                if len(found):
-                    return self._decoded_picture(vehicle, camera, messages[int(found[-1])].data)
+        for _, messages, found in self._search(channel, range(self._file.chunk_at(limit), -1, -1), limit):
+            return self._decoded_picture(vehicle, camera, messages[int(found[-1])].data)
         return None
 
     def pictures(
@@ -335,7 +349,8 @@ class Recording:
     @cached_property
     def events(self) -> list[TimedEvent]:
         """All events, in order."""
-        return [TimedEvent(time, one.tick, one.event) for time, one in self._records(records.EVENTS)]
+        messages = ((found[i].log_time / NANOSECONDS, found[i]) for _, found, i in self._all_of(records.EVENTS))
+        return [TimedEvent(time, one.tick, one.event) for time, one in self._decoded(records.EVENTS, messages)]
 
     @property
     def commands(self) -> Iterator[tuple[float, CommandsRecord]]:
@@ -373,22 +388,35 @@ class Recording:
                     yield message.log_time / NANOSECONDS, records.decode_json(json[message.channel], message.data)
 
     def _records(self, topic: str) -> Iterator[tuple[float, Any]]:
-        for time, message in self._of_topic(topic):
+        return self._decoded(topic, self._of_topic(topic))
+
+    def _decoded(self, topic: str, messages: Iterable[tuple[float, mcap.Message]]) -> Iterator[tuple[float, Any]]:
+        for time, message in messages:
             try:
                 yield time, records.decode_json(topic, message.data)
             except RecordingError as error:
-                self._report(str(error))
+                self._file.report(str(error))
+
+    def _all_of(self, topic: str) -> Iterator[tuple[int, mcap.Messages, int]]:
+        """Chunk, its messages and the place of each message of a topic, without those beyond the limits of a recording.
+
+        They are read when a recording is opened, so that the work must be bounded.
+        """
+        size, work = 0, self._file.work + MAX_WORK + WORK_PER_BYTE * self._file.size
+        for chunk, messages, found in self._search(self._ids.get(topic, -1), self._chunks()):
+            for i in found.tolist():
+                size += MESSAGE_WORK + len(messages[i].data)
+                if size > MAX_SIZE or self._file.work > work:
+                    time = messages[i].log_time / NANOSECONDS
+                    self._file.report(f"there is too much of '{topic}': what is after {time:g} s is not read")
+                    return
+                yield chunk, messages, i
 
     def _of_topic(self, topic: str) -> Iterator[tuple[float, mcap.Message]]:
-        channel = self._ids.get(topic)
-        if channel is None:
-            return
-        for chunk, index in enumerate(self._file.chunks):
-            if channel in index.channels:
-                messages = self._messages(chunk)
-                for i in messages.on(channel).tolist():
-                    message = messages[i]
-                    yield message.log_time / NANOSECONDS, message
+        for _, messages, found in self._search(self._ids.get(topic, -1), self._chunks()):
+            for i in found.tolist():
+                message = messages[i]
+                yield message.log_time / NANOSECONDS, message
 
     # -- signals ---------------------------------------------------------------------------------------------------
 
@@ -417,11 +445,9 @@ class Recording:
         """Messages by topic, for each chunk of the file that has any from a time to another [s]."""
         first, last = _nanoseconds(start), _nanoseconds(end)
         names = {self._ids[topic]: topic for topic in topics if topic in self._ids}
-        for chunk, index in enumerate(self._file.chunks):
-            if index.end < first or not names.keys() & index.channels.keys():
+        for chunk in self._chunks(first, last):
+            if not any(self._may_have(channel, chunk) for channel in names):
                 continue
-            if index.start > last:
-                break
             found: dict[str, list[mcap.Message]] = {}
             messages = self._messages(chunk)
             for channel, topic in names.items():
@@ -435,26 +461,54 @@ class Recording:
 
     def _log_times(self, channel: int) -> np.ndarray[Any, np.dtype[np.float64]]:
         found = [np.empty(0, np.uint64)]
-        for chunk, index in enumerate(self._file.chunks):
-            if channel in index.channels:
-                messages = self._messages(chunk)
-                found.append(messages.log_times[messages.on(channel)])
+        found += [messages.log_times[places] for _, messages, places in self._search(channel, self._chunks())]
         return np.concatenate(found) / NANOSECONDS
 
-    # -- damaged parts ---------------------------------------------------------------------------------------------
+    # -- chunks ----------------------------------------------------------------------------------------------------
+
+    def _chunks(self, first: int = -1, last: int | None = None) -> Iterator[int]:
+        """The chunks with messages from a time to another [ns]."""
+        for chunk, index in enumerate(self._file.chunks):
+            if last is not None and index.start > last:
+                break
+            if index.end >= first:
+                yield chunk
+
+    def _may_have(self, channel: int, chunk: int) -> bool:
+        """Whether a chunk has messages of a channel by its index; that of the last chunk may be cut off."""
+        return channel in self._file.chunks[chunk].channels or (chunk == len(self._file.chunks) - 1 and channel >= 0)
+
+    def _search(
+        self, channel: int, chunks: Iterable[int], until: int | None = None
+    ) -> Iterator[tuple[int, mcap.Messages, NDArray[np.intp]]]:
+        """Each of these chunks that has messages of a channel, up to a time [ns]: all its messages, and their places.
+
+        Raises `RecordingError` if too many chunks are read for nothing.
+        """
+        in_vain = 0
+        for chunk in chunks:
+            if not self._may_have(channel, chunk):
+                continue
+            before = self._file.work
+            messages = self._messages(chunk)
+            found = messages.on(channel)
+            if until is not None:
+                found = found[messages.log_times[found] <= until]
+            if len(found):
+                in_vain = 0
+                yield chunk, messages, found
+            else:
+                in_vain += self._file.work - before
+                if in_vain > MAX_IN_VAIN:
+                    raise RecordingError(f"the index names channels that the chunks do not have  ({self.path})")
 
     def _messages(self, chunk: int) -> mcap.Messages:
         """The messages of a chunk; none, and a problem, if it is damaged."""
         try:
             return self._file.messages(chunk)
         except RecordingError as error:
-            self._report(str(error))
+            self._file.report(str(error))
             return mcap.NO_MESSAGES
-
-    def _report(self, problem: str) -> None:
-        if problem not in self._reported:
-            self._reported.add(problem)
-            self.problems.append(problem)
 
 
 class LazyImages(Images):
@@ -496,6 +550,11 @@ class LazyImages(Images):
 def decoded(picture: Picture) -> CameraImage:
     """The image of a picture. Raises `RecordingError`."""
     try:
+        height, width, _, _ = simplejpeg.decode_jpeg_header(picture.jpeg)
+        if int(height) * int(width) > MAX_PIXELS:
+            raise RecordingError(
+                f"a picture of camera '{picture.camera}' has {width} x {height} pixels; at most {MAX_PIXELS} are read"
+            )
         rgba = simplejpeg.decode_jpeg(picture.jpeg, colorspace="RGBA")
     except ValueError as error:
         raise RecordingError(f"a picture of camera '{picture.camera}' is damaged: {error}") from None

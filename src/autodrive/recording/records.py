@@ -8,9 +8,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from autodrive.base.yaml_files import MAX_BYTES
 from autodrive.protocol.messages import Command, Event, Frame, VehicleFrame
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.wire import Message, Schemas
+from autodrive.scenario import MAX_VEHICLES
+from autodrive.scenario.maps.map import MAX_PLACEMENTS
 from autodrive.world.observer import Request
 
 FORMAT = 2
@@ -18,6 +21,11 @@ FORMAT = 2
 
 A reader refuses files of a newer version. New topics and new fields do not change it.
 """
+
+MAX_JSON = 2**22
+"""Largest message in JSON that is read [bytes]."""
+MAX_FILES = MAX_PLACEMENTS + MAX_VEHICLES + 3
+"""Files of a scenario: modules of its map, vehicles, map, rules and track."""
 
 PROFILE = "autodrive"
 """Name of the metadata record by which a reader recognises a recording."""
@@ -131,10 +139,19 @@ _DECODERS = {topic: msgspec.json.Decoder(kind, dec_hook=_typed).decode for topic
 
 def decode_json(topic: str, data: bytes) -> Any:
     """The record of a message. Raises `RecordingError`."""
+    if len(data) > MAX_JSON:
+        raise RecordingError(f"a message of the topic '{topic}' has {len(data)} bytes; at most {MAX_JSON} are read")
     try:
-        return _DECODERS[topic](data)
-    except (msgspec.DecodeError, ValueError) as error:
+        record = _DECODERS[topic](data)
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise RecordingError(f"a message of the topic '{topic}' is damaged: {error}") from None
+    if isinstance(record, ScenarioRecord):
+        if len(record.files) > MAX_FILES:
+            raise RecordingError(f"a scenario has {len(record.files)} files; at most {MAX_FILES} are read")
+        for name, text in record.files.items():
+            if len(text) > MAX_BYTES:
+                raise RecordingError(f"the file '{name[:100]}' of a scenario is larger than {MAX_BYTES} bytes")
+    return record
 
 
 def json_schema(topic: str) -> bytes:

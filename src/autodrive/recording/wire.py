@@ -27,6 +27,11 @@ _SCALARS: dict[type, str] = {
 _ELEMENTS = {"f8": "TYPE_DOUBLE", "f4": "TYPE_FLOAT", "i8": "TYPE_SFIXED64", "u1": "TYPE_BYTES"}
 _IMPORTS = {"foxglove": ("google.protobuf", "autodrive"), "autodrive": ("google.protobuf",)}
 
+MAX_SIZE = 2**22
+"""Largest message that is read [bytes], besides those with images."""
+MAX_ELEMENTS = 10_000
+"""Texts or messages in a field that are read."""
+
 Schemas: TypeAlias = Mapping[str, Any]
 """The pool of descriptors of each schema of a file, by name of the message."""
 
@@ -70,7 +75,7 @@ class Message:
     """The Protocol Buffers message of a struct. Field numbers are the order of the fields, from 1.
 
     `name`: that of the schema. `replaced`: other types of fields, by name. `schemas`: those of a file that is read; a
-    field that the file does not have has its default.
+    field that the file does not have has its default. `max_size`: of a message that is read [bytes].
     """
 
     def __init__(
@@ -80,8 +85,10 @@ class Message:
         name: str = "",
         replaced: Mapping[str, Any] | None = None,
         schemas: Schemas | None = None,
+        max_size: int = MAX_SIZE,
     ) -> None:
         self.kind = kind
+        self._max_size = max_size
         self.name = name or NAMES.get(kind.__name__, f"autodrive.{kind.__name__}")
         self._schemas = schemas or {}
         hints = get_type_hints(kind, include_extras=True) | dict(replaced or {})
@@ -122,6 +129,8 @@ class Message:
     def _parsed(self, messages: Sequence[bytes], read: Callable[[Any], Any]) -> list[Any]:
 
         parse = self._class.FromString
+        if (size := max(map(len, messages), default=0)) > self._max_size:
+            raise RecordingError(f"a message '{self.name}' has {size} bytes; at most {self._max_size} are read")
         try:
             return [read(parse(one)) for one in messages]
         except (DecodeError, ValueError, TypeError, KeyError, AttributeError) as error:
@@ -160,8 +169,15 @@ class Message:
     @cached_property
     def _class(self) -> Any:
         """The class of its messages, from the schema of the file, or else from the struct."""
-        pool = self._schemas.get(self.name) or pool_of(descriptor(self))
-        return message_factory.GetMessageClass(pool.FindMessageTypeByName(self.name))
+        own = pool_of(descriptor(self)).FindMessageTypeByName(self.name)
+        if self.name not in self._schemas:
+            return message_factory.GetMessageClass(own)
+        try:
+            found = self._schemas[self.name].FindMessageTypeByName(self.name)
+        except KeyError:
+            raise RecordingError(f"the schema of '{self.name}' is damaged: it does not describe it") from None
+        _check_types(found, own, set())
+        return message_factory.GetMessageClass(found)
 
 
 # -- schemas -------------------------------------------------------------------------------------------------------
@@ -179,6 +195,27 @@ def pool_of(schema: bytes) -> Any:
     except (DecodeError, TypeError, ValueError, KeyError) as error:
         raise RecordingError(f"a schema is damaged: {error}") from None
     return pool
+
+
+def _check_types(found: Any, own: Any, seen: set[str]) -> None:
+    """Raises `RecordingError` if a field of a message of a file has another type than here."""
+    if own.full_name in seen:
+        return
+    seen.add(own.full_name)
+    theirs, ours = _types(found), _types(own)
+    for name in theirs.keys() & ours.keys():
+        if theirs[name] != ours[name]:
+            raise RecordingError(f"in the file, the field '{name}' of '{own.full_name}' has another type than here")
+        inner = own.fields_by_name[name].message_type
+        if inner is not None:
+            _check_types(found.fields_by_name[name].message_type, inner, seen)
+
+
+def _types(of: Any) -> dict[str, tuple[int, bool]]:
+    """Type of each field of a message, and whether it is repeated."""
+    described = descriptor_pb2.DescriptorProto()
+    of.CopyToProto(described)
+    return {one.name: (one.type, one.label == one.LABEL_REPEATED) for one in described.field}
 
 
 def descriptor(message: Message) -> bytes:
@@ -316,7 +353,7 @@ def _collection(field: Callable[..., Field], name: str, hint: Any) -> Field:
                 value.write(add(key=one), content)
 
         def read_map(message: Any) -> dict[str, Any]:
-            return {part.key: value.read(part) for part in getattr(message, name)}
+            return {part.key: value.read(part) for part in _few(getattr(message, name))}
 
         return field("TYPE_MESSAGE", write_map, read_map, is_repeated=True, is_map=True, message=entry)
     element: Any = arguments[0] if arguments else float
@@ -325,7 +362,7 @@ def _collection(field: Callable[..., Field], name: str, hint: Any) -> Field:
         return field(
             _SCALARS[element],
             lambda message, of: getattr(message, name).extend(of),
-            lambda message: kind(getattr(message, name)),
+            lambda message: kind(_few(getattr(message, name), element)),
             is_repeated=True,
         )
     if isinstance(element, type) and issubclass(element, msgspec.Struct):
@@ -338,11 +375,18 @@ def _collection(field: Callable[..., Field], name: str, hint: Any) -> Field:
         return field(
             "TYPE_MESSAGE",
             write_all,
-            lambda message: kind(map(inner.read, getattr(message, name))),
+            lambda message: kind(map(inner.read, _few(getattr(message, name)))),
             is_repeated=True,
             message=inner,
         )
     raise TypeError(f"the type {hint} of field '{name}' cannot be recorded")
+
+
+def _few(values: Any, kind: type = object) -> Any:
+    """The values of a repeated field, which need much more memory than in the file. Raises `ValueError`."""
+    if len(values) > MAX_ELEMENTS and kind not in {int, float, bool}:
+        raise ValueError(f"a field has {len(values)} elements; at most {MAX_ELEMENTS} are read")
+    return values
 
 
 def _read(field: Field, message: Any) -> Any:

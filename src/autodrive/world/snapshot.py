@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
-import zlib
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -23,8 +21,6 @@ class Snapshot(NamedTuple):
 
     world: str
     """Identity of the world, the same for all worlds that the snapshot fits."""
-    contents: str
-    """The `outline` when it was saved."""
     tick: int
     seed: int
     state: State
@@ -37,14 +33,6 @@ class Snapshot(NamedTuple):
     held: dict[str, tuple[float, ...]]
     frame: Frame
 
-    def outline(self) -> str:
-        """Hash of all types, names, numbers, texts and arrays; see `_outline` for what is left out."""
-        parts: list[str] = []
-        for field, value in zip(self._fields, self, strict=True):
-            if field != "contents":
-                _outline(value, parts)
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
 
 def identity(c: CompiledScenario) -> str:
     """Hash of everything that a snapshot must have in common with a world."""
@@ -55,7 +43,7 @@ def identity(c: CompiledScenario) -> str:
 
 
 def check_snapshot(saved: object, world: str, map_: str, state: State, *, needs_cameras: bool) -> None:
-    """Raises `SnapshotError` unless it is an unchanged snapshot that fits the world with this identity, map and State.
+    """Raises `SnapshotError` unless it is a snapshot that fits the world with this identity, map and State.
 
     `needs_cameras`: the world has cameras, whose state the snapshot must contain.
     """
@@ -66,8 +54,6 @@ def check_snapshot(saved: object, world: str, map_: str, state: State, *, needs_
             "the snapshot is of another world: scenario, vehicles, map, sensors and version of the engine must be "
             f"the same as in this world of map '{map_}'"
         )
-    if saved.contents != saved.outline():
-        raise SnapshotError("the snapshot has been changed since save(); give restore() what save() returned")
     columns = zip(saved.state, state, strict=True)
     if any(kept.shape != own.shape or kept.dtype != own.dtype for kept, own in columns):
         raise SnapshotError("the state of the snapshot has other shapes than that of this world")
@@ -75,27 +61,3 @@ def check_snapshot(saved: object, world: str, map_: str, state: State, *, needs_
         raise SnapshotError("the state of the snapshot has numbers that are not finite")
     if saved.cameras is None and needs_cameras:
         raise SnapshotError("the snapshot is of a world without cameras; save it in a world with cameras")
-
-
-def _outline(value: Any, parts: list[str]) -> None:
-    """See `Snapshot.outline`; of a message, which cannot be changed, and of types of other packages the type counts."""
-    kind = type(value)
-    if kind in _PLAIN:
-        parts.append(repr(value))
-        return
-    parts.append(kind.__name__)
-    if kind is np.ndarray:
-        parts.append(f"{value.dtype.char}{value.shape}{zlib.crc32(value.tobytes())}")
-    elif isinstance(value, tuple | list):
-        parts.append(str(len(value)))
-        for part in value:
-            _outline(part, parts)
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            parts.append(repr(key))
-            _outline(item, parts)
-    elif dataclasses.is_dataclass(value):
-        _outline(vars(value), parts)
-
-
-_PLAIN = {type(None), bool, int, float, str}

@@ -432,9 +432,8 @@ class World(OneThread):
     def save(self) -> Snapshot:
         """Everything that the future depends on. Can be pickled, also for another process."""
         c = self._compiled
-        saved = Snapshot(
+        return Snapshot(
             world=self._identity,
-            contents="",
             tick=self._tick,
             seed=self._seed,
             state=copied(c.state),
@@ -447,13 +446,12 @@ class World(OneThread):
             held=dict(self._poses.held),
             frame=self.frame,
         )
-        return saved._replace(contents=saved.outline())
 
     @by_one_thread
     def restore(self, saved: Snapshot) -> Frame:
         """Continue from a snapshot of this world or of another world of the same scenario, with the same bits.
 
-        Raises `SnapshotError` if the snapshot is of another scenario or has been changed; then nothing has changed.
+        Raises `SnapshotError` if the snapshot is of another scenario; then nothing has changed.
         """
         check_snapshot(
             saved,

@@ -13,7 +13,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from autodrive.recording import Recording
+from autodrive.recording import Recording, RecordingError
+from autodrive.recording import open as open_recording
 from autodrive.recording.exports import export
 from autodrive.recording.exports.learning import ACTION, STATE
 from autodrive.recording.exports.options import ExportOptions
@@ -44,6 +45,28 @@ def test_lerobot_layout_is_complete(lap: Recording, tmp_path: Path) -> None:
     assert [*frames[0].shape] == info["features"]["observation.images.front"]["shape"]
     image = lap.frame_at(1.0).vehicles["V1"].cameras["front"].rgb
     assert np.abs(frames[-1].astype(int) - image.astype(int)).mean() < 8.0  # of 255: the video is compressed again
+
+
+def test_a_minari_dataset_has_a_relative_path_too(
+    lap: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "lap.mcap").symlink_to(lap.path)
+    monkeypatch.chdir(tmp_path)
+    with open_recording("lap.mcap") as recording:
+        assert export(recording, "minari") == Path("lap_minari")
+        export(recording, "minari", "drives/lap")
+    for folder, name in (("lap_minari", "lap-minari"), ("drives/lap", "lap")):
+        monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / folder))
+        assert minari.load_dataset(f"autodrive/{name}-v0").total_steps == 20
+
+
+def test_a_failed_export_names_the_file(lap: Recording, tmp_path: Path) -> None:
+    folder = tmp_path
+    while len(str(folder)) < 3900:
+        folder /= "x" * 180
+    folder /= "y" * (4095 - len(str(folder)) - 8)  # the folder can have this path, a file in it cannot
+    with pytest.raises(RecordingError, match=r"^cannot write: File name too long  \(.*/y+/[\w.]+\)$"):
+        export(lap, "csv", folder)
 
 
 def test_minari_loads_the_dataset(lap: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

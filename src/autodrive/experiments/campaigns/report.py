@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import autodrive
+from autodrive.base.svg_plot import scale, text
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.statistics import wilson
 
@@ -156,7 +157,7 @@ def _histogram(name: str, values: Floats) -> str:
     if not len(values):
         return ""
     counts, edges = np.histogram(values, bins=30)
-    x, y = _scale(edges, LEFT, WIDTH - RIGHT), _scale(np.array([0.0, max(1, counts.max())]), HEIGHT - BOTTOM, TOP)
+    x, y = scale(edges, LEFT, WIDTH - RIGHT), scale(np.array([0.0, max(1, counts.max())]), HEIGHT - BOTTOM, TOP)
     bars = "".join(
         f'<rect x="{x(a):.1f}" y="{y(n):.1f}" width="{max(0.5, x(b) - x(a) - 0.5):.1f}" '
         f'height="{y(0) - y(n):.1f}" fill="{COLOURS["done"]}"/>'
@@ -176,7 +177,7 @@ def _rates(path: str, values: Floats, passed: Any, options: list[str] | None = N
         edges = np.linspace(distinct[0], distinct[-1], BINS + 1)
         places = np.clip(np.digitize(values, edges) - 1, 0, BINS - 1)
         groups = [(float(edges[i] + edges[i + 1]) / 2, passed[places == i]) for i in range(BINS)]
-    x, y = _scale(values, LEFT + 8, WIDTH - RIGHT - 8), _scale(np.array([0.0, 1.0]), HEIGHT - BOTTOM, TOP)
+    x, y = scale(values, LEFT + 8, WIDTH - RIGHT - 8), scale(np.array([0.0, 1.0]), HEIGHT - BOTTOM, TOP)
     marks = []
     for at, of in groups:
         if len(of):
@@ -193,7 +194,7 @@ def _scatter(path: str, name: str, xs: Floats, ys: Floats, status: list[str]) ->
     is_finite = np.isfinite(xs) & np.isfinite(ys)
     if not is_finite.any():
         return ""
-    x, y = _scale(xs[is_finite], LEFT + 8, WIDTH - RIGHT - 8), _scale(ys[is_finite], HEIGHT - BOTTOM, TOP)
+    x, y = scale(xs[is_finite], LEFT + 8, WIDTH - RIGHT - 8), scale(ys[is_finite], HEIGHT - BOTTOM, TOP)
     points = "".join(
         f'<circle cx="{x(a):.1f}" cy="{y(b):.1f}" r="2" fill="{COLOURS[one]}" fill-opacity="0.6"/>'
         for a, b, one, ok in zip(xs.tolist(), ys.tolist(), status, is_finite.tolist(), strict=True)
@@ -206,19 +207,17 @@ def _figure(
     label: str, vertical: str, xs: Floats, ys: Floats, content: str, options: list[str] | None = None, *, inset: int = 0
 ) -> str:
     """A plot with its axes."""
-    x = _scale(xs, LEFT + inset, WIDTH - RIGHT - inset)
-    y = _scale(ys, HEIGHT - BOTTOM, TOP)
+    x = scale(xs, LEFT + inset, WIDTH - RIGHT - inset)
+    y = scale(ys, HEIGHT - BOTTOM, TOP)
     floor = HEIGHT - BOTTOM
     marks = [
         f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{floor}" y2="{floor}" stroke="#999"/>'
         f'<line x1="{LEFT}" x2="{LEFT}" y1="{TOP}" y2="{floor}" stroke="#999"/>'
     ]
-    places = enumerate(options) if options else ((value, _label(value)) for value in _ticks(xs))
-    for place, text in places:
-        marks.append(f'<text x="{x(float(place)):.1f}" y="{floor + 14}" text-anchor="middle">{escape(text)}</text>')
-    for value in _ticks(ys):
-        marks.append(f'<text x="{LEFT - 4}" y="{y(value) + 4:.1f}" text-anchor="end">{_label(value)}</text>')
-    marks.append(f'<text x="{(LEFT + WIDTH) / 2}" y="{HEIGHT - 4}" text-anchor="middle">{escape(label)}</text>')
+    places = enumerate(options) if options else ((value, _label(value)) for value in x.ticks)
+    marks += [text(x(float(place)), floor + 14, name, "middle") for place, name in places]
+    marks += [text(LEFT - 4, y(value) + 4, _label(value), "end") for value in y.ticks]
+    marks.append(text((LEFT + WIDTH) / 2, HEIGHT - 4, label, "middle"))
     name = escape(f"{vertical} by {label}")
     return (
         f'<figure><figcaption>{escape(vertical)}</figcaption><svg role="img" aria-label="{name}" width="{WIDTH}" '
@@ -229,18 +228,6 @@ def _figure(
 def _label(value: float) -> str:
     """Of a tick: short, also where three digits would need an exponent."""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
-
-
-def _ticks(values: Floats) -> list[float]:
-    low, high = float(np.min(values)), float(np.max(values))
-    return [low, (low + high) / 2, high] if high > low else [low]
-
-
-def _scale(values: Floats, start: float, end: float) -> Any:
-    """Places on an axis."""
-    low, high = float(np.min(values)), float(np.max(values))
-    span = (high - low) or 1.0
-    return lambda value: start + (value - low) / span * (end - start)
 
 
 def _text(value: Any) -> str:

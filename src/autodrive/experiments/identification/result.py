@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from autodrive.base.cache import write_file
+from autodrive.base.svg_plot import HEIGHT, Curves, panel
 from autodrive.recording.exports.comparison import PATH_HEIGHT, Comparison, paths
-from autodrive.recording.plot import HEIGHT, Curves, check_suffix, panel, write_panels
+from autodrive.recording.plot import check_suffix, write_panels
 
 
 @dataclass(frozen=True)

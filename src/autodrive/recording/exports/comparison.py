@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.suggest import suggest
+from autodrive.base.svg_plot import HEIGHT, LEFT, RIGHT, TOP, WIDTH, Curves, curve, legend, panel, text
 from autodrive.base.transforms import Vector, euler_from_quaternion, rotate
 from autodrive.base.units import DEGREE
 from autodrive.protocol.messages import Command, VehicleFrame
 from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.recorder_layout import DriveLog
-from autodrive.recording.plot import HEIGHT, LEFT, RIGHT, TOP, WIDTH, Curves, check_suffix, curve, legend, panel
-from autodrive.recording.plot import write_panels as write
+from autodrive.recording.plot import check_suffix, write_panels
 from autodrive.recording.resimulation import simulated_again
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
 from autodrive.world.factory import make
@@ -134,7 +134,7 @@ class Comparison:
             columns = [factor * self.differences[name] for name in names]
             above = PATH_HEIGHT + i * HEIGHT
             panels.append(panel(Curves(title, self.time, columns, names), above, self.time[0], self.time[-1]))
-        write(path, panels, PATH_HEIGHT + 3 * HEIGHT)
+        write_panels(path, panels, PATH_HEIGHT + 3 * HEIGHT)
 
 
 def compare_log(log: DriveLog, scenario: str | Path | ScenarioSpec | None = None, *, type_: str = "") -> Comparison:
@@ -230,7 +230,7 @@ def paths(drives: Mapping[str, Signals]) -> str:
     middle, extent = 0.5 * (least + most), np.maximum(most - least, 1e-3)
     width, height = WIDTH - RIGHT - LEFT, PATH_HEIGHT - TOP - 34
     scale = 0.95 * min(width / extent[0], height / extent[1])
-    parts = [f'<text x="{LEFT}" y="{TOP - 8}" font-weight="bold">path [m]</text>']
+    parts = [text(LEFT, TOP - 8, "path [m]", more='font-weight="bold"')]
     parts.append(f'<rect x="{LEFT}" y="{TOP}" width="{width}" height="{height}" fill="none" stroke="#ddd"/>')
     for i, ((x, y), name) in enumerate(zip(lines, drives, strict=True)):
         across, down = LEFT + width / 2 + scale * (x - middle[0]), TOP + height / 2 - scale * (y - middle[1])
@@ -239,9 +239,8 @@ def paths(drives: Mapping[str, Signals]) -> str:
     start, under = LEFT, TOP + height + 14
     parts.append(
         f'<path d="M{start} {under - 5}V{under}H{start + scale * bar:.1f}V{under - 5}" fill="none" stroke="black"/>'
-        f'<text x="{start + scale * bar + 8:.1f}" y="{under + 2}">{bar:g} m</text>'
     )
-    return "".join(parts)
+    return "".join([*parts, text(start + scale * bar + 8, under + 2, f"{bar:g} m")])
 
 
 def _round_length(length: float) -> float:

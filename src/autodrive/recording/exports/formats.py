@@ -69,7 +69,8 @@ def export(
             with contextlib.suppress(OSError):  # the file system may be read-only
                 target.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise RecordingError(f"cannot write: {error.strerror or error}  ({target})") from None
+            file = error.filename if isinstance(error.filename, str) else target
+            raise RecordingError(f"cannot write: {error.strerror or error}  ({file})") from None
         raise
     return target
 

@@ -29,7 +29,7 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     ]
     name = "".join(letter if letter.isalnum() else "-" for letter in path.stem).strip("-") or "drive"
     before = os.environ.get("MINARI_DATASETS_PATH")
-    os.environ["MINARI_DATASETS_PATH"] = str(path)
+    os.environ["MINARI_DATASETS_PATH"] = str(path.absolute())  # Minari joins a relative one twice
     path.mkdir(parents=True)
     try:
         minari.create_dataset_from_buffers(

@@ -8,6 +8,7 @@ import numpy as np
 import resvg_py
 
 from autodrive.base.arrays import Floats
+from autodrive.base.svg_plot import line, svg, text
 from autodrive.scenario.tracks import Track
 
 WIDTH = 1600.0
@@ -41,17 +42,18 @@ def driven_lines_svg(track: Track, driven: Mapping[str, Floats]) -> str:
     speeds = np.concatenate([np.zeros(1), *(rows[:, 2] for rows in driven.values())])
     fastest = max(1.0, float(np.ceil(speeds.max())))
     start = np.vstack([right[:1], left[:1]])
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH:g}" height="{height + BAR:.0f}" '
-        f'viewBox="0 0 {WIDTH:g} {height + BAR:.0f}"><rect width="100%" height="100%" fill="#ffffff"/>',
-        f'<path d="{_closed(pixels(right))}{_closed(pixels(left))}" fill="#d9d9d6" fill-rule="evenodd"/>',
-        *(f'<path d="{_closed(pixels(wall))}" fill="none" stroke="#333" stroke-width="3"/>' for wall in track.walls),
-        f'<path d="{_open(pixels(start))}" stroke="#d00" stroke-width="4"/>',
+    edge, other_edge, *walls = (line(pixels(rows), is_closed=True) for rows in (right, left, *track.walls))
+    size = WIDTH, round(height + BAR)
+    return svg(
+        *size,
+        '<rect width="100%" height="100%" fill="#ffffff"/>',
+        f'<path d="{edge}{other_edge}" fill="#d9d9d6" fill-rule="evenodd"/>',
+        *(f'<path d="{wall}" fill="none" stroke="#333" stroke-width="3"/>' for wall in walls),
+        f'<path d="{line(pixels(start))}" stroke="#d00" stroke-width="4"/>',
         *(part for rows in driven.values() if len(rows) > 1 for part in _line(pixels(rows), rows, fastest)),
         *_scale(height, fastest),
-        "</svg>",
-    ]
-    return "".join(parts)
+        box=(0.0, 0.0, *size),
+    )
 
 
 def _line(pixels: Floats, rows: Floats, fastest: float) -> Iterator[str]:
@@ -62,10 +64,7 @@ def _line(pixels: Floats, rows: Floats, fastest: float) -> Iterator[str]:
     for number in range(LEVELS):
         steps = np.flatnonzero(is_driven & (level == number))
         if len(steps):
-            d = "".join(
-                f"M{x:.1f} {y:.1f}L{u:.1f} {v:.1f}"
-                for (x, y), (u, v) in zip(pixels[steps], pixels[steps + 1], strict=True)
-            )
+            d = "".join(line(pixels[i : i + 2]) for i in steps)
             yield f'<path d="{d}" fill="none" stroke="{_colour(number)}" stroke-width="3" stroke-linecap="round"/>'
 
 
@@ -77,21 +76,11 @@ def _scale(top: float, fastest: float) -> Iterator[str]:
         box = f'x="{x:.1f}" y="{top + 10:.0f}" width="{width / LEVELS + 1:.1f}" height="22"'
         yield f'<rect {box} fill="{_colour(number)}"/>'
     for share in (0.0, 0.5, 1.0):
-        yield (
-            f'<text x="{left + share * width:.0f}" y="{top + 62:.0f}" font-size="26" font-family="sans-serif" '
-            f'text-anchor="middle" fill="#222">{share * fastest:g} m/s</text>'
-        )
+        font = 'font-size="26" font-family="sans-serif" fill="#222"'
+        yield text(left + share * width, top + 62, f"{share * fastest:g} m/s", "middle", font)
 
 
 def _colour(level: int) -> str:
     at = level / (LEVELS - 1) * (len(COLOURS) - 1)
     rgb = [np.interp(at, range(len(COLOURS)), COLOURS[:, channel]) for channel in range(3)]
     return "#" + "".join(f"{round(float(value)):02x}" for value in rgb)
-
-
-def _open(pixels: Floats) -> str:
-    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in pixels)
-
-
-def _closed(pixels: Floats) -> str:
-    return _open(pixels) + "Z"
