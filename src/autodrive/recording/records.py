@@ -13,7 +13,7 @@ from autodrive.protocol.messages import Command, Event, Frame, VehicleFrame
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.wire import Message, Schemas
 from autodrive.scenario import MAX_VEHICLES
-from autodrive.scenario.maps.map import MAX_PLACEMENTS
+from autodrive.scenario.maps.spec import MAX_PLACEMENTS
 from autodrive.world.observer import Request
 
 FORMAT = 2
