@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-import autodrive.connect.devkit
+import autodrive.devkit
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.camera_imperfections import PRESETS
 from autodrive.protocol.messages import CameraImage
@@ -130,7 +130,7 @@ def test_the_camera_program_of_the_document_runs(gl: str) -> None:
 def test_the_devkit_program_of_the_document_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     code, *_ = re.findall(r"```python\n(.*?)```", (DOCS / "python.md").read_text(), flags=re.DOTALL)
     given: list[Any] = []
-    monkeypatch.setattr(autodrive.connect.devkit, "drive", lambda step, *things: given.extend((step, *things)))
+    monkeypatch.setattr(autodrive.devkit, "drive", lambda step, *things: given.extend((step, *things)))
     exec(code, {})
     step, nigel = given
     nigel.parse_data({"V1 LIDAR Range Array": "0.2 3.0"})
@@ -140,5 +140,5 @@ def test_the_devkit_program_of_the_document_answers(monkeypatch: pytest.MonkeyPa
 
 def test_the_devkit_document_names_what_a_vehicle_has() -> None:
     document = (DOCS / "python.md").read_text()
-    names = {name for name in vars(autodrive.connect.devkit.Nigel()) if not name.startswith("_")} - {"id"}
+    names = {name for name in vars(autodrive.devkit.Nigel()) if not name.startswith("_")} - {"id"}
     assert not {name for name in names if f"`{name}`" not in document}

@@ -151,7 +151,7 @@ def writes(module: Path) -> set[str]:
 
 
 def test_every_place_that_writes_is_attacked_here() -> None:
-    modules = {"/".join(path.relative_to(PACKAGE).parts[-2:]): path for path in PACKAGE.rglob("*.py")}
+    modules = {path.relative_to(PACKAGE).as_posix(): path for path in PACKAGE.rglob("*.py")}
     assert {name: found for name, path in modules.items() if (found := writes(path))} == OTHERS
     callers = {name for name, path in modules.items() if FUNCTIONS & _calls(path)}
     assert callers == {name.partition(",")[0] for name in (*COMMANDS, *PROGRAMS)} | CACHES | EXPORTS

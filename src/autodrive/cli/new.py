@@ -68,7 +68,7 @@ def new(
 ) -> None:
     """Write a commented start of your own vehicle, map, scenario or driver into this folder."""
     from autodrive.base.cache import write_file
-    from autodrive.base.specs import find
+    from autodrive.base.yaml_files import find
 
     path = Path(f"{name.removesuffix('.yaml').removesuffix('.py')}.{'py' if what is Start.driver else 'yaml'}")
     if path.exists():

@@ -15,7 +15,7 @@ import autodrive
 from autodrive.base.cache import check_writable, make_folder
 from autodrive.base.errors import AutodriveError
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED, Pace
-from autodrive.base.specs import find
+from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
 from autodrive.connect.bridge.one_vehicle import OWN

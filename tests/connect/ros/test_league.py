@@ -16,7 +16,7 @@ import yaml
 
 import autodrive
 from autodrive import Command, Frame, Simulation
-from autodrive.base.specs import find
+from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.ros import Bridge, Config, Message, Topic
 from autodrive.connect.ros.source import VehicleInfo

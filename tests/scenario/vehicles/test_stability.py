@@ -7,7 +7,7 @@ import pytest
 
 import autodrive
 from autodrive import SpecError
-from autodrive.base.specs import names
+from autodrive.base.yaml_files import names
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.vehicles import stability
 from autodrive.scenario.vehicles.spec import load_vehicle
