@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from autodrive.base.errors import CommandError as CommandError
     from autodrive.base.errors import EngineError as EngineError
     from autodrive.base.errors import NoImageError as NoImageError
+    from autodrive.base.errors import SensorError as SensorError
     from autodrive.base.errors import SnapshotError as SnapshotError
     from autodrive.base.errors import SpecError as SpecError
     from autodrive.base.errors import WorldInUseError as WorldInUseError
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import Lights as Lights
     from autodrive.protocol.messages import ObjectFrame as ObjectFrame
     from autodrive.protocol.messages import OffRoad as OffRoad
+    from autodrive.protocol.messages import OwnReading as OwnReading
     from autodrive.protocol.messages import Pose as Pose
     from autodrive.protocol.messages import RacePenalty as RacePenalty
     from autodrive.protocol.messages import RaceState as RaceState
@@ -79,6 +81,7 @@ _HOME = {
         "CommandError",
         "EngineError",
         "NoImageError",
+        "SensorError",
         "SnapshotError",
         "SpecError",
         "WorldInUseError",
@@ -101,6 +104,7 @@ _HOME = {
         "Lights",
         "ObjectFrame",
         "OffRoad",
+        "OwnReading",
         "Pose",
         "RacePenalty",
         "RaceState",

@@ -11,7 +11,7 @@ from autodrive.base import specs
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Kind, Spec, find, names, read, suggest
-from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_sensors_of
 from autodrive.scenario.maps.map import Map, MapSpec, load_map
 from autodrive.scenario.maps.module import ModuleSpec, load_module
 from autodrive.scenario.tracks.checks import track_errors
@@ -86,7 +86,7 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
             from autodrive.world.compile import compile_scenario, placement_errors
 
             errors += placement_errors(spec, source)
-            compile_scenario(spec, source)
+            compile_scenario(with_sensors_of(spec, path.parent), source)
     except SpecError as error:
         errors += error.errors
     if errors:

@@ -14,6 +14,8 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
+
 from autodrive import __version__
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import (
@@ -23,6 +25,7 @@ from autodrive.protocol.messages import (
     Frame,
     Hold,
     LidarScan,
+    OwnReading,
     Reset,
     Retire,
     SaveScenario,
@@ -45,6 +48,7 @@ from autodrive.recording.records import (
     ResetTo,
     Restored,
     ScenarioRecord,
+    SensorAdded,
     States,
     StatusRecord,
 )
@@ -285,6 +289,7 @@ class Recorder:
             spec=world.spec.model_dump(mode="json") | {"seed": world.seed},
             files=files,
             is_start=frame.tick == 0,
+            own_sensors={name: [*vehicle.own] for name, vehicle in frame.vehicles.items() if vehicle.own},
         )
 
     # -- the queue -------------------------------------------------------------------------------------------------
@@ -383,6 +388,8 @@ class _Encoding:
         self._has_meshes = has_meshes
         self._states = States()
         self._scans: dict[str, LidarScan] = {}
+        self._own: dict[tuple[str, str], OwnReading] = {}
+        self._own_message = Layout(OwnReading)
         self._images: dict[tuple[str, str], _WrittenImage] = {}
         self._next_transforms = 0
         self._mounts: dict[str, Any] = {}
@@ -406,6 +413,7 @@ class _Encoding:
         }
         output.begin(self.about)
         self._scans.clear()
+        self._own.clear()
         self._mounts = {name: spec.sensors.lidar for name, spec in world.vehicle_specs.items()}
         attachments: dict[str, str] = {}
         if self._has_meshes:
@@ -419,7 +427,7 @@ class _Encoding:
         self.json(
             output,
             records.SCENARIO,
-            ScenarioRecord(record.tick, record.name, record.spec, record.files, record.is_start, attachments),
+            replace(record, attachments=attachments),
             now,
             record.tick,
         )
@@ -448,6 +456,11 @@ class _Encoding:
                     foxglove.LASER_SCAN.encode(message),
                     foxglove.LASER_SCAN,
                 )
+            for sensor, reading in vehicle.own.items():
+                if reading is not self._own.get((name, sensor)):
+                    self._own[name, sensor] = reading
+                    topic, data = records.own_topic(name, sensor), self._own_message.encode(reading)
+                    output.add(topic, now, simulated, tick, data, self._own_message)
             times: dict[str, float] = {}
             for camera, image in vehicle.cameras.items():
                 written = self._image(output, name, camera, image, now, simulated, tick, is_wanted=has_new_images)
@@ -857,6 +870,7 @@ def _hold(vehicle: str, position: Any, orientation: Any = (1.0, 0.0, 0.0, 0.0)) 
 
 _REQUESTS: dict[str, Callable[..., Request | None]] = {
     "set_poses": _poses,
+    "add_sensor": lambda vehicle, name, sensor: SensorAdded(vehicle, name),
     "set_driving_mode": lambda vehicle, is_autonomous: SetDrivingMode(vehicle, bool(is_autonomous)),
     "hold": _hold,
     "retire": lambda vehicle, reason="", *, is_disqualified=False: Retire(vehicle, reason, is_disqualified),

@@ -7,13 +7,14 @@ import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import simplejpeg
 
-from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, VehicleFrame
+from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, OwnReading, VehicleFrame
 from autodrive.protocol.native import Picture
 from autodrive.recording import mcap, records, tables
 from autodrive.recording.errors import RecordingError
@@ -61,6 +62,7 @@ class Recording:
         schemas = self._schemas()
         self._states = States(schemas)
         self.scan_message = Message(LaserScan, schemas=schemas)
+        self.own_message = Message(OwnReading, schemas=schemas)
         self._image = Message(CompressedImage, schemas=schemas)
         self._frame_channel = self._ids.get(records.FRAME, -1)
         self._reported: set[str] = set()
@@ -187,6 +189,15 @@ class Recording:
         names = (topic.removeprefix(start) for topic in self._ids if topic.startswith(start))
         return tuple(sorted(name for name in names if "/" not in name))
 
+    def own_sensors(self, vehicle: str) -> dict[str, tuple[str, ...]]:
+        """Names of the sensors of the user on a vehicle, and the columns of the first reading of each."""
+        start = records.own_topic(vehicle, "")
+        found: dict[str, tuple[str, ...]] = {}
+        for topic in sorted(topic for topic in self._ids if topic.startswith(start)):
+            for _, message in islice(self._of_topic(topic), 1):
+                found[topic.removeprefix(start)] = self.own_message.struct(message.data).columns
+        return found
+
     @property
     def attachments(self) -> tuple[str, ...]:
         """Names of the files in the recording, such as meshes."""
@@ -272,6 +283,7 @@ class Recording:
         values["lidar"] = self._lidar(name, values["lidar"], chunk, i)
         times: Mapping[str, float] = values["cameras"]
         values["cameras"] = LazyImages(times, lambda camera: self._picture(name, camera, chunk, i))
+        values["own"] = self._own(name, values["own"], chunk, i)
         return VehicleFrame(**values)
 
     def _lidar(self, vehicle: str, time: float | None, chunk: int, i: int) -> LidarScan | None:
@@ -280,6 +292,12 @@ class Recording:
         found = self._last(records.scan_topic(vehicle), chunk, i)
         scan = None if found is None else lidar_scan(self.scan_message.struct(found.data))
         return scan if scan is not None and scan.time == time else None
+
+    def _own(self, vehicle: str, times: Mapping[str, float], chunk: int, i: int) -> dict[str, OwnReading]:
+        """The latest reading of each sensor of the user; without those that were not recorded."""
+        found = {name: self._last(records.own_topic(vehicle, name), chunk, i) for name in times}
+        readings = {name: self.own_message.struct(one.data) for name, one in found.items() if one is not None}
+        return {name: reading for name, reading in readings.items() if reading.time == times[name]}
 
     def _last(self, topic: str, chunk: int, i: int) -> mcap.Message | None:
         """The last message of a topic before message i of a chunk."""

@@ -37,12 +37,16 @@ def files_of(spec: ScenarioSpec) -> dict[str, str]:
 
 
 def scenario_from(record: ScenarioRecord, folder: Path) -> ScenarioSpec:
-    """The scenario of a recording, with its files written to a folder. Raises `RecordingError`."""
+    """The scenario of a recording, with its files written to a folder. Raises `RecordingError`.
+
+    Without the sensors of the user: a recording neither contains nor runs their code.
+    """
     try:
         spec = specs.checked(dict(record.spec), ScenarioSpec)
         paths = {name: _written(name, text, folder, record.files) for name, text in record.files.items()}
         vehicles = {
-            name: one.model_copy(update={"type": paths[f"vehicle/{one.type}"]}) for name, one in spec.vehicles.items()
+            name: one.model_copy(update={"type": paths[f"vehicle/{one.type}"], "own_sensors": {}})
+            for name, one in spec.vehicles.items()
         }
         race = spec.race or (RaceSpec() if "ruleset/practice" in paths else None)
         if race is not None:

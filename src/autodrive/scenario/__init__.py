@@ -11,3 +11,4 @@ from autodrive.scenario.scenario import ScenarioSpec as ScenarioSpec
 from autodrive.scenario.scenario import VehiclePlacement as VehiclePlacement
 from autodrive.scenario.scenario import load_scenario as load_scenario
 from autodrive.scenario.scenario import scenario_text as scenario_text
+from autodrive.scenario.scenario import with_sensors_of as with_sensors_of

@@ -8,11 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
 
-from autodrive.base.errors import EngineError, SpecError
+from autodrive.base.errors import EngineError, SensorError, SpecError
+from autodrive.base.python_files import load
 from autodrive.base.specs import Source, suggest
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
@@ -20,6 +22,7 @@ from autodrive.physics.engine import Engine, Geom, Views
 from autodrive.physics.grid import fixed_grid
 from autodrive.physics.model import Model, Shapes
 from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.own import OwnSensors, problem
 from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
@@ -45,6 +48,7 @@ class Compiled:
     configured: dict[str, dict[str, ConfiguredSensor]]
     """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
     sensors: SensorSuite
+    own_sensors: OwnSensors
     cameras: dict[str, dict[str, CameraSpec]]
     """Cameras that are on, by vehicle name and camera name."""
     model: Model
@@ -74,10 +78,11 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
         raise SpecError(errors, source.path)
     spec = on_grid(spec, map_)
     configured, wrong_sensors = _configured(spec, vehicles)
+    own_sensors, wrong_own_sensors = _own_sensors(spec, configured, source)
     boxes, unknown_boxes = _boxes(spec, map_, source)
     race, wrong_race = _race(spec, map_, source)
     twice = _names_used_twice(spec, map_, boxes, source)
-    errors += [*wrong_sensors, *unknown_boxes, *wrong_race, *twice]
+    errors += [*wrong_sensors, *wrong_own_sensors, *unknown_boxes, *wrong_race, *twice]
     if len(boxes) > MAX_BOXES:
         errors.append(
             f"{source.at('boxes')}: {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
@@ -111,6 +116,20 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
         shapes=shapes,
     )
     state = empty_state(model, engine.body_count)
+    objects = {box.name: engine.body(box.name)[1] for box in boxes}
+    own = OwnSensors(
+        {name: list(of) for name, of in configured.items()},
+        {name: engine.body(name)[1] for name in vehicles} | objects,
+        shapes,
+        state,
+        substep=Fraction(str(spec.substep)),
+        substeps=spec.substeps,
+    )
+    for (vehicle, name), sensor in own_sensors.items():
+        try:
+            own.add(vehicle, name, sensor)
+        except SensorError as error:
+            raise SpecError([f"{source.at('vehicles', vehicle, 'own_sensors', name)}: {error}"], source.path) from None
     geom_vehicle = np.array([body_vehicle.get(body, -1) for body in engine.geom_bodies], dtype=np.int64)
     return Compiled(
         spec=spec,
@@ -125,6 +144,7 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
             substeps=spec.substeps,
             gravity=spec.gravity,
         ),
+        own_sensors=own,
         cameras=_cameras(configured),
         model=model,
         state=state,
@@ -132,7 +152,7 @@ def compile_scenario(spec: ScenarioSpec, source: Source | None = None) -> Compil
         views=engine.views(),
         contacts=vehicle_contacts(len(vehicles), geom_vehicle),
         scratch=scratch(model, engine.body_count),
-        objects={box.name: engine.body(box.name)[1] for box in boxes},
+        objects=objects,
         boxes=boxes,
         race=race,
         owners=_owners(engine),
@@ -347,6 +367,27 @@ def _configured(
         except SpecError as error:
             errors += [f"vehicles.{name}.sensors.{one}" for one in error.errors]
     return configured, errors
+
+
+def _own_sensors(
+    spec: ScenarioSpec, configured: Mapping[str, Mapping[str, object]], source: Source
+) -> tuple[dict[tuple[str, str], Any], list[str]]:
+    """The sensors of the user by vehicle and name, and errors."""
+    errors: list[str] = []
+    sensors: dict[tuple[str, str], Any] = {}
+    for vehicle, known in configured.items():
+        for name, reference in spec.vehicles[vehicle].own_sensors.items():
+            file, _, member = reference.rpartition(":")
+            try:
+                sensor = sensors[vehicle, name] = load(Path(file), member)()
+                wrong = problem(name, sensor, [*known])
+            except OSError as error:
+                wrong = f"file '{file}' cannot be read: {error.strerror or error}"
+            except Exception as error:
+                wrong = f"'{reference}' cannot be loaded: {type(error).__name__}: {error}"
+            if wrong:
+                errors.append(f"{source.at('vehicles', vehicle, 'own_sensors', name)}: {wrong}")
+    return sensors, errors
 
 
 def _cameras(configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, dict[str, CameraSpec]]:

@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import math
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -18,6 +18,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, EngineError
 from autodrive.base.jit import resolved
 from autodrive.base.transforms import Quaternion, Vector, euler_from_quaternion, quaternion_from_yaw
+from autodrive.physics.sensors.own import OwnSensor, problem
 from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, copied, numbers
 from autodrive.physics.tick import advance, place
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
@@ -137,8 +138,8 @@ class World(OneThread):
         """Run one tick with these commands; a vehicle without a command keeps its last one until its time-out.
 
         Raises `CommandError` for anything but a dictionary of Commands, an unknown vehicle or a value that is not
-        finite; nothing has moved then. Raises `EngineError` if the physics cannot continue; after that, call `reset`
-        or `restore`.
+        finite; nothing has moved then. Raises `EngineError` if the physics cannot continue, and `SensorError` if a
+        sensor of the user fails; after that, call `reset` or `restore`.
         """
         c, controls, race = self._compiled, self._controls, self.race
         if commands is not None:
@@ -207,6 +208,7 @@ class World(OneThread):
         if self.race is not None:
             self.race.reset(self._ground_poses(), c.state.vehicle_position)
         c.sensors.reset(self._seed)
+        c.own_sensors.reset(self._seed)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._sample()
@@ -327,9 +329,29 @@ class World(OneThread):
             self.race.restore(before.race.save())
         place(c.model, c.state, c.views)
         c.sensors.continue_from(b.sensors, self._seed, self._tick * self._substeps)
+        c.own_sensors.continue_from(b.own_sensors)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._show(is_moved=True)
+
+    @by_one_thread
+    def add_sensor(self, vehicle: str, name: str, sensor: OwnSensor) -> None:
+        """Add a sensor of your own to a vehicle: an object with `rate`, `columns` and `sample(view, random)`.
+
+        It samples now, and then at its rate; the readings are in `VehicleFrame.own`. The object belongs to this world:
+        a reset and `restore` set its attributes back. Raises `CommandError` for an unknown vehicle, a name that is
+        taken, and what is no sensor, and `SensorError` if it cannot sample; then nothing has changed.
+        """
+        self._controls.index(vehicle)
+        own = self._compiled.own_sensors
+        if wrong := problem(name, sensor, own.names(vehicle)):
+            raise CommandError(f"sensor {reprlib.repr(name)} of vehicle '{vehicle}': {wrong}")
+        own.add(vehicle, name, sensor, self._seed, self._tick * self._substeps)
+        self._show()
+
+    def watch_sensors(self, clock: Callable[[], float]) -> None:
+        """Log a warning for each sensor of the user that is slow; `clock` returns the wall time [s]."""
+        self._compiled.own_sensors.clock = clock
 
     @by_one_thread
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
@@ -399,6 +421,7 @@ class World(OneThread):
             referee=self._referee.save(),
             race=self.race and self.race.save(),
             sensors=c.sensors.save(),
+            own_sensors=c.own_sensors.save(),
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
             light=self._light,
@@ -421,6 +444,7 @@ class World(OneThread):
             needs_cameras=self._cameras is not None and self._cameras.save() is not None,
         )
         c = self._compiled
+        c.own_sensors.check(saved.own_sensors)
         c.engine.forget_warnings()
         self._tick, self._seed, self.frame = saved.tick, saved.seed, saved.frame
         c.contacts.impulse[:] = 0.0
@@ -431,6 +455,7 @@ class World(OneThread):
         if self.race is not None:
             self.race.restore(saved.race)
         c.sensors.restore(saved.sensors)
+        c.own_sensors.restore(saved.own_sensors)
         if self._cameras is not None:
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
@@ -494,7 +519,10 @@ class World(OneThread):
         ]
 
     def _sample(self) -> None:
-        self._compiled.sensors.sample(self._tick * self._substeps)
+        now = self._tick * self._substeps
+        self._compiled.sensors.sample(now)
+        if self._compiled.own_sensors.placed:
+            self._compiled.own_sensors.sample(now)
 
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""

@@ -14,8 +14,8 @@ from autodrive.base.jit import jit_uncounted
 from autodrive.base.transforms import Quaternion, Vector, compose, rotate
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.model import Shapes
-from autodrive.physics.ray import inverse_distance, misses_sphere
 from autodrive.physics.sensors.noise import NoiseSpec
+from autodrive.physics.sensors.rays import inverse_range
 from autodrive.physics.sensors.sensor import Distance, Mount, Rate, SensorSpec
 
 
@@ -83,34 +83,13 @@ def nearest(
     if pz <= 0.0:
         return math.inf
     nearest = 0.0
-    kind, size = shapes.kind, shapes.size
     found = shapes_near(shapes, px, py, range_max, near)
     for i in range(len(rays)):
         ray = rotate(map_from_sensor, (rays[i, 0], rays[i, 1], rays[i, 2]))
         if sees_ground:
             nearest = max(nearest, -ray[2] / pz)
-        for k in range(found):
-            g = near[k]
-            if shapes.vehicle[g] == vehicle:
-                continue
-            dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
-            if misses_sphere((dx, dy, dz), ray, float(shapes.bounding_radius[g]), range_max):
-                continue
-            inverse_range = inverse_distance(
-                int(kind[g]),
-                (size[g, 0], size[g, 1], size[g, 2]),
-                _in_shape(shape_rotation, g, (-dx, -dy, -dz)),
-                _in_shape(shape_rotation, g, ray),
-            )
-            nearest = max(nearest, inverse_range)
+        nearest = max(
+            nearest,
+            inverse_range((px, py, pz), ray, range_max, vehicle, shapes, shape_position, shape_rotation, near, found),
+        )
     return nearest
-
-
-@jit_uncounted
-def _in_shape(rotation: Floats, g: int, v: Vector) -> Vector:
-    """Transform a vector from the map frame to the axes of shape g."""
-    return (
-        v[0] * rotation[g, 0] + v[1] * rotation[g, 3] + v[2] * rotation[g, 6],
-        v[0] * rotation[g, 1] + v[1] * rotation[g, 4] + v[2] * rotation[g, 7],
-        v[0] * rotation[g, 2] + v[1] * rotation[g, 5] + v[2] * rotation[g, 8],
-    )

@@ -71,6 +71,10 @@ class BatchWorld(OneThread):
         if engine not in ("auto", "always"):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
         spec, text = read_scenario(scenario)
+        if any(one.own_sensors for one in spec.vehicles.values()):
+            raise CommandError(
+                "a BatchWorld has no sensors of the user: remove 'own_sensors' from the scenario, or make single Worlds"
+            )
         self._compiled = c = compile_scenario(spec, text)
         self.n = n
         self.spec = spec

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Protocol, get_args
 
-from autodrive.base.errors import AutodriveError, CommandError, EngineError
+from autodrive.base.errors import AutodriveError, CommandError, EngineError, SensorError
 from autodrive.base.pace import Pace
 from autodrive.protocol.commands import check_command, check_commands, is_number
 from autodrive.protocol.messages import (
@@ -77,9 +77,9 @@ class Simulation(Publisher):
 
     `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario: by
     name for `LoadScenario`, by Spec for edits; it raises `AutodriveError` if it cannot. With `pause_on_error` an
-    `EngineError` pauses the simulation and is kept in `error`, and an unexpected error of a request is logged;
-    otherwise both end the run. `clock` replaces the wall clock, for tests. All methods may be called from any thread;
-    only one thread at a time uses the World: the simulation's own, except for Steps that run `here`.
+    `EngineError` or `SensorError` pauses the simulation and is kept in `error`, and an unexpected error of a request is
+    logged; otherwise both end the run. `clock` replaces the wall clock, for tests. All methods may be called from any
+    thread; only one thread at a time uses the World: the simulation's own, except for Steps that run `here`.
     """
 
     def __init__(
@@ -101,6 +101,7 @@ class Simulation(Publisher):
         self._editor = Editor(load)
         self._pause_on_error = pause_on_error
         self._clock: Clock = clock or WallClock()
+        world.watch_sensors(self._clock.now)
         self._is_paused = is_paused
         self._pace = Pace(world.tick_duration, speed)
         self._observers: tuple[Observer, ...] = ()
@@ -347,7 +348,7 @@ class Simulation(Publisher):
     def _tick_or_pause(self) -> None:
         try:
             self._tick()
-        except EngineError as error:
+        except (EngineError, SensorError) as error:
             if not self._pause_on_error:
                 raise
             log.error("%s; the simulation is paused", error)
@@ -436,6 +437,7 @@ class Simulation(Publisher):
         before, self.world = self.world, world
         if world is not before:
             before.close()
+            world.watch_sensors(self._clock.now)
             self._pace.set_tick_duration(world.tick_duration, self._clock.now())
 
     def _ticks_in(self, duration: float | None) -> float:
