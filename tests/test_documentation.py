@@ -48,7 +48,6 @@ RUN_BY = {
     "race_car.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "scenarios.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "tracks.md": {"python": "tests/scenario/tracks/test_document.py", "yaml": "tests/scenario/tracks/test_document.py"},
-    "testing.md": {"python": "tests/test_documentation.py"},
     "vehicle.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
 }
 """Document -> language of its blocks -> the test that runs them. Blocks for a shell are checked below."""
@@ -148,11 +147,6 @@ def check_command(words: list[str], commands: dict[str, Any], path: Path) -> Non
             assert not word.startswith(("examples/", "benchmarks/")) or (ROOT / word).is_file(), where
     else:
         assert program.rpartition("bin/")[2] in FOREIGN, where
-
-
-def test_the_program_of_the_page_on_testing_runs() -> None:
-    ((_, code),) = (block for block in blocks(ROOT / "docs/testing.md") if block[0] == "python")
-    exec(compile(code, "docs/testing.md", "exec"), {})
 
 
 @pytest.mark.slow

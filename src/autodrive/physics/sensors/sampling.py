@@ -244,6 +244,6 @@ def _elapsed(times: Floats, s: int, time: float) -> float:
 def _add_noise(
     noise: NoiseColumns, k: int, i: int, s: int, first: int, last: int, elapsed: float, values: Floats
 ) -> None:
-    """See `Noise.add`; `first` to `last` - 1 are the channels of sensor s."""
+    """See `corrupt`; `first` to `last` - 1 are the channels of sensor s."""
     if noise.is_noisy[k, i, s]:
         corrupt(values, noise.channels[k, i, first:last], noise.bias[k, i, first:last], noise.stream[k, i, s], elapsed)

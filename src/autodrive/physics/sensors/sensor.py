@@ -1,21 +1,18 @@
-"""Base of all sensors: mount, schedule, noise source and `sample`."""
+"""What all sensors have: mount, rate, schedule and random stream."""
 
 from __future__ import annotations
 
 import hashlib
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
 from math import hypot, radians
-from typing import Annotated, Any, Generic, Protocol, Self, TypeAlias, TypeVar
+from typing import Annotated, Self, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from autodrive.base.specs import Degrees, Offset, Spec
 from autodrive.base.transforms import Quaternion, quaternion_from_euler
-from autodrive.physics.model import Shapes
-from autodrive.physics.state import State
 
 Rate: TypeAlias = Annotated[float, Field(ge=1e-3, le=1e4)]
 """Samples per second [Hz]."""
@@ -87,53 +84,6 @@ class Schedule:
         newest = now * self.samples // self.substeps
         previous = -1 if before is None else before * self.samples // self.substeps
         return newest > previous
-
-
-R = TypeVar("R")
-
-
-class Errors(Protocol):
-    """Noise source of a sensor."""
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Use a new random stream and draw the errors that are constant until the next reset."""
-        ...
-
-    def save(self) -> Any:
-        """The complete internal state, for `restore`."""
-        ...
-
-    def restore(self, saved: Any) -> None:
-        """Set the state that `save` returned."""
-        ...
-
-
-class Sensor(ABC, Generic[R]):
-    """Base class of a sensor of one vehicle; `latest` is the newest reading, None before the first."""
-
-    def __init__(self, errors: Errors | None) -> None:
-        self._errors = errors
-        self.latest: R | None = None
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Delete the latest reading and draw the noise from `rng` from now on."""
-        self.latest = None
-        if self._errors is not None:
-            self._errors.reset(rng)
-
-    @abstractmethod
-    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> R | None:
-        """The reading of the vehicle with index `vehicle` at `time` [s]; None while the first is not complete."""
-
-    def save(self) -> Any:
-        """The complete internal state, for `restore`."""
-        return self.latest, None if self._errors is None else self._errors.save()
-
-    def restore(self, saved: Any) -> None:
-        """Set the state that `save` returned."""
-        self.latest, errors = saved
-        if self._errors is not None:
-            self._errors.restore(errors)
 
 
 def random_generator(seed: int, vehicle: str, sensor: str) -> np.random.Generator:
