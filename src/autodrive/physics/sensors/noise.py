@@ -33,6 +33,11 @@ class NoiseSpec(Spec):
         """Whether there is no noise."""
         return not (self.sigma or self.offset or self.walk or self.step)
 
+    def scaled(self, factor: float) -> NoiseSpec:
+        """`factor` times the noise; the resolution stays."""
+        scaled = {"sigma": factor * self.sigma, "offset": factor * self.offset, "walk": factor * self.walk}
+        return self.model_copy(update=scaled)
+
 
 @jit_uncounted
 def corrupt(values: Floats, spec: Floats, bias: Floats, stream: Stream, elapsed: float) -> None:
