@@ -25,7 +25,7 @@ DOCUMENTS = sorted(
 BLOCK = re.compile(r"^```([\w-]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 RUN_BY = {
-    "adding_a_sensor.md": {"yaml": "tests/test_docs.py"},
+    "adding_a_sensor.md": {"python": "tests/test_adding_a_sensor.py", "yaml": "tests/test_adding_a_sensor.py"},
     "README.md": {"python": "tests/test_readme.py", "yaml": "tests/test_readme.py"},
     "client.md": {"python": "tests/connect/client/test_document.py"},
     "cpp.md": {"cpp": "tests/clients/test_cpp_docs.py", "cmake": "tests/clients/test_cpp_docs.py"},

@@ -61,6 +61,10 @@ class Calling:
         return self.function(view)
 
 
+def nothing(view: SensorView) -> float:
+    return 0.0
+
+
 def world_with(**sensors: Any) -> World:
     world = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(y=2.0)}))
     for name, sensor in sensors.items():
@@ -247,13 +251,13 @@ def test_sensors_go_on_in_the_world_of_an_edit(tmp_path: Path) -> None:
         ("first", Counting(), "the vehicle has a sensor 'first' already"),
         ("own", Counting, "not the class Counting"),
         ("own", object(), "not object"),
-        ("own", Calling(float, rate=0.0), "`rate` must be a number from 0.001 to 10000 Hz, or None, not 0.0"),
-        ("own", Calling(float, rate=math.nan), "`rate` must be a number"),
-        ("own", Calling(float, rate="20"), "`rate` must be a number"),  # type: ignore[arg-type]
-        ("own", Calling(float, columns="speed"), "`columns` must be 1 to 10000 names"),
-        ("own", Calling(float, columns=()), "`columns` must be 1 to 10000 names"),
-        ("own", Calling(float, columns=("a", 3)), "a name in `columns` is a text of 1 to 100 characters, not 3"),
-        ("own", Calling(float, columns=("a", "b", "a")), "`columns` has the name 'a' twice"),
+        ("own", Calling(nothing, rate=0.0), "`rate` must be a number from 0.001 to 10000 Hz, or None, not 0.0"),
+        ("own", Calling(nothing, rate=math.nan), "`rate` must be a number"),
+        ("own", Calling(nothing, rate="20"), "`rate` must be a number"),  # type: ignore[arg-type]
+        ("own", Calling(nothing, columns="speed"), "`columns` must be 1 to 10000 names"),
+        ("own", Calling(nothing, columns=()), "`columns` must be 1 to 10000 names"),
+        ("own", Calling(nothing, columns=("a", 3)), "a name in `columns` is a text of 1 to 100 characters, not 3"),
+        ("own", Calling(nothing, columns=("a", "b", "a")), "`columns` has the name 'a' twice"),
     ],
 )
 def test_what_is_no_sensor_is_refused(name: Any, sensor: Any, text: str) -> None:
