@@ -64,7 +64,7 @@ def test_lidar_of_the_document_fits_the_car(tmp_path: Path) -> None:
 
 
 def test_the_range_sensor_of_the_document_fits_the_car(tmp_path: Path) -> None:
-    sensor = load_vehicle(car_file(tmp_path, sensors(examples("adding_a_sensor.md")[0]))).sensors.range
+    sensor = load_vehicle(car_file(tmp_path, sensors(examples("scenarios.md")[3]))).sensors.range
     assert sensor is not None
     assert (sensor.range_max, sensor.rate) == (4.0, 20.0)
 

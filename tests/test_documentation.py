@@ -25,7 +25,7 @@ DOCUMENTS = sorted(
 BLOCK = re.compile(r"^```([\w-]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 RUN_BY = {
-    "adding_a_sensor.md": {"yaml": "tests/test_docs.py"},
+    "adding_a_sensor.md": {"python": "tests/test_adding_a_sensor.py", "yaml": "tests/test_adding_a_sensor.py"},
     "README.md": {"python": "tests/test_readme.py", "yaml": "tests/test_readme.py"},
     "client.md": {"python": "tests/connect/client/test_document.py"},
     "first_drive.md": {"python": "tests/connect/devkit/test_python_examples.py"},
@@ -49,7 +49,6 @@ RUN_BY = {
     "race_car.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "scenarios.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "tracks.md": {"python": "tests/scenario/tracks/test_document.py", "yaml": "tests/scenario/tracks/test_document.py"},
-    "testing.md": {"python": "tests/test_documentation.py"},
     "vehicle.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
 }
 """Document -> language of its blocks -> the test that runs them. Blocks for a shell are checked below."""
@@ -150,11 +149,6 @@ def check_command(words: list[str], commands: dict[str, Any], path: Path) -> Non
             assert not word.startswith(("examples/", "benchmarks/")) or (ROOT / word).is_file(), where
     else:
         assert program.rpartition("bin/")[2] in FOREIGN, where
-
-
-def test_the_program_of_the_page_on_testing_runs() -> None:
-    ((_, code),) = (block for block in blocks(ROOT / "docs/testing.md") if block[0] == "python")
-    exec(compile(code, "docs/testing.md", "exec"), {})
 
 
 @pytest.mark.slow

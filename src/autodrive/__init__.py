@@ -92,7 +92,7 @@ _FORMER = {
     "sensors": "physics.sensors",
     "simulation": "world.simulation",
     "specs": "base.specs",
-    "testing": "run.testing",
+    "testing": "connect.conformance",
     "tracks": "scenario.tracks",
     "vehicles": "scenario.vehicles",
 }

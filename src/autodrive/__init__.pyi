@@ -4,6 +4,7 @@ from .base.errors import AutodriveError as AutodriveError
 from .base.errors import CommandError as CommandError
 from .base.errors import EngineError as EngineError
 from .base.errors import NoImageError as NoImageError
+from .base.errors import SensorError as SensorError
 from .base.errors import SnapshotError as SnapshotError
 from .base.errors import SpecError as SpecError
 from .base.errors import WorldInUseError as WorldInUseError
@@ -30,6 +31,7 @@ from .protocol.messages import LidarScan as LidarScan
 from .protocol.messages import Lights as Lights
 from .protocol.messages import ObjectFrame as ObjectFrame
 from .protocol.messages import OffRoad as OffRoad
+from .protocol.messages import OwnReading as OwnReading
 from .protocol.messages import Pose as Pose
 from .protocol.messages import RacePenalty as RacePenalty
 from .protocol.messages import RaceState as RaceState

@@ -9,7 +9,7 @@ from autodrive.physics.sensors.encoder import EncoderSpec
 from autodrive.physics.sensors.imu import ImuSpec
 from autodrive.physics.sensors.ips import IpsSpec
 from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.settings import ConfiguredSensor, SensorSpecs
+from autodrive.physics.sensors.settings import ConfiguredSensor
 from autodrive.physics.sensors.suite import SensorSuite
 from tests.support.sensor_scenes import SensorScene
 
@@ -21,9 +21,7 @@ GRAVITY = 9.81
 class OneSensor:
     """Samples one sensor of a vehicle; a LIDAR keeps its rate, the others sample at each call."""
 
-    def __init__(
-        self, spec: SensorSpecs, where: SensorScene, *, vehicle: int = 0, tick: Fraction = Fraction(1, 1000)
-    ) -> None:
+    def __init__(self, spec: Any, where: SensorScene, *, vehicle: int = 0, tick: Fraction = Fraction(1, 1000)) -> None:
         """`tick` [s]: the time between two calls of `sample`."""
         self._name = NAMES.get(type(spec), "range")
         self._vehicle = vehicle

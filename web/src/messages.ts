@@ -813,6 +813,17 @@ export interface RaceState {
 }
 
 /**
+ * The reading of a sensor of the user: `values`, shape (n,), and the name of each in `columns`: 'distance [m]'.
+ *
+ * A value may be infinite or NaN.
+ */
+export interface OwnReading {
+  time: number
+  values: Float64Array
+  columns: (string)[]
+}
+
+/**
  * One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest reading of every sensor.
  *
  * `pose` is the pose of the vehicle frame (origin: centre of the rear axle at wheel-centre height). `velocity` [m/s]
@@ -821,6 +832,7 @@ export interface RaceState {
  * tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
  * None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
  * empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
+ * `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`.
  */
 export interface VehicleFrame {
   pose: Pose
@@ -839,6 +851,7 @@ export interface VehicleFrame {
   cameras: Record<string, CameraImage>
   range: RangeReading | null
   race: RaceState | null
+  own: Record<string, OwnReading>
 }
 
 /**

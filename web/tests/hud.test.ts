@@ -160,6 +160,18 @@ describe('the history of the plots', () => {
     expect([...(history.columns.get('speed') ?? [])].slice(0, history.length)).toEqual([0.1, 0.2])
   })
 
+  test('has the values of the sensors of the user from their first reading on', () => {
+    const history = new History()
+    history.add(at(0))
+    const own = { radar: { time: 0, values: new Float64Array([3, 4]), columns: ['distance [m]', 'count'] } }
+    history.add(stateOf({ frame: frameOf(['V1'], { time: 0.1 }), vehicle: vehicleOf({ own }) }))
+    expect([...(history.columns.get('own-radar-distance [m]') ?? [])].slice(0, 2)).toEqual([NaN, 3])
+    const { group, label, unit } = SIGNALS.get('own-radar-distance [m]') ?? {}
+    expect([group, label, unit]).toEqual(['Sensor radar', 'distance', 'm'])
+    expect(SIGNALS.get('own-radar-count')?.unit).toBe('')
+    expect(SIGNALS.get('own-radar-count')?.of(stateOf({ vehicle: vehicleOf() }))).toBeNaN()
+  })
+
   test('skips Frames that follow too closely, and starts again when time goes back', () => {
     const history = new History()
     for (const time of [0, 0.01, 0.02, 0.021]) history.add(at(time))

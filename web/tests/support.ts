@@ -188,7 +188,7 @@ export function vehicleOf(values: Partial<VehicleFrame> = {}): VehicleFrame {
       ...{ steering_angle: wheels(), rotation_angle: wheels(), angular_velocity: wheels(), compression: wheels() },
       ...{ normal_load: wheels(), slip_ratio: wheels(), slip_angle: wheels() },
     },
-    ...{ is_autonomous: false, collision_count: 0, cameras: {}, range: null, race: null, ...values },
+    ...{ is_autonomous: false, collision_count: 0, cameras: {}, range: null, race: null, own: {}, ...values },
   }
 }
 

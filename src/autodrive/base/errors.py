@@ -35,6 +35,10 @@ class EngineError(AutodriveError):
     """The physics engine cannot continue, for example because the state is no longer finite."""
 
 
+class SensorError(AutodriveError):
+    """A sensor of the user raised an error, or returned something else than a number for each of its columns."""
+
+
 class SnapshotError(AutodriveError):
     """A snapshot does not fit the world that it is given to, or has been changed since `World.save`."""
 

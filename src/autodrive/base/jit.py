@@ -56,8 +56,13 @@ def inlined(function: Function) -> Function:
     Passing a whole Model and State, and counting references to their arrays, would cost more than the function
     itself. Such a function, and a `jit_uncounted` function that calls it, cannot create arrays.
     """
+    return _cached(inlined_part(function))
+
+
+def inlined_part(function: Function) -> Function:
+    """As `inlined`, for a function that is made in another one: it is not in the cache, only its callers are."""
     options: Any = {"forceinline": True, "_nrt": False}
-    return _cached(numba.njit(function, nogil=True, error_model="numpy", fastmath=False, **options))
+    return numba.njit(function, nogil=True, error_model="numpy", fastmath=False, **options)  # pyright: ignore
 
 
 def jit_uncounted(function: Function) -> Function:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,16 +36,26 @@ class FormatName(StrEnum):
     minari = "minari"
 
 
+OWN_SENSOR = re.compile(r"(?P<vehicle>\w+)/(?P<name>\w+)=(?P<file>.+\.py):(?P<kind>\w+)")
+"""The value of an option `--sensor`."""
+
 FilePath = Annotated[Path, typer.Argument(metavar="FILE", help="A recording, as `autodrive run --record` writes it.")]
 
 
-def simulate_again(path: Path) -> int:
-    """Simulate a recording again; the exit code."""
+def simulate_again(path: Path, sensors: Sequence[str] = ()) -> int:
+    """Simulate a recording again, with sensors of the user such as 'V1/radar=my_radar.py:Radar'; the exit code."""
+    from autodrive.base.python_files import load
     from autodrive.recording import open as open_recording
     from autodrive.recording.resimulation import resimulate
 
+    own: dict[str, dict[str, Any]] = {}
+    for one in sensors:
+        found = OWN_SENSOR.fullmatch(one)
+        if found is None or not Path(found["file"]).is_file():
+            raise typer.BadParameter(f"--sensor must be V1/NAME=FILE.py:CLASS with a file that exists, not '{one}'")
+        own.setdefault(found["vehicle"], {})[found["name"]] = load(Path(found["file"]), found["kind"])
     with open_recording(path) as recording:
-        result = resimulate(recording)
+        result = resimulate(recording, own)
     if result.made_by:
         typer.echo(f"recorded with {result.made_by}")
     typer.echo(f"{result.frames} Frames compared")

@@ -31,6 +31,13 @@ def replay(
             "the first difference (exit code 1).",
         ),
     ] = False,
+    sensor: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="V1/NAME=FILE.py:CLASS",
+            help="With --resimulate: the class of a sensor of the user, which is not in the recording. Once for each.",
+        ),
+    ] = None,
     camera_quality: Annotated[
         str, typer.Option(metavar="NAME", help="Of camera images that were not recorded; see: autodrive run --help.")
     ] = "auto",
@@ -39,7 +46,7 @@ def replay(
     if resimulate:
         from autodrive.cli.recordings import simulate_again
 
-        raise typer.Exit(simulate_again(file))
+        raise typer.Exit(simulate_again(file, sensor or []))
     from autodrive.recording.replay import ReplayOptions
     from autodrive.recording.replay import replay as show
     from autodrive.run.browser import has_screen, open_page, tunnel

@@ -13,7 +13,7 @@ from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, find, names, read
-from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_sensors_of
 from autodrive.scenario.files import described
 from autodrive.scenario.maps.map import Map, MapSpec, load_map
 from autodrive.scenario.maps.module import ModuleSpec
@@ -86,7 +86,7 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
         elif isinstance(spec, ScenarioSpec):
             from autodrive.world.factory import compile_scenario
 
-            compile_scenario(described(spec, source), is_strict=True)
+            compile_scenario(described(with_sensors_of(spec, path.parent), source), is_strict=True)
     except SpecError as error:
         errors += error.errors
     if errors:

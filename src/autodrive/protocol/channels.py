@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 import types
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
 
@@ -141,6 +142,34 @@ class Signal:
         for field in self.name.split("."):
             value = None if value is None else getattr(value, field)
         return value
+
+
+@dataclass(frozen=True)
+class OwnSignal(Signal):
+    """The values of a sensor of the user; `name` is 'own.' and the name of the sensor."""
+
+    @classmethod
+    def of(cls, sensor: str, columns: Sequence[str]) -> OwnSignal:
+        """The columns are its elements; it has a unit if that of all columns is the same."""
+        units = {one.partition("[")[2].rstrip("]") for one in columns}
+        elements = tuple(one.partition("[")[0].strip() for one in columns)
+        name = f"own.{sensor}"
+        return cls(name, f"values of the sensor '{sensor}'", units.pop() if len(units) == 1 else "", "", elements)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """All values are numbers."""
+        return np.dtype(np.float64)
+
+    @property
+    def is_optional(self) -> bool:
+        """Only some vehicles have it."""
+        return True
+
+    def read(self, vehicle: VehicleFrame) -> Any:
+        """The values in a Frame of the vehicle, shape (n_column,); None without a reading."""
+        reading = vehicle.own.get(self.name.removeprefix("own."))
+        return None if reading is None else reading.values
 
 
 @dataclass(frozen=True)
@@ -554,7 +583,7 @@ CHANNELS: tuple[Channel, ...] = (
         ),
     ),
 )
-"""All channels of a vehicle but its cameras, whose images are messages of their own."""
+"""All channels of a vehicle but its cameras, whose images are messages of their own, and the sensors of the user."""
 
 BY_NAME = {channel.name: channel for channel in CHANNELS}
 SIGNALS: tuple[Signal, ...] = tuple(signal for channel in CHANNELS for signal in channel.signals)

@@ -350,6 +350,17 @@ class RangeReading(Displayed, frozen=True, gc=False):
     radiation: Literal["ultrasound", "infrared"]
 
 
+class OwnReading(Displayed, frozen=True, gc=False):
+    """The reading of a sensor of the user: `values`, shape (n,), and the name of each in `columns`: 'distance [m]'.
+
+    A value may be infinite or NaN.
+    """
+
+    time: float
+    values: Array
+    columns: tuple[str, ...]
+
+
 class CameraIntrinsics(Displayed, frozen=True, gc=False):
     """The pinhole model of a camera, in pixels.
 
@@ -474,6 +485,7 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
     None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
     empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
+    `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`.
     """
 
     pose: Pose
@@ -492,6 +504,7 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     cameras: dict[str, CameraImage] = msgspec.field(default_factory=Images)
     range: RangeReading | None = None
     race: RaceState | None = None
+    own: dict[str, OwnReading] = msgspec.field(default_factory=dict)
 
     @property
     def speed(self) -> float:

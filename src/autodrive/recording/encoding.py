@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from msgspec.structs import replace
 
 from autodrive.graphics.cameras.jpeg import JpegEncoder
-from autodrive.protocol.messages import CameraImage, Collision, Frame, LidarScan
+from autodrive.protocol.messages import CameraImage, Collision, Frame, LidarScan, OwnReading
 from autodrive.recording import foxglove, records
 from autodrive.recording.about import about_here
 from autodrive.recording.foxglove import NANOSECONDS
@@ -38,6 +38,8 @@ class Encoding:
         self._has_meshes = has_meshes
         self._states = States()
         self._scans: dict[str, LidarScan] = {}
+        self._own: dict[tuple[str, str], OwnReading] = {}
+        self._own_message = Layout(OwnReading)
         self._images: dict[tuple[str, str], _WrittenImage] = {}
         self._next_transforms = 0
         self._mounts: dict[str, Any] = {}
@@ -62,6 +64,7 @@ class Encoding:
             }
         )
         self._scans.clear()
+        self._own.clear()
         self._mounts = {name: spec.sensors.lidar for name, spec in world.vehicle_specs.items()}
         attachments: dict[str, str] = {}
         if self._has_meshes:
@@ -89,6 +92,10 @@ class Encoding:
                 self._scans[name] = scan
                 message = foxglove.laser_scan(scan, now, f"{name}/lidar")
                 self._add(records.scan_topic(name), at, message, foxglove.LASER_SCAN)
+            for sensor, reading in vehicle.own.items():
+                if reading is not self._own.get((name, sensor)):
+                    self._own[name, sensor] = reading
+                    self._add(records.own_topic(name, sensor), at, reading, self._own_message)
             times: dict[str, float] = {}
             for camera, image in vehicle.cameras.items():
                 written = self._image(name, camera, image, at, is_wanted=has_new_images)

@@ -251,6 +251,7 @@ class Recorder:
             spec=world.spec.model_dump(mode="json") | {"seed": world.seed},
             files=files,
             is_start=frame.tick == 0,
+            own_sensors={name: [*vehicle.own] for name, vehicle in frame.vehicles.items() if vehicle.own},
         )
 
     # -- the queue -------------------------------------------------------------------------------------------------

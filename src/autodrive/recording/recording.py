@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import checked
-from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, VehicleFrame
+from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, OwnReading, VehicleFrame
 from autodrive.protocol.native import Picture
 from autodrive.recording import mcap, records, tables
 from autodrive.recording.errors import RecordingError
@@ -78,6 +79,7 @@ class Recording:
         self._states = States(schemas)
         self.scan_message = Message(LaserScan, schemas=schemas)
         self._image = Message(CompressedImage, schemas=schemas, max_size=mcap.MAX_CHUNK)
+        self.own_message = Message(OwnReading, schemas=schemas)
         self._frame_channel = self._ids.get(records.FRAME, -1)
         self._scenarios: dict[int, ScenarioRecord] = {}
 
@@ -213,6 +215,15 @@ class Recording:
         names = (topic.removeprefix(start) for topic in self._ids if topic.startswith(start))
         return tuple(sorted(name for name in names if "/" not in name))
 
+    def own_sensors(self, vehicle: str) -> dict[str, tuple[str, ...]]:
+        """Names of the sensors of the user on a vehicle, and the columns of the first reading of each."""
+        start = records.own_topic(vehicle, "")
+        found: dict[str, tuple[str, ...]] = {}
+        for topic in sorted(topic for topic in self._ids if topic.startswith(start)):
+            for _, message in islice(self._of_topic(topic), 1):
+                found[topic.removeprefix(start)] = self.own_message.struct(message.data).columns
+        return found
+
     @property
     def attachments(self) -> tuple[str, ...]:
         """Names of the files in the recording, such as meshes."""
@@ -296,6 +307,7 @@ class Recording:
         values["lidar"] = self._lidar(name, values["lidar"], chunk, i)
         times: Mapping[str, float] = values["cameras"]
         values["cameras"] = LazyImages(times, lambda camera: self._picture(name, camera, chunk, i))
+        values["own"] = self._own(name, values["own"], chunk, i)
         return VehicleFrame(**values)
 
     def _lidar(self, vehicle: str, time: float | None, chunk: int, i: int) -> LidarScan | None:
@@ -304,6 +316,12 @@ class Recording:
         found = self._last(records.scan_topic(vehicle), chunk, i)
         scan = None if found is None else lidar_scan(self.scan_message.struct(found.data))
         return scan if scan is not None and scan.time == time else None
+
+    def _own(self, vehicle: str, times: Mapping[str, float], chunk: int, i: int) -> dict[str, OwnReading]:
+        """The latest reading of each sensor of the user; without those that were not recorded."""
+        found = {name: self._last(records.own_topic(vehicle, name), chunk, i) for name in times}
+        readings = {name: self.own_message.struct(one.data) for name, one in found.items() if one is not None}
+        return {name: reading for name, reading in readings.items() if reading.time == times[name]}
 
     def _last(self, topic: str, chunk: int, i: int) -> mcap.Message | None:
         """The last message of a topic before message i of a chunk."""
@@ -566,9 +584,14 @@ def _nanoseconds(time: float) -> int:
 
 
 def _written(record: ScenarioRecord, folder: Path) -> ScenarioSpec:
-    """The scenario of a recording, with its files written to a folder. Raises `RecordingError`."""
+    """The scenario of a recording, with its files written to a folder. Raises `RecordingError`.
+
+    Without the sensors of the user: a recording neither contains nor runs their code.
+    """
     try:
-        return write_to(folder, checked(dict(record.spec), ScenarioSpec), record.files)
+        spec = write_to(folder, checked(dict(record.spec), ScenarioSpec), record.files)
+        vehicles = {name: one.model_copy(update={"own_sensors": {}}) for name, one in spec.vehicles.items()}
+        return spec.model_copy(update={"vehicles": vehicles})
     except KeyError as error:
         raise RecordingError(f"the recording does not contain the file {error} of its scenario") from None
     except SpecError as error:

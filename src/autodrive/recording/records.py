@@ -49,6 +49,11 @@ def scan_topic(vehicle: str) -> str:
     return f"/{vehicle}/lidar"
 
 
+def own_topic(vehicle: str, sensor: str) -> str:
+    """Topic of the readings of a sensor of the user."""
+    return f"/{vehicle}/own/{sensor}"
+
+
 def image_topic(vehicle: str, camera: str) -> str:
     """Topic of the images of a camera."""
     return f"/{vehicle}/cameras/{camera}"
@@ -76,6 +81,8 @@ class ScenarioRecord(msgspec.Struct, frozen=True):
     """Whether the World is in its initial state, so that it can be simulated again from here."""
     attachments: dict[str, str] = {}
     """Names of the attachments with the meshes: 'map', 'vehicle/V1', 'object/box_1'; 'urdf/V1' of the URDF."""
+    own_sensors: dict[str, list[str]] = {}
+    """Names of the sensors of the user by vehicle; their code is not in the recording."""
 
 
 class CommandsRecord(msgspec.Struct, frozen=True):
@@ -177,7 +184,9 @@ class States:
     def __init__(self, schemas: Schemas | None = None) -> None:
         self.frame = Message(Frame, replaced={"vehicles": tuple[str, ...], "events": tuple[str, ...]}, schemas=schemas)
         self.vehicle = Message(
-            VehicleFrame, replaced={"lidar": float | None, "cameras": dict[str, float]}, schemas=schemas
+            VehicleFrame,
+            replaced={"lidar": float | None, "cameras": dict[str, float], "own": dict[str, float]},
+            schemas=schemas,
         )
 
     def encode_frame(self, frame: Frame) -> bytes:
@@ -185,8 +194,9 @@ class States:
         return self.frame.encode(frame, {"vehicles": tuple(frame.vehicles), "events": ()})
 
     def encode_vehicle(self, vehicle: VehicleFrame, scan_time: float | None, image_times: Mapping[str, float]) -> bytes:
-        """The vehicle; scan and images are replaced by their times [s]."""
-        return self.vehicle.encode(vehicle, {"lidar": scan_time, "cameras": image_times})
+        """The vehicle; scan, images and readings of the user's sensors are replaced by their times [s]."""
+        own = {name: reading.time for name, reading in vehicle.own.items()}
+        return self.vehicle.encode(vehicle, {"lidar": scan_time, "cameras": image_times, "own": own})
 
     def decode_frame(self, data: bytes) -> dict[str, Any]:
         """Fields of the Frame. Raises `RecordingError`."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from msgspec.structs import replace
@@ -20,9 +20,9 @@ from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioR
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions
 from autodrive.scenario.files import described
-from autodrive.world import World
+from autodrive.world import OwnSensor, World
 from autodrive.world.factory import make
-from autodrive.world.observer import Request, ResetTo, Restored, SetPoses
+from autodrive.world.observer import Request, ResetTo, Restored, SensorAdded, SetPoses
 from autodrive.world.simulation import Simulation
 
 
@@ -61,14 +61,19 @@ class Result:
         return "identical" if self.difference is None else str(self.difference)
 
 
-def resimulate(recording: Recording) -> Result:
+OwnSensors: TypeAlias = Mapping[str, Mapping[str, Callable[[], OwnSensor]]]
+"""The class of each sensor of the user, by vehicle and name: `{"V1": {"radar": Radar}}`."""
+
+
+def resimulate(recording: Recording, own_sensors: OwnSensors | None = None) -> Result:
     """Run the scenario again with the recorded commands and requests, and compare every Frame.
 
-    Raises `RecordingError` if the recording does not begin at the start of a World, or if it is not whole. Images are
-    not compared: JPEG is not the same on every machine.
+    `own_sensors`: the sensors of the user, whose code a recording does not contain. Raises `RecordingError` if one of
+    them is missing, if the recording does not begin at the start of a World, or if it is not whole. Images are not
+    compared: JPEG is not the same on every machine.
     """
     count, now, difference = 0, 0.0, None
-    with closing(simulated_again(recording)) as pairs:
+    with closing(simulated_again(recording, own_sensors=own_sensors or {})) as pairs:
         for now, recorded, simulated in pairs:
             count += 1
             difference = first_difference(recorded, simulated, now)
@@ -83,11 +88,14 @@ def resimulate(recording: Recording) -> Result:
 
 
 def simulated_again(
-    recording: Recording, changed: Callable[[ScenarioSpec], ScenarioSpec] = lambda spec: spec
+    recording: Recording,
+    changed: Callable[[ScenarioSpec], ScenarioSpec] = lambda spec: spec,
+    own_sensors: OwnSensors | None = None,
 ) -> Generator[tuple[float, Frame, Frame]]:
     """Run a recording again: time [s], recorded and simulated Frame of each recorded tick.
 
-    `changed` returns the scenario that is simulated in the place of a recorded one. Raises as `resimulate`.
+    `changed` returns the scenario that is simulated in the place of a recorded one. `own_sensors`: see `resimulate`,
+    which raises the same. None: they are left out.
     """
     if not recording.scenario.is_start or recording.start_tick:
         raise RecordingError(
@@ -95,7 +103,7 @@ def simulated_again(
             "simulated again: record from the start, without --record-last"
         )
     with ExitStack() as stack:
-        again = _Again(recording, stack, changed)
+        again = _Again(recording, stack, changed, own_sensors)
         for time, item in recording.sequence():
             if isinstance(item, Frame):
                 yield time, item, again.frame(item.tick)
@@ -106,10 +114,17 @@ def simulated_again(
 class _Again:
     """The simulation that repeats a recording."""
 
-    def __init__(self, recording: Recording, stack: ExitStack, changed: Callable[[ScenarioSpec], ScenarioSpec]) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        stack: ExitStack,
+        changed: Callable[[ScenarioSpec], ScenarioSpec],
+        own_sensors: OwnSensors | None,
+    ) -> None:
         self._recording = recording
         self._stack = stack
         self._changed = changed
+        self._own_sensors = own_sensors
         self._scenario = recording.scenario
         self._simulation = Simulation(self._load(""), is_paused=True, load=self._load)
         stack.callback(lambda: self._simulation.world.close())  # noqa: PLW0108  another one by then
@@ -127,7 +142,24 @@ class _Again:
         spec = self._changed(given)
         if spec.tick != given.tick:
             raise RecordingError(f"the scenario has a tick of {spec.tick} s; that of the recording is {given.tick} s")
-        return make(described(spec, known=known))
+        world = make(described(spec, known=known))
+        if known is None:  # the World of an edit takes over the sensors of the one before
+            for vehicle, names in self._scenario.own_sensors.items():
+                for name in names:
+                    self._add_sensor(world, vehicle, name)
+        return world
+
+    def _add_sensor(self, world: World, vehicle: str, name: str) -> None:
+        if self._own_sensors is None:
+            return
+        kind = self._own_sensors.get(vehicle, {}).get(name)
+        if kind is None:
+            raise RecordingError(
+                f"the recording has the sensor '{name}' of the user on vehicle '{vehicle}', whose code is not in the "
+                f"recording: give its class, resimulate(recording, {{'{vehicle}': {{'{name}': CLASS}}}}), or on the "
+                f"command line --sensor {vehicle}/{name}=FILE.py:CLASS"
+            )
+        world.add_sensor(vehicle, name, kind())
 
     def take(self, item: object) -> None:
         """A scenario, commands or a request."""
@@ -164,6 +196,8 @@ class _Again:
                 world.set_poses({name: np.array(pose) for name, pose in poses.items()})
             case ResetTo(seed=seed, poses=poses):
                 world.reset(seed, poses={name: (x, y, yaw) for name, (x, y, yaw) in poses.items()})
+            case SensorAdded(vehicle=vehicle, name=name):
+                self._add_sensor(world, vehicle, name)
             case Restored():
                 raise RecordingError(
                     f"after tick {world.frame.tick} the World was restored from a snapshot, which is not in the "

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.suggest import suggest
-from autodrive.protocol.channels import CHANNELS, Signal
+from autodrive.protocol.channels import SIGNALS, OwnSignal, Signal
 from autodrive.recording import mcap, records, wire
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
@@ -28,6 +28,15 @@ class Messages(Protocol):
         """The message of a scan."""
         ...
 
+    @property
+    def own_message(self) -> wire.Message:
+        """The message of a reading of a sensor of the user."""
+        ...
+
+    def own_sensors(self, vehicle: str) -> dict[str, tuple[str, ...]]:
+        """Names of the sensors of the user on a vehicle, and the columns of each."""
+        ...
+
     def messages_of(self, topic: str) -> list[bytes]:
         """The data of all messages of a topic."""
         ...
@@ -44,7 +53,8 @@ class Messages(Protocol):
 class Signals(Mapping[str, NDArray[Any]]):
     """The signals by name: vehicle and signal of `protocol.channels`, such as 'V1/ips/position'.
 
-    The first axis of an array belongs to `times(name)`: the Frames, or for a LIDAR its scans. A missing reading is NaN.
+    The first axis of an array belongs to `times(name)`: the Frames, for a LIDAR its scans, for a sensor of the user
+    ('V1/own/radar') its samples. A missing reading is NaN.
     """
 
     def __init__(self, recording: Messages, states: records.States) -> None:
@@ -52,13 +62,12 @@ class Signals(Mapping[str, NDArray[Any]]):
         self._states = states
         self._cache: dict[str, NDArray[Any]] = {}
         self._data: dict[str, list[bytes]] = {}
-        self.described = {
-            f"{vehicle}/{signal.name.replace('.', '/')}": signal
-            for vehicle in recording.vehicles
-            for channel in CHANNELS
-            for signal in channel.signals
-        }
+        self.described: dict[str, Signal] = {}
         """The signal of each name, with its unit and the names of its elements."""
+        for vehicle in recording.vehicles:
+            own = [OwnSignal.of(sensor, columns) for sensor, columns in recording.own_sensors(vehicle).items()]
+            for signal in (*SIGNALS, *own):
+                self.described[f"{vehicle}/{signal.name.replace('.', '/')}"] = signal
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.described)
@@ -75,6 +84,20 @@ class Signals(Mapping[str, NDArray[Any]]):
     def times(self, name: str) -> NDArray[np.float64]:
         """The time of each value of a signal [s]."""
         return self._recording.log_times(self._topic(name))
+
+    def at_frames(self, name: str) -> NDArray[np.float64]:
+        """The values of a sensor of the user in each Frame, shape (n_frame, n_column); NaN without a reading."""
+        vehicle, signal = self._found(name)
+        state = records.state_topic(vehicle)
+        (shown,) = self._states.vehicle.columns([["own"]], self._messages(state))
+        (times,) = self._message(name).columns([["time"]], self._messages(self._topic(name)))
+        rows = np.vstack([self[name], np.full(len(signal.elements), np.nan)])
+        latest = np.searchsorted(self.times(name), self._recording.log_times(state), side="right") - 1
+        sensor = signal.name.removeprefix("own.")
+        for i, own in enumerate(shown):
+            while latest[i] >= 0 and times[latest[i]] != own.get(sensor):
+                latest[i] -= 1  # two Frames have the same time in the recording: the second one is that of a reset
+        return rows[latest]
 
     def blocks(self, names: Sequence[str], start: float, end: float) -> Iterator[dict[str, tuple[Any, Any]]]:
         """Times [s] and values of signals by name, for each part of the file from a time to another [s].
@@ -95,8 +118,9 @@ class Signals(Mapping[str, NDArray[Any]]):
 
     def _topic(self, name: str) -> str:
         vehicle, signal = self._found(name)
-        is_scan = signal.name.startswith("lidar.")
-        return records.scan_topic(vehicle) if is_scan else records.state_topic(vehicle)
+        if isinstance(signal, OwnSignal):
+            return records.own_topic(vehicle, signal.name.removeprefix("own."))
+        return records.scan_topic(vehicle) if signal.name.startswith("lidar.") else records.state_topic(vehicle)
 
     def _found(self, name: str) -> tuple[str, Signal]:
         if name not in self.described:
@@ -105,10 +129,7 @@ class Signals(Mapping[str, NDArray[Any]]):
 
     def _read(self, name: str) -> NDArray[Any]:
         _, signal = self._found(name)
-        topic = self._topic(name)
-        if topic not in self._data:
-            self._data[topic] = self._recording.messages_of(topic)
-        (found,) = self._message(name).columns([self._path(name)], self._data[topic])
+        (found,) = self._message(name).columns([self._path(name)], self._messages(self._topic(name)))
         if signal.dtype.kind == "f" or any(one is None for one in found):
             shape: tuple[int, ...] = next((np.shape(one) for one in found if one is not None), ())
             filled = [np.full(shape, np.nan) if one is None else one for one in found]
@@ -117,14 +138,22 @@ class Signals(Mapping[str, NDArray[Any]]):
             return np.array(filled, np.float64)
         return np.array(found, signal.dtype)
 
+    def _messages(self, topic: str) -> list[bytes]:
+        if topic not in self._data:
+            self._data[topic] = self._recording.messages_of(topic)
+        return self._data[topic]
+
     def _message(self, name: str) -> wire.Message:
         """The message that contains a signal."""
-        is_scan = self._found(name)[1].name.startswith("lidar.")
-        return self._recording.scan_message if is_scan else self._states.vehicle
+        signal = self._found(name)[1]
+        if isinstance(signal, OwnSignal):
+            return self._recording.own_message
+        return self._recording.scan_message if signal.name.startswith("lidar.") else self._states.vehicle
 
     def _path(self, name: str) -> list[str]:
         """Fields of the message, down to a signal."""
-        return self._found(name)[1].name.removeprefix("lidar.").split(".")
+        signal = self._found(name)[1]
+        return ["values"] if isinstance(signal, OwnSignal) else signal.name.removeprefix("lidar.").split(".")
 
 
 def _arrays(values: Sequence[Any]) -> Iterator[tuple[list[int], NDArray[Any]]]:

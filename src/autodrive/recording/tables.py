@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.installation import pip
+from autodrive.protocol.channels import OwnSignal
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.signals import Signals
 
@@ -18,7 +19,8 @@ Library: TypeAlias = Literal["pandas", "polars"]
 def columns(signals: Signals, vehicle: str) -> dict[str, NDArray[Any]]:
     """Arrays of shape (n,) by name of a column: 'time' [s], then each element of each signal, such as 'ips.position.x'.
 
-    Without scans, whose times are others, and without signals that the vehicle does not have.
+    Without scans, whose times are others, and without signals that the vehicle does not have. A sensor of the user has
+    its latest reading in each row.
     """
     found: dict[str, NDArray[Any]] = {}
     for name, signal in signals.described.items():
@@ -29,7 +31,7 @@ def columns(signals: Signals, vehicle: str) -> dict[str, NDArray[Any]]:
             found["time"] = signals.times(name)
         if values.dtype.kind == "f" and not np.any(~np.isnan(values)) and signal.is_optional:
             continue
-        rows = values.reshape(len(values), -1)
+        rows = signals.at_frames(name) if isinstance(signal, OwnSignal) else values.reshape(len(values), -1)
         for i, column in enumerate(signal.columns):
             found[column] = rows[:, min(i, rows.shape[1] - 1)]
     if not found:

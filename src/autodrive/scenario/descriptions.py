@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from autodrive.base.specs import Described, Key
 from autodrive.scenario.maps.spec import DescribedMap
@@ -25,6 +26,8 @@ class Specs:
     """Of the race; None if there is none."""
     track: Described[TrackSpec] | None = None
     """Of the race, if it is not the map."""
+    own_sensors: Mapping[str, Callable[[], Any] | str] = field(default_factory=dict)
+    """Classes of the user's sensors, as the scenario names them; a text: why there is none."""
 
 
 @dataclass(frozen=True)

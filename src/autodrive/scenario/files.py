@@ -12,13 +12,14 @@ from pydantic import ValidationError
 
 from autodrive.base import yaml_files
 from autodrive.base.errors import SpecError
+from autodrive.base.python_files import load
 from autodrive.base.specs import Described, Key, Spec
 from autodrive.base.yaml_files import Kind, Source
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, DescribedMap, MapSpec, Placement
 from autodrive.scenario.race_rules import RaceRules
-from autodrive.scenario.scenario import RaceSpec, ScenarioSpec
+from autodrive.scenario.scenario import RaceSpec, ScenarioSpec, with_sensors_of
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
@@ -31,7 +32,8 @@ def read_scenario(scenario: str | Path | ScenarioSpec) -> Descriptions:
     if isinstance(scenario, ScenarioSpec):
         return described(scenario)
     source = yaml_files.source(yaml_files.find("scenario", scenario))
-    return described(yaml_files.checked_source(source, ScenarioSpec), source)
+    spec = yaml_files.checked_source(source, ScenarioSpec)
+    return described(with_sensors_of(spec, Path(source.path).parent), source)
 
 
 def described(
@@ -56,8 +58,20 @@ def described(
         {name: read("vehicle", name, VehicleSpec) for name in types},
         race and read("ruleset", race.rules, RaceRules),
         read("track", race.track, TrackSpec) if race and race.track else None,
+        {one: _own_sensor(one) for vehicle in scenario.vehicles.values() for one in vehicle.own_sensors.values()},
     )
     return Descriptions(specs, source.path if source else "", lines)
+
+
+def _own_sensor(reference: str) -> Callable[[], Any] | str:
+    """The class of a sensor of the user, or why it cannot be loaded."""
+    file, _, name = reference.rpartition(":")
+    try:
+        return load(Path(file), name)
+    except OSError as error:
+        return f"file '{file}' cannot be read: {error.strerror or error}"
+    except Exception as error:
+        return f"'{reference}' cannot be loaded: {type(error).__name__}: {error}"
 
 
 def read_map(name: str | Path | MapSpec) -> tuple[DescribedMap, dict[Key, int]]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec
 from autodrive.physics.sensors.settings import SensorSettings
@@ -20,6 +20,17 @@ MAX_VEHICLES = 100
 """Of a scenario."""
 MAX_BOXES = 1000
 """Of a scenario, with those of its map."""
+
+
+def _class_in_file(text: str) -> str:
+    file, _, name = text.rpartition(":")
+    if not file.endswith(".py") or not name.isidentifier():
+        raise ValueError(f"must be FILE.py:CLASS, such as my_radar.py:Radar, not '{text[:100]}'")
+    return text
+
+
+OwnSensorClass: TypeAlias = Annotated[str, AfterValidator(_class_in_file)]
+"""A class in a Python file: 'my_radar.py:Radar'."""
 
 
 class VehiclePlacement(Spec):
@@ -45,6 +56,8 @@ class VehiclePlacement(Spec):
     """Multiplies the standard deviations of the noise of all its sensors; resolutions stay."""
     sensors: dict[str, SensorSettings] = Field(default_factory=dict)
     """Settings by name of a sensor ('encoders', 'ips', 'imu', 'lidar', 'range') or camera, instead of the file's."""
+    own_sensors: dict[str, OwnSensorClass] = Field(default_factory=dict)
+    """Sensors of your own by name: 'my_radar.py:Radar' is a class in a Python file, from the folder of the scenario."""
 
     @property
     def yaw(self) -> float:
@@ -154,6 +167,18 @@ Scenario = ScenarioSpec
 
 def load_scenario(name: str | Path) -> ScenarioSpec:
     """Load a scenario by name or file. Raises `SpecError` with all errors."""
-    from autodrive.base.yaml_files import read  # noqa: PLC0415  compiling needs no files
+    from autodrive.base.yaml_files import find, read  # noqa: PLC0415  compiling needs no files
 
-    return read("scenario", name, ScenarioSpec)
+    return with_sensors_of(read("scenario", name, ScenarioSpec), find("scenario", name).parent)
+
+
+def with_sensors_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
+    """The scenario with the absolute paths of its own sensors, which are relative to that folder."""
+    vehicles = {
+        name: one.model_copy(
+            update={"own_sensors": {key: str(folder.absolute() / path) for key, path in one.own_sensors.items()}}
+        )
+        for name, one in spec.vehicles.items()
+        if one.own_sensors
+    }
+    return spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec

@@ -7,10 +7,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
-from autodrive.base.errors import EngineError, SpecError
+from autodrive.base.errors import EngineError, SensorError, SpecError
 from autodrive.base.specs import Place, Problem, SpecProblems
 from autodrive.base.suggest import suggest
 from autodrive.base.transforms import rotation_from_quaternion
@@ -19,6 +20,7 @@ from autodrive.physics.engine import Engine, Geom, Views
 from autodrive.physics.grid import fixed_grid
 from autodrive.physics.model import Model, Shapes
 from autodrive.physics.sensors.camera import CameraSpec
+from autodrive.physics.sensors.own import OwnSensors, problem
 from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
@@ -49,6 +51,7 @@ class CompiledScenario:
     configured: dict[str, dict[str, ConfiguredSensor]]
     """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
     sensors: SensorSuite
+    own_sensors: OwnSensors
     cameras: dict[str, dict[str, CameraSpec]]
     """Cameras that are on, by vehicle name and camera name."""
     model: Model
@@ -79,10 +82,11 @@ def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
         raise SpecProblems(problems)
     spec = on_grid(spec, map_)
     configured, wrong_sensors = _configured(spec, vehicles)
+    own_sensors, wrong_own_sensors = _own_sensors(specs, configured)
     boxes, unknown_boxes = _boxes(spec, map_)
     race, wrong_race = _race(specs, map_)
     twice = _names_used_twice(spec, map_, boxes)
-    problems += [*wrong_sensors, *unknown_boxes, *wrong_race, *twice]
+    problems += [*wrong_sensors, *wrong_own_sensors, *unknown_boxes, *wrong_race, *twice]
     if is_strict:
         problems = [*_vehicles_outside(spec, map_), *_overlapping_boxes(spec, map_, boxes), *problems]
     if len(boxes) > MAX_BOXES:
@@ -117,6 +121,20 @@ def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
         shapes=shapes,
     )
     state = empty_state(model, engine.body_count)
+    objects = {box.name: engine.body(box.name)[1] for box in boxes}
+    own = OwnSensors(
+        {name: list(of) for name, of in configured.items()},
+        {name: engine.body(name)[1] for name in vehicles} | objects,
+        shapes,
+        state,
+        substep=Fraction(str(spec.substep)),
+        substeps=spec.substeps,
+    )
+    for (vehicle, name), sensor in own_sensors.items():
+        try:
+            own.add(vehicle, name, sensor)
+        except SensorError as error:
+            raise SpecProblems([(_at("vehicles", vehicle, "own_sensors", name), f": {error}")]) from None
     geom_vehicle = np.array([body_vehicle.get(body, -1) for body in engine.geom_bodies], dtype=np.int64)
     return CompiledScenario(
         specs=specs,
@@ -132,6 +150,7 @@ def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
             substeps=spec.substeps,
             gravity=spec.gravity,
         ),
+        own_sensors=own,
         cameras=_cameras(configured),
         model=model,
         state=state,
@@ -139,7 +158,7 @@ def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
         views=engine.views(),
         contacts=vehicle_contacts(len(vehicles), geom_vehicle),
         scratch=scratch(model, engine.body_count),
-        objects={box.name: engine.body(box.name)[1] for box in boxes},
+        objects=objects,
         boxes=boxes,
         race=race,
         owners=_owners(engine),
@@ -350,6 +369,26 @@ def _configured(
         except SpecError as error:
             problems += [(f"vehicles.{name}.sensors.{one}",) for one in error.errors]
     return configured, problems
+
+
+def _own_sensors(
+    specs: Specs, configured: Mapping[str, Mapping[str, object]]
+) -> tuple[dict[tuple[str, str], Any], list[Problem]]:
+    """The sensors of the user by vehicle and name, and problems."""
+    problems: list[Problem] = []
+    sensors: dict[tuple[str, str], Any] = {}
+    for vehicle, known in configured.items():
+        for name, reference in specs.scenario.vehicles[vehicle].own_sensors.items():
+            kind = specs.own_sensors[reference]
+            try:
+                if not isinstance(kind, str):
+                    sensors[vehicle, name] = kind()
+                wrong = kind if isinstance(kind, str) else problem(name, sensors[vehicle, name], [*known])
+            except Exception as error:
+                wrong = f"'{reference}' cannot be made: {type(error).__name__}: {error}"
+            if wrong:
+                problems.append((_at("vehicles", vehicle, "own_sensors", name), f": {wrong}"))
+    return sensors, problems
 
 
 def _cameras(configured: dict[str, dict[str, ConfiguredSensor]]) -> dict[str, dict[str, CameraSpec]]:

@@ -24,6 +24,7 @@ class FrameBuilder:
     """Builds the Frames of one world; each Frame has copies of the State, which later ticks do not change."""
 
     def __init__(self, compiled: CompiledScenario) -> None:
+        self._own_sensors = compiled.own_sensors
         self._numbers = numbers(compiled.state)
         self._qpos = compiled.state.qpos
         self._sensors = compiled.sensors
@@ -95,6 +96,7 @@ class FrameBuilder:
             is_autonomous=controls.is_autonomous,
             collision_count=collision_count,
             race=race,
+            own=self._own_sensors.readings(i) if self._own_sensors.placed else {},
             **self._sensors.readings(i),
         )
 

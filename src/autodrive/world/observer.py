@@ -28,7 +28,14 @@ class Restored(msgspec.Struct, frozen=True, tag=True):
     """`World.restore` and `World.continue_from`: the World was set to a state that no request describes."""
 
 
-Request: TypeAlias = Operation | SetPoses | ResetTo | Restored
+class SensorAdded(msgspec.Struct, frozen=True, tag=True):
+    """`World.add_sensor`: the sensor samples from now on."""
+
+    vehicle: str
+    name: str
+
+
+Request: TypeAlias = Operation | SetPoses | ResetTo | SensorAdded | Restored
 """A change of a World between two ticks."""
 
 

@@ -27,6 +27,7 @@ class Snapshot(NamedTuple):
     referee: Any
     race: Any
     sensors: Any
+    own_sensors: Any
     cameras: Any
     controls: Sequence[VehicleControls]
     light: SceneLight

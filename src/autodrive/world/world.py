@@ -24,6 +24,7 @@ from autodrive.base.transforms import (
     quaternion_from_yaw,
     yaw_from_quaternion,
 )
+from autodrive.physics.sensors.own import OwnSensor, problem
 from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, copied, numbers
 from autodrive.physics.tick import advance, place
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
@@ -43,7 +44,7 @@ from autodrive.world.compile import CompiledScenario, set_factors
 from autodrive.world.controls import Controls
 from autodrive.world.frames import FrameBuilder
 from autodrive.world.light import SceneLight
-from autodrive.world.observer import Observer, Request, ResetTo, Restored, SetPoses, hold, plain
+from autodrive.world.observer import Observer, Request, ResetTo, Restored, SensorAdded, SetPoses, hold, plain
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import Poses
 from autodrive.world.racing import Move
@@ -165,8 +166,8 @@ class World(OneThread):
         """Run one tick with these commands; a vehicle without a command keeps its last one until its time-out.
 
         Raises `CommandError` for anything but a dictionary of Commands, an unknown vehicle or a value that is not
-        finite; nothing has moved then. Raises `EngineError` if the physics cannot continue; after that, call `reset`
-        or `restore`.
+        finite; nothing has moved then. Raises `EngineError` if the physics cannot continue, and `SensorError` if a
+        sensor of the user fails; after that, call `reset` or `restore`.
         """
         c, controls, race = self._compiled, self._controls, self.race
         if self._is_closed:
@@ -240,6 +241,7 @@ class World(OneThread):
         if self.race is not None:
             self.race.reset(self._ground_poses(), c.state.vehicle_position)
         c.sensors.reset(self._seed)
+        c.own_sensors.reset(self._seed)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._sample()
@@ -362,10 +364,31 @@ class World(OneThread):
             self.race.restore(before.race.save())
         place(c.model, c.state, c.views)
         c.sensors.continue_from(b.sensors, self._seed, self._tick * self._substeps)
+        c.own_sensors.continue_from(b.own_sensors)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._tell(Restored)
         self._show(is_moved=True)
+
+    @by_one_thread
+    def add_sensor(self, vehicle: str, name: str, sensor: OwnSensor) -> None:
+        """Add a sensor of your own to a vehicle: an object with `rate`, `columns` and `sample(view, random)`.
+
+        It samples now, and then at its rate; the readings are in `VehicleFrame.own`. The object belongs to this world:
+        a reset and `restore` set its attributes back. Raises `CommandError` for an unknown vehicle, a name that is
+        taken, and what is no sensor, and `SensorError` if it cannot sample; then nothing has changed.
+        """
+        self._controls.index(vehicle)
+        own = self._compiled.own_sensors
+        if wrong := problem(name, sensor, own.names(vehicle)):
+            raise CommandError(f"sensor {reprlib.repr(name)} of vehicle '{vehicle}': {wrong}")
+        own.add(vehicle, name, sensor, self._seed, self._tick * self._substeps)
+        self._tell(lambda: SensorAdded(vehicle, name))
+        self._show()
+
+    def watch_sensors(self, clock: Callable[[], float]) -> None:
+        """Log a warning for each sensor of the user that is slow; `clock` returns the wall time [s]."""
+        self._compiled.own_sensors.clock = clock
 
     @by_one_thread
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
@@ -440,6 +463,7 @@ class World(OneThread):
             referee=self._referee.save(),
             race=self.race and self.race.save(),
             sensors=c.sensors.save(),
+            own_sensors=c.own_sensors.save(),
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
             light=self._light,
@@ -461,6 +485,7 @@ class World(OneThread):
             needs_cameras=self._cameras is not None and self._cameras.save() is not None,
         )
         c = self._compiled
+        c.own_sensors.check(saved.own_sensors)
         c.engine.forget_warnings()
         self._tick, self._seed = saved.tick, saved.seed
         c.contacts.impulse[:] = 0.0
@@ -471,6 +496,7 @@ class World(OneThread):
         if self.race is not None:
             self.race.restore(saved.race)
         c.sensors.restore(saved.sensors)
+        c.own_sensors.restore(saved.own_sensors)
         if self._cameras is not None:
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
@@ -537,7 +563,10 @@ class World(OneThread):
         ]
 
     def _sample(self) -> None:
-        self._compiled.sensors.sample(self._tick * self._substeps)
+        now = self._tick * self._substeps
+        self._compiled.sensors.sample(now)
+        if self._compiled.own_sensors.placed:
+            self._compiled.own_sensors.sample(now)
 
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""

@@ -16,7 +16,8 @@ from autodrive.physics.sensors.imu import ImuNoise, ImuSpec
 from autodrive.physics.sensors.ips import IpsSpec
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise
-from autodrive.physics.sensors.noise import Noise, NoiseSpec
+from autodrive.physics.sensors.noise import NoiseSpec, corrupt
+from autodrive.physics.sensors.random_stream import new_stream
 from autodrive.physics.sensors.settings import configured_sensors
 from autodrive.protocol.codec import encode
 from autodrive.scenario.vehicles.spec import load_vehicle
@@ -28,11 +29,11 @@ UST_10LX = LidarNoise(sigma=0.01, step=0.001)
 
 def series(spec: NoiseSpec, channels: int, samples: int, dt: float = 0.01, seed: int = 1) -> Floats:
     """Errors over time, shape (samples, channels)."""
-    noise = Noise((spec, channels))
-    noise.reset(np.random.default_rng(seed))
+    columns = np.tile((spec.sigma, spec.offset, spec.walk, spec.step), (channels, 1))
+    bias, stream = np.zeros(channels), new_stream(np.random.default_rng(seed))
     out = np.zeros((samples, channels))
     for k, row in enumerate(out):
-        noise.add(row, k * dt)
+        corrupt(row, columns, bias, stream, dt if k else 0.0)
     return out
 
 
@@ -45,17 +46,15 @@ def test_white_noise_is_white_with_the_given_sigma_and_zero_mean() -> None:
 
 
 def test_offset_stays_until_reset_and_differs_between_resets() -> None:
-    noise = Noise((NoiseSpec(offset=2.0), 1000))
-    rng = np.random.default_rng(2)
-    noise.reset(rng)
-    first, later, other = np.zeros(1000), np.zeros(1000), np.zeros(1000)
-    noise.add(first, 0.0)
-    noise.add(later, 5.0)
-    noise.reset(rng)
-    noise.add(other, 0.0)
-    np.testing.assert_array_equal(first, later)
-    assert first.std() == pytest.approx(2.0, rel=5 / math.sqrt(2 * 1000))
-    assert abs(np.corrcoef(first, other)[0, 1]) < 5 / math.sqrt(1000)
+    ips = OneSensor(IpsSpec(noise=NoiseSpec(offset=2.0)), scene([]))
+    offsets: list[Floats] = []
+    for seed in range(333):
+        ips.reset(seed)
+        offsets.append(ips.sample(0.0).position)
+        np.testing.assert_array_equal(ips.sample(5.0).position, offsets[-1])
+    errors = np.concatenate(offsets)
+    assert errors.std() == pytest.approx(2.0, rel=5 / math.sqrt(2 * len(errors)))
+    assert abs(np.corrcoef(errors[:-3], errors[3:])[0, 1]) < 5 / math.sqrt(len(errors))
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.04])
@@ -67,9 +66,8 @@ def test_variance_of_the_bias_walk_grows_with_time_at_any_rate(dt: float) -> Non
 
 
 def test_output_is_rounded_to_the_resolution() -> None:
-    noise = Noise((NoiseSpec(step=0.25), 3))
     values = np.array([0.3, -0.4, 1.0])
-    noise.add(values, 0.0)
+    corrupt(values, np.tile((0.0, 0.0, 0.0, 0.25), (3, 1)), np.zeros(3), new_stream(np.random.default_rng(1)), 0.0)
     np.testing.assert_array_equal(values, (0.25, -0.5, 1.0))
 
 

@@ -1,7 +1,7 @@
 // The recent history of all plotted scalars, in columns that drop their older half when they are full.
 
 import type { HudState } from './hud_rows'
-import { SIGNALS } from './signals'
+import { addOwnSensors, SIGNALS } from './signals'
 
 /** Minimum number of rows that are kept, and minimum simulated time between rows [s]: 30 s in total. */
 const KEPT = 2048
@@ -10,13 +10,9 @@ const SPACING = 0.015
 export class History {
   /** Simulated time of each row [s]. */
   readonly times = new Float64Array(2 * KEPT)
-  readonly columns: ReadonlyMap<string, Float64Array>
+  readonly columns = new Map<string, Float64Array>()
   /** Number of rows. */
   length = 0
-
-  constructor() {
-    this.columns = new Map([...SIGNALS.keys()].map((id) => [id, new Float64Array(2 * KEPT)]))
-  }
 
   /** Adds a row, unless the last one is too recent. Clears the history if time went back. */
   add(state: HudState): void {
@@ -27,7 +23,8 @@ export class History {
     else if (this.length > 0 && time < last + SPACING) return
     if (this.length === this.times.length) this.halve()
     this.times[this.length] = time
-    for (const [id, column] of this.columns) column[this.length] = SIGNALS.get(id)?.of(state) ?? NaN
+    addOwnSensors(state.vehicle)
+    for (const [id, { of }] of SIGNALS) this.column(id)[this.length] = of(state)
     this.length += 1
   }
 
@@ -45,6 +42,12 @@ export class History {
 
   clear(): void {
     this.length = 0
+  }
+
+  private column(id: string): Float64Array {
+    const column = this.columns.get(id) ?? new Float64Array(2 * KEPT).fill(NaN)
+    this.columns.set(id, column)
+    return column
   }
 
   private halve(): void {

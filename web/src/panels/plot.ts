@@ -25,6 +25,8 @@ const AXIS = 40
 /** One of the two scalars: its selection, its drawn values, and the element with its latest value. */
 interface Trace {
   select: HTMLSelectElement
+  /** Offers the signals that are known now. */
+  offer: () => void
   now: HTMLElement
   ticks: number[]
   values: (number | null)[]
@@ -59,6 +61,7 @@ export function plot(key: string, first: readonly [string, string]): Plot {
         [[], [], []],
         canvas,
       )
+      for (const one of traces) one.offer()
       if (chart.width !== width) chart.setSize({ width, height: HEIGHT })
       seconds = window
       take(history, window, ages, traces)
@@ -95,18 +98,26 @@ function trace(key: string, first: string, i: number): Trace {
   const label = { 'aria-label': `Signal ${i + 1}`, title: 'Plotted signal' }
   const select = choice('hud-signal', (id) => savePreference(key, id), label)
   const groups = new Map<string, HTMLOptGroupElement>()
-  select.append(h('option', { value: NOTHING }, 'None'))
-  for (const [id, { group, label }] of SIGNALS) {
-    const list = groups.get(group) ?? h('optgroup', { label: group })
-    if (!groups.has(group)) select.append(list)
-    groups.set(group, list)
-    list.append(h('option', { value: id }, label))
-  }
   const kept = loadPreference(key)
+  let offered = 0
+  const offer = () => {
+    if (offered === SIGNALS.size) return
+    const isFirst = offered === 0
+    for (const [id, { group, label }] of [...SIGNALS].slice(offered)) {
+      const list = groups.get(group) ?? h('optgroup', { label: group })
+      if (!groups.has(group)) select.append(list)
+      groups.set(group, list)
+      list.append(h('option', { value: id }, label))
+      if (id === kept && !isFirst) select.value = id // a sensor of the user
+    }
+    offered = SIGNALS.size
+  }
+  select.append(h('option', { value: NOTHING }, 'None'))
+  offer()
   select.value = kept !== null && (kept === NOTHING || SIGNALS.has(kept)) ? kept : first
   const now = h('output', { class: 'plot-now' })
   h('label', { class: 'plot-trace', style: `--trace: var(--${COLOURS[i]})` }, select, now)
-  return { select, now, ticks: [0, 1], values: [] }
+  return { select, offer, now, ticks: [0, 1], values: [] }
 }
 
 function options(

@@ -1,6 +1,7 @@
 // Every scalar that can be plotted over time: its name, unit, and its value at a state.
 import type { Plot } from '../channels'
 import { PLOTS } from '../channels'
+import type { VehicleFrame } from '../messages'
 import type { HudState } from './hud_rows'
 import { element, nearestRay, rangeAt, reader } from './hud_rows'
 
@@ -40,4 +41,17 @@ const SIMULATION: [id: string, label: string, unit: string, span: number, of: Sc
 ]
 for (const [id, label, unit, span, of] of SIMULATION) {
   SIGNALS.set(id, { group: 'Simulation and bridge', label, unit, span, of })
+}
+
+/** Adds the values of the sensors of the user on a vehicle, which are known from their first reading on. */
+export function addOwnSensors({ own }: VehicleFrame): void {
+  for (const [name, { columns }] of Object.entries(own)) {
+    for (const [i, column] of columns.entries()) {
+      const id = `own-${name}-${column}`
+      if (SIGNALS.has(id)) continue
+      const [label, unit = ''] = column.split(' [')
+      const of: Scalar['of'] = ({ vehicle }) => vehicle?.own[name]?.values[i] ?? NaN
+      SIGNALS.set(id, { group: `Sensor ${name}`, label, unit: unit.replace(']', ''), span: 0.1, of })
+    }
+  }
 }

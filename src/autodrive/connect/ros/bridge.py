@@ -138,7 +138,8 @@ class Bridge:
     def on_vehicles(self, vehicles: dict[str, VehicleInfo]) -> None:
         """Create the topics of new vehicles, and publish descriptions and static transforms."""
         self._vehicles = {
-            name: VehiclePublisher(self.config, info, self._robot, self._node) for name, info in vehicles.items()
+            name: VehiclePublisher(self.config, info, self._robot, self._node, self._created)
+            for name, info in vehicles.items()
         }
         for name, vehicle in self._vehicles.items():
             command_input = self._inputs.setdefault(name, CommandInput(self.config, vehicle.info))

@@ -19,6 +19,7 @@ from autodrive.protocol.messages import (
     ImuReading,
     LidarScan,
     Lights,
+    OwnReading,
     RangeReading,
     WheelsReading,
 )
@@ -38,6 +39,16 @@ def header(stamp: Time, frame_id: str) -> Fields:
 def number(value: float, type_: str = "std_msgs/Float32") -> Message:
     """A message with one number."""
     return Message(type_, {"data": value})
+
+
+def own_reading(reading: OwnReading) -> Message:
+    """A std_msgs/Float64MultiArray; the label of its dimension has the names of the columns, with commas."""
+    count = len(reading.values)
+    dimension = Message(
+        "std_msgs/MultiArrayDimension", {"label": ", ".join(reading.columns), "size": count, "stride": count}
+    )
+    fields = {"layout": {"dim": [dimension], "data_offset": 0}, "data": reading.values}
+    return Message("std_msgs/Float64MultiArray", fields)
 
 
 def joint_states(stamp: Time, frame_id: str, angles: dict[str, float], rates: dict[str, float]) -> Message:

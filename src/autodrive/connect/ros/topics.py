@@ -64,6 +64,12 @@ class VehicleTopics:
             return self.name
         return self._frame_prefix + name
 
+    def own(self, sensor: str) -> Topic:
+        """The topic of a sensor of the user."""
+        return self._topic(
+            f"own/{sensor}", "std_msgs/Float64MultiArray", f"values of the sensor '{sensor}' of the user"
+        )
+
     @cached_property
     def all(self) -> list[Topic]:
         """The topics that are published in this mode."""

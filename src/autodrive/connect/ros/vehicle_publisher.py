@@ -29,7 +29,11 @@ HALF_TURN = (0.0, 0.0, 0.0, 1.0)
 class VehiclePublisher:
     """Publishes one vehicle through `node`."""
 
-    def __init__(self, config: Config, info: VehicleInfo, robot: Robot, node: Node) -> None:
+    def __init__(
+        self, config: Config, info: VehicleInfo, robot: Robot, node: Node, own_topics: set[str] | None = None
+    ) -> None:
+        """`own_topics`: names of the topics of the user's sensors that `node` has."""
+        self._own_topics = set() if own_topics is None else own_topics
         self.topics = VehicleTopics(config, info.number, info.type, info.cameras, is_direct=config.mode == "direct")
         self.info = info
         self._config = config
@@ -70,6 +74,8 @@ class VehiclePublisher:
         self._publish(topics.wheels, lambda: readings.wheel_states(stamp, frame("base_link"), vehicle.wheels))
 
         self._publish_readings(vehicle)
+        if not self._config.is_league:
+            self._publish_own(vehicle)
 
     def _publish_number(self, topic: Topic, value: float | None, vehicle: VehicleFrame) -> None:
         """Publish laps and collisions; without a race, laps are 0 in the league, and not published otherwise."""
@@ -86,6 +92,17 @@ class VehiclePublisher:
                 self._times[topic.name] = reading.time
                 convert, frame_id = readings.CONVERTERS[topic.type], self.topics.frame(channel.name)
                 self._publish(topic, lambda: convert(reading, frame_id))  # noqa: B023 - called at once
+
+    def _publish_own(self, vehicle: VehicleFrame) -> None:
+        """Publish new readings of the sensors of the user; each topic is created with the first reading."""
+        for name, reading in vehicle.own.items():
+            topic = self.topics.own(name)
+            if topic.name not in self._own_topics:
+                self._own_topics.add(topic.name)
+                self._node.add_topics([topic], [])
+            if reading.time != self._times.get(topic.name):
+                self._times[topic.name] = reading.time
+                self._publish(topic, lambda: readings.own_reading(reading))  # noqa: B023 - called at once
 
     def publish_scan(self, scan: LidarScan) -> None:
         """Publish a new scan."""

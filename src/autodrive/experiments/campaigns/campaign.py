@@ -13,6 +13,7 @@ from pydantic import Field, field_validator
 
 from autodrive.base import yaml_files
 from autodrive.base.errors import AutodriveError, SpecError
+from autodrive.base.python_files import FUNCTION
 from autodrive.base.specs import Spec
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Source
@@ -31,8 +32,6 @@ from autodrive.world.factory import compile_scenario
 Recorded: TypeAlias = Literal["none", "failures", "all"]
 EVENTS = sorted(kind.__name__ for kind in get_args(Event))
 """Names of the events that can end a run."""
-FUNCTION = re.compile(r"(?P<file>[^\s:]+\.py):(?P<name>[A-Za-z_]\w*)")
-"""A class or function of the user: 'my_driver.py:Driver'."""
 POLICY = re.compile(r"[^\s:{}]+\.npz")
 """A file with a policy, or an included policy: 'race.npz'."""
 MAX_RUNS = 10**9

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import functools
-import importlib.util
-import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.messages import Command, Frame
@@ -39,24 +37,6 @@ class Driver(Protocol):
 
 class DriverError(Exception):
     """A driver did something that ends the run."""
-
-
-@functools.cache
-def load(file: Path, name: str) -> Any:
-    """A class or function in a Python file; modules beside the file can be imported."""
-    folder = str(file.parent.absolute())
-    if folder not in sys.path:
-        sys.path.append(folder)
-    spec = importlib.util.spec_from_file_location(f"campaign_{file.stem}", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses and pickle look for it there
-    spec.loader.exec_module(module)
-    try:
-        return getattr(module, name)
-    except AttributeError:
-        raise DriverError(f"{file.name} has no '{name}'") from None
 
 
 class PolicyDriver:

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import autodrive
 from autodrive.base.cache import PACKAGE, cache_folder, sources
+from autodrive.base.python_files import FUNCTION
 from autodrive.experiments.campaigns import parameters
-from autodrive.experiments.campaigns.campaign import FUNCTION, Campaign, Run
+from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.runner import Result
 from autodrive.scenario.files import files_of
 

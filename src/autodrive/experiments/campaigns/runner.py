@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.python_files import FUNCTION, load
 from autodrive.experiments.campaigns import parameters
-from autodrive.experiments.campaigns.campaign import FUNCTION, Campaign, Run
-from autodrive.experiments.campaigns.drivers import Commands, DevkitScript, Driver, DriverError, PolicyDriver, load
+from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.drivers import Commands, DevkitScript, Driver, DriverError, PolicyDriver
 from autodrive.experiments.campaigns.metrics import METRICS, PERIOD, FunctionMetric, Metric
 from autodrive.experiments.campaigns.sampling import Value
 from autodrive.experiments.campaigns.scene import Scene

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -16,7 +16,7 @@ from autodrive.physics.sensors.camera_exposure import Exposure, lens_shading, sh
 from autodrive.physics.sensors.camera_imperfections import PRESETS, CameraImperfections, Hardware
 from autodrive.physics.sensors.camera_optics import covers_whole_image, ideal_pinhole, project, rays
 from autodrive.physics.sensors.camera_view import RenderedImage, View
-from autodrive.physics.sensors.sensor import Mount, Schedule, SensorSpec, random_generator
+from autodrive.physics.sensors.sensor import STRONG, Mount, NoisePreset, Schedule, SensorSpec, random_generator
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Pose
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ class CameraSpec(SensorSpec):
     the gate fit of that name. 'sensor': focal length, sensor width and height; pixels are not square if the aspect
     ratios of image and sensor differ.
     """
+
+    NOISE: ClassVar[str] = "imperfections"
 
     mount: Mount
     width: int = Field(ge=1, le=8192)
@@ -84,6 +86,12 @@ class CameraSpec(SensorSpec):
     def realistic(self) -> CameraSpec:
         """A copy with the imperfections of its hardware."""
         return self.model_copy(update={"imperfections": PRESETS[self.hardware]})
+
+    @property
+    def noises(self) -> dict[NoisePreset, CameraImperfections]:
+        """None, those of its hardware, or with a multiple of its noise."""
+        real = PRESETS[self.hardware]
+        return {"ideal": CameraImperfections(), "realistic": real, "strong": real.scaled(STRONG)}
 
     @property
     def intrinsics(self) -> CameraIntrinsics:

@@ -55,6 +55,11 @@ class CameraImperfections(Spec):
         """Whether the camera is ideal."""
         return self == CameraImperfections(exposures=self.exposures)
 
+    def scaled(self, factor: float) -> CameraImperfections:
+        """Shot noise relative to white is 1 / sqrt(white_electrons), and none for 0; read noise is in electrons."""
+        electrons = self.white_electrons / factor**2 if factor > 0.0 else 0.0
+        return self.model_copy(update={"white_electrons": electrons, "read_noise": factor * self.read_noise})
+
     @property
     def duration(self) -> float:
         """Time from the start of the exposure of the first row to the end of that of the last row [s]."""

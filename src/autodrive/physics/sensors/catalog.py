@@ -1,6 +1,13 @@
-"""The sensors that a vehicle can have, by name."""
+"""The table of the sensors that a vehicle can have: one field of `SensorSuiteSpec` for each.
+
+The Spec of a sensor says what its values and its noise are, and which function samples it (`sensor.Sampled`).
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import accumulate, pairwise
+from typing import Any, get_args
 
 from autodrive.base.specs import Spec
 from autodrive.physics.sensors.encoder import EncoderSpec
@@ -8,6 +15,7 @@ from autodrive.physics.sensors.imu import ImuSpec
 from autodrive.physics.sensors.ips import IpsSpec
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.range import RangeSpec
+from autodrive.physics.sensors.sensor import Sampled
 
 
 class SensorSuiteSpec(Spec):
@@ -20,5 +28,30 @@ class SensorSuiteSpec(Spec):
     range: RangeSpec | None = None
 
 
-ALWAYS_READ = frozenset({"encoders", "ips", "imu"})
+def _kinds() -> Iterator[tuple[str, type[Sampled]]]:
+    for name, field in SensorSuiteSpec.model_fields.items():
+        of: Any = field.annotation
+        yield name, next(one for one in (*get_args(of), of) if isinstance(one, type) and issubclass(one, Sampled))
+
+
+KINDS: dict[str, type[Sampled]] = dict(_kinds())
+"""The Spec of each sensor by its name."""
+SENSORS = tuple(KINDS)
+"""In the order of all arrays with an axis of sensors."""
+NUMBERS = {name: s for s, name in enumerate(SENSORS)}
+"""Place of each sensor in that axis."""
+ALWAYS_READ = frozenset(name for name, field in SensorSuiteSpec.model_fields.items() if field.default is not None)
 """Sensors that have a reading in every Frame."""
+
+
+def _places(counts: list[int]) -> dict[str, slice]:
+    return {
+        name: slice(first, last)
+        for name, (first, last) in zip(SENSORS, pairwise(accumulate(counts, initial=0)), strict=True)
+    }
+
+
+VALUES = _places([kind.VALUES for kind in KINDS.values()])
+"""Places of the values of each sensor in `ReadingColumns.values`."""
+CHANNELS = _places([kind.CHANNELS for kind in KINDS.values()])
+"""Places of its channels of noise."""

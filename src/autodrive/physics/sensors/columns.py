@@ -1,45 +1,34 @@
-"""The numbers of the sensors of n worlds, without cameras: arrays that compiled code reads and writes."""
+"""The numbers of the sensors of n worlds, without cameras: arrays that compiled code reads and writes.
+
+There are s sensors, c channels of noise and m values in each vehicle, in the order of `catalog.SENSORS`.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import inlined
-from autodrive.physics.model import Shapes
+from autodrive.base.transforms import Quaternion, Vector
+from autodrive.physics.model import Shapes, Table
+from autodrive.physics.sensors.noise import corrupt
 from autodrive.physics.state import State
-
-SENSORS = ("encoders", "ips", "imu", "lidar", "range")
-"""In the order of all arrays with an axis of sensors."""
-ENCODERS, IPS, IMU, LIDAR, RANGE = range(len(SENSORS))
-
-CHANNELS = {"encoders": slice(0, 2), "ips": slice(2, 5), "imu": slice(5, 14), "range": slice(14, 15)}
-"""Channels of the noise of each sensor but the LIDAR."""
-
-ANGLES = slice(0, 2)
-"""Places of the encoder angles [rad] in `ReadingColumns.values`."""
-POSITION = slice(2, 5)
-"""Likewise, of the IPS [m]."""
-MOTION = (slice(5, 9), slice(9, 12), slice(12, 15), slice(15, 18))
-"""Likewise, of the IMU: orientation, Euler angles, angular velocity, linear acceleration."""
-DISTANCE = 18
-"""Likewise, of the range sensor [m]."""
 
 
 class NoiseColumns(NamedTuple):
     """Noise of the sensors of n worlds with v vehicles."""
 
     is_noisy: NDArray[np.bool_]
-    """Shape (n, v, 5)."""
+    """Shape (n, v, s)."""
     stream: NDArray[np.uint64]
-    """`random_stream.Stream` of each sensor, shape (n, v, 5, 3)."""
+    """`random_stream.Stream` of each sensor, shape (n, v, s, 3)."""
     channels: Floats
-    """sigma, offset, walk and step of each channel, shape (n, v, 15, 4)."""
+    """sigma, offset, walk and step of each channel, shape (n, v, c, 4)."""
     bias: Floats
-    """Of each channel, shape (n, v, 15)."""
+    """Of each channel, shape (n, v, c)."""
     lidar: Floats
     """sigma, relative_sigma, step, dropout, and the scale of all ranges, shape (n, v, 5)."""
 
@@ -48,9 +37,9 @@ class ReadingColumns(NamedTuple):
     """The latest readings of the sensors of n worlds with v vehicles."""
 
     time: Floats
-    """Of each reading [s]; not a number without such a sensor, shape (n, v, 5)."""
+    """Of each reading [s]; not a number without such a sensor, shape (n, v, s)."""
     values: Floats
-    """Of all sensors but the LIDAR, shape (n, v, 19); see `ANGLES` and the next names."""
+    """Of all sensors but the LIDAR, shape (n, v, m); not a number before the first reading."""
     encoder_ticks: Integers
     """Shape (n, v, 2)."""
     lidar_ranges: Floats
@@ -117,30 +106,63 @@ class Working(NamedTuple):
     """Shape (9,)."""
 
 
-def noise_columns(n: int, v: int) -> NoiseColumns:
-    """No noise yet; see `tables.reset_noise`."""
-    channels = CHANNELS["range"].stop
-    return NoiseColumns(
-        is_noisy=np.zeros((n, v, len(SENSORS)), np.bool_),
-        stream=np.zeros((n, v, len(SENSORS), 3), np.uint64),
-        channels=np.zeros((n, v, channels, 4)),
-        bias=np.zeros((n, v, channels)),
-        lidar=np.zeros((n, v, 5)),
-    )
+class SensorTables(NamedTuple):
+    """Constant parameters of the sensors."""
+
+    substep: tuple[int, int]
+    """Numerator and denominator of its duration [s]."""
+    vehicles: Table
+    """Columns `tables.VEHICLE_SENSORS`, shape (v,)."""
+    rays: Floats
+    """Constants of the rays of all sensors, which each sensor defines (`Sampled.ray_constants`), shape (4, n_ray)."""
 
 
-def reading_columns(n: int, v: int, rays: int, rolling_rays: int) -> ReadingColumns:
-    """No readings yet, for LIDARs, and rolling ones, of at most so many rays."""
-    values = np.zeros((n, v, DISTANCE + 1))
-    values[..., DISTANCE] = np.nan
-    return ReadingColumns(
-        time=np.full((n, v, len(SENSORS)), np.nan),
-        values=values,
-        encoder_ticks=np.zeros((n, v, 2), np.int64),
-        lidar_ranges=np.full((n, v, rays), np.nan),
-        sweep=np.zeros((n, v, 2), np.int64),
-        sweep_ranges=np.zeros((n, v, rolling_rays)),
-    )
+class Due(NamedTuple):
+    """A sample that is due."""
+
+    k: int
+    """Number of the world."""
+    i: int
+    """Number of the vehicle."""
+    s: int
+    """Number of the sensor, in the order of `catalog.SENSORS`."""
+    now: int
+    """[substeps]."""
+    substeps: int
+    """Of a tick."""
+    time: float
+    """[s]."""
+    channel: int
+    """The first channel of its noise."""
+    channel_end: int
+    """The one after its last."""
+
+
+@inlined
+def mount_position(due: Due, row: Any) -> Vector:
+    """Of the sensor in the vehicle frame [m]."""
+    p = row["position"][due.s]
+    return p[0], p[1], p[2]
+
+
+@inlined
+def mount_orientation(due: Due, row: Any) -> Quaternion:
+    """Vehicle from sensor."""
+    q = row["orientation"][due.s]
+    return q[0], q[1], q[2], q[3]
+
+
+@inlined
+def add_noise(due: Due, noise: NoiseColumns, readings: ReadingColumns, values: Floats) -> None:
+    """Note the time of the reading, and add the noise of the sensor's channels to `values`, shape (n_channel,)."""
+    times = readings.time[due.k, due.i]
+    before = times[due.s]
+    times[due.s] = due.time
+    if noise.is_noisy[due.k, due.i, due.s]:
+        elapsed = max(due.time - before, 0.0) if due.time > 0.0 else 0.0
+        channels = noise.channels[due.k, due.i, due.channel : due.channel_end]
+        bias = noise.bias[due.k, due.i, due.channel : due.channel_end]
+        corrupt(values, channels, bias, noise.stream[due.k, due.i, due.s], elapsed)
 
 
 def working_memory(shapes: Shapes, v: int, rays: int) -> Working:

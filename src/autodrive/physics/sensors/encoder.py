@@ -3,20 +3,70 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
-from autodrive.base.arrays import Floats, Integers
-from autodrive.base.jit import jit_uncounted
+from autodrive.base.arrays import Floats, Integers, read_only_copy
+from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.physics.model import Shapes
+from autodrive.physics.sensors.columns import (
+    Due,
+    Motion,
+    NoiseColumns,
+    ReadingColumns,
+    SensorTables,
+    Working,
+    add_noise,
+)
 from autodrive.physics.sensors.noise import NoiseSpec
-from autodrive.physics.sensors.sensor import SensorSpec
+from autodrive.physics.sensors.sensor import Reader, Sampled, SensorSpec
+from autodrive.protocol.messages import EncoderReading
 
 REAR_LEFT = 2
 """Index of the rear left wheel; the rear right wheel is next."""
 
 
-class EncoderSpec(SensorSpec):
+@jit_uncounted
+def count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
+    """Write the counts of the wheel angles, and replace each angle [rad] by that of its count.
+
+    Counts are rounded toward zero and never wrap.
+    """
+    for side in range(2):
+        ticks[side] = int(angles[side] * ticks_per_radian)  # rounds toward zero
+        angles[side] = ticks[side] / ticks_per_radian
+
+
+@inlined
+def sample(
+    due: Due,
+    values: Floats,
+    row: Any,
+    motion: Motion,
+    shapes: Shapes,
+    noise: NoiseColumns,
+    readings: ReadingColumns,
+    working: Working,
+    sensors: SensorTables,
+) -> None:
+    """The angles of both wheels with noise, then their counts."""
+    for side in range(2):
+        values[side] = motion.wheel_rotation[4 * due.i + REAR_LEFT + side]
+    add_noise(due, noise, readings, values)
+    count(values, row["ticks_per_radian"], readings.encoder_ticks[due.k, due.i])
+
+
+class EncoderSpec(SensorSpec, Sampled):
     """Two encoders, one on the shaft of each rear motor."""
+
+    VALUES: ClassVar[int] = 2
+    CHANNELS: ClassVar[int] = 2
+    COLUMNS: ClassVar[Mapping[str, Any]] = {"ticks_per_radian": np.float64}
+    STRONG: ClassVar[float] = 0.05
+    sample: ClassVar[Any] = sample
 
     pulses_per_revolution: int = Field(default=16, ge=1, le=1_000_000)
     """Pulses per revolution of the motor shaft."""
@@ -30,13 +80,11 @@ class EncoderSpec(SensorSpec):
         """Pulses per angle of the wheel [1/rad]."""
         return self.pulses_per_revolution * self.gear_ratio / (2.0 * math.pi)
 
+    def parameters(self, gravity: float) -> dict[str, Any]:
+        """See `Sampled`."""
+        return {"ticks_per_radian": self.ticks_per_radian}
 
-@jit_uncounted
-def count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
-    """Write the counts of the wheel angles, and replace each angle [rad] by that of its count.
-
-    Counts are rounded toward zero and never wrap.
-    """
-    for side in range(2):
-        ticks[side] = int(angles[side] * ticks_per_radian)  # rounds toward zero
-        angles[side] = ticks[side] / ticks_per_radian
+    def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
+        """See `Sampled`."""
+        ticks, angles = readings.encoder_ticks[0, vehicle], slice(first, first + 2)
+        return lambda time, values: EncoderReading(time, read_only_copy(ticks), values[angles])

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable, Mapping
+from operator import itemgetter
+from typing import Any, ClassVar
 
+import numpy as np
 from pydantic import model_validator
 
 from autodrive.base.arrays import Floats
-from autodrive.base.jit import jit_uncounted
+from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.specs import Spec
 from autodrive.base.transforms import (
     Quaternion,
@@ -21,8 +24,21 @@ from autodrive.base.transforms import (
     rotate,
 )
 from autodrive.base.units import DEGREE, STANDARD_GRAVITY
+from autodrive.physics.model import Shapes
+from autodrive.physics.sensors.columns import (
+    Due,
+    Motion,
+    NoiseColumns,
+    ReadingColumns,
+    SensorTables,
+    Working,
+    add_noise,
+    mount_orientation,
+    mount_position,
+)
 from autodrive.physics.sensors.noise import NoiseSpec
-from autodrive.physics.sensors.sensor import Mount, SensorSpec
+from autodrive.physics.sensors.sensor import STRONG, Mount, NoisePreset, Reader, Sampled, SensorSpec
+from autodrive.protocol.messages import ImuReading
 
 
 class ImuNoise(Spec):
@@ -34,6 +50,10 @@ class ImuNoise(Spec):
     """[rad/s]."""
     linear_acceleration: NoiseSpec = NoiseSpec()
     """[m/s^2]."""
+
+    def scaled(self, factor: float) -> ImuNoise:
+        """`factor` times the noise; resolutions stay."""
+        return ImuNoise(**{name: noise.scaled(factor) for name, noise in self})
 
     @classmethod
     def realistic(cls) -> ImuNoise:
@@ -59,16 +79,6 @@ class ImuNoise(Spec):
     @classmethod
     def _preset(cls, value: Any) -> Any:
         return cls.realistic().model_dump() if value == "realistic" else value
-
-
-class ImuSpec(SensorSpec):
-    """A nine-axis IMU."""
-
-    mount: Mount = Mount()
-    """Point of the measurement and axes of the readings."""
-    measures_specific_force: bool = False
-    """False: acceleration without gravity. True: specific force of an accelerometer, +g upward at rest (REP 145)."""
-    noise: ImuNoise = ImuNoise()
 
 
 @jit_uncounted
@@ -106,3 +116,78 @@ def turn(out: Floats, rotation: Floats) -> None:
     q = compose(out[:4], quaternion_from_rotation_vector(rotation[:3]))
     out[0], out[1], out[2], out[3] = q
     out[4], out[5], out[6] = euler_from_quaternion(q)
+
+
+@inlined
+def sample(
+    due: Due,
+    values: Floats,
+    row: Any,
+    motion: Motion,
+    shapes: Shapes,
+    noise: NoiseColumns,
+    readings: ReadingColumns,
+    working: Working,
+    sensors: SensorTables,
+) -> None:
+    """Orientation, Euler angles, angular velocity and acceleration; the orientation is turned by its noise."""
+    i = due.i
+    measure_motion(
+        motion.vehicle_orientation[i],
+        motion.vehicle_angular_velocity[i],
+        motion.vehicle_acceleration[i],
+        motion.vehicle_angular_acceleration[i],
+        mount_position(due, row),
+        mount_orientation(due, row),
+        row["gravity"],
+        values,
+    )
+    errors = working.values
+    for c in range(3):
+        errors[c] = 0.0
+    for c in range(6):
+        errors[3 + c] = values[7 + c]
+    add_noise(due, noise, readings, errors)
+    if noise.is_noisy[due.k, i, due.s]:
+        for c in range(6):
+            values[7 + c] = errors[3 + c]
+        turn(values, errors)
+
+
+PARTS = (slice(0, 4), slice(4, 7), slice(7, 10), slice(10, 13))
+"""Places of orientation, Euler angles, angular velocity and linear acceleration in the values."""
+
+
+class ImuSpec(SensorSpec, Sampled):
+    """A nine-axis IMU."""
+
+    VALUES: ClassVar[int] = 13
+    CHANNELS: ClassVar[int] = 9
+    COLUMNS: ClassVar[Mapping[str, Any]] = {"gravity": np.float64}
+    sample: ClassVar[Any] = sample
+
+    mount: Mount = Mount()
+    """Point of the measurement and axes of the readings."""
+    measures_specific_force: bool = False
+    """False: acceleration without gravity. True: specific force of an accelerometer, +g upward at rest (REP 145)."""
+    noise: ImuNoise = ImuNoise()
+
+    @property
+    def noises(self) -> dict[NoisePreset, ImuNoise]:
+        """The realistic one is that of the MPU-9250."""
+        real = ImuNoise.realistic()
+        return {"ideal": ImuNoise(), "realistic": real, "strong": real.scaled(STRONG)}
+
+    def parameters(self, gravity: float) -> dict[str, Any]:
+        """See `Sampled`."""
+        return {"gravity": gravity if self.measures_specific_force else 0.0}
+
+    def channel_noise(self) -> list[NoiseSpec]:
+        """See `Sampled`."""
+        return [one for _, noise in self.noise for one in [noise] * 3]
+
+    def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
+        """See `Sampled`."""
+        parts = [slice(first + part.start, first + part.stop) for part in PARTS]
+        motion_of: Callable[[Floats], tuple[Floats, ...]] = itemgetter(*parts)
+        return lambda time, values: ImuReading(time, *motion_of(values))

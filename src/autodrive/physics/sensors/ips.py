@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
 from autodrive.base.arrays import Floats
-from autodrive.base.jit import jit_uncounted
+from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Vector, rotate
+from autodrive.physics.model import Shapes
+from autodrive.physics.sensors.columns import (
+    Due,
+    Motion,
+    NoiseColumns,
+    ReadingColumns,
+    SensorTables,
+    Working,
+    add_noise,
+    mount_position,
+)
 from autodrive.physics.sensors.noise import NoiseSpec
-from autodrive.physics.sensors.sensor import Mount, SensorSpec
-
-
-class IpsSpec(SensorSpec):
-    """Measures the position of one point of the vehicle, by default the centre of the rear axle."""
-
-    mount: Mount = Mount()
-    """The measured point; the rotation is not used."""
-    noise: NoiseSpec = NoiseSpec()
-    """Noise of each coordinate [m]."""
+from autodrive.physics.sensors.sensor import Mount, Reader, Sampled, SensorSpec
+from autodrive.protocol.messages import IpsReading
 
 
 @jit_uncounted
@@ -24,3 +29,40 @@ def measure_position(position: Floats, orientation: Floats, offset: Vector, out:
     lever = rotate(orientation, offset)
     for axis in range(3):
         out[axis] = position[axis] + lever[axis]
+
+
+@inlined
+def sample(
+    due: Due,
+    values: Floats,
+    row: Any,
+    motion: Motion,
+    shapes: Shapes,
+    noise: NoiseColumns,
+    readings: ReadingColumns,
+    working: Working,
+    sensors: SensorTables,
+) -> None:
+    """The position of the mount."""
+    i = due.i
+    measure_position(motion.vehicle_position[i], motion.vehicle_orientation[i], mount_position(due, row), values)
+    add_noise(due, noise, readings, values)
+
+
+class IpsSpec(SensorSpec, Sampled):
+    """Measures the position of one point of the vehicle, by default the centre of the rear axle."""
+
+    VALUES: ClassVar[int] = 3
+    CHANNELS: ClassVar[int] = 3
+    STRONG: ClassVar[float] = 0.05
+    sample: ClassVar[Any] = sample
+
+    mount: Mount = Mount()
+    """The measured point; the rotation is not used."""
+    noise: NoiseSpec = NoiseSpec()
+    """Noise of each coordinate [m]."""
+
+    def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
+        """See `Sampled`."""
+        position = slice(first, first + 3)
+        return lambda time, values: IpsReading(time, values[position])

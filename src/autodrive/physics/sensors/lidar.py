@@ -3,25 +3,173 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Self
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from autodrive.base.arrays import Floats
-from autodrive.base.jit import jit_uncounted
-from autodrive.base.specs import Spec
-from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise, classify
-from autodrive.physics.sensors.sensor import Distance, Mount, Rate
+from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.elementary import cos, sin
+from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.physics.model import Shapes
+from autodrive.physics.sensors.columns import (
+    Due,
+    Motion,
+    NoiseColumns,
+    ReadingColumns,
+    SensorTables,
+    Working,
+    mount_orientation,
+    mount_position,
+)
+from autodrive.physics.sensors.fan import cast_fan
+from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise, classify, measure_with_noise
+from autodrive.physics.sensors.sensor import STRONG, Distance, Mount, NoisePreset, NoisySpec, Rate, Reader, Sampled
+from autodrive.physics.sensors.sweep import Timing, cast_sweep
+from autodrive.protocol.messages import LidarScan
 
 
-class LidarSpec(Spec):
+@jit_uncounted
+def measure(inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
+    """The ranges that a sensor without noise reports."""
+    for i in range(len(ranges)):
+        ranges[i] = classify(1.0 / inverse_range[i], range_min, range_max)
+
+
+@inlined
+def sample(
+    due: Due,
+    values: Floats,
+    row: Any,
+    motion: Motion,
+    shapes: Shapes,
+    noise: NoiseColumns,
+    readings: ReadingColumns,
+    working: Working,
+    sensors: SensorTables,
+) -> None:
+    """All rays of a scan; of a rolling LIDAR, those that are due since the tick before."""
+    k, i = due.k, due.i
+    if row["is_rolling"] and due.now > 0:
+        _sweep(due, row, motion, shapes, noise, readings, working, sensors)
+        return
+    readings.time[k, i, due.s] = due.time
+    first, last = row["first"][due.s], row["last"][due.s]
+    rays = last - first
+    inverse_range, ranges = working.inverse_range[:rays], readings.lidar_ranges[k, i, :rays]
+    cast_fan(
+        motion.vehicle_position[i],
+        motion.vehicle_orientation[i],
+        mount_position(due, row),
+        mount_orientation(due, row),
+        sensors.rays[0, first:last],
+        sensors.rays[1, first:last],
+        row["fan_start"],
+        row["fan_increment"],
+        row["scan_range_max"],
+        i,
+        shapes,
+        motion.shape_position,
+        motion.shape_rotation,
+        working.near,
+        working.views,
+        inverse_range,
+    )
+    if row["is_clockwise"]:
+        for a in range(rays // 2):
+            b = rays - 1 - a
+            inverse_range[a], inverse_range[b] = inverse_range[b], inverse_range[a]
+    _measure_ranges(due, row, noise, inverse_range, ranges)
+    if row["is_rolling"]:
+        readings.sweep[k, i, 0], readings.sweep[k, i, 1] = 1, 0
+
+
+@inlined
+def _sweep(
+    due: Due,
+    row: Any,
+    motion: Motion,
+    shapes: Shapes,
+    noise: NoiseColumns,
+    readings: ReadingColumns,
+    working: Working,
+    sensors: SensorTables,
+) -> None:
+    """Casts the rays of a rolling LIDAR that are due in the tick; `working.before` has the poses at its start.
+
+    The last ray of scan n is cast at n / rate, each earlier ray `time_increment` before the next. Scan 0 is complete at
+    the start: the vehicle stood still before it, so all its rays are cast there.
+    """
+    k, i = due.k, due.i
+    first, last = row["first"][due.s], row["last"][due.s]
+    rays = last - first
+    progress, inverse_range = readings.sweep[k, i], readings.sweep_ranges[k, i, :rays]
+    before = working.before
+    numerator, denominator = sensors.substep
+    time_before = (due.now - due.substeps) * numerator / denominator
+    while True:
+        progress[1] = cast_sweep(
+            before.position[i],
+            before.orientation[i],
+            before.shape_position,
+            before.shape_rotation,
+            motion.vehicle_position[i],
+            motion.vehicle_orientation[i],
+            motion.shape_position,
+            motion.shape_rotation,
+            mount_position(due, row),
+            mount_orientation(due, row),
+            sensors.rays[2, first:last],
+            sensors.rays[3, first:last],
+            Timing(row["scan_rate"], row["time_increment"]),
+            progress[0],
+            progress[1],
+            time_before,
+            due.time,
+            row["scan_range_max"],
+            i,
+            shapes,
+            working.near,
+            inverse_range,
+        )
+        if progress[1] < rays:
+            return
+        readings.time[k, i, due.s] = progress[0] / row["scan_rate"]
+        _measure_ranges(due, row, noise, inverse_range, readings.lidar_ranges[k, i, :rays])
+        progress[0] += 1
+        progress[1] = 0
+
+
+@inlined
+def _measure_ranges(due: Due, row: Any, noise: NoiseColumns, inverse_range: Floats, ranges: Floats) -> None:
+    low, high = row["scan_range_min"], row["scan_range_max"]
+    if noise.is_noisy[due.k, due.i, due.s]:
+        f, stream = noise.lidar[due.k, due.i], noise.stream[due.k, due.i, due.s]
+        measure_with_noise(inverse_range, f[4], stream, (f[0], f[1], f[2], f[3]), low, high, ranges)
+    else:
+        measure(inverse_range, low, high, ranges)
+
+
+class LidarSpec(NoisySpec, Sampled):
     """A scanning range finder; by default the RPLIDAR A1 of the report.
 
     The rays cover one revolution, or `angle_min_deg` to `angle_max_deg`, or are `angle_increment_deg` apart. Ray 0 has
     the bearing `angle_min_deg`; 0 is straight ahead. The index increases to the left, or to the right if angle_max is
     below angle_min or the increment is negative.
     """
+
+    COLUMNS: ClassVar[Mapping[str, Any]] = {
+        "is_clockwise": np.bool_,  # the index of its rays increases to the right
+        "is_rolling": np.bool_,  # it casts its rays one after another
+        "scan_rate": np.float64,  # [Hz]
+        "time_increment": np.float64,  # between its rays [s]
+        "fan_start": np.float64,  # bearing of its rightmost ray [rad]
+        "fan_increment": np.float64,  # [rad]
+        "scan_range_min": np.float64,  # [m]
+        "scan_range_max": np.float64,  # [m]
+    }
+    sample: ClassVar[Any] = sample
 
     mount: Mount = Mount()
     """Centre and axes of the scan."""
@@ -89,6 +237,40 @@ class LidarSpec(Spec):
         """Time between successive rays [s]; 0 if all are cast at one instant."""
         return abs(self.angle_increment) / (2.0 * math.pi * self.rate) if self.is_rolling else 0.0
 
+    @property
+    def noises(self) -> dict[NoisePreset, LidarNoise]:
+        """The realistic one is that of its data sheet."""
+        return {"ideal": LidarNoise(), "realistic": self.data_sheet, "strong": self.data_sheet.scaled(STRONG)}
+
+    @property
+    def bearings(self) -> Floats:
+        """Of the rays [rad], shape (n_ray,)."""
+        return self.angle_min + self.angle_increment * np.arange(self.rays, dtype=np.float64)
+
+    def parameters(self, gravity: float) -> dict[str, Any]:
+        """See `Sampled`."""
+        return {
+            "is_clockwise": self.angle_increment < 0.0,
+            "is_rolling": self.is_rolling,
+            "scan_rate": self.rate,
+            "time_increment": self.time_increment,
+            "fan_start": self.bearings.min(),
+            "fan_increment": abs(self.angle_increment),
+            "scan_range_min": self.range_min,
+            "scan_range_max": self.range_max,
+        }
+
+    def ray_constants(self) -> Floats:
+        """Cosines and sines of the rays from right to left, then in the order of their index."""
+        fan = self.bearings
+        ordered = fan if (np.diff(fan) >= 0.0).all() else fan[::-1]
+        return np.array([[function(one) for one in of.tolist()] for of in (ordered, fan) for function in (cos, sin)])
+
+    def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
+        """See `Sampled`."""
+        ranges, constants = readings.lidar_ranges[0, vehicle, : self.rays], scan_constants(self)
+        return lambda time, values: LidarScan(time, read_only_copy(ranges), *constants)
+
 
 def scan_constants(spec: LidarSpec) -> tuple[Any, ...]:
     """The fields of a `LidarScan` that are the same in every scan: all after `ranges`."""
@@ -104,10 +286,3 @@ def scan_constants(spec: LidarSpec) -> tuple[Any, ...]:
         1.0 / spec.rate,
         spec.time_increment,
     )
-
-
-@jit_uncounted
-def measure(inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
-    """The ranges that a sensor without noise reports."""
-    for i in range(len(ranges)):
-        ranges[i] = classify(1.0 / inverse_range[i], range_min, range_max)

@@ -28,6 +28,17 @@ class LidarNoise(Spec):
     dropout: float = Field(default=0.0, ge=0.0, le=1.0)
     """Probability that a ray has no return (+inf)."""
 
+    def scaled(self, factor: float) -> LidarNoise:
+        """`factor` times the noise; the resolution stays."""
+        return self.model_copy(
+            update={
+                "sigma": factor * self.sigma,
+                "relative_sigma": factor * self.relative_sigma,
+                "scale": factor * self.scale,
+                "dropout": min(1.0, factor * self.dropout),
+            }
+        )
+
 
 RPLIDAR_A1M8 = LidarNoise(relative_sigma=0.01 / 3.0, step=0.5e-3, dropout=0.005)
 """Noise of the RPLIDAR A1M8 (data sheet Slamtec LD108).

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
 from autodrive.base.arrays import Floats
-from autodrive.base.jit import jit_uncounted, resolved
+from autodrive.base.jit import jit_uncounted
 from autodrive.base.specs import Spec
-from autodrive.physics.sensors.random_stream import Stream, new_stream, normal
+from autodrive.physics.sensors.random_stream import Stream, normal
 
 Deviation: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 """A standard deviation or a resolution, in the unit of the quantity."""
@@ -34,46 +33,10 @@ class NoiseSpec(Spec):
         """Whether there is no noise."""
         return not (self.sigma or self.offset or self.walk or self.step)
 
-
-class Noise:
-    """Noise of all channels of a sensor that is written in Python: a random stream and the current bias."""
-
-    def __init__(self, *channels: tuple[NoiseSpec, int]) -> None:
-        """Each argument: the noise of a quantity, and its number of channels."""
-        self._spec = np.array([(s.sigma, s.offset, s.walk, s.step) for s, count in channels for _ in range(count)])
-        self._bias = np.zeros(len(self._spec))
-        self._time = 0.0
-        self._stream = new_stream(np.random.default_rng())
-        self._compiled: Callable[..., None] | None = None
-
-    @classmethod
-    def of(cls, *channels: tuple[NoiseSpec, int]) -> Noise | None:
-        """None if no channel has noise."""
-        return None if all(spec.is_silent for spec, _ in channels) else cls(*channels)
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Draw new offsets."""
-        self._stream = new_stream(rng)
-        self._time = 0.0
-        for i, offset in enumerate(self._spec[:, 1].tolist()):
-            self._bias[i] = offset * normal(self._stream)
-
-    def add(self, values: Floats, time: float) -> None:
-        """Add the noise at `time` [s] to the true values, shape (n,), in place."""
-        arguments = values, self._spec, self._bias, self._stream, max(time - self._time, 0.0)
-        if self._compiled is None:
-            self._compiled = resolved(corrupt, *arguments)
-        self._compiled(*arguments)
-        self._time = time
-
-    def save(self) -> Any:
-        """The bias, its time, and the state of the random stream."""
-        return self._bias.copy(), self._time, self._stream.copy()
-
-    def restore(self, saved: Any) -> None:
-        """Set the state that `save` returned."""
-        bias, self._time, stream = saved
-        self._bias[:], self._stream[:] = bias, stream
+    def scaled(self, factor: float) -> NoiseSpec:
+        """`factor` times the noise; the resolution stays."""
+        scaled = {"sigma": factor * self.sigma, "offset": factor * self.offset, "walk": factor * self.walk}
+        return self.model_copy(update=scaled)
 
 
 @jit_uncounted

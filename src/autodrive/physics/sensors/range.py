@@ -3,48 +3,34 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, Self
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.elementary import cos, sin
-from autodrive.base.jit import jit_uncounted
+from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Quaternion, Vector, compose, rotate
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.model import Shapes
-from autodrive.physics.ray import inverse_distance, misses_sphere
+from autodrive.physics.sensors.columns import (
+    Due,
+    Motion,
+    NoiseColumns,
+    ReadingColumns,
+    SensorTables,
+    Working,
+    add_noise,
+    mount_orientation,
+    mount_position,
+)
+from autodrive.physics.sensors.lidar_noise import classify
 from autodrive.physics.sensors.noise import NoiseSpec
-from autodrive.physics.sensors.sensor import Distance, Mount, Rate, SensorSpec
-
-
-class RangeSpec(SensorSpec):
-    """A range sensor along the x axis of its mount; by default the HC-SR04 (data sheet: 0.02 to 4 m, 15 deg)."""
-
-    mount: Mount = Mount()
-    rate: Rate | None = 20.0
-    """Sample rate [Hz]; None: one sample per tick."""
-    field_of_view_deg: float = Field(default=15.0, ge=0.0, lt=180.0)
-    """Full opening angle of the cone [deg]."""
-    rings: int = Field(default=3, ge=0, le=20)
-    """Rings of rays around the axis: ring k has 8 k rays. More rings detect smaller objects."""
-    range_min: Distance = 0.02
-    """A smaller distance [m] is reported as -inf (REP 117)."""
-    range_max: Distance = 4.0
-    """A greater distance [m] is reported as +inf (REP 117)."""
-    radiation: Literal["ultrasound", "infrared"] = "ultrasound"
-    """Reported only; does not change the distance."""
-    sees_ground: bool = False
-    """Whether the sensor detects the ground. A smooth floor reflects a beam at a small angle away from the sensor."""
-    noise: NoiseSpec = NoiseSpec()
-    """Noise of the distance [m]."""
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        if self.range_max <= self.range_min:
-            raise ValueError(f"range_max {self.range_max:g} m must be above range_min {self.range_min:g} m")
-        return self
+from autodrive.physics.sensors.rays import inverse_range
+from autodrive.physics.sensors.sensor import Distance, Mount, Rate, Reader, Sampled, SensorSpec
+from autodrive.protocol.messages import RangeReading
 
 
 def directions(field_of_view: float, rings: int) -> Floats:
@@ -75,7 +61,7 @@ def nearest(
 ) -> float:
     """Largest inverse range of all rays [1/m]; 0 if no ray hits, infinity inside a shape or the ground.
 
-    `near` is working memory, shape (n_shape,).
+    `rays` are unit vectors in sensor axes, shape (3, n_ray). `near` is working memory, shape (n_shape,).
     """
     lever = rotate(vehicle_orientation, mount_position)
     px, py, pz = vehicle_position[0] + lever[0], vehicle_position[1] + lever[1], vehicle_position[2] + lever[2]
@@ -83,34 +69,94 @@ def nearest(
     if pz <= 0.0:
         return math.inf
     nearest = 0.0
-    kind, size = shapes.kind, shapes.size
     found = shapes_near(shapes, px, py, range_max, near)
-    for i in range(len(rays)):
-        ray = rotate(map_from_sensor, (rays[i, 0], rays[i, 1], rays[i, 2]))
+    for i in range(rays.shape[1]):
+        ray = rotate(map_from_sensor, (rays[0, i], rays[1, i], rays[2, i]))
         if sees_ground:
             nearest = max(nearest, -ray[2] / pz)
-        for k in range(found):
-            g = near[k]
-            if shapes.vehicle[g] == vehicle:
-                continue
-            dx, dy, dz = shape_position[g, 0] - px, shape_position[g, 1] - py, shape_position[g, 2] - pz
-            if misses_sphere((dx, dy, dz), ray, float(shapes.bounding_radius[g]), range_max):
-                continue
-            inverse_range = inverse_distance(
-                int(kind[g]),
-                (size[g, 0], size[g, 1], size[g, 2]),
-                _in_shape(shape_rotation, g, (-dx, -dy, -dz)),
-                _in_shape(shape_rotation, g, ray),
-            )
-            nearest = max(nearest, inverse_range)
+        nearest = max(
+            nearest,
+            inverse_range((px, py, pz), ray, range_max, vehicle, shapes, shape_position, shape_rotation, near, found),
+        )
     return nearest
 
 
-@jit_uncounted
-def _in_shape(rotation: Floats, g: int, v: Vector) -> Vector:
-    """Transform a vector from the map frame to the axes of shape g."""
-    return (
-        v[0] * rotation[g, 0] + v[1] * rotation[g, 3] + v[2] * rotation[g, 6],
-        v[0] * rotation[g, 1] + v[1] * rotation[g, 4] + v[2] * rotation[g, 7],
-        v[0] * rotation[g, 2] + v[1] * rotation[g, 5] + v[2] * rotation[g, 8],
+@inlined
+def sample(
+    due: Due,
+    values: Floats,
+    row: Any,
+    motion: Motion,
+    shapes: Shapes,
+    noise: NoiseColumns,
+    readings: ReadingColumns,
+    working: Working,
+    sensors: SensorTables,
+) -> None:
+    """The distance of the nearest thing, with noise, as in REP 117."""
+    i = due.i
+    inverse = nearest(
+        motion.vehicle_position[i],
+        motion.vehicle_orientation[i],
+        mount_position(due, row),
+        mount_orientation(due, row),
+        sensors.rays[:3, row["first"][due.s] : row["last"][due.s]],
+        row["sees_ground"],
+        row["range_max"],
+        i,
+        shapes,
+        motion.shape_position,
+        motion.shape_rotation,
+        working.near,
     )
+    values[0] = math.inf if inverse == 0.0 else 1.0 / inverse
+    add_noise(due, noise, readings, values)
+    values[0] = classify(values[0], row["range_min"], row["range_max"])
+
+
+class RangeSpec(SensorSpec, Sampled):
+    """A range sensor along the x axis of its mount; by default the HC-SR04 (data sheet: 0.02 to 4 m, 15 deg)."""
+
+    VALUES: ClassVar[int] = 1
+    CHANNELS: ClassVar[int] = 1
+    COLUMNS: ClassVar[Mapping[str, Any]] = {"sees_ground": np.bool_, "range_min": np.float64, "range_max": np.float64}
+    STRONG: ClassVar[float] = 0.05
+    sample: ClassVar[Any] = sample
+
+    mount: Mount = Mount()
+    rate: Rate | None = 20.0
+    """Sample rate [Hz]; None: one sample per tick."""
+    field_of_view_deg: float = Field(default=15.0, ge=0.0, lt=180.0)
+    """Full opening angle of the cone [deg]."""
+    rings: int = Field(default=3, ge=0, le=20)
+    """Rings of rays around the axis: ring k has 8 k rays. More rings detect smaller objects."""
+    range_min: Distance = 0.02
+    """A smaller distance [m] is reported as -inf (REP 117)."""
+    range_max: Distance = 4.0
+    """A greater distance [m] is reported as +inf (REP 117)."""
+    radiation: Literal["ultrasound", "infrared"] = "ultrasound"
+    """Reported only; does not change the distance."""
+    sees_ground: bool = False
+    """Whether the sensor detects the ground. A smooth floor reflects a beam at a small angle away from the sensor."""
+    noise: NoiseSpec = NoiseSpec()
+    """Noise of the distance [m]."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.range_max <= self.range_min:
+            raise ValueError(f"range_max {self.range_max:g} m must be above range_min {self.range_min:g} m")
+        return self
+
+    def parameters(self, gravity: float) -> dict[str, Any]:
+        """See `Sampled`."""
+        return {"sees_ground": self.sees_ground, "range_min": self.range_min, "range_max": self.range_max}
+
+    def ray_constants(self) -> Floats:
+        """The directions of the rays, in the first three rows."""
+        rays = directions(math.radians(self.field_of_view_deg), self.rings)
+        return np.vstack([rays.T, np.zeros(len(rays))])
+
+    def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
+        """See `Sampled`."""
+        rest = math.radians(self.field_of_view_deg), self.range_min, self.range_max, self.radiation
+        return lambda time, values: RangeReading(time, float(values[first]), *rest)

@@ -1,26 +1,33 @@
-"""Base of all sensors: mount, schedule, noise source and `sample`."""
+"""What all sensors have: mount, rate, presets of the noise, schedule and random stream."""
 
 from __future__ import annotations
 
 import hashlib
-from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from math import hypot, radians
-from typing import Annotated, Any, Generic, Protocol, Self, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from autodrive.base.arrays import Floats
 from autodrive.base.specs import Degrees, Offset, Spec
 from autodrive.base.transforms import Quaternion, quaternion_from_euler
-from autodrive.physics.model import Shapes
-from autodrive.physics.state import State
+from autodrive.physics.sensors.columns import ReadingColumns
+from autodrive.physics.sensors.noise import NoiseSpec
 
 Rate: TypeAlias = Annotated[float, Field(ge=1e-3, le=1e4)]
 """Samples per second [Hz]."""
 Distance: TypeAlias = Annotated[float, Field(ge=0.0, le=1e4)]
 """[m]."""
+
+
+NoisePreset: TypeAlias = Literal["ideal", "file", "realistic", "strong"]
+"""'ideal': no noise; 'file': as in the vehicle's file; 'realistic': of the data sheet; 'strong': a multiple."""
+STRONG = 5.0
+"""Strong noise has this multiple of the standard deviations of the data sheet; resolutions stay."""
 
 
 class Mount(Spec):
@@ -54,11 +61,64 @@ class Mount(Spec):
         return w / length, x / length, y / length, z / length
 
 
-class SensorSpec(Spec):
-    """Fields of every sensor."""
+class NoisySpec(Spec):
+    """A sensor or camera with presets of its noise."""
+
+    NOISE: ClassVar[str] = "noise"
+    """Name of the field with the noise."""
+    STRONG: ClassVar[float] = 0.0
+    """Strong white noise of a sensor without noise in its data sheet, in the unit of the reading: our choice."""
+
+    @property
+    def noises(self) -> dict[NoisePreset, Any]:
+        """The noise of each preset but that of the file; 'realistic' only if the data sheet has noise."""
+        return {"ideal": NoiseSpec(), "strong": NoiseSpec(sigma=self.STRONG)}
+
+    def with_noise_factor(self, factor: float) -> Self:
+        """The same sensor with `factor` times the noise; resolutions stay."""
+        if factor == 1.0:
+            return self
+        return self.model_copy(update={self.NOISE: getattr(self, self.NOISE).scaled(factor)})
+
+
+class SensorSpec(NoisySpec):
+    """Fields of every sensor but the LIDAR."""
 
     rate: Rate | None = None
     """Sample rate [Hz], at most one sample per tick; None: one sample per tick."""
+
+
+Reader: TypeAlias = Callable[[float, Floats], Any]
+"""Makes the message of a sensor from its time [s] and the vehicle's row of `ReadingColumns.values`."""
+
+
+class Sampled:
+    """What compiled code and Frames need of a sensor: its Spec is a subclass, and has a row in `catalog`."""
+
+    VALUES: ClassVar[int] = 0
+    """Number of its values in `ReadingColumns.values`."""
+    CHANNELS: ClassVar[int] = 0
+    """Number of values that have the noise of a `NoiseSpec` of their own."""
+    COLUMNS: ClassVar[Mapping[str, Any]] = {}
+    """Its own columns of `SensorTables.vehicles`, name -> type."""
+    sample: ClassVar[Any]
+    """Compiled function that writes a sample into its values, and adds its noise; see `sampling` for its arguments."""
+
+    def parameters(self, gravity: float) -> dict[str, Any]:
+        """The values of `COLUMNS`; `gravity` [m/s^2] is positive downward."""
+        return {}
+
+    def ray_constants(self) -> Floats:
+        """Constants of its rays, as `SensorTables.rays` has them, shape (4, n_ray)."""
+        return np.zeros((4, 0))
+
+    def channel_noise(self) -> list[NoiseSpec]:
+        """The noise of each channel; one noise is that of all channels."""
+        return [self.noise] * self.CHANNELS  # type: ignore[attr-defined]  # pyright: ignore
+
+    def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
+        """Of a sensor of that vehicle in a single world, whose values begin at `first`."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -87,53 +147,6 @@ class Schedule:
         newest = now * self.samples // self.substeps
         previous = -1 if before is None else before * self.samples // self.substeps
         return newest > previous
-
-
-R = TypeVar("R")
-
-
-class Errors(Protocol):
-    """Noise source of a sensor."""
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Use a new random stream and draw the errors that are constant until the next reset."""
-        ...
-
-    def save(self) -> Any:
-        """The complete internal state, for `restore`."""
-        ...
-
-    def restore(self, saved: Any) -> None:
-        """Set the state that `save` returned."""
-        ...
-
-
-class Sensor(ABC, Generic[R]):
-    """Base class of a sensor of one vehicle; `latest` is the newest reading, None before the first."""
-
-    def __init__(self, errors: Errors | None) -> None:
-        self._errors = errors
-        self.latest: R | None = None
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Delete the latest reading and draw the noise from `rng` from now on."""
-        self.latest = None
-        if self._errors is not None:
-            self._errors.reset(rng)
-
-    @abstractmethod
-    def sample(self, shapes: Shapes, state: State, vehicle: int, time: float) -> R | None:
-        """The reading of the vehicle with index `vehicle` at `time` [s]; None while the first is not complete."""
-
-    def save(self) -> Any:
-        """The complete internal state, for `restore`."""
-        return self.latest, None if self._errors is None else self._errors.save()
-
-    def restore(self, saved: Any) -> None:
-        """Set the state that `save` returned."""
-        self.latest, errors = saved
-        if self._errors is not None:
-            self._errors.restore(errors)
 
 
 def random_generator(seed: int, vehicle: str, sensor: str) -> np.random.Generator:

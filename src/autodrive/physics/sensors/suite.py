@@ -5,40 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from operator import itemgetter
 from typing import Any
 
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.arrays import read_only_copy
 from autodrive.base.jit import resolved
 from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.columns import (
-    ANGLES,
-    CHANNELS,
-    DISTANCE,
-    MOTION,
-    POSITION,
-    SENSORS,
-    motion_of,
+from autodrive.physics.sensors.catalog import CHANNELS, SENSORS, VALUES
+from autodrive.physics.sensors.columns import motion_of, working_memory
+from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.sampling import sample
+from autodrive.physics.sensors.sensor import Reader
+from autodrive.physics.sensors.settings import ConfiguredSensor
+from autodrive.physics.sensors.tables import (
+    ABSENT,
+    SensorTables,
+    most_rays,
     noise_columns,
     reading_columns,
-    working_memory,
+    reset_noise,
+    sensor_tables,
+    starting_only,
 )
-from autodrive.physics.sensors.encoder import EncoderSpec
-from autodrive.physics.sensors.ips import IpsSpec
-from autodrive.physics.sensors.lidar import LidarSpec, scan_constants
-from autodrive.physics.sensors.range import RangeSpec
-from autodrive.physics.sensors.sampling import sample
-from autodrive.physics.sensors.settings import ConfiguredSensor
-from autodrive.physics.sensors.tables import ABSENT, SensorTables, most_rays, reset_noise, sensor_tables, starting_only
 from autodrive.physics.state import State
-from autodrive.protocol.messages import EncoderReading, ImuReading, IpsReading, LidarScan, RangeReading
-
-Reader = Callable[[float, Floats], Any]
-"""Makes the reading of a sensor from its time [s] and the vehicle's row of `ReadingColumns.values`."""
-
-_motion_of: Callable[[Floats], tuple[Floats, ...]] = itemgetter(*MOTION)
 
 NEVER = [math.nan] * len(SENSORS)
 """Times of the readings of a vehicle before the first."""
@@ -178,23 +168,4 @@ class SensorSuite:
 
     def _reader(self, i: int, s: int) -> Reader:
         """For sensor s of vehicle i."""
-        spec = self._configured[i][SENSORS[s]].spec
-        ticks = self._columns.encoder_ticks[0, i]
-        match spec:
-            case LidarSpec():
-                ranges, constants = self._columns.lidar_ranges[0, i, : spec.rays], scan_constants(spec)
-                return lambda time, values: LidarScan(time, read_only_copy(ranges), *constants)
-            case RangeSpec():
-                field_of_view = math.radians(spec.field_of_view_deg)
-                rest = field_of_view, spec.range_min, spec.range_max, spec.radiation
-                return lambda time, values: RangeReading(time, float(values[DISTANCE]), *rest)
-            case EncoderSpec():
-                return lambda time, values: EncoderReading(time, read_only_copy(ticks), values[ANGLES])
-            case IpsSpec():
-                return lambda time, values: IpsReading(time, values[POSITION])
-            case _:
-                return _imu_reading
-
-
-def _imu_reading(time: float, values: Floats) -> ImuReading:
-    return ImuReading(time, *_motion_of(values))
+        return self._configured[i][SENSORS[s]].spec.reader(self._columns, i, VALUES[SENSORS[s]].start)

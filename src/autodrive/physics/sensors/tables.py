@@ -2,70 +2,32 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from autodrive.base.arrays import Floats
-from autodrive.base.elementary import cos, sin
-from autodrive.physics.model import Table
 from autodrive.physics.model import columns as table_columns
-from autodrive.physics.sensors.catalog import ALWAYS_READ
-from autodrive.physics.sensors.columns import CHANNELS, SENSORS, NoiseColumns
-from autodrive.physics.sensors.encoder import EncoderSpec
-from autodrive.physics.sensors.imu import ImuSpec
-from autodrive.physics.sensors.ips import IpsSpec
+from autodrive.physics.sensors.catalog import ALWAYS_READ, CHANNELS, KINDS, NUMBERS, SENSORS, VALUES
+from autodrive.physics.sensors.columns import NoiseColumns, ReadingColumns, SensorTables
 from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.random_stream import new_stream, normal
-from autodrive.physics.sensors.range import RangeSpec, directions
 from autodrive.physics.sensors.sensor import Mount, Schedule, random_generator
-from autodrive.physics.sensors.settings import ConfiguredSensor, SensorSpecs, with_noise_factor
+from autodrive.physics.sensors.settings import ConfiguredSensor
 
 VEHICLE_SENSORS = table_columns(
     samples=(np.int64, len(SENSORS)),  # `Schedule.samples` of each sensor; ABSENT: no such sensor
     substeps=(np.int64, len(SENSORS)),  # `Schedule.substeps`
     position=(np.float64, (len(SENSORS), 3)),  # of its mount [m]
     orientation=(np.float64, (len(SENSORS), 4)),  # of its mount, vehicle from sensor
-    ticks_per_radian=np.float64,  # of the encoders
-    gravity=np.float64,  # that the IMU adds [m/s^2]
-    first_ray=np.int64,  # of the LIDAR, in `SensorTables.cosines`
-    rays=np.int64,  # of the LIDAR
-    is_clockwise=np.bool_,  # the index of its rays increases to the right
-    is_rolling=np.bool_,  # it casts its rays one after another
-    scan_rate=np.float64,  # [Hz]
-    time_increment=np.float64,  # between its rays [s]
-    fan_start=np.float64,  # bearing of its rightmost ray [rad]
-    fan_increment=np.float64,  # [rad]
-    range_min=(np.float64, len(SENSORS)),  # of the LIDAR and the range sensor [m]
-    range_max=(np.float64, len(SENSORS)),  # likewise
-    first_direction=np.int64,  # of the range sensor, in `SensorTables.directions`
-    last_direction=np.int64,  # the one after its last
-    sees_ground=np.bool_,  # whether the range sensor does
+    first=(np.int64, len(SENSORS)),  # of its rays in `SensorTables.rays`
+    last=(np.int64, len(SENSORS)),  # the one after its last ray
+    **{name: type_ for kind in KINDS.values() for name, type_ in kind.COLUMNS.items()},
 )
 """Columns of `SensorTables.vehicles`."""
 
 ABSENT = -1
-
-
-class SensorTables(NamedTuple):
-    """Constant parameters of the sensors."""
-
-    substep: tuple[int, int]
-    """Numerator and denominator of its duration [s]."""
-    vehicles: Table
-    """Columns `VEHICLE_SENSORS`, shape (v,)."""
-    cosines: Floats
-    """Of the rays of all LIDARs, each from right to left; likewise the next one."""
-    sines: Floats
-    ray_cosines: Floats
-    """Likewise, each in the order of its index."""
-    ray_sines: Floats
-    directions: Floats
-    """Rays of all range sensors in their own axes, shape (n_ray, 3)."""
 
 
 def sensor_tables(
@@ -76,8 +38,7 @@ def sensor_tables(
     `gravity` [m/s^2], positive downward, is that of an IMU that measures the specific force.
     """
     table = np.zeros(len(vehicles), VEHICLE_SENSORS)
-    bearings: list[Floats] = [np.zeros(0)]
-    cones: list[Floats] = [np.zeros((0, 3))]
+    rays = [np.zeros((4, 0))]
     for row, sensors in zip(table, vehicles, strict=True):
         row["samples"] = ABSENT
         for s, sensor in enumerate(SENSORS):
@@ -87,38 +48,13 @@ def sensor_tables(
             row["samples"][s], row["substeps"][s] = _schedule(spec, sensors[sensor].is_on, substep)
             mount = getattr(spec, "mount", Mount())
             row["position"][s], row["orientation"][s] = mount.position, mount.orientation
-            match spec:
-                case EncoderSpec():
-                    row["ticks_per_radian"] = spec.ticks_per_radian
-                case ImuSpec():
-                    row["gravity"] = gravity if spec.measures_specific_force else 0.0
-                case LidarSpec():
-                    row["is_rolling"], row["scan_rate"] = spec.is_rolling, spec.rate
-                    row["time_increment"] = spec.time_increment
-                    row["first_ray"], row["rays"] = sum(map(len, bearings)), spec.rays
-                    row["is_clockwise"] = spec.angle_increment < 0.0
-                    row["fan_increment"] = abs(spec.angle_increment)
-                    fan: Floats = spec.angle_min + spec.angle_increment * np.arange(spec.rays, dtype=np.float64)
-                    row["fan_start"] = fan.min()
-                    bearings.append(fan)
-                    row["range_min"][s], row["range_max"][s] = spec.range_min, spec.range_max
-                case RangeSpec():
-                    row["first_direction"] = sum(map(len, cones))
-                    cones.append(directions(math.radians(spec.field_of_view_deg), spec.rings))
-                    row["last_direction"] = sum(map(len, cones))
-                    row["sees_ground"] = spec.sees_ground
-                    row["range_min"][s], row["range_max"][s] = spec.range_min, spec.range_max
-                case _:
-                    pass
-    fans = [fan if (np.diff(fan) >= 0.0).all() else fan[::-1] for fan in bearings]
+            row["first"][s] = sum(one.shape[1] for one in rays)
+            rays.append(spec.ray_constants())
+            row["last"][s] = sum(one.shape[1] for one in rays)
+            for name, value in spec.parameters(gravity).items():
+                row[name] = value
     return SensorTables(
-        substep=(substep.numerator, substep.denominator),
-        vehicles=table,
-        cosines=_each(cos, fans),
-        sines=_each(sin, fans),
-        ray_cosines=_each(cos, bearings),
-        ray_sines=_each(sin, bearings),
-        directions=np.concatenate(cones),
+        substep=(substep.numerator, substep.denominator), vehicles=table, rays=np.concatenate(rays, axis=1)
     )
 
 
@@ -133,12 +69,9 @@ def starting_only(tables: SensorTables, starting: Sequence[tuple[int, int]]) -> 
 
 def most_rays(tables: SensorTables) -> tuple[int, int]:
     """Of a LIDAR, and of a rolling one."""
-    table = tables.vehicles
-    return int(table["rays"].max(initial=0)), int((table["rays"] * table["is_rolling"]).max(initial=0))
-
-
-def _each(function: Callable[[float], float], angles: Sequence[Floats]) -> Floats:
-    return np.array([function(angle) for angle in np.concatenate(angles).tolist()])
+    table, s = tables.vehicles, NUMBERS["lidar"]
+    rays = table["last"][:, s] - table["first"][:, s]
+    return int(rays.max(initial=0)), int((rays * table["is_rolling"]).max(initial=0))
 
 
 def _schedule(spec: Any, is_on: bool, substep: Fraction) -> tuple[int, int]:
@@ -152,7 +85,7 @@ def _schedule(spec: Any, is_on: bool, substep: Fraction) -> tuple[int, int]:
 
 
 def reset_noise(
-    columns: NoiseColumns, k: int, i: int, name: str, specs: Mapping[str, SensorSpecs], factor: float, seed: int
+    columns: NoiseColumns, k: int, i: int, name: str, specs: Mapping[str, Any], factor: float, seed: int
 ) -> None:
     """Sets the noise of vehicle i of world k, which has this `name`, to its start.
 
@@ -162,28 +95,43 @@ def reset_noise(
     for s, sensor in enumerate(SENSORS):
         if sensor not in specs:
             continue
-        spec = with_noise_factor(specs[sensor], factor)
-        rows: list[NoiseSpec] = []
-        match spec:
-            case LidarSpec():
-                noise = spec.noise
-                columns.is_noisy[k, i, s] = noise != type(noise)()
-                columns.lidar[k, i, :4] = noise.sigma, noise.relative_sigma, noise.step, noise.dropout
-            case ImuSpec():
-                noise = spec.noise
-                rows = [noise.orientation] * 3 + [noise.angular_velocity] * 3 + [noise.linear_acceleration] * 3
-            case EncoderSpec() | IpsSpec() | RangeSpec():
-                rows = [spec.noise] * (CHANNELS[sensor].stop - CHANNELS[sensor].start)
-            case _:
-                pass
+        spec = specs[sensor].with_noise_factor(factor)
+        rows = spec.channel_noise()
         if rows:
             columns.is_noisy[k, i, s] = not all(one.is_silent for one in rows)
             columns.channels[k, i, CHANNELS[sensor]] = [(one.sigma, one.offset, one.walk, one.step) for one in rows]
+        if isinstance(spec, LidarSpec):
+            noise = spec.noise
+            columns.is_noisy[k, i, s] = noise != type(noise)()
+            columns.lidar[k, i, :4] = noise.sigma, noise.relative_sigma, noise.step, noise.dropout
         if not columns.is_noisy[k, i, s]:
             continue
         stream = columns.stream[k, i, s]
         stream[:] = new_stream(random_generator(seed, name, sensor))
+        columns.bias[k, i, CHANNELS[sensor]] = [one.offset * normal(stream) for one in rows]
         if isinstance(spec, LidarSpec):
             columns.lidar[k, i, 4] = 1.0 + spec.noise.scale * normal(stream)
-        else:
-            columns.bias[k, i, CHANNELS[sensor]] = [one.offset * normal(stream) for one in rows]
+
+
+def noise_columns(n: int, v: int) -> NoiseColumns:
+    """No noise yet; see `reset_noise`."""
+    sensors, channels = len(SENSORS), CHANNELS[SENSORS[-1]].stop
+    return NoiseColumns(
+        is_noisy=np.zeros((n, v, sensors), np.bool_),
+        stream=np.zeros((n, v, sensors, 3), np.uint64),
+        channels=np.zeros((n, v, channels, 4)),
+        bias=np.zeros((n, v, channels)),
+        lidar=np.zeros((n, v, 5)),
+    )
+
+
+def reading_columns(n: int, v: int, rays: int, rolling_rays: int) -> ReadingColumns:
+    """No readings yet, for LIDARs, and rolling ones, of at most so many rays."""
+    return ReadingColumns(
+        time=np.full((n, v, len(SENSORS)), np.nan),
+        values=np.full((n, v, VALUES[SENSORS[-1]].stop), np.nan),
+        encoder_ticks=np.zeros((n, v, 2), np.int64),
+        lidar_ranges=np.full((n, v, rays), np.nan),
+        sweep=np.zeros((n, v, 2), np.int64),
+        sweep_ranges=np.zeros((n, v, rolling_rays)),
+    )

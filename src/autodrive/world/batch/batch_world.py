@@ -72,6 +72,10 @@ class BatchWorld(OneThread):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
         self._compiled = c = compile_scenario(scenario)
         spec = c.specs.scenario
+        if any(one.own_sensors for one in spec.vehicles.values()):
+            raise CommandError(
+                "a BatchWorld has no sensors of the user: remove 'own_sensors' from the scenario, or make single Worlds"
+            )
         self.n = n
         self.spec = spec
         """The scenario from which `reset` starts."""

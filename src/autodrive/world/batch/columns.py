@@ -12,14 +12,8 @@ from autodrive.base.jit import inlined
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Views
 from autodrive.physics.model import Model, Table
-from autodrive.physics.sensors.columns import (
-    NoiseColumns,
-    ReadingColumns,
-    Working,
-    noise_columns,
-    reading_columns,
-    working_memory,
-)
+from autodrive.physics.sensors.columns import NoiseColumns, ReadingColumns, Working, working_memory
+from autodrive.physics.sensors.tables import noise_columns, reading_columns
 from autodrive.physics.state import State
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.referee import NEVER

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
-from autodrive.physics.sensors.columns import ANGLES, DISTANCE, ENCODERS, IMU, IPS, LIDAR, MOTION, POSITION, RANGE
+from autodrive.physics.sensors.catalog import NUMBERS, VALUES
+from autodrive.physics.sensors.imu import PARTS
 from autodrive.world.batch.columns import Worlds
 
 
@@ -85,12 +86,20 @@ class Readings(NamedTuple):
     """Whether a wheel is outside the drivable area, shape (n, v)."""
     object_pose: Floats
     """Position in the map [m] and quaternion wxyz, shape (n, o, 7)."""
+    sensor_times: Floats
+    """Times of all sensors [s]; see `sensor`."""
+    sensor_values: Floats
+    """Values of all sensors; see `sensor`."""
+
+    def sensor(self, name: str) -> tuple[Floats, Floats]:
+        """Time [s], shape (n, v), and values, shape (n, v, n_value), of a sensor of the vehicles' files by its name."""
+        return self.sensor_times[..., NUMBERS[name]], self.sensor_values[..., VALUES[name]]
 
 
 def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
     """Views of the arrays of `worlds`; `time` [s] is kept by the caller."""
     s, r = worlds.state, worlds.readings
-    orientation, euler, angular_velocity, linear_acceleration = (r.values[..., part] for part in MOTION)
+    orientation, euler, angular_velocity, linear_acceleration = (r.values[..., VALUES["imu"]][..., p] for p in PARTS)
     n, v = worlds.throttle.shape
     wheels = {
         "wheel_steering_angle": s.wheel_steering_angle,
@@ -113,24 +122,26 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
         throttle=s.throttle,
         steering=s.steering_angle,
         **{name: column.reshape(n, v, 4) for name, column in wheels.items()},
-        encoder_time=r.time[..., ENCODERS],
+        encoder_time=r.time[..., NUMBERS["encoders"]],
         encoder_ticks=r.encoder_ticks,
-        encoder_angles=r.values[..., ANGLES],
-        ips_time=r.time[..., IPS],
-        ips_position=r.values[..., POSITION],
-        imu_time=r.time[..., IMU],
+        encoder_angles=r.values[..., VALUES["encoders"]],
+        ips_time=r.time[..., NUMBERS["ips"]],
+        ips_position=r.values[..., VALUES["ips"]],
+        imu_time=r.time[..., NUMBERS["imu"]],
         imu_orientation=orientation,
         imu_euler=euler,
         imu_angular_velocity=angular_velocity,
         imu_linear_acceleration=linear_acceleration,
         lidar_ranges=r.lidar_ranges,
-        lidar_time=r.time[..., LIDAR],
-        range_distance=r.values[..., DISTANCE],
-        range_time=r.time[..., RANGE],
+        lidar_time=r.time[..., NUMBERS["lidar"]],
+        range_distance=r.values[..., VALUES["range"].start],
+        range_time=r.time[..., NUMBERS["range"]],
         collision_count=worlds.collision_count,
         has_collided=worlds.has_collided,
         is_off_road=worlds.is_off_road,
         object_pose=objects,
+        sensor_times=r.time,
+        sensor_values=r.values,
     )
     return Readings(*map(_read_only, readings))
 

@@ -10,9 +10,8 @@ from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.physics.buffers import VehicleContacts
 from autodrive.physics.engine import AWAKE
 from autodrive.physics.model import Model
-from autodrive.physics.sensors.columns import Poses, motion_of
+from autodrive.physics.sensors.columns import Poses, SensorTables, motion_of
 from autodrive.physics.sensors.sampling import sample
-from autodrive.physics.sensors.tables import SensorTables
 from autodrive.physics.state import State
 from autodrive.physics.tick import advance, move_shapes, observe
 from autodrive.world.batch.columns import Thread, Worlds, model_of, state_of

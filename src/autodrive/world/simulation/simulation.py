@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, get_args
 
-from autodrive.base.errors import CommandError, EngineError
+from autodrive.base.errors import CommandError, EngineError, SensorError
 from autodrive.base.pace import Pace
 from autodrive.protocol.commands import check_commands, is_number
 from autodrive.protocol.messages import (
@@ -67,9 +67,9 @@ class Simulation(Paced):
 
     `speed` is simulated seconds per wall second, None for as fast as possible. `load` makes the World of a scenario: by
     name for `LoadScenario`, by Spec for edits; it raises `AutodriveError` if it cannot. With `pause_on_error` an
-    `EngineError` pauses the simulation and is kept in `error`, and an unexpected error of a request is logged;
-    otherwise both end the run. `clock` replaces the wall clock, for tests. All methods may be called from any thread;
-    only one thread at a time uses the World: the simulation's own, except for Steps that run `here`.
+    `EngineError` or `SensorError` pauses the simulation and is kept in `error`, and an unexpected error of a request is
+    logged; otherwise both end the run. `clock` replaces the wall clock, for tests. All methods may be called from any
+    thread; only one thread at a time uses the World: the simulation's own, except for Steps that run `here`.
     """
 
     def __init__(
@@ -87,6 +87,7 @@ class Simulation(Paced):
         self.world = world
         self.error = ""
         """Why the physics cannot continue; empty if it can. A Reset or another scenario clears it."""
+        world.watch_sensors(self._clock.now)
         self._load = load
         self._editor = Editor(load)
         self._pace = Pace(world.tick_duration, speed)
@@ -264,7 +265,7 @@ class Simulation(Paced):
     def _tick_or_pause(self) -> None:
         try:
             self._tick()
-        except EngineError as error:
+        except (EngineError, SensorError) as error:
             if not self._keeps_running:
                 raise
             log.error("%s; the simulation is paused", error)
@@ -336,6 +337,7 @@ class Simulation(Paced):
         before, self.world = self.world, world
         if world is not before:
             before.close()
+            world.watch_sensors(self._clock.now)
             self._pace.set_tick_duration(world.tick_duration, self._clock.now())
 
     def _ticks_in(self, duration: float | None) -> float:
