@@ -19,7 +19,7 @@ PATIENCE = 20.0
 """Longest wait for a bridge [s]. A good bridge needs milliseconds; a loaded machine gets more time."""
 
 
-class BridgeUnderTest(Protocol):
+class Bridge(Protocol):
     """Connects a running Simulation to something else; a Sink of that Simulation while it is started."""
 
     def start(self) -> None:
@@ -35,9 +35,7 @@ class BridgeUnderTest(Protocol):
         ...
 
 
-def check_bridge(
-    make: Callable[[Simulation], BridgeUnderTest], *, scenario: str | Path = "plane", ticks: int = 200
-) -> None:
+def check_bridge(make: Callable[[Simulation], Bridge], *, scenario: str | Path = "plane", ticks: int = 200) -> None:
     """Check a bridge whose peer does not answer. Raises `ConformanceError`.
 
     `make` returns a bridge that is not started, for a Simulation that runs as fast as it can. The rules:
