@@ -57,6 +57,7 @@ NOT_RUN = {"text", ""}
 """Languages of blocks that show output."""
 
 FOREIGN = (
+    "ip",
     "ray",
     "export",
     "sudo",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
+from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,10 +18,9 @@ if TYPE_CHECKING:
     from autodrive.world.racing import RaceRules
     from autodrive.world.simulation.control import Control
 
-
-MIN_CHANGES, MIN_REPEATS = 10, 2.0
-"""A script seems to answer before its driver has a new command if its commands have changed so often, and it has
-repeated each of them so often on average."""
+MIN_COMMANDS, MIN_TICKS = 10, 3
+"""A script seems to answer before its driver has a new command if most of so many commands in a row have driven so
+many ticks."""
 
 
 class Seat(OneVehicle):
@@ -35,8 +36,14 @@ class Seat(OneVehicle):
         self._process = process
         self._simulation = simulation
         self._rules = rules
-        self._changes = self._repeats = 0
+        self._ticks_of_commands: deque[int] = deque(maxlen=MIN_COMMANDS)
+        self._ticks = 0
         self._answered: Frame | None = None
+        self.repeats = ""
+        """How the script repeats its commands, as a sentence; empty if it does not.
+
+        A bridge that answers at once, with the newest command that it has, repeats those of a driver that needs longer.
+        """
         super().__init__(vehicle, simulation.frame)
 
     def permitted(self, vehicle: VehicleFrame) -> VehicleFrame:
@@ -47,26 +54,24 @@ class Seat(OneVehicle):
         """Drive the vehicle."""
         self._simulation.submit(self.vehicle, command)
         if self.frame is not self._answered:
-            is_new = (command.throttle, command.steering) != (self.command.throttle, self.command.steering)
-            self._changes, self._repeats = self._changes + is_new, self._repeats + (not is_new)
             self._answered = self.frame
+            self._look_for_repeats(command)
         super().submit(vehicle, command)
+
+    def _look_for_repeats(self, command: Command) -> None:
+        if (command.throttle, command.steering) == (self.command.throttle, self.command.steering):
+            self._ticks += 1
+            return
+        self._ticks_of_commands.append(self._ticks)
+        self._ticks = 1
+        if len(self._ticks_of_commands) == MIN_COMMANDS and not self.repeats:
+            ticks = statistics.median(self._ticks_of_commands)
+            self.repeats = f"most of its commands drove {ticks:g} ticks" if ticks >= MIN_TICKS else ""
 
     @property
     def end(self) -> str:
         """How the script has ended, if the race has started it; empty while it runs."""
         return self._process.end if self._process is not None else ""
-
-    @property
-    def repeats(self) -> str:
-        """How the script repeats its commands, as a sentence; empty if it does not.
-
-        A bridge that answers at once, with the newest command that it has, repeats those of a driver that needs longer.
-        """
-        if self._changes < MIN_CHANGES or self._repeats < MIN_REPEATS * self._changes:
-            return ""
-        answers = self._changes + self._repeats
-        return f"{self._repeats} of its {answers} answers repeat the command before"
 
     def forbid(self, request: Operation, what: str) -> object:
         """Do what the rules say. Raises `CommandError`."""

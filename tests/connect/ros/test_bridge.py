@@ -406,7 +406,9 @@ def test_malformed_messages_are_answered_and_the_next_one_is_published(malformed
     commands = {"V1": Command(0.25)}
     source = DevkitSource(Config(mode="devkit"), lambda: 1.0, lambda: commands, sleep=lambda _: None)
     for data in (malformed, {"V1 Position": "1 2 0.5", "V1 Throttle": "0.5"}):
-        assert source.respond(data, listener)["V1 Throttle"] == "0.250"
+        answer = source.respond(data, listener)
+        assert answer is not None
+        assert answer["V1 Throttle"] == "0.250"
     vehicle = listener.updates[-1].frame.vehicles["V1"]
     assert vehicle.ips.position.tolist() == [1.0, 2.0, 0.5]
     assert vehicle.throttle == 0.5

@@ -262,7 +262,7 @@ class Session:
             counters.reconnects += counters.connections > 0
             counters.connections += 1
             self._waits_until = self._clock() + IMAGE_WAIT if self._images else None
-        else:  # the server was taken for another, and did not read what it was sent
+        elif dialect is Dialect.ENGINE_IO_4:  # such a server has not read what it was sent before
             self.flow_control = FlowControl(self._resend_delay)
         self._detection.begin(dialect)
         profile = self._detection.profile

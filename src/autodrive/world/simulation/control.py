@@ -1,4 +1,4 @@
-"""What software needs of a Simulation: a source of Frames, the control of its vehicles, and who receives Frames."""
+"""What software needs of a Simulation: its Frames and the control of its vehicles; and who receives Frames."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Observer(Sink, Protocol):
         """A request was executed; its Frame follows, if it made one."""
 
 
-class FrameSource(Protocol):
-    """Where Frames come from. All members are thread-safe."""
+class Control(Protocol):
+    """A Simulation, or the part of it that one script may use. All members are thread-safe."""
 
     @property
     def frame(self) -> Frame:
@@ -42,10 +42,6 @@ class FrameSource(Protocol):
 
     def remove_sink(self, sink: Sink) -> None:
         """Pass no more Frames to `sink`; does nothing if it was not added."""
-
-
-class Control(FrameSource, Protocol):
-    """Frames, and the vehicles that they show: a Simulation, or the part of it that one script may use."""
 
     def submit(self, vehicle: str, command: Command) -> None:
         """Set the command for the next tick; the latest one counts. Raises `CommandError`."""
