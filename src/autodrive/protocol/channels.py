@@ -585,7 +585,6 @@ CHANNELS: tuple[Channel, ...] = (
 )
 """All channels of a vehicle but its cameras, whose images are messages of their own, and the sensors of the user."""
 
-BY_NAME = {channel.name: channel for channel in CHANNELS}
 SIGNALS: tuple[Signal, ...] = tuple(signal for channel in CHANNELS for signal in channel.signals)
 SIGNAL_BY_NAME = {signal.name: signal for signal in SIGNALS}
 ROS_TOPICS = {topic.name: topic for channel in CHANNELS for topic in channel.topics}

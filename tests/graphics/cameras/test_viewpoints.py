@@ -12,7 +12,6 @@ from autodrive.base.transforms import inverse, quaternion_from_yaw, rotate
 from autodrive.graphics.cameras.viewpoints import (
     GodsEye,
     Viewpoint,
-    bird_height,
     birds_eye,
     drivers_eye,
     orbit,
@@ -43,17 +42,6 @@ def test_birds_eye_has_x_up_on_the_screen_and_y_to_the_left() -> None:
     f = 300.0 / math.tan(math.radians(30.0))
     pixels = seen(viewpoint, (1.0, -0.5, 0.0), (1.4, -0.5, 0.0), (1.0, -0.1, 0.0))
     np.testing.assert_allclose(pixels, [[400, 300], [400, 300 - 0.2 * f], [400 - 0.2 * f, 300]], atol=1e-9)
-
-
-def test_the_height_of_birds_eye_stays_within_its_limits() -> None:
-    assert bird_height(3.0, -1) == 3.1
-    assert bird_height(3.0, 4) == 2.6
-    assert bird_height(4.9, -5) == 5.0
-    assert bird_height(0.7, 20) == 0.5
-    height = 3.0
-    for _ in range(17):
-        height = bird_height(height, 1)
-    assert height == 1.3  # rounding errors do not accumulate
 
 
 @pytest.mark.parametrize(

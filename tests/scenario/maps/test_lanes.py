@@ -76,11 +76,11 @@ def test_a_lane_with_an_open_end_has_no_loop_and_no_route():
     assert graph.loops() == ()
 
 
-def test_nearest_point_has_lane_distance_heading_and_side():
+def test_nearest_point_has_lane_heading_and_side():
     point = square().nearest(0.3, 0.1)
     assert point is not None
     assert point.lane == 0
-    assert point[1:] == pytest.approx((0.3, 0.3, 0.0, 0.0, 0.1))
+    assert point[1:] == pytest.approx((0.3, 0.0, 0.0, 0.1))
     right = square().nearest(0.3, -0.1)
     assert right is not None
     assert right.offset == pytest.approx(-0.1)

@@ -58,7 +58,7 @@ def test_table_9_system_parameters() -> None:
     suspension = wheels.suspension
     assert (suspension.distance, suspension.stiffness, suspension.damping) == (0.01, 5040.0, 20.0)
     assert suspension.target_position == 0.5
-    assert wheels.collider_center == suspension.droop_max == 0.005
+    assert suspension.droop_max == 0.005
     assert wheels.forward_friction is not None
     assert wheels.sideways_friction is not None
     assert wheels.forward_friction.numbers[:4] == (0.4, 1.0, 0.8, 0.5)

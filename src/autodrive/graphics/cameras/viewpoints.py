@@ -79,11 +79,6 @@ def birds_eye(position: Vector, height: float = BIRD_HEIGHT) -> Viewpoint:
     return Viewpoint((position[0], position[1], height), _looking(0.0, 0.5 * math.pi))
 
 
-def bird_height(height: float, clicks: int) -> float:
-    """The height [m] after that number of mouse wheel clicks (up is positive and nearer), within the limits."""
-    return min(max(round(height - BIRD_STEP * clicks, 6), BIRD_LOWEST), BIRD_HIGHEST)
-
-
 def orbit(
     target: Vector,
     distance: float,

@@ -36,8 +36,6 @@ class Step:
     action: NDArray[np.float32]
     """See `ACTION`."""
     images: LazyImages
-    has_event: bool
-    """Whether there was an event since the step before."""
 
 
 def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator[Step]:
@@ -55,7 +53,7 @@ def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator
         action = np.clip(np.array([command.throttle, command.steering], np.float32), -1.0, 1.0)
         images = frame.vehicles[vehicle].cameras
         assert isinstance(images, LazyImages)
-        yield Step(time, episode, _state(frame, vehicle), action, images, bool(frame.events))
+        yield Step(time, episode, _state(frame, vehicle), action, images)
 
 
 def checked(found: list[Step]) -> list[Step]:

@@ -44,8 +44,6 @@ class LanePoint(NamedTuple):
     """The point of a centre line that is nearest to a query point."""
 
     lane: int
-    distance_along: float
-    """Distance from the start of the lane [m]."""
     x: float
     y: float
     yaw: float
@@ -64,10 +62,10 @@ class LaneGraph:
 
     def nearest(self, x: float, y: float, yaw: float | None = None) -> LanePoint | None:
         """The nearest point on any centre line. With `yaw` [rad], only on segments within 60 degrees of it."""
-        first, step, lane, along = self._segments
+        first, step, lane = self._segments
         if yaw is not None:
             is_ahead = step @ (math.cos(yaw), math.sin(yaw)) > 0.5 * np.hypot(*step.T)
-            first, step, lane, along = first[is_ahead], step[is_ahead], lane[is_ahead], along[is_ahead]
+            first, step, lane = first[is_ahead], step[is_ahead], lane[is_ahead]
         if not len(first):
             return None
         length = np.hypot(*step.T)
@@ -77,8 +75,7 @@ class LaneGraph:
         i = int(np.argmin(np.hypot(x - points[:, 0], y - points[:, 1])))
         (px, py), (sx, sy) = points[i], step[i] / length[i]
         offset = math.copysign(math.hypot(x - px, y - py), sx * (y - py) - sy * (x - px))
-        at = float(along[i] + fraction[i] * length[i])
-        return LanePoint(int(lane[i]), at, float(px), float(py), math.atan2(sy, sx), offset)
+        return LanePoint(int(lane[i]), float(px), float(py), math.atan2(sy, sx), offset)
 
     def route(self, start: int, goal: int) -> tuple[int, ...] | None:
         """The shortest sequence of lanes between two lanes, both included (Dijkstra); None if there is none."""
@@ -123,15 +120,14 @@ class LaneGraph:
         return None
 
     @cached_property
-    def _segments(self) -> tuple[Floats, Floats, Integers, Floats]:
-        """First point, step, lane and distance along the lane, for each segment of each lane."""
+    def _segments(self) -> tuple[Floats, Floats, Integers]:
+        """First point, step and lane of each segment of each lane."""
         if not self.lanes:
-            return np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64), np.empty(0)
+            return np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64)
         steps = [np.diff(lane.points, axis=0) for lane in self.lanes]
-        along = [np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))[:-1]]) for step in steps]
         first = np.vstack([lane.points[:-1] for lane in self.lanes])
         lane = np.repeat(np.arange(len(steps)), [len(step) for step in steps])
-        return first, np.vstack(steps), lane, np.concatenate(along)
+        return first, np.vstack(steps), lane
 
 
 class Piece(NamedTuple):

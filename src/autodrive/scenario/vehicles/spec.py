@@ -194,8 +194,6 @@ class WheelSpec(Spec):
     """Resisting torque per spin [N m s/rad] (kg m^2/s in Unity)."""
     force_height: Offset
     """Height of the point where the force acts above the base of the wheel (Unity: force app point distance) [m]."""
-    collider_center: Offset
-    """Height of the collider above the wheel at the target position [m]; equal to droop_max in Unity."""
     suspension: SuspensionSpec
     forward_friction: FrictionCurve | None = None
     sideways_friction: FrictionCurve | None = None
