@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import checked
+from autodrive.base.suggest import ByName
 from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, OwnReading, VehicleFrame
 from autodrive.protocol.native import Picture
 from autodrive.recording import mcap, records, tables
@@ -298,7 +299,7 @@ class Recording:
             raise RecordingError(
                 f"the state of {', '.join(missing[:5])} at {message.log_time / NANOSECONDS:g} s is missing"
             )
-        values["vehicles"] = {name: self._vehicle(name, states[name], chunk, i) for name in values["vehicles"]}
+        values["vehicles"] = ByName({name: self._vehicle(name, states[name], chunk, i) for name in values["vehicles"]})
         values["events"] = tuple(events)
         return Moment(message.log_time / NANOSECONDS, Frame(**values))
 
