@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from autodrive.experiments.campaigns import Campaign, LocalExecutor, Observer, run_campaign
-from autodrive.experiments.campaigns.keys import Keys
+from autodrive.experiments.campaigns import Campaign, CampaignObserver, LocalExecutor, run_campaign
+from autodrive.experiments.campaigns.keys import RunKeys
 from autodrive.experiments.campaigns.ray_executor import RayExecutor
 from autodrive.experiments.campaigns.report import report
 from autodrive.experiments.campaigns.runner import Result, Runner
@@ -80,7 +80,7 @@ def overhead(folder: Path) -> None:
     print(f"a tick with this driver and these metrics: {1e3 * (time.process_time() - start):.0f} us of CPU time")
 
 
-class Watch(Observer):
+class Watch(CampaignObserver):
     """Times after the first rows, when all workers are warm, and the memory of the workers."""
 
     def __init__(self, workers: Sequence[Worker] = ()) -> None:
@@ -164,7 +164,7 @@ def many_rows(folder: Path, count: int) -> None:
     numbers = np.random.default_rng(0).random((count, 3))
     assert one.design[0]  # all samples are drawn before memory is measured
     start, before = time.process_time(), resident(os.getpid())
-    table, keys = Table(folder / "rows", one), Keys(one)
+    table, keys = Table(folder / "rows", one), RunKeys(one)
     table.start()
     for number, (distance, collides, speed) in enumerate(numbers.tolist()):
         run = one.run(number)

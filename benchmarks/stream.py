@@ -41,7 +41,7 @@ def main() -> None:
     scene = scene_renderer_factory(options.quality)(world)
     started = time.perf_counter()
     scene.draw(0, SetCamera(CAMERAS[0]), world.frame).result()
-    print(f"start to the first picture {time.perf_counter() - started:.2f} s, drawn by {scene.renderer}")
+    print(f"start to the first picture {time.perf_counter() - started:.2f} s, drawn by {scene.process.renderer}")
     print(f"load of this machine before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     print(
         f"{'light':6} {'camera':12} {'size':>9} {'Hz':>5} {'median':>6} {'95 %':>5}"
@@ -57,7 +57,7 @@ def main() -> None:
                 drawing = here = begun = 0.0
                 for number in range(WARM + options.pictures):
                     if number == WARM:
-                        drawing, here, begun = cpu_time(scene.pid), time.process_time(), time.perf_counter()
+                        drawing, here, begun = cpu_time(scene.process.pid), time.process_time(), time.perf_counter()
                     frame = world.step(command)
                     asked = time.perf_counter()
                     sizes.append(len(scene.draw(0, SetCamera(camera, width=width, azimuth=2.5), frame).result()))
@@ -65,7 +65,7 @@ def main() -> None:
                 count = options.pictures
                 rate = count / (time.perf_counter() - begun)
                 drawing, here = (
-                    1e3 * (cpu_time(scene.pid) - drawing) / count,
+                    1e3 * (cpu_time(scene.process.pid) - drawing) / count,
                     1e3 * (time.process_time() - here) / count,
                 )
                 slow = statistics.quantiles(walls[WARM:], n=20)[-1]

@@ -1,5 +1,3 @@
-__version__: str
-
 from .base.errors import AutodriveError as AutodriveError
 from .base.errors import CommandError as CommandError
 from .base.errors import EngineError as EngineError
@@ -58,3 +56,7 @@ from .world.batch import BatchWorld as BatchWorld
 from .world.factory import make as make
 from .world.simulation import Simulation as Simulation
 from .world.simulation import Sink as Sink
+
+__version__: str
+__all__: list[str]
+_SIMULATOR_DEPENDENCIES: set[str]

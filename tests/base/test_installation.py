@@ -18,6 +18,7 @@ import autodrive
 from autodrive.base import installation
 from autodrive.base.cache import cache_folder
 from autodrive.cli import doctor
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.physics import engine
 from tests.connect.client.conftest import bare
@@ -174,7 +175,7 @@ def test_the_server_runs_without_uvloop(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(sys.modules, "uvloop", None)
     with (
         autodrive.Simulation(autodrive.make("plane")) as simulation,
-        Server(simulation, scene_files=bare, scenarios={}, port=0) as server,
+        Server(Served(simulation, bare), PageOptions(port=0)) as server,
         autodrive.Client(server.url) as client,
     ):
         assert client.frame.vehicles.keys() == {"V1"}

@@ -9,6 +9,7 @@ import pytest
 import autodrive
 from autodrive import Client, Command, Simulation
 from autodrive.connect.ros import Bridge, Config
+from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.codec import encode
 from autodrive.world.scene_files import SceneFiles
@@ -23,7 +24,7 @@ def server() -> Iterator[Server]:
     world.add_sensor("V1", "radar", Radar())
     with (
         Simulation(world, is_paused=True) as simulation,
-        Server(simulation, scene_files=lambda world: SceneFiles.of(world, ""), scenarios={}, port=0) as one,
+        Server(Served(simulation, lambda world: SceneFiles.of(world, "")), PageOptions(port=0)) as one,
     ):
         yield one
 

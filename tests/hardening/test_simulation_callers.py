@@ -28,6 +28,7 @@ from autodrive.base.errors import AutodriveError, EngineError
 from autodrive.protocol import messages
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario.descriptions import Descriptions
 from autodrive.world import Snapshot, World
 from autodrive.world.simulation import Simulation
 from tests.hardening.test_callers import COMMANDS, FLAGS, NAMES, NUMBERS, QUATERNIONS, SEEDS, VECTORS
@@ -96,7 +97,7 @@ class Operator(RuleBasedStateMachine):
     calls = Calls()
 
     def started(self) -> Running:
-        def load(scenario: str | ScenarioSpec) -> World:
+        def load(scenario: str | Descriptions) -> World:
             return autodrive.make(scenario, cameras=self.has_cameras)
 
         vehicles = {"V1": VehiclePlacement(type=self.car), "V2": VehiclePlacement(type=self.car, x=0.6)}
@@ -232,7 +233,7 @@ def test_a_request_of_wrong_types_is_refused_at_once_and_the_run_goes_on(request
 
 
 def test_a_request_that_fails_unexpectedly_is_logged_and_the_run_goes_on(caplog: pytest.LogCaptureFixture) -> None:
-    def load(scenario: str | ScenarioSpec) -> World:
+    def load(scenario: str | Descriptions) -> World:
         raise ZeroDivisionError(f"in {scenario}")
 
     with Simulation(autodrive.make("plane"), is_paused=True, load=load, pause_on_error=True) as simulation:

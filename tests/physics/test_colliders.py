@@ -2,9 +2,9 @@
 
 import pytest
 
-from autodrive.physics.engine import Engine, text
+from autodrive.physics.engine import Engine
 from autodrive.scenario.maps.map import load_map
-from autodrive.scenario.maps.mjcf import world_mjcf
+from autodrive.scenario.maps.mjcf import text, world_mjcf
 
 Numbers = tuple[float, ...]
 

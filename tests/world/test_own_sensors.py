@@ -16,7 +16,8 @@ import autodrive
 from autodrive import BatchWorld, Command, CommandError, SensorError, SnapshotError, SpecError, World
 from autodrive.physics.sensors.own import TIMED
 from autodrive.protocol.messages import OwnReading, SetSensor
-from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario, scenario_text
+from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario.files import scenario_text
 from autodrive.world import SensorView
 from autodrive.world.simulation import Simulation
 from tests.support.frames import digests

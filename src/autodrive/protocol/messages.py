@@ -8,7 +8,7 @@ measurement. `gc=False`: these structs cannot be part of a reference cycle, so t
 from __future__ import annotations
 
 import enum
-from typing import Annotated, Any, Literal, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias
 
 import msgspec
 import numpy as np
@@ -70,12 +70,14 @@ Coordinate: TypeAlias = Annotated[float, msgspec.Meta(ge=-1e4, le=1e4)]
 class _Suggesting(type(msgspec.Struct)):
     """Makes the error of an unknown keyword argument say which there are."""
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
-        try:
-            return super().__call__(*args, **kwargs)
-        except TypeError:
-            check_keywords(cls.__name__, kwargs, [*cls.__struct_fields__])
-            raise
+    if not TYPE_CHECKING:
+
+        def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+            try:
+                return super().__call__(*args, **kwargs)
+            except TypeError:
+                check_keywords(cls.__name__, kwargs, [*cls.__struct_fields__])
+                raise
 
 
 class Command(msgspec.Struct, frozen=True, gc=False, metaclass=_Suggesting):

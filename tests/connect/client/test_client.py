@@ -15,6 +15,7 @@ from autodrive import Client, Command, CommandError, Frame, NoSimulatorError
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.codec import encode
+from autodrive.protocol.messages import SetSpeed
 from autodrive.world.simulation import Simulation
 from tests.connect.client.conftest import bare
 from tests.support.waiting import LIMIT, wait_until
@@ -108,10 +109,10 @@ def test_the_latest_frame_is_the_same_until_another_comes(sim: Client) -> None:
 
 
 def test_a_script_that_did_not_read_for_long_gets_a_fresh_frame(sim: Client, simulation: Simulation) -> None:
-    simulation.request(autodrive.protocol.messages.SetSpeed(None)).result(LIMIT)
+    simulation.request(SetSpeed(None)).result(LIMIT)
     start = simulation.frame.tick
     wait_until(lambda: simulation.frame.tick > start + 3000)  # some 5 MB: more than is kept on the way
-    simulation.request(autodrive.protocol.messages.SetSpeed(1.0)).result(LIMIT)
+    simulation.request(SetSpeed(1.0)).result(LIMIT)
     now = simulation.frame.tick
     assert sim.frame.tick >= now
 
@@ -127,7 +128,7 @@ def test_events_of_skipped_frames_are_kept(sim: Client, simulation: Simulation) 
     simulation.add_sink(Witness())
     sim.reset()
     sim.resume()
-    simulation.request(autodrive.protocol.messages.SetSpeed(4.0)).result(LIMIT)
+    simulation.request(SetSpeed(4.0)).result(LIMIT)
     wait_until(lambda: drive_fast(sim) and len(seen) >= 2)
     sim.pause()
     received = [*sim.frame.events]

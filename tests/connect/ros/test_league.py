@@ -18,7 +18,7 @@ import autodrive
 from autodrive import Command, Frame, Simulation
 from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
-from autodrive.connect.ros import Bridge, Config, Message, Topic
+from autodrive.connect.ros import Bridge, Config, Message, Time, Topic
 from autodrive.connect.ros.source import VehicleInfo
 from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
 from autodrive.connect.server.server import Server
@@ -286,6 +286,6 @@ def test_laps_are_those_of_the_race() -> None:
     race = RaceState(
         RaceStatus.RACING, next(counts), 12, 3.5, 9.25, 9.0, 20.0, 10.0, next(counts), 4, 5.0, 1, 0.0, False
     )
-    publisher.publish(autodrive.connect.ros.Time(1, 0), still_vehicle(race=race, collision_count=9))
+    publisher.publish(Time(1, 0), still_vehicle(race=race, collision_count=9))
     names = ("lap_count", "lap_time", "last_lap_time", "best_lap_time", "collision_count")
     assert [node.last(f"{CAR}/{name}")["data"] for name in names] == [2, 3.5, 9.25, 9.0, 3]

@@ -18,7 +18,7 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import Collision, Frame, Pause, SetSpeed
-from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.descriptions import Descriptions
 from autodrive.world import World
 from tests.support.frames import bytes_of
 from tests.support.native_clients import NativeClient, native_client, raw, scene_files
@@ -263,7 +263,7 @@ def test_a_new_scenario_starts_with_its_scene(one_world: World) -> None:
     one_world.reset(0)
     is_note_seen = threading.Event()  # a quick load would leave no time for a Status with its note
 
-    def load(scenario: str | ScenarioSpec) -> World:
+    def load(scenario: str | Descriptions) -> World:
         is_note_seen.wait()
         return autodrive.make(scenario)
 

@@ -10,9 +10,9 @@ import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from autodrive.base.errors import SpecError
+from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.envs.parallel_env import DrivingParallelEnv
 from autodrive.experiments.envs.task import MOTION
-from autodrive.protocol.display import yaw
 
 
 @pytest.mark.parametrize("settings", [{"cars": 2}, {"cars": 8, "observation": "state", "action": "discrete"}])
@@ -51,8 +51,8 @@ def test_a_car_sees_another_one_and_may_hit_it() -> None:
     env = DrivingParallelEnv(2)
     env.reset(seed=3)
     pose = env.frame.vehicles["V1"].pose
-    ahead = complex(*pose.position[:2].tolist()) + 0.6 * np.exp(1j * yaw(pose))
-    env._rendered.world.teleport("V2", ahead.real, ahead.imag, yaw(pose))
+    ahead = complex(*pose.position[:2].tolist()) + 0.6 * np.exp(1j * yaw_from_quaternion(pose.orientation))
+    env._rendered.world.teleport("V2", ahead.real, ahead.imag, yaw_from_quaternion(pose.orientation))
     observations, _, terminated, _, _ = until_the_end(env, "V1", {"V1": np.array([1.0, 0.0])})
     assert terminated["V1"]
     assert env.frame.vehicles["V1"].collision_count == 1
