@@ -1,6 +1,8 @@
-// Shaders of the scene: sun with shadows, sky, headlights with shadows, other lamps. The formulas are those of the
-// simulator cameras (render/shaders), so that both images agree; see glTF 2.0, appendix B.
+// Shaders of the scene: sun with shadows, sky, headlights with shadows, other lamps. The formulas are the files of the
+// simulator cameras, so that both images agree.
 
+import LIGHT_FORMULAS from '../../../src/autodrive/graphics/render/shaders/light.glsl?raw'
+import SHOWN from '../../../src/autodrive/graphics/render/shaders/tone.glsl?raw'
 import { BEAM_SLOTS, LAMP_SLOTS } from './lamps'
 import { BONES } from './skeleton'
 
@@ -12,20 +14,11 @@ uniform vec3 sun_direction, sun_color, zenith, horizon, floor_glow;
 uniform vec2 exposure;  // of reflected light, of emitted light
 `
 
-/** Khronos PBR Neutral tone mapping without its toe, which darkens night scenes; then the sRGB transfer function. */
 const TONE = /* glsl */ `
-vec3 shown(vec3 c) {
-  float peak = max(c.r, max(c.g, c.b)), low = 0.76, d = 1.0 - low;
-  float bright = 1.0 - d * d / (peak + d - low);
-  vec3 pressed = mix(c * (bright / max(peak, 1e-4)), vec3(bright), 1.0 - 1.0 / (0.15 * (peak - bright) + 1.0));
-  c = clamp(peak < low ? c : pressed, 0.0, 1.0);
-#ifdef LIGHTWEIGHT
-  vec3 s1 = sqrt(c), s2 = sqrt(s1), s3 = sqrt(s2);  // approximation, error below 0.003
-  return clamp(0.662002687 * s1 + 0.684122060 * s2 - 0.323583601 * s3 - 0.0225411470 * c, 0.0, 1.0);
-#else
-  return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
+#ifndef LIGHTWEIGHT
+#define EXACT
 #endif
-}
+${SHOWN}
 // Dithering with less than one level, against banding at night.
 vec3 dithered(vec3 c) {
 #ifdef LIGHTWEIGHT
@@ -152,47 +145,21 @@ float sunlit() {
 #endif
 }
 
-// Ambient occlusion by vehicles: the visible fraction of the sky below them, and near the ground beside them.
+${LIGHT_FORMULAS}
 float openness() {
   float open = 1.0;
   for (int i = 0; i < caster_count; i++) {
-    vec4 other = caster_place[i];
-    vec2 d = place.xy - other.xy;
-    if (dot(d, d) > 0.15) continue;
-    vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - caster_half.xy, 0.0);
-    float far = dot(outside, outside);
-    far += clamp((far - 2e-4) * 5e3, 0.0, 1.0) * place.z * place.z;  // not on the vehicle itself
-    open *= 1.0 - 0.75 * exp(-far * 700.0);
+    vec2 d = place.xy - caster_place[i].xy;
+    if (dot(d, d) <= 0.15) open *= open_beside(caster_place[i], d);
   }
   return open;
 }
 
-struct Finish { vec3 diffuse, specular; float alpha, roughness; bool is_glossy; };
-
-vec3 reflected(Finish f, vec3 n, vec3 v, vec3 l) {
-  float nl = clamp(dot(n, l), 0.0, 1.0);
+vec3 reflected(Finish f, bool is_glossy, vec3 n, vec3 v, vec3 l) {
 #ifndef LIGHTWEIGHT
-  if (f.is_glossy) {
-    vec3 h = normalize(v + l);
-    float nh = clamp(dot(n, h), 0.0, 1.0), vh = clamp(dot(v, h), 0.0, 1.0), nv = abs(dot(n, v)) + 1e-4;
-    float a2 = f.alpha * f.alpha, d = nh * nh * (a2 - 1.0) + 1.0, k = 0.5 * f.alpha;
-    float lobe = a2 / (3.14159 * d * d) * 0.25 / ((nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));
-    float x = 1.0 - vh, x2 = x * x;
-    vec3 fresnel = f.specular + (1.0 - f.specular) * (x2 * x2 * x);
-    return ((1.0 - fresnel) * f.diffuse * 0.31831 + fresnel * min(lobe, 40.0)) * nl;
-  }
+  if (is_glossy) return glossy(f, n, v, l);
 #endif
-  return f.diffuse * (nl * 0.31831);
-}
-
-// Irradiance [cd/m^2] from lamp i on a surface that faces it; l is the direction to it (KHR_lights_punctual).
-vec3 lamp_light(int i, out vec3 l) {
-  vec3 to = lamp_place[i].xyz - place;
-  float d2 = max(dot(to, to), 1e-4), range = lamp_place[i].w, r2 = d2 / (range * range);
-  l = to * inversesqrt(d2);
-  float cone = clamp((dot(-l, lamp_aim[i].xyz) - lamp_aim[i].w) * lamp_color[i].w, 0.0, 1.0);
-  float window = clamp(1.0 - r2 * r2, 0.0, 1.0);
-  return lamp_color[i].rgb * (cone * cone * window * window / (d2 + 1e-3));
+  return matt(f, n, l);
 }
 
 void main() {
@@ -211,25 +178,18 @@ void main() {
   }
 #endif
   vec3 n = normalize(facing), v = normalize(cameraPosition - place);
-  bool is_flat = own_finish.z < 0.5;
+  bool is_flat = own_finish.z < 0.5, is_glossy = own_finish.z > 1.5;
   Finish f;
   f.alpha = roughness * roughness;
   f.roughness = roughness;
   f.diffuse = color * (1.0 - metallic);
   f.specular = mix(vec3(0.04), color, metallic);
-  f.is_glossy = own_finish.z > 1.5;
 #ifdef LIGHTWEIGHT
   f.diffuse = plain;
 #else
-  vec3 light = f.diffuse * 0.31831 * open * mix(floor_glow, 0.5 * (zenith + horizon), n.z * 0.5 + 0.5);
-  if (f.is_glossy) {
-    vec3 r = reflect(-v, n);
-    float x = 1.0 - clamp(dot(n, v), 0.0, 1.0), x2 = x * x;
-    vec3 seen = mix(floor_glow, mix(horizon, zenith, clamp(r.z, 0.0, 1.0)), smoothstep(-0.15, 0.15, r.z));
-    vec3 mirror = f.specular + (max(vec3(1.0 - roughness), f.specular) - f.specular) * (x2 * x2 * x);
-    light += seen * 0.31831 * open * mirror * (1.0 - 0.5 * roughness);
-  }
-  light += reflected(f, n, v, sun_direction) * sun_color * lit;
+  vec3 light = f.diffuse * 0.31831 * open * around(n);
+  if (is_glossy) light += mirrored(f, n, v, open);
+  light += reflected(f, is_glossy, n, v, sun_direction) * sun_color * lit;
 #endif
   vec3 l;
   for (int i = 0; i < head_count; i++) {
@@ -243,13 +203,12 @@ void main() {
       arriving *= shadow(beam_map, at.xyz, beam_texel);
     }
 #endif
-    // rough ground (asphalt, grass) is retroreflective: Lommel-Seeliger law
-    if (is_flat) light += f.diffuse * 0.31831 * arriving * l.z / (l.z + v.z + 0.02) * step(0.0, l.z);
-    else light += reflected(f, n, v, l) * arriving;
+    if (is_flat) light += rough(f, arriving, v, l) * step(0.0, l.z);
+    else light += reflected(f, is_glossy, n, v, l) * arriving;
   }
   for (int i = head_count; i < lamp_count; i++) {
     vec3 arriving = lamp_light(i, l);
-    light += reflected(f, n, v, l) * arriving;
+    light += reflected(f, is_glossy, n, v, l) * arriving;
   }
   pixel = vec4(dithered(shown(light * exposure.x + own_emission * exposure.y)), 1.0);
 }

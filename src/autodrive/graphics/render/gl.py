@@ -73,9 +73,9 @@ def write(program: moderngl.Program, uniform: str, data: bytes) -> None:
 
 
 def source(name: str, **definitions: object) -> str:
-    """A shader of this package with these macros defined; FRAME_FIELDS and TONE are replaced by their files."""
+    """A shader of this package with these macros defined; FRAME_FIELDS, TONE and LIGHT_FORMULAS are files."""
     text = (SHADERS / name).read_text(encoding="utf-8")
-    for word, file in (("FRAME_FIELDS", "frame.glsl"), ("TONE", "tone.glsl")):
+    for word, file in (("FRAME_FIELDS", "frame.glsl"), ("TONE", "tone.glsl"), ("LIGHT_FORMULAS", "light.glsl")):
         text = text.replace(word, (SHADERS / file).read_text(encoding="utf-8")) if word in text else text
     macros = "".join(f"#define {word} {value}\n" for word, value in definitions.items())
     return f"#version 330 core\n{macros}{text}"

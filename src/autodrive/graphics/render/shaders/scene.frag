@@ -34,6 +34,7 @@ in vec3 from_sky, from_sun;
 out vec4 pixel;
 
 TONE
+LIGHT_FORMULAS
 
 float shadow(sampler2DShadow map, vec3 at, vec2 texel) {
 #if TAPS == 1
@@ -65,53 +66,21 @@ float sunlit() {
     return lit;
 }
 
-// Share of the sky that is visible at a point: less below vehicles and near the ground beside them.
 float openness() {
     float open = 1.0;
     for (int i = 0; i < CASTERS; i++) {
         vec4 other = caster_place[casters[i]];
-        vec2 d = place.xy - other.xy;
-        vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - caster_half.xy, 0.0);
-        float far = dot(outside, outside);
-        far += clamp((far - 2e-4) * 5e3, 0.0, 1.0) * place.z * place.z;  // not on the vehicle itself
-        open *= caster_tile[casters[i]].w > 0.0 ? 1.0 - 0.75 * exp(-far * 700.0) : 1.0;
+        open *= caster_tile[casters[i]].w > 0.0 ? open_beside(other, place.xy - other.xy) : 1.0;
     }
     return open;
 }
 
-struct Finish { vec3 diffuse, specular; float alpha, roughness; };
-
-vec3 reflected(Finish f, vec3 n, vec3 v, vec3 l) {
-    float nl = clamp(dot(n, l), 0.0, 1.0);
-#if defined(FLAT) || defined(MATT)
-    return f.diffuse * (nl * 0.31831);
-#else
-    vec3 h = normalize(v + l);
-    float nh = clamp(dot(n, h), 0.0, 1.0), vh = clamp(dot(v, h), 0.0, 1.0), nv = abs(dot(n, v)) + 1e-4;
-    float a2 = f.alpha * f.alpha, d = nh * nh * (a2 - 1.0) + 1.0, k = 0.5 * f.alpha;
-    float lobe = a2 / (3.14159 * d * d) * 0.25 / ((nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));
-    float x = 1.0 - vh, x2 = x * x;
-    vec3 fresnel = f.specular + (1.0 - f.specular) * (x2 * x2 * x);
-    return ((1.0 - fresnel) * f.diffuse * 0.31831 + fresnel * min(lobe, 40.0)) * nl;
-#endif
-}
-
 vec3 lamp_reflected(Finish f, vec3 n, vec3 v, vec3 l) {
-#ifdef QUICK
-    return f.diffuse * (0.31831 * clamp(dot(n, l), 0.0, 1.0));
+#if defined(FLAT) || defined(MATT) || defined(QUICK)
+    return matt(f, n, l);
 #else
-    return reflected(f, n, v, l);
+    return glossy(f, n, v, l);
 #endif
-}
-
-// Irradiance [cd/m^2] of a surface that faces lamp i; l: direction to the lamp (KHR_lights_punctual).
-vec3 lamp_light(int i, out vec3 l) {
-    vec3 to = lamp_place[i].xyz - place;
-    float d2 = max(dot(to, to), 1e-4), range = lamp_place[i].w, r2 = d2 / (range * range);
-    l = to * inversesqrt(d2);
-    float cone = clamp((dot(-l, lamp_aim[i].xyz) - lamp_aim[i].w) * lamp_color[i].w, 0.0, 1.0);
-    float window = clamp(1.0 - r2 * r2, 0.0, 1.0);
-    return lamp_color[i].rgb * (cone * cone * window * window / (d2 + 1e-3));
 }
 
 void main() {
@@ -142,14 +111,9 @@ void main() {
 #if defined(FLAT) || defined(MATT)
     vec3 light = f.diffuse * (open * from_sky + lit * from_sun);
 #else
-    vec3 above = 0.5 * (zenith.rgb + horizon.rgb);
-    vec3 light = f.diffuse * 0.31831 * open * mix(floor_glow.rgb, above, n.z * 0.5 + 0.5);
-    vec3 r = reflect(-v, n);
-    float x = 1.0 - clamp(dot(n, v), 0.0, 1.0), x2 = x * x;
-    vec3 seen = mix(floor_glow.rgb, mix(horizon.rgb, zenith.rgb, clamp(r.z, 0.0, 1.0)), smoothstep(-0.15, 0.15, r.z));
-    vec3 mirror = f.specular + (max(vec3(1.0 - roughness), f.specular) - f.specular) * (x2 * x2 * x);
-    light += seen * 0.31831 * open * mirror * (1.0 - 0.5 * roughness);
-    light += reflected(f, n, v, sun_direction.xyz) * sun_color.rgb * lit;
+    vec3 light = f.diffuse * 0.31831 * open * around(n);
+    light += mirrored(f, n, v, open);
+    light += glossy(f, n, v, sun_direction.xyz) * sun_color.rgb * lit;
 #endif
     vec3 l;
     for (int i = 0; i < BEAMS; i++) {
@@ -161,8 +125,7 @@ void main() {
         arriving *= clamp(0.5 - above_axis * beam_up[b].w, 0.0, 1.0);
         arriving *= shadow(beam_map, at.xyz, vec2(BEAM_TEXEL));
 #ifdef FLAT
-        // asphalt and grass reflect light back to its source: law of Lommel and Seeliger for rough ground
-        light += f.diffuse * 0.31831 * arriving * l.z / (l.z + v.z + 0.02);
+        light += rough(f, arriving, v, l);
 #else
         light += lamp_reflected(f, n, v, l) * arriving;
 #endif

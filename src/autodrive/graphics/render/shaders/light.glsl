@@ -1,0 +1,55 @@
+// Formulas of light in fragment shaders, for the cameras of the simulator and for the page: glTF 2.0, appendix B.
+struct Finish { vec3 diffuse, specular; float alpha, roughness; };
+
+// Light from sky and floor on a surface with the normal n.
+vec3 around(vec3 n) {
+    return mix(floor_glow.rgb, 0.5 * (zenith.rgb + horizon.rgb), n.z * 0.5 + 0.5);
+}
+
+// What a surface mirrors of sky and floor.
+vec3 mirrored(Finish f, vec3 n, vec3 v, float open) {
+    vec3 r = reflect(-v, n);
+    float x = 1.0 - clamp(dot(n, v), 0.0, 1.0), x2 = x * x;
+    vec3 seen = mix(floor_glow.rgb, mix(horizon.rgb, zenith.rgb, clamp(r.z, 0.0, 1.0)), smoothstep(-0.15, 0.15, r.z));
+    vec3 mirror = f.specular + (max(vec3(1.0 - f.roughness), f.specular) - f.specular) * (x2 * x2 * x);
+    return seen * 0.31831 * open * mirror * (1.0 - 0.5 * f.roughness);
+}
+
+// Share of the sky that is visible at a point beside or below a vehicle, whose place is as in `caster_place`.
+float open_beside(vec4 other, vec2 d) {
+    vec2 outside = max(abs(vec2(dot(d, other.zw), dot(d, vec2(-other.w, other.z)))) - caster_half.xy, 0.0);
+    float far = dot(outside, outside);
+    far += clamp((far - 2e-4) * 5e3, 0.0, 1.0) * place.z * place.z;  // not on the vehicle itself
+    return 1.0 - 0.75 * exp(-far * 700.0);
+}
+
+// Light from the direction l that goes to v: a matt surface, and one with gloss.
+vec3 matt(Finish f, vec3 n, vec3 l) {
+    return f.diffuse * (clamp(dot(n, l), 0.0, 1.0) * 0.31831);
+}
+
+vec3 glossy(Finish f, vec3 n, vec3 v, vec3 l) {
+    float nl = clamp(dot(n, l), 0.0, 1.0);
+    vec3 h = normalize(v + l);
+    float nh = clamp(dot(n, h), 0.0, 1.0), vh = clamp(dot(v, h), 0.0, 1.0), nv = abs(dot(n, v)) + 1e-4;
+    float a2 = f.alpha * f.alpha, d = nh * nh * (a2 - 1.0) + 1.0, k = 0.5 * f.alpha;
+    float lobe = a2 / (3.14159 * d * d) * 0.25 / ((nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));
+    float x = 1.0 - vh, x2 = x * x;
+    vec3 fresnel = f.specular + (1.0 - f.specular) * (x2 * x2 * x);
+    return ((1.0 - fresnel) * f.diffuse * 0.31831 + fresnel * min(lobe, 40.0)) * nl;
+}
+
+// Asphalt and grass reflect light back to its source: law of Lommel and Seeliger for rough ground.
+vec3 rough(Finish f, vec3 arriving, vec3 v, vec3 l) {
+    return f.diffuse * 0.31831 * arriving * l.z / (l.z + v.z + 0.02);
+}
+
+// Irradiance [cd/m^2] of a surface that faces lamp i; l: direction to the lamp (KHR_lights_punctual).
+vec3 lamp_light(int i, out vec3 l) {
+    vec3 to = lamp_place[i].xyz - place;
+    float d2 = max(dot(to, to), 1e-4), range = lamp_place[i].w, r2 = d2 / (range * range);
+    l = to * inversesqrt(d2);
+    float cone = clamp((dot(-l, lamp_aim[i].xyz) - lamp_aim[i].w) * lamp_color[i].w, 0.0, 1.0);
+    float window = clamp(1.0 - r2 * r2, 0.0, 1.0);
+    return lamp_color[i].rgb * (cone * cone * window * window / (d2 + 1e-3));
+}
