@@ -17,6 +17,7 @@ from pyarrow import parquet
 from autodrive import CommandError, SnapshotError, make
 from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.experiments.campaigns import Campaign, LocalExecutor, run_campaign
+from autodrive.experiments.campaigns.keys import Keys
 from autodrive.experiments.campaigns.luggage import Luggage
 from autodrive.experiments.campaigns.runner import Result, Runner
 from autodrive.experiments.campaigns.runs import Observer, Progress
@@ -30,6 +31,7 @@ from autodrive.scenario import ScenarioSpec, VehiclePlacement, scenario_text
 from autodrive.scenario.maps.map import load_map
 from autodrive.world.compile import on_grid
 from tests.support.command_line import call, interrupted_when
+from tests.support.radar import radar_scenario
 
 Make = Callable[..., Campaign]
 ROOT = Path(__file__).parents[3]
@@ -373,3 +375,16 @@ def test_a_policy_drives_as_in_a_time_trial(campaign: Make, tmp_path: Path) -> N
     (tmp_path / "track.yaml").write_text(scenario_text(spec.model_copy(update={"tick": 0.01})))
     wrong = campaign(driver="race.npz", **given)
     assert "must be a multiple of the scenario's tick" in Runner(wrong).run(wrong.run(0)).error
+
+
+def test_a_sensor_of_the_user_decides_results_and_travels_with_the_campaign(campaign: Make, tmp_path: Path) -> None:
+    radar_scenario(tmp_path, "plane")
+    one = campaign(scenario="radar.yaml")
+    key = Keys(one).of(one.run(0))
+    unpacked = Luggage.pack(one).unpack(tmp_path / "there")
+    assert Runner(unpacked).run(unpacked.run(0)) == Runner(one).run(one.run(0))
+    moved = Path(unpacked.scenario.vehicles["V1"].own_sensors["radar"].rpartition(":")[0])
+    assert moved.is_relative_to(tmp_path / "there")
+    file = tmp_path / "my_radar.py"
+    file.write_text(file.read_text(encoding="utf-8") + "# another version\n", encoding="utf-8")
+    assert Keys(one).of(one.run(0)) != key

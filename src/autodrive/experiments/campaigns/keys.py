@@ -83,13 +83,16 @@ class RowCache:
 
 
 def own_files(campaign: Campaign) -> set[Path]:
-    """Files of the user that decide results: `files`, and those of driver and metrics with the modules beside them."""
+    """Files of the user that decide results: `files`, and those of driver, metrics and sensors with their modules."""
     spec, folder = campaign.spec, campaign.folder
     sources = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
     if policy := campaign.policy:
         sources.append(os.path.relpath(policy, folder))
     elif not FUNCTION.fullmatch(spec.driver):
         sources += [word for word in spec.driver.split() if (folder / word).is_file()]
+    sources += [
+        path.rpartition(":")[0] for one in campaign.scenario.vehicles.values() for path in one.own_sensors.values()
+    ]
     files = {folder / name for name in (*spec.files, *sources)}
     return files | {one for name in sources if name.endswith(".py") for one in imported(folder / name)}
 

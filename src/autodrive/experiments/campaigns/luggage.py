@@ -61,7 +61,12 @@ class Luggage:
             one.mkdir(parents=True, exist_ok=True)
         scenario = self.campaign.scenario
         vehicles = {
-            name: one.model_copy(update={"type": self._there(one.type, target)})
+            name: one.model_copy(
+                update={
+                    "type": self._there(one.type, target),
+                    "own_sensors": {key: self._there(path, target) for key, path in one.own_sensors.items()},
+                }
+            )
             for name, one in scenario.vehicles.items()
         }
         changes = {"map": self._there(scenario.map, target), "vehicles": vehicles}
@@ -74,7 +79,7 @@ class Luggage:
 
     def _there(self, name: str, target: Path) -> str:
         """The path of a file in that folder; a name of the package stays."""
-        if Path(name).suffix not in YAML:
+        if Path(name).suffix not in YAML and ".py:" not in name:
             return name
         return str(target / Path(os.path.abspath(name)).relative_to(self.root))
 
