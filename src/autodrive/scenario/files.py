@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -58,9 +59,14 @@ def described(
         {name: read("vehicle", name, VehicleSpec) for name in types},
         race and read("ruleset", race.rules, RaceRules),
         read("track", race.track, TrackSpec) if race and race.track else None,
-        {one: _own_sensor(one) for vehicle in scenario.vehicles.values() for one in vehicle.own_sensors.values()},
     )
     return Descriptions(specs, source.path if source else "", lines)
+
+
+def with_own_sensors(specs: Specs) -> Specs:
+    """The Specs with the classes of the user's sensors, which do not travel to other processes."""
+    named = {one for vehicle in specs.scenario.vehicles.values() for one in vehicle.own_sensors.values()}
+    return replace(specs, own_sensors={one: _own_sensor(one) for one in named}) if named else specs
 
 
 def _own_sensor(reference: str) -> Callable[[], Any] | str:

@@ -14,7 +14,7 @@ from autodrive.base.suggest import with_suggestions
 from autodrive.protocol.commands import check_seed
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions
-from autodrive.scenario.files import read_scenario
+from autodrive.scenario.files import read_scenario, with_own_sensors
 from autodrive.world import World
 from autodrive.world.compile import CompiledScenario, compile_specs
 
@@ -59,7 +59,7 @@ def compile_scenario(
     """
     descriptions = scenario if isinstance(scenario, Descriptions) else read_scenario(scenario)
     try:
-        return compile_specs(descriptions.specs, is_strict=is_strict)
+        return compile_specs(with_own_sensors(descriptions.specs), is_strict=is_strict)
     except SpecProblems as error:
         raise SpecError(joined(error.problems, descriptions.lines), descriptions.path) from None
 

@@ -18,6 +18,7 @@ from autodrive import CommandError, SnapshotError, make
 from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.experiments.campaigns import Campaign, LocalExecutor, run_campaign
 from autodrive.experiments.campaigns.campaign_files import CampaignFiles
+from autodrive.experiments.campaigns.keys import RunKeys
 from autodrive.experiments.campaigns.runner import Result, Runner
 from autodrive.experiments.campaigns.runs import CampaignObserver, Progress
 from autodrive.experiments.campaigns.table import Table
@@ -31,6 +32,7 @@ from autodrive.scenario.files import scenario_text
 from autodrive.scenario.maps.map import load_map
 from autodrive.world.compile import on_grid
 from tests.support.command_line import call, interrupted_when
+from tests.support.radar import radar_scenario
 
 Make = Callable[..., Campaign]
 ROOT = Path(__file__).parents[3]
@@ -374,3 +376,16 @@ def test_a_policy_drives_as_in_a_time_trial(campaign: Make, tmp_path: Path) -> N
     (tmp_path / "track.yaml").write_text(scenario_text(spec.model_copy(update={"tick": 0.01})))
     wrong = campaign(driver="race.npz", **given)
     assert "must be a multiple of the scenario's tick" in Runner(wrong).run(wrong.run(0)).error
+
+
+def test_a_sensor_of_the_user_decides_results_and_travels_with_the_campaign(campaign: Make, tmp_path: Path) -> None:
+    radar_scenario(tmp_path, "plane")
+    one = campaign(scenario="radar.yaml")
+    key = RunKeys(one).of(one.run(0))
+    unpacked = CampaignFiles.pack(one).unpack(tmp_path / "there")
+    assert Runner(unpacked).run(unpacked.run(0)) == Runner(one).run(one.run(0))
+    moved = Path(unpacked.scenario.vehicles["V1"].own_sensors["radar"].rpartition(":")[0])
+    assert moved.is_relative_to(tmp_path / "there")
+    file = tmp_path / "my_radar.py"
+    file.write_text(file.read_text(encoding="utf-8") + "# another version\n", encoding="utf-8")
+    assert RunKeys(one).of(one.run(0)) != key

@@ -54,7 +54,20 @@ class CampaignFiles:
         folder = target / self.campaign.folder.relative_to(self.root)
         for one in (folder, target / self.directory):
             one.mkdir(parents=True, exist_ok=True)
-        return replace(self.campaign, folder=folder)
+        descriptions = self.campaign.descriptions
+        scenario = descriptions.specs.scenario
+        vehicles = {
+            name: one.model_copy(
+                update={"own_sensors": {key: self._there(path, target) for key, path in one.own_sensors.items()}}
+            )
+            for name, one in scenario.vehicles.items()
+        }
+        specs = replace(descriptions.specs, scenario=scenario.model_copy(update={"vehicles": vehicles}))
+        return replace(self.campaign, folder=folder, descriptions=replace(descriptions, specs=specs))
+
+    def _there(self, file: str, target: Path) -> str:
+        """The path of a file of the user in that folder."""
+        return str(target / Path(os.path.abspath(file)).relative_to(self.root))
 
 
 def _values(campaign: Campaign) -> Iterator[str]:

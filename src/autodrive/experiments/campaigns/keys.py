@@ -82,13 +82,16 @@ class RowCache:
 
 
 def own_files(campaign: Campaign) -> set[Path]:
-    """Files of the user that decide results: `files`, and those of driver and metrics with the modules beside them."""
+    """Files of the user that decide results: `files`, and those of driver, metrics and sensors with their modules."""
     spec, folder = campaign.spec, campaign.folder
     names = [found["file"] for one in (spec.driver, *spec.metrics) if (found := FUNCTION.fullmatch(one))]
     if policy := campaign.policy:
         names.append(os.path.relpath(policy, folder))
     elif not FUNCTION.fullmatch(spec.driver):
         names += [word for word in spec.driver.split() if (folder / word).is_file()]
+    names += [
+        path.rpartition(":")[0] for one in campaign.scenario.vehicles.values() for path in one.own_sensors.values()
+    ]
     files = {folder / name for name in (*spec.files, *names)}
     return files | {one for name in names if name.endswith(".py") for one in sources(folder / name, is_own=True)}
 

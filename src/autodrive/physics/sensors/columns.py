@@ -117,6 +117,17 @@ class SensorTables(NamedTuple):
     """Constants of the rays of all sensors, which each sensor defines (`Sampled.ray_constants`), shape (4, n_ray)."""
 
 
+class Memory(NamedTuple):
+    """All that a sensor reads and writes."""
+
+    motion: Motion
+    shapes: Shapes
+    noise: NoiseColumns
+    readings: ReadingColumns
+    working: Working
+    sensors: SensorTables
+
+
 class Due(NamedTuple):
     """A sample that is due."""
 
@@ -153,9 +164,9 @@ def mount_orientation(due: Due, row: Any) -> Quaternion:
 
 
 @inlined
-def add_noise(due: Due, noise: NoiseColumns, readings: ReadingColumns, values: Floats) -> None:
+def add_noise(due: Due, memory: Memory, values: Floats) -> None:
     """Note the time of the reading, and add the noise of the sensor's channels to `values`, shape (n_channel,)."""
-    times = readings.time[due.k, due.i]
+    noise, times = memory.noise, memory.readings.time[due.k, due.i]
     before = times[due.s]
     times[due.s] = due.time
     if noise.is_noisy[due.k, due.i, due.s]:

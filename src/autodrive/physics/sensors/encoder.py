@@ -11,16 +11,7 @@ from pydantic import Field
 
 from autodrive.base.arrays import Floats, Integers, read_only_copy
 from autodrive.base.jit import inlined, jit_uncounted
-from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.columns import (
-    Due,
-    Motion,
-    NoiseColumns,
-    ReadingColumns,
-    SensorTables,
-    Working,
-    add_noise,
-)
+from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise
 from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.sensor import Reader, Sampled, SensorSpec
 from autodrive.protocol.messages import EncoderReading
@@ -41,22 +32,12 @@ def count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
 
 
 @inlined
-def sample(
-    due: Due,
-    values: Floats,
-    row: Any,
-    motion: Motion,
-    shapes: Shapes,
-    noise: NoiseColumns,
-    readings: ReadingColumns,
-    working: Working,
-    sensors: SensorTables,
-) -> None:
+def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     """The angles of both wheels with noise, then their counts."""
     for side in range(2):
-        values[side] = motion.wheel_rotation[4 * due.i + REAR_LEFT + side]
-    add_noise(due, noise, readings, values)
-    count(values, row["ticks_per_radian"], readings.encoder_ticks[due.k, due.i])
+        values[side] = memory.motion.wheel_rotation[4 * due.i + REAR_LEFT + side]
+    add_noise(due, memory, values)
+    count(values, row["ticks_per_radian"], memory.readings.encoder_ticks[due.k, due.i])
 
 
 class EncoderSpec(SensorSpec, Sampled):

@@ -24,18 +24,7 @@ from autodrive.base.transforms import (
     rotate,
 )
 from autodrive.base.units import DEGREE, STANDARD_GRAVITY
-from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.columns import (
-    Due,
-    Motion,
-    NoiseColumns,
-    ReadingColumns,
-    SensorTables,
-    Working,
-    add_noise,
-    mount_orientation,
-    mount_position,
-)
+from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise, mount_orientation, mount_position
 from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.sensor import STRONG, Mount, NoisePreset, Reader, Sampled, SensorSpec
 from autodrive.protocol.messages import ImuReading
@@ -119,36 +108,26 @@ def turn(out: Floats, rotation: Floats) -> None:
 
 
 @inlined
-def sample(
-    due: Due,
-    values: Floats,
-    row: Any,
-    motion: Motion,
-    shapes: Shapes,
-    noise: NoiseColumns,
-    readings: ReadingColumns,
-    working: Working,
-    sensors: SensorTables,
-) -> None:
+def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     """Orientation, Euler angles, angular velocity and acceleration; the orientation is turned by its noise."""
     i = due.i
     measure_motion(
-        motion.vehicle_orientation[i],
-        motion.vehicle_angular_velocity[i],
-        motion.vehicle_acceleration[i],
-        motion.vehicle_angular_acceleration[i],
+        memory.motion.vehicle_orientation[i],
+        memory.motion.vehicle_angular_velocity[i],
+        memory.motion.vehicle_acceleration[i],
+        memory.motion.vehicle_angular_acceleration[i],
         mount_position(due, row),
         mount_orientation(due, row),
         row["gravity"],
         values,
     )
-    errors = working.values
+    errors = memory.working.values
     for c in range(3):
         errors[c] = 0.0
     for c in range(6):
         errors[3 + c] = values[7 + c]
-    add_noise(due, noise, readings, errors)
-    if noise.is_noisy[due.k, i, due.s]:
+    add_noise(due, memory, errors)
+    if memory.noise.is_noisy[due.k, i, due.s]:
         for c in range(6):
             values[7 + c] = errors[3 + c]
         turn(values, errors)

@@ -7,17 +7,7 @@ from typing import Any, ClassVar
 from autodrive.base.arrays import Floats
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Vector, rotate
-from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.columns import (
-    Due,
-    Motion,
-    NoiseColumns,
-    ReadingColumns,
-    SensorTables,
-    Working,
-    add_noise,
-    mount_position,
-)
+from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise, mount_position
 from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.sensor import Mount, Reader, Sampled, SensorSpec
 from autodrive.protocol.messages import IpsReading
@@ -32,21 +22,13 @@ def measure_position(position: Floats, orientation: Floats, offset: Vector, out:
 
 
 @inlined
-def sample(
-    due: Due,
-    values: Floats,
-    row: Any,
-    motion: Motion,
-    shapes: Shapes,
-    noise: NoiseColumns,
-    readings: ReadingColumns,
-    working: Working,
-    sensors: SensorTables,
-) -> None:
+def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     """The position of the mount."""
     i = due.i
-    measure_position(motion.vehicle_position[i], motion.vehicle_orientation[i], mount_position(due, row), values)
-    add_noise(due, noise, readings, values)
+    measure_position(
+        memory.motion.vehicle_position[i], memory.motion.vehicle_orientation[i], mount_position(due, row), values
+    )
+    add_noise(due, memory, values)
 
 
 class IpsSpec(SensorSpec, Sampled):

@@ -12,17 +12,7 @@ from pydantic import Field, model_validator
 from autodrive.base.arrays import Floats, read_only_copy
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import inlined, jit_uncounted
-from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.columns import (
-    Due,
-    Motion,
-    NoiseColumns,
-    ReadingColumns,
-    SensorTables,
-    Working,
-    mount_orientation,
-    mount_position,
-)
+from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, mount_orientation, mount_position
 from autodrive.physics.sensors.fan import cast_fan
 from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise, classify, measure_with_noise
 from autodrive.physics.sensors.sensor import STRONG, Distance, Mount, NoisePreset, NoisySpec, Rate, Reader, Sampled
@@ -38,64 +28,45 @@ def measure(inverse_range: Floats, range_min: float, range_max: float, ranges: F
 
 
 @inlined
-def sample(
-    due: Due,
-    values: Floats,
-    row: Any,
-    motion: Motion,
-    shapes: Shapes,
-    noise: NoiseColumns,
-    readings: ReadingColumns,
-    working: Working,
-    sensors: SensorTables,
-) -> None:
+def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     """All rays of a scan; of a rolling LIDAR, those that are due since the tick before."""
     k, i = due.k, due.i
     if row["is_rolling"] and due.now > 0:
-        _sweep(due, row, motion, shapes, noise, readings, working, sensors)
+        _sweep(due, row, memory)
         return
-    readings.time[k, i, due.s] = due.time
+    memory.readings.time[k, i, due.s] = due.time
     first, last = row["first"][due.s], row["last"][due.s]
     rays = last - first
-    inverse_range, ranges = working.inverse_range[:rays], readings.lidar_ranges[k, i, :rays]
+    inverse_range, ranges = memory.working.inverse_range[:rays], memory.readings.lidar_ranges[k, i, :rays]
     cast_fan(
-        motion.vehicle_position[i],
-        motion.vehicle_orientation[i],
+        memory.motion.vehicle_position[i],
+        memory.motion.vehicle_orientation[i],
         mount_position(due, row),
         mount_orientation(due, row),
-        sensors.rays[0, first:last],
-        sensors.rays[1, first:last],
+        memory.sensors.rays[0, first:last],
+        memory.sensors.rays[1, first:last],
         row["fan_start"],
         row["fan_increment"],
         row["scan_range_max"],
         i,
-        shapes,
-        motion.shape_position,
-        motion.shape_rotation,
-        working.near,
-        working.views,
+        memory.shapes,
+        memory.motion.shape_position,
+        memory.motion.shape_rotation,
+        memory.working.near,
+        memory.working.views,
         inverse_range,
     )
     if row["is_clockwise"]:
         for a in range(rays // 2):
             b = rays - 1 - a
             inverse_range[a], inverse_range[b] = inverse_range[b], inverse_range[a]
-    _measure_ranges(due, row, noise, inverse_range, ranges)
+    _measure_ranges(due, row, memory, inverse_range, ranges)
     if row["is_rolling"]:
-        readings.sweep[k, i, 0], readings.sweep[k, i, 1] = 1, 0
+        memory.readings.sweep[k, i, 0], memory.readings.sweep[k, i, 1] = 1, 0
 
 
 @inlined
-def _sweep(
-    due: Due,
-    row: Any,
-    motion: Motion,
-    shapes: Shapes,
-    noise: NoiseColumns,
-    readings: ReadingColumns,
-    working: Working,
-    sensors: SensorTables,
-) -> None:
+def _sweep(due: Due, row: Any, memory: Memory) -> None:
     """Casts the rays of a rolling LIDAR that are due in the tick; `working.before` has the poses at its start.
 
     The last ray of scan n is cast at n / rate, each earlier ray `time_increment` before the next. Scan 0 is complete at
@@ -104,8 +75,8 @@ def _sweep(
     k, i = due.k, due.i
     first, last = row["first"][due.s], row["last"][due.s]
     rays = last - first
-    progress, inverse_range = readings.sweep[k, i], readings.sweep_ranges[k, i, :rays]
-    before = working.before
+    progress, inverse_range = memory.readings.sweep[k, i], memory.readings.sweep_ranges[k, i, :rays]
+    before, motion, readings, sensors = memory.working.before, memory.motion, memory.readings, memory.sensors
     numerator, denominator = sensors.substep
     time_before = (due.now - due.substeps) * numerator / denominator
     while True:
@@ -129,21 +100,21 @@ def _sweep(
             due.time,
             row["scan_range_max"],
             i,
-            shapes,
-            working.near,
+            memory.shapes,
+            memory.working.near,
             inverse_range,
         )
         if progress[1] < rays:
             return
         readings.time[k, i, due.s] = progress[0] / row["scan_rate"]
-        _measure_ranges(due, row, noise, inverse_range, readings.lidar_ranges[k, i, :rays])
+        _measure_ranges(due, row, memory, inverse_range, readings.lidar_ranges[k, i, :rays])
         progress[0] += 1
         progress[1] = 0
 
 
 @inlined
-def _measure_ranges(due: Due, row: Any, noise: NoiseColumns, inverse_range: Floats, ranges: Floats) -> None:
-    low, high = row["scan_range_min"], row["scan_range_max"]
+def _measure_ranges(due: Due, row: Any, memory: Memory, inverse_range: Floats, ranges: Floats) -> None:
+    noise, low, high = memory.noise, row["scan_range_min"], row["scan_range_max"]
     if noise.is_noisy[due.k, due.i, due.s]:
         f, stream = noise.lidar[due.k, due.i], noise.stream[due.k, due.i, due.s]
         measure_with_noise(inverse_range, f[4], stream, (f[0], f[1], f[2], f[3]), low, high, ranges)

@@ -15,17 +15,7 @@ from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Quaternion, Vector, compose, rotate
 from autodrive.physics.grid import shapes_near
 from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.columns import (
-    Due,
-    Motion,
-    NoiseColumns,
-    ReadingColumns,
-    SensorTables,
-    Working,
-    add_noise,
-    mount_orientation,
-    mount_position,
-)
+from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise, mount_orientation, mount_position
 from autodrive.physics.sensors.lidar_noise import classify
 from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.rays import inverse_range
@@ -82,35 +72,25 @@ def nearest(
 
 
 @inlined
-def sample(
-    due: Due,
-    values: Floats,
-    row: Any,
-    motion: Motion,
-    shapes: Shapes,
-    noise: NoiseColumns,
-    readings: ReadingColumns,
-    working: Working,
-    sensors: SensorTables,
-) -> None:
+def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     """The distance of the nearest thing, with noise, as in REP 117."""
     i = due.i
     inverse = nearest(
-        motion.vehicle_position[i],
-        motion.vehicle_orientation[i],
+        memory.motion.vehicle_position[i],
+        memory.motion.vehicle_orientation[i],
         mount_position(due, row),
         mount_orientation(due, row),
-        sensors.rays[:3, row["first"][due.s] : row["last"][due.s]],
+        memory.sensors.rays[:3, row["first"][due.s] : row["last"][due.s]],
         row["sees_ground"],
         row["range_max"],
         i,
-        shapes,
-        motion.shape_position,
-        motion.shape_rotation,
-        working.near,
+        memory.shapes,
+        memory.motion.shape_position,
+        memory.motion.shape_rotation,
+        memory.working.near,
     )
     values[0] = math.inf if inverse == 0.0 else 1.0 / inverse
-    add_noise(due, noise, readings, values)
+    add_noise(due, memory, values)
     values[0] = classify(values[0], row["range_min"], row["range_max"])
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from autodrive.base.jit import inlined, inlined_part, jit_uncounted
 from autodrive.physics.model import Shapes
 from autodrive.physics.sensors.catalog import CHANNELS, KINDS, SENSORS, VALUES
-from autodrive.physics.sensors.columns import Due, Motion, NoiseColumns, ReadingColumns, SensorTables, Working
+from autodrive.physics.sensors.columns import Due, Memory, Motion, NoiseColumns, ReadingColumns, SensorTables, Working
 from autodrive.physics.sensors.tables import ABSENT
 
 
@@ -21,20 +21,7 @@ def _is_due(row: Any, s: int, now: int, substeps: int) -> bool:
 
 
 @inlined
-def _no_sensor(
-    k: int,
-    i: int,
-    now: int,
-    substeps: int,
-    time: float,
-    row: Any,
-    motion: Motion,
-    shapes: Shapes,
-    noise: NoiseColumns,
-    readings: ReadingColumns,
-    working: Working,
-    sensors: SensorTables,
-) -> None:
+def _no_sensor(k: int, i: int, now: int, substeps: int, time: float, row: Any, memory: Memory) -> None:
     """Samples nothing."""
 
 
@@ -43,25 +30,11 @@ def _followed_by(before: Callable[..., None], s: int) -> Callable[..., None]:
     function, values, channels = KINDS[SENSORS[s]].sample, VALUES[SENSORS[s]], CHANNELS[SENSORS[s]]
     first, last, channel, channel_end = values.start, values.stop, channels.start, channels.stop
 
-    def sample_sensors(
-        k: int,
-        i: int,
-        now: int,
-        substeps: int,
-        time: float,
-        row: Any,
-        motion: Motion,
-        shapes: Shapes,
-        noise: NoiseColumns,
-        readings: ReadingColumns,
-        working: Working,
-        sensors: SensorTables,
-    ) -> None:
-        before(k, i, now, substeps, time, row, motion, shapes, noise, readings, working, sensors)
+    def sample_sensors(k: int, i: int, now: int, substeps: int, time: float, row: Any, memory: Memory) -> None:
+        before(k, i, now, substeps, time, row, memory)
         if _is_due(row, s, now, substeps):
             due = Due(k, i, s, now, substeps, time, channel, channel_end)
-            own = readings.values[k, i, first:last]
-            function(due, own, row, motion, shapes, noise, readings, working, sensors)
+            function(due, memory.readings.values[k, i, first:last], row, memory)
 
     return inlined_part(sample_sensors)
 
@@ -84,7 +57,6 @@ def sample(
     """Samples the sensors of world k that are due at `now` [substeps]; a tick has so many `substeps`."""
     numerator, denominator = sensors.substep
     time = now * numerator / denominator
+    memory = Memory(motion, shapes, noise, readings, working, sensors)
     for i in range(motion.vehicle_position.shape[0]):
-        _sample_vehicle(
-            k, i, now, substeps, time, sensors.vehicles[i], motion, shapes, noise, readings, working, sensors
-        )
+        _sample_vehicle(k, i, now, substeps, time, sensors.vehicles[i], memory)
