@@ -385,7 +385,7 @@ def _own_sensors(
                     sensors[vehicle, name] = kind()
                 wrong = kind if isinstance(kind, str) else problem(name, sensors[vehicle, name], [*known])
             except Exception as error:
-                wrong = f"'{reference}' cannot be made: {type(error).__name__}: {error}"
+                wrong = f"'{reference}' cannot be loaded: {type(error).__name__}: {error}"
             if wrong:
                 problems.append((_at("vehicles", vehicle, "own_sensors", name), f": {wrong}"))
     return sensors, problems
