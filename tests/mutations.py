@@ -51,6 +51,7 @@ SYMMETRIC = re.compile("min(imum)?|max(imum)?|hypot|(is|all)close|array_equal|is
 """Functions whose arguments are not swapped."""
 NEXT = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt}
 QUICK = "not browser and not toolchain and not process and not wall_clock and not slow"
+ALL = ("-n", "2", "-m", QUICK, "tests")
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 Compound = ast.If | ast.While | ast.For | ast.AsyncFor | ast.With | ast.AsyncWith
@@ -78,6 +79,13 @@ class Statement(NamedTuple):
     text: str
     first: int
     last: int
+
+
+class Result(NamedTuple):
+    """The test that finds a mutation, empty if none does, None if not all are run; and the beginning of its error."""
+
+    by: str | None = None
+    error: str = ""
 
 
 # -- the draw -------------------------------------------------------------------------------------------------------
@@ -249,21 +257,28 @@ def mutated(mutation: Mutation, found: Statement) -> str:
 
 
 def run(tree: Path, file: Path, limit: float) -> None:
-    """Tests every mutation that has no result yet, and writes each result at once."""
+    """Tests every mutation that has no result yet, first in the mirrored folder, and writes each result at once."""
     changes = subprocess.check_output(["git", "-C", tree, "status", "--porcelain", "src", "tests"], text=True)
     if changes or tree == Path(__file__).parents[1]:
         raise SystemExit(f"a run needs a checkout without changes that nobody edits  ({tree})\n{changes}")
     results = read(file) if file.exists() else dict.fromkeys(read(FILE))
     suite = Suite(tree, limit)
-    for mutation, result in results.items():
-        found = place(mutation, tree)
-        if found is None:
+
+    def note(mutation: Mutation, result: Result) -> None:
+        results[mutation] = result
+        write(file, results)
+        by = "not found by its folder" if result.by is None else result.by or "SURVIVED"
+        print(f"{mutation.file}, {mutation.function}: {by}", flush=True)
+
+    for mutation in [one for one, result in results.items() if result is None]:
+        if place(mutation, tree) is None:
             print(f"NO PLACE: {mutation.file}, {mutation.function}: {mutation.before}")
-        elif result is None:
-            by, error = suite.find(mutation, found)
-            results[mutation] = {"by": by, "error": error}
-            write(file, results)
-            print(f"{mutation.file}, {mutation.function}: {by or 'SURVIVED'}", flush=True)
+        else:
+            note(mutation, suite.in_folder(mutation))
+    remaining = [one for one, result in results.items() if result and result.by is None]
+    for at in range(0, len(remaining), EACH):
+        for mutation, result in suite.among_all(remaining[at : at + EACH]):
+            note(mutation, result)
 
 
 class Suite:
@@ -274,41 +289,62 @@ class Suite:
         self._work = tree / ".venv" / "mutations"
         self._cache = self._work / "cache"
         shutil.rmtree(self._work, ignore_errors=True)
-        status, output = self._pytest(self._cache, "-n", "2", "-m", QUICK, "tests")  # also fills the cache
+        status, output = self._pytest(self._cache, *ALL)  # also fills the cache
         assert status in (0, 1), output
         self._failing = [name for name, _ in _failures(output)]
 
-    def find(self, mutation: Mutation, found: Statement) -> tuple[str, str]:
-        """The first failed test and the beginning of its error; empty if no test fails."""
-        path, own = found.path, self._work / "mutant"
-        original, status = path.read_bytes(), path.stat()
-        shutil.rmtree(own, ignore_errors=True)
-        shutil.copytree(self._cache, own, copy_function=os.link)  # caches replace files, and never change them
-        try:
-            path.write_text(mutated(mutation, found), encoding="utf-8")
-            return self._search(own, mirrored(self._tree, path, mutation.function))
-        finally:
-            path.write_bytes(original)
-            os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))  # caches depend on it
+    def in_folder(self, mutation: Mutation) -> Result:
+        """Whether the quick tests of the mirrored folder find it."""
+        files = mirrored(self._tree, mutation)
+        return self._first(mutation, ["-m", QUICK, *files]) if files else Result()
 
-    def _search(self, cache: Path, mirror: list[str]) -> tuple[str, str]:
+    def among_all(self, mutations: list[Mutation]) -> Iterator[tuple[Mutation, Result]]:
+        """All quick tests once, with all these faults; then each fault alone with the tests that failed."""
+        with self._faults(mutations) as cache:
+            status, output = self._pytest(cache, *ALL)
+        failed = [name for name, _ in _failures(output) if name not in self._failing]
+        if status in (0, 1):
+            for mutation in mutations:
+                found = self._first(mutation, failed) if failed else Result()
+                yield mutation, found if found.by else Result("")
+        elif len(mutations) > 1:  # one of them ends or stops the tests
+            for half in (mutations[::2], mutations[1::2]):
+                yield from self.among_all(half)
+        else:
+            yield mutations[0], Result("time-out" if status is None else "tests", output[-200:])
+
+    def _first(self, mutation: Mutation, tests: list[str]) -> Result:
+        """The first failed test; it also fails alone, whatever the load of the machine."""
         excluded = [*self._failing]
-        stages = [["-m", QUICK, *mirror]] if mirror else []
-        stages.append(["-n", "2", "-m", QUICK, "tests", *(f"--ignore={file}" for file in mirror)])
-        while stages:
-            status, output = self._pytest(cache, "-x", *stages[0], *(f"--deselect={name}" for name in excluded))
-            if status == 5 and stages[0] != mirror and len(stages) == 2:  # the folder has no quick tests
-                stages[0] = mirror
-            elif status in (0, 5):
-                del stages[0]
-            elif status is None:
-                return "time-out", ""
-            else:
+        with self._faults([mutation]) as cache:
+            while True:
+                status, output = self._pytest(cache, "-x", *tests, *(f"--deselect={name}" for name in excluded))
+                if status in (0, 5):  # 5: there are none
+                    return Result()
+                if status is None:
+                    return Result("time-out")
                 name, error = next(iter(_failures(output)), ("tests", output[-200:]))
                 if self._pytest(cache, name)[0] != 0:
-                    return name, error[:200]
-                excluded.append(name)  # it depends on the load of the machine
-        return "", ""
+                    return Result(name, error[:200])
+                excluded.append(name)
+
+    @contextlib.contextmanager
+    def _faults(self, mutations: list[Mutation]) -> Iterator[Path]:
+        """The source with these faults, and a folder for caches."""
+        own = self._work / "mutant"
+        shutil.rmtree(own, ignore_errors=True)
+        shutil.copytree(self._cache, own, copy_function=os.link)  # caches replace files, and never change them
+        places = [(one, place(one, self._tree)) for one in mutations]
+        known = [(found.first, one, found) for one, found in places if found]
+        files = {found.path: (found.path.read_bytes(), found.path.stat()) for _, _, found in known}
+        try:
+            for _, one, found in sorted(known, reverse=True):  # a fault may have fewer lines
+                found.path.write_text(mutated(one, found), encoding="utf-8")
+            yield own
+        finally:
+            for path, (content, status) in files.items():
+                path.write_bytes(content)
+                os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))  # caches depend on it
 
     def _pytest(self, cache: Path, *arguments: str) -> tuple[int | None, str]:
         """Exit status, None after the time limit, and output."""
@@ -340,14 +376,16 @@ def _failures(output: str) -> list[tuple[str, str]]:
     return re.findall(r"^(?:FAILED|ERROR) (tests/.*?)(?: - (.*))?$", output, re.MULTILINE)
 
 
-def mirrored(tree: Path, path: Path, function: str) -> list[str]:
-    """Test files of the folder of that source file, with those first that are most likely to test the function."""
-    *folders, module = path.relative_to(tree / PACKAGE).with_suffix("").parts
+def mirrored(tree: Path, mutation: Mutation) -> list[str]:
+    """Test files of the folder of the source file, with those first that are most likely to find the fault."""
+    found = place(mutation, tree)
+    assert found
+    *folders, module = found.path.relative_to(tree / PACKAGE).with_suffix("").parts
     files: list[Path] = []
     for folder in itertools.accumulate(folders or [module], Path.joinpath, initial=tree / "tests"):
         if folder != tree / "tests":
             files = [*folder.rglob("test_*.py"), *folder.parent.glob(f"test_{folder.name}.py")] or files
-    words = [module, *function.split(".")]
+    words = [module, *mutation.function.split(".")]
 
     def likelihood(file: Path) -> tuple[bool, int, str]:
         text = file.read_text(encoding="utf-8")
@@ -359,29 +397,31 @@ def mirrored(tree: Path, path: Path, function: str) -> list[str]:
 # -- results --------------------------------------------------------------------------------------------------------
 
 
-def read(file: Path) -> dict[Mutation, dict[str, str] | None]:
-    """Each mutation with its result, if there is one: the test that found it (empty if it survived) and the error."""
+def read(file: Path) -> dict[Mutation, Result | None]:
+    """Each mutation with its result, if it was tested."""
     entries = json.loads(file.read_text(encoding="utf-8"))
-    return {Mutation(*(entry[field] for field in Mutation._fields)): entry["result"] for entry in entries}
+    return {
+        Mutation(**entry): Result(**result) if result else None for entry in entries for result in [entry.pop("result")]
+    }
 
 
-def write(file: Path, results: Mapping[Mutation, dict[str, str] | None]) -> None:
+def write(file: Path, results: Mapping[Mutation, Result | None]) -> None:
     """The whole file: a run that is interrupted goes on from there."""
-    entries = [{**mutation._asdict(), "result": result} for mutation, result in results.items()]
+    entries = [{**key._asdict(), "result": result and result._asdict()} for key, result in results.items()]
     file.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
 
 
 def print_table(file: Path) -> None:
-    """How many mutations are found in each area, here and at the baseline, and which are not found."""
+    """How many mutations are found in each area, at the baseline and here, and which are not found here."""
     baseline, results = read(FILE), read(file)
-    print(f"{'area':12}{'baseline':>12}{'here':>12}")
+    print(f"{'area':12}{'baseline':>9}{'here':>9}")
     for area in AREAS:
         of_area = [[one for key, one in both.items() if one and key.area == area] for both in (baseline, results)]
-        print(f"{area:12}", *(f"{sum(bool(one['by']) for one in ones):>6} of {len(ones):>2}" for ones in of_area))
+        print(f"{area:12}" + "".join(f"{sum(bool(one.by) for one in ones):>3} of {len(ones):>2}" for ones in of_area))
     for one, result in results.items():
         before = baseline.get(one)
-        if result and not result["by"]:
-            lost = f"LOST, was found by {before['by']}" if before and before["by"] else "survived"
+        if result and not result.by:
+            lost = f"LOST, was found by {before.by}" if before and before.by else "survived"
             print(f"{lost}: {one.area}, {one.file}, {one.function}:\n    {one.before}\n    {one.after}")
 
 
