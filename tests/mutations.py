@@ -291,7 +291,7 @@ class Suite:
         shutil.rmtree(self._work, ignore_errors=True)
         status, output = self._pytest(self._cache, *ALL)  # also fills the cache
         assert status in (0, 1), output
-        self._failing = [name for name, _ in _failures(output)]
+        self._failing = [name for name, _ in failures(output)]
 
     def in_folder(self, mutation: Mutation) -> Result:
         """Whether the quick tests of the mirrored folder find it."""
@@ -302,7 +302,7 @@ class Suite:
         """All quick tests once, with all these faults; then each fault alone with the tests that failed."""
         with self._faults(mutations) as cache:
             status, output = self._pytest(cache, *ALL)
-        failed = [name for name, _ in _failures(output) if name not in self._failing]
+        failed = [name for name, _ in failures(output) if name not in self._failing]
         if status in (0, 1):
             for mutation in mutations:
                 found = self._first(mutation, failed) if failed else Result()
@@ -323,7 +323,7 @@ class Suite:
                     return Result()
                 if status is None:
                     return Result("time-out")
-                name, error = next(iter(_failures(output)), ("tests", output[-200:]))
+                name, error = next(iter(failures(output)), ("tests", output[-200:]))
                 if self._pytest(cache, name)[0] != 0:
                     return Result(name, error[:200])
                 excluded.append(name)
@@ -371,9 +371,9 @@ class Suite:
         return status, file.read_text(encoding="utf-8", errors="replace")
 
 
-def _failures(output: str) -> list[tuple[str, str]]:
+def failures(output: str) -> list[tuple[str, str]]:
     """Name and error of each failed test."""
-    return re.findall(r"^(?:FAILED|ERROR) (tests/.*?)(?: - (.*))?$", output, re.MULTILINE)
+    return re.findall(r"^(?:FAILED|ERROR) (tests/[^ \[]+(?:\[.*?\](?= - |$))?)(?: - (.*))?$", output, re.MULTILINE)
 
 
 def mirrored(tree: Path, mutation: Mutation) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutations import AREAS, EACH, FILE, PACKAGE, Mutation, changes, mutated, place, read
+from tests.mutations import AREAS, EACH, FILE, PACKAGE, Mutation, changes, failures, mutated, place, read
 
 BEFORE = """
 class Wheel:
@@ -89,3 +89,10 @@ def test_a_statement_that_was_changed_has_no_place(tmp_path: Path, source: str) 
 
 def test_each_area_has_the_same_number_of_mutations() -> None:
     assert Counter(mutation.area for mutation in read(FILE)) == dict.fromkeys(AREAS, EACH)
+
+
+def test_names_and_errors_of_failed_tests_are_read() -> None:
+    output = (
+        "FAILED tests/a.py::t[max(a, b) - 1] - assert [1] == [2]\nERROR tests/b.py - OSError: x - y\n1 failed in 2 s"
+    )
+    assert failures(output) == [("tests/a.py::t[max(a, b) - 1]", "assert [1] == [2]"), ("tests/b.py", "OSError: x - y")]
