@@ -416,11 +416,14 @@ def print_table(file: Path) -> None:
     baseline, results = read(FILE), read(file)
     print(f"{'area':12}{'baseline':>9}{'here':>9}")
     for area in AREAS:
-        of_area = [[one for key, one in both.items() if one and key.area == area] for both in (baseline, results)]
+        of_area = [
+            [one for key, one in both.items() if one and one.by is not None and key.area == area]
+            for both in (baseline, results)
+        ]
         print(f"{area:12}" + "".join(f"{sum(bool(one.by) for one in ones):>3} of {len(ones):>2}" for ones in of_area))
     for one, result in results.items():
         before = baseline.get(one)
-        if result and not result.by:
+        if result and result.by == "":
             lost = f"LOST, was found by {before.by}" if before and before.by else "survived"
             print(f"{lost}: {one.area}, {one.file}, {one.function}:\n    {one.before}\n    {one.after}")
 
