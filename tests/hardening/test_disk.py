@@ -8,6 +8,7 @@ import gc
 import itertools
 import math
 import os
+import re
 import resource
 import stat
 import subprocess
@@ -240,6 +241,14 @@ REASONS = ("No space left on device", "Read-only file system")
 def each_with_one_reason(modules: Iterable[str]) -> list[tuple[str, str]]:
     """Every module with one reason, in turn: all write with the same function of `cache.py`."""
     return list(zip(modules, itertools.cycle(REASONS), strict=False))
+
+
+def test_a_run_whose_recording_does_not_fit_ends_with_a_code_of_its_own(tmp_path: Path) -> None:
+    with small_disk(tmp_path, kilobytes=256) as folder:
+        done = call(*RUN, "--record", "run.mcap", cwd=folder)
+        assert done.returncode == 3
+        assert re.search(r"the recording ended at [\d.]+ s: cannot write: No space left on device", done.stderr)
+        assert "ended by duration" in done.stdout
 
 
 @pytest.fixture(params=REASONS)

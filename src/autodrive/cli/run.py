@@ -211,17 +211,23 @@ def _run(options: RunOptions, *, opens_browser: bool) -> None:
             on_start=signals.catch,
         )
         summary = simulate(dataclasses.replace(options, summary=None), stop=stop, observer=display)
-    _report(summary, options.summary)
+    if code := _report(summary, options.summary):
+        raise typer.Exit(code)
 
 
-def _report(summary: Summary, path: Path | None) -> None:
-    """Print the summary, then write it: what was printed stays if the disk is full."""
+RECORDING_FAILED = 3
+"""Exit code of a run whose recording ended early."""
+
+
+def _report(summary: Summary, path: Path | None) -> int:
+    """Print the summary, then write it: what was printed stays if the disk is full. The exit code."""
     from autodrive.base.cache import write_file
     from autodrive.cli.status import print_summary
 
     print_summary(summary)
     if path is not None:
         write_file(path, summary.to_json())
+    return RECORDING_FAILED if summary.recording is not None and summary.recording.error else 0
 
 
 STOP_TIME = 1.5
@@ -251,12 +257,13 @@ class _Signals:
     def _end_process(self) -> None:
         """End the process after `STOP_TIME` if it still runs then. It does not wait for anything."""
         time.sleep(STOP_TIME)
+        code = 0
         try:
             if not self._has_ended:
-                _report(self._run.summary(self._stop.reason), self._summary)
+                code = _report(self._run.summary(self._stop.reason), self._summary)
                 sys.stdout.flush()
         finally:
-            os._exit(0)
+            os._exit(code)
 
     def __enter__(self) -> _Signals:
         return self

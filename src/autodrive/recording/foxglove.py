@@ -2,6 +2,10 @@
 
 Foxglove, Lichtblick and Rerun recognise a schema by its name and read the fields that they know. The fields with
 numbers from 101 hold the rest of our reading, so that the same message gives back exactly what was recorded.
+
+The package `foxglove-schemas-protobuf` (0.4.0, MIT, 31 kB) has the published messages as generated classes, to which no
+field can be added. It would replace about 60 of these lines, those of poses and calibrations, and need a second kind of
+message beside that of `wire`.
 """
 
 from __future__ import annotations
