@@ -97,7 +97,7 @@ class Operator(RuleBasedStateMachine):
     calls = Calls()
 
     def started(self) -> Running:
-        def load(scenario: str | Descriptions) -> World:
+        def load(scenario: str | ScenarioSpec | Descriptions) -> World:
             return autodrive.make(scenario, cameras=self.has_cameras)
 
         vehicles = {"V1": VehiclePlacement(type=self.car), "V2": VehiclePlacement(type=self.car, x=0.6)}
@@ -233,7 +233,7 @@ def test_a_request_of_wrong_types_is_refused_at_once_and_the_run_goes_on(request
 
 
 def test_a_request_that_fails_unexpectedly_is_logged_and_the_run_goes_on(caplog: pytest.LogCaptureFixture) -> None:
-    def load(scenario: str | Descriptions) -> World:
+    def load(scenario: str | ScenarioSpec | Descriptions) -> World:
         raise ZeroDivisionError(f"in {scenario}")
 
     with Simulation(autodrive.make("plane"), is_paused=True, load=load, pause_on_error=True) as simulation:
