@@ -80,7 +80,6 @@ class World(OneThread):
         self.observers: list[Observer] = []
         """Told each command, change and Frame of this World, as long as they are in the list."""
         self._always_engine = engine == "always"
-        self._is_closed = False
         self._compiled = compiled
         self._cameras = cameras
         self.specs = compiled.specs
@@ -170,8 +169,6 @@ class World(OneThread):
         sensor of the user fails; after that, call `reset` or `restore`.
         """
         c, controls, race = self._compiled, self._controls, self.race
-        if self._is_closed:
-            raise CommandError("this world is closed: make a new one with autodrive.make")
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
@@ -531,8 +528,7 @@ class World(OneThread):
 
     @by_one_thread
     def close(self) -> None:
-        """Release the camera renderer. A closed world cannot be stepped."""
-        self._is_closed = True
+        """Release the camera renderer; a world without cameras holds nothing."""
         if self._cameras is not None:
             self._cameras.close()
 
