@@ -41,7 +41,8 @@ def documented() -> list[str]:
                 f"{module}.{name.split(' as ')[0].strip()}" for name in names.strip("()").split(",") if name.strip()
             }
         found |= set(re.findall(r"`(autodrive(?:\.[a-z_0-9]+)+(?:\.[A-Z]\w*)?)`", text))
-    return sorted(name.removeprefix("autodrive.") for name in found if not name.endswith((".launch", ".rviz", ".v2")))
+    others = (".launch", ".rviz", ".v2", ".CompassReading")  # the last one is made in docs/adding_a_sensor.md
+    return sorted(name.removeprefix("autodrive.") for name in found if not name.endswith(others))
 
 
 @pytest.mark.parametrize("path", [*_FORMER_NAMES.split(), *documented()])

@@ -91,7 +91,7 @@ _FORMER = {
     "replay": "recording.replay",
     "sensors": "physics.sensors",
     "simulation": "world.simulation",
-    "specs": "base.specs",
+    "specs": "base.yaml_files",
     "testing": "connect.conformance",
     "tracks": "scenario.tracks",
     "vehicles": "scenario.vehicles",

@@ -54,6 +54,7 @@ OLD = "old content"
 RUN = ("run", "plane", "--headless", "--no-cameras", "--speed", "max", "--duration", "0.1", "--summary", "s.json")
 COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "cli/run.py": (RUN, ("s.json",)),
+    "cli/new.py": (("new", "scenario", "mine"), ("mine.yaml",)),
     "scenario/maps/draw.py": (("show", "mini_map", "-o", "map.png"), ("map.png",)),
     "cli/spec_files.py": (("show", "mini_map", "-o", "map.svg"), ("map.svg",)),
     "cli/preview.py": (("show", "construction_box", "--3d", "view.png"), ("view.png",)),

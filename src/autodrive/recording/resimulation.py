@@ -230,7 +230,7 @@ def first_difference(recorded: Frame, simulated: Frame, time: float) -> Differen
 
 def _differences(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
     a, b = _plain(a), _plain(b)
-    if type(a) is not type(b):
+    if type(a) is not type(b) and not (isinstance(a, dict) and isinstance(b, dict)):
         yield path, a, b
     elif isinstance(a, np.ndarray):
         if a.tobytes() != b.tobytes():
