@@ -230,7 +230,7 @@ def first_difference(recorded: Frame, simulated: Frame, time: float) -> Differen
 
 def _differences(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
     a, b = _plain(a), _plain(b)
-    if type(a) is not type(b) and not (isinstance(a, dict) and isinstance(b, dict)):
+    if type(a) is not type(b):
         yield path, a, b
     elif isinstance(a, np.ndarray):
         if a.tobytes() != b.tobytes():
@@ -252,6 +252,9 @@ def _differences(a: Any, b: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _plain(value: Any) -> Any:
+    """Without the types that do not matter: a number of numpy, a dictionary with errors of its own."""
+    if isinstance(value, dict):
+        return dict(value)
     return value.item() if isinstance(value, np.generic) else value
 
 
