@@ -21,6 +21,7 @@ from tests.test_documentation import DOCUMENTS, ROOT, blocks
 NOT_RUN_HERE = {
     r"(sudo apt-get|pip|python3 -m venv|simulator/bin/pip|pre-commit) ": "changes the machine or the environment",
     r"\. ": "changes the shell",
+    r"ip ": "needs root and changes the network",
     r"(ssh|ray|export|rosdep|colcon|ros2|mkdir|cmake) ": "a program that this project does not ship",
     r"scripts/": "scripts/test runs it, or it runs scripts/test",
     r"\.venv-devkit": "tests/connect/bridge runs it",
