@@ -71,7 +71,7 @@ class RenderState:
 
     @staticmethod
     def from_buffer(data: Floats, vehicles: int, objects: int) -> RenderState:
-        """A view of an existing array, for example in shared memory."""
+        """A view of an existing array."""
         cut = np.cumsum([HEADER.itemsize // 8, vehicles * VEHICLE.itemsize // 8])
         header, vehicle_rows, object_rows = np.split(data, cut)
         return RenderState(data, header.view(HEADER)[0], vehicle_rows.view(VEHICLE), object_rows.view(OBJECT))
