@@ -5,11 +5,18 @@ Such a process ends when its stdin closes, so none is left behind however this p
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any, BinaryIO
+
+if sys.platform == "linux":
+    import fcntl
+
+PIPE_SIZE = 1 << 20
+"""Bytes that the pipe for answers holds where the system allows it, so that an image is not passed in small pieces."""
 
 
 def start_module(module: str) -> subprocess.Popen[bytes]:
@@ -24,6 +31,10 @@ def start_module(module: str) -> subprocess.Popen[bytes]:
         env=environment(),
         **popen_options(),
     )
+    if sys.platform == "linux":
+        assert process.stdout is not None
+        with contextlib.suppress(OSError):  # a user may have a limited number of large pipes
+            fcntl.fcntl(process.stdout, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
     return process
 
 
