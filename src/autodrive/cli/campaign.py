@@ -76,6 +76,8 @@ def campaign(
     _print(loaded, outcome)
     if not outcome.is_complete:
         raise typer.Exit(130)
+    if outcome.summary["counts"].get("error", 0) == outcome.summary["rows"] > 0:
+        raise typer.Exit(1)
 
 
 def _run(
@@ -135,6 +137,12 @@ def _print(loaded: Campaign, outcome: Outcome) -> None:
         if one["runs"]:
             interval = "" if one["low"] is None else f", 95 % confidence {one['low']:.4g} to {one['high']:.4g}"
             typer.echo(f"{name}: mean {one['mean']:.4g}{interval}, from {one['min']:.4g} to {one['max']:.4g}")
+    if not numbers["seed_changes_results"]:
+        from autodrive.experiments.campaigns.statistics import SEED_CHANGES_NOTHING
+
+        typer.echo(SEED_CHANGES_NOTHING)
+    if "first_error" in numbers:
+        typer.echo(f"first error: {numbers['first_error']}")
     typer.echo(f"results: {outcome.folder}")
     if not outcome.is_complete:
         typer.echo(f"stopped; the same command goes on with the {numbers['runs'] - numbers['rows']} other runs")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -156,3 +157,45 @@ def test_means_have_the_interval_of_student() -> None:
     other = bootstrap((values,), np.mean, rng=np.random.default_rng(1)).confidence_interval
     assert (low, high) == pytest.approx((other.low, other.high), abs=0.02)  # a fifth of the width
     assert all(math.isnan(one) for one in mean_interval(values[:1]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"seeds": 10**9}, "are 8000000000 runs; a campaign has at most 10000000"),
+        ({"seeds": 10**30}, "a campaign has at most 10000000"),
+        ({"samples": {"method": "sobol", "count": 10**9}}, "must be at most 1e.07"),
+        (
+            {"parameters": {f"vehicles.V1.{one}_factor": {"grid": [*range(1, 3000)]} for one in ("grip", "noise")}},
+            "runs",
+        ),
+    ],
+)
+def test_huge_counts_are_refused_before_anything_is_built(campaign: Make, changes: dict[str, Any], text: str) -> None:
+    tracemalloc.start()
+    with pytest.raises(SpecError, match=text):
+        campaign(**changes)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 50e6  # a list of 1e9 seeds takes 8 GB
+
+
+@pytest.mark.parametrize(
+    ("driver", "text"),
+    [
+        ("class Driver(:\n    pass\n", r"driver \(line 1\): SyntaxError: .*driver.py, line 1"),
+        (
+            "x = 1\nimport no_such_package\n",
+            r"ModuleNotFoundError: No module named 'no_such_package'  \(driver.py, line 2\)",
+        ),
+        ("class Drivr:\n    pass\n", "driver.py has no 'Driver'"),
+        ("raise SystemExit(3)\n", "SystemExit: 3"),
+    ],
+)
+def test_a_driver_that_cannot_be_loaded_is_reported_before_the_first_run(
+    campaign: Make, tmp_path: Path, driver: str, text: str
+) -> None:
+    one = campaign(metrics=["distance"], pass_="distance > 0.05")
+    (tmp_path / "driver.py").write_text(driver)
+    with pytest.raises(SpecError, match=text):
+        Campaign.load(one.path or "")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow
 import pytest
+import scipy.stats
 from pyarrow import parquet
 
 from autodrive import CommandError, SnapshotError, make
@@ -389,3 +392,47 @@ def test_a_sensor_of_the_user_decides_results_and_travels_with_the_campaign(camp
     file = tmp_path / "my_radar.py"
     file.write_text(file.read_text(encoding="utf-8") + "# another version\n", encoding="utf-8")
     assert RunKeys(one).of(one.run(0)) != key
+
+
+def test_a_second_campaign_in_a_folder_is_refused(campaign: Make, tmp_path: Path) -> None:
+    """Also after the first one was killed the folder is free."""
+    one, folder = campaign(), tmp_path / "out"
+    folder.mkdir()
+    code = "import sys; from pathlib import Path; from autodrive.experiments.campaigns.table import locked\n"
+    code += "with locked(Path(sys.argv[1])): print('locked', flush=True); sys.stdin.read()"
+    arguments = [sys.executable, "-c", code, str(folder)]
+    with subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"locked\n"
+        with pytest.raises(AutodriveError, match="another campaign is writing into"):
+            run_campaign(one, folder, workers=0)
+        other.kill()
+    assert run_campaign(one, folder, workers=0).summary["rows"] == 16
+
+
+def test_runs_that_differ_in_a_seed_without_effect_count_once(campaign: Make, tmp_path: Path) -> None:
+    """The interval is that of the samples: Student's t of eight values, not of sixteen."""
+    one = campaign()  # the driver reads nothing that has noise
+    outcome = run_campaign(one, tmp_path / "out", workers=0)
+    distance = [row["distance"] for row in rows(outcome.folder) if row["seed"] == 0]
+    interval = scipy.stats.t.interval(0.95, 7, np.mean(distance), scipy.stats.sem(distance))
+    summary = outcome.summary
+    assert summary["seed_changes_results"] is False
+    assert summary["rows"] == 16
+    assert summary["pass"]["runs"] == summary["metrics"]["distance"]["runs"] == 8
+    assert [summary["metrics"]["distance"][end] for end in ("low", "high")] == pytest.approx(interval)
+    assert "no result depends on the seed" in outcome.report.read_text()
+    driver = (tmp_path / "driver.py").read_text()
+    slower = driver.replace("=self.throttle,", "=self.throttle * (1 - self.scene.scenario.seed / 9),")
+    (tmp_path / "driver.py").write_text(slower)
+    summary = run_campaign(Campaign.load(one.path or ""), tmp_path / "other", workers=0).summary
+    assert summary["seed_changes_results"] is True
+    assert summary["metrics"]["distance"]["runs"] == 16
+
+
+def test_the_end_prints_the_first_error_and_only_errors_are_exit_code_1(campaign: Make, tmp_path: Path) -> None:
+    for faults, code in ((["", "raises"], 0), (["raises"], 1)):
+        one = campaign(parameters={"driver.fault": faults}, samples={}, seeds=1)
+        ended = call("campaign", one.path or "", "--workers", "0", "--no-cache", "-o", tmp_path / str(code))
+        assert ended.returncode == code, ended.stderr
+        assert "first error: ValueError: the road is lost  (driver.py, line 17)" in ended.stdout

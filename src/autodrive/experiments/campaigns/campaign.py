@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import traceback
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +14,7 @@ from pydantic import Field, field_validator
 
 from autodrive.base import yaml_files
 from autodrive.base.errors import AutodriveError, SpecError
-from autodrive.base.python_files import FUNCTION
+from autodrive.base.python_files import FUNCTION, load
 from autodrive.base.specs import Spec
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Source
@@ -34,7 +35,8 @@ EVENTS = sorted(kind.__name__ for kind in get_args(Event))
 """Names of the events that can end a run."""
 POLICY = re.compile(r"[^\s:{}]+\.npz")
 """A file with a policy, or an included policy: 'race.npz'."""
-MAX_RUNS = 10**9
+MAX_RUNS = 10**7
+"""Runs of a campaign: the table of so many has about 1 GB."""
 
 
 class Stop(Spec):
@@ -87,9 +89,9 @@ class CampaignSpec(Spec):
         }
 
     @property
-    def seed_list(self) -> tuple[int, ...]:
+    def seed_list(self) -> Sequence[int]:
         """The seeds of each sample."""
-        return tuple(range(self.seeds)) if isinstance(self.seeds, int) else self.seeds
+        return range(self.seeds) if isinstance(self.seeds, int) else self.seeds
 
 
 @dataclass(frozen=True)
@@ -195,6 +197,26 @@ def policy_file(driver: str, folder: Path) -> Path | None:
     return included if included.is_file() and not own.is_file() else own
 
 
+def loading_problem(folder: Path, file: str, name: str) -> str:
+    """Why a class or function of the user's file cannot be loaded, with its line; empty if it can."""
+    try:
+        load(folder / file, name)
+    except (Exception, SystemExit) as error:
+        return error_text(error, folder)
+    return ""
+
+
+def error_text(error: BaseException, folder: Path) -> str:
+    """Type, text and place of an exception, in one line; the place is the last one in a file of the user."""
+    text = f"{type(error).__name__}: {error}".replace("\n", " ")[:500]
+    places = [
+        place
+        for place in traceback.extract_tb(error.__traceback__)
+        if Path(place.filename).absolute().is_relative_to(folder.absolute())
+    ]
+    return f"{text}  ({Path(places[-1].filename).name}, line {places[-1].lineno})" if places else text
+
+
 def _found(name: str, folder: Path) -> str:
     """A file beside the campaign, or a name."""
     return str(folder / name) if Path(name).suffix in {".yaml", ".yml"} else name
@@ -219,6 +241,8 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
     if found := FUNCTION.fullmatch(spec.driver):
         if not (folder / found["file"]).is_file():
             yield ("driver",), f"file '{found['file']}' does not exist"
+        elif problem := loading_problem(folder, found["file"], found["name"]):
+            yield ("driver",), problem
     elif policy := policy_file(spec.driver, folder):
         try:
             Policy.load(policy)
@@ -236,8 +260,9 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
     for i, name in enumerate(spec.files):
         if not (folder / name).is_file():
             yield ("files", i), f"file '{name}' does not exist"
-    seeds = spec.seed_list
-    if not seeds or min(seeds) < 0 or max(seeds) >= 2**63 or len(set(seeds)) < len(seeds):
+    seeds, count = spec.seeds, spec.seeds if isinstance(spec.seeds, int) else len(spec.seeds)
+    is_list = not isinstance(seeds, int)
+    if count < 1 or (is_list and (min(seeds) < 0 or max(seeds) >= 2**63 or len(set(seeds)) < count)):
         yield ("seeds",), "must be a number of seeds from 1 on, or a list of different seeds from 0 on"
     method, ranges = spec.samples.method, spec.parameters
     for name in ranges:
@@ -263,5 +288,7 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
             yield ("samples", "points"), "the method 'list' needs points"
     elif spec.samples.points:
         yield ("samples", "points"), "only the method 'list' has points"
-    if len(Design(spec.parameters, spec.samples)) * len(seeds) > MAX_RUNS:
-        yield ("samples",), f"a campaign has at most {MAX_RUNS} runs"
+    samples = Design(spec.parameters, spec.samples).size
+    if samples * count > MAX_RUNS:
+        text = f"{samples} samples with {count} seeds are {samples * count} runs; a campaign has at most {MAX_RUNS}"
+        yield ("seeds" if count > samples else "samples",), text

@@ -12,7 +12,7 @@ import numpy as np
 import autodrive
 from autodrive.base.svg_plot import scale, text
 from autodrive.experiments.campaigns.campaign import Campaign
-from autodrive.experiments.campaigns.statistics import wilson
+from autodrive.experiments.campaigns.statistics import SEED_CHANGES_NOTHING, wilson
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
@@ -69,6 +69,8 @@ def _overview(campaign: Campaign, numbers: dict[str, Any]) -> str:
     rows = [("scenario", spec.scenario), ("driver", spec.driver)]
     size = f"{len(campaign.design)} samples ({spec.samples.method}), {len(spec.seed_list)} seeds"
     rows += [("runs", f"{numbers['rows']} of {numbers['runs']}: {size}")]
+    if not numbers["seed_changes_results"]:
+        rows += [("seeds", SEED_CHANGES_NOTHING)]
     rows += [("ends", ", ".join([f"after {spec.stop.time:g} s", *spec.stop.events]))]
     rows += [(name, str(count)) for name, count in counts.items()]
     if judged := numbers.get("pass"):

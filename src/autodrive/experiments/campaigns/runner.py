@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import traceback
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ from typing import Any
 from autodrive.base.errors import AutodriveError
 from autodrive.base.python_files import FUNCTION, load
 from autodrive.experiments.campaigns import parameters
-from autodrive.experiments.campaigns.campaign import Campaign, Run
+from autodrive.experiments.campaigns.campaign import Campaign, Run, error_text
 from autodrive.experiments.campaigns.drivers import Commands, DevkitScript, Driver, DriverError, PolicyDriver
 from autodrive.experiments.campaigns.metrics import METRICS, PERIOD, FunctionMetric, Metric
 from autodrive.experiments.campaigns.sampling import Value
@@ -121,7 +120,7 @@ class Runner:
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a driver must not end the campaign, whatever it raises
-                result = Result(run.number, time=world.time, error=_error_text(error, self.campaign.folder))
+                result = Result(run.number, time=world.time, error=_reason(error, self.campaign.folder))
         return replace(result, recording=str(recording)) if recording else result
 
     def _frames(self, run: Run, world: World, scene: Scene, frame: Frame, stack: contextlib.ExitStack) -> Result:
@@ -190,14 +189,5 @@ def _pose(placed: Any, given: Mapping[str, float]) -> tuple[float, float, float]
     return x, y, math.radians(yaw_deg)
 
 
-def _error_text(error: BaseException, folder: Path) -> str:
-    """Type, text and place of an exception, in one line; the place is the last one in a file of the user."""
-    if isinstance(error, DriverError):
-        return str(error)
-    text = f"{type(error).__name__}: {error}".replace("\n", " ")[:500]
-    places = [
-        place
-        for place in traceback.extract_tb(error.__traceback__)
-        if Path(place.filename).absolute().is_relative_to(folder.absolute())
-    ]
-    return f"{text}  ({Path(places[-1].filename).name}, line {places[-1].lineno})" if places else text
+def _reason(error: BaseException, folder: Path) -> str:
+    return str(error) if isinstance(error, DriverError) else error_text(error, folder)

@@ -13,7 +13,7 @@ from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.executor import Executor, InProcessExecutor, LocalExecutor
 from autodrive.experiments.campaigns.keys import RowCache, RunKeys
 from autodrive.experiments.campaigns.runner import Result
-from autodrive.experiments.campaigns.table import Table
+from autodrive.experiments.campaigns.table import Table, locked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -80,6 +80,20 @@ def run_campaign(
     """
     folder = Path(output or f"{campaign.name}_results")
     make_folder(folder)
+    with locked(folder):
+        return _run_campaign(campaign, folder, workers, executor, cache, observer, uses_cache=uses_cache)
+
+
+def _run_campaign(
+    campaign: Campaign,
+    folder: Path,
+    workers: int | None,
+    executor: Executor | None,
+    cache: RowCache | None,
+    observer: CampaignObserver | None,
+    *,
+    uses_cache: bool,
+) -> Outcome:
     table = Table(folder, campaign)
     cache = (cache or RowCache()) if uses_cache else None
     observer, progress = observer or CampaignObserver(), Progress(len(campaign))
@@ -172,20 +186,21 @@ def run_search(
 
     folder = Path(output or f"{campaign.name}_search")
     make_folder(folder)
-    table, keys = Table(folder, campaign), RunKeys(campaign)
-    table.start()
-    observer, progress, is_complete = observer or CampaignObserver(), Progress(trials), False
-    try:
-        for trial in falsify(campaign, executor, trials=trials):
-            row = table.add(trial.run, keys.of(trial.run), trial.result)
-            progress.done += 1
-            progress.failures += row["status"] == "fail"
-            progress.errors += row["status"] == "error"
-            observer.progress(progress)
-        is_complete = True
-    except KeyboardInterrupt:
-        pass
-    return _finish(campaign, folder, table, is_complete)
+    with locked(folder):
+        table, keys = Table(folder, campaign), RunKeys(campaign)
+        table.start()
+        observer, progress, is_complete = observer or CampaignObserver(), Progress(trials), False
+        try:
+            for trial in falsify(campaign, executor, trials=trials):
+                row = table.add(trial.run, keys.of(trial.run), trial.result)
+                progress.done += 1
+                progress.failures += row["status"] == "fail"
+                progress.errors += row["status"] == "error"
+                observer.progress(progress)
+            is_complete = True
+        except KeyboardInterrupt:
+            pass
+        return _finish(campaign, folder, table, is_complete)
 
 
 def local_executor(campaign: Campaign, workers: int | None) -> Executor:

@@ -19,8 +19,8 @@ from autodrive.base.specs import Spec
 Value: TypeAlias = bool | int | float | str
 Pair: TypeAlias = tuple[float, float]
 Method: TypeAlias = Literal["grid", "list", "random", "latin_hypercube", "sobol"]
-MAX_COUNT = 2**30
-"""Samples of a campaign."""
+MAX_COUNT = 10**7
+"""Samples that a campaign draws, at most."""
 
 
 class Range(Spec):
@@ -102,8 +102,13 @@ class Design:
         self._sizes = [len(one.values) for one in self._crossed.values()]
         self._draws = len(sampling.points) if sampling.method == "list" else (sampling.count or 1)
 
-    def __len__(self) -> int:
+    @property
+    def size(self) -> int:
+        """Number of points, which may be more than `len` can return."""
         return self._draws * math.prod(self._sizes)
+
+    def __len__(self) -> int:
+        return self.size
 
     def __iter__(self) -> Iterator[dict[str, Value]]:
         return (self[i] for i in range(len(self)))

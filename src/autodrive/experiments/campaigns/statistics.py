@@ -10,12 +10,15 @@ import numpy as np
 from autodrive.experiments.campaigns.campaign import Campaign
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from autodrive.base.arrays import Floats
     from autodrive.experiments.campaigns.table import Columns
 
 CONFIDENCE = 0.95
 Z = 1.959963984540054
 """Quantile of the normal distribution for `CONFIDENCE`, two-sided."""
+SEED_CHANGES_NOTHING = "no result depends on the seed: rates, means and intervals count each sample once"
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
@@ -45,13 +48,38 @@ def summary(campaign: Campaign, table: Columns) -> dict[str, Any]:
     counted = {one["values"]: one["counts"] for one in table["status"].value_counts().to_pylist()}
     counts = {name: counted[name] for name in ("pass", "fail", "done", "error") if name in counted}
     found: dict[str, Any] = {"campaign": campaign.name, "runs": len(campaign), "rows": len(table), "counts": counts}
+    errors = np.flatnonzero(table.where("status", "error"))[:1]
+    if len(errors):
+        found["first_error"] = table["error"][int(errors[0])].as_py()
+    independent = _independent(campaign, table)
+    found["seed_changes_results"] = bool(independent.all())
     if campaign.criterion is not None:
-        judged = counts.get("pass", 0) + counts.get("fail", 0)
-        low, high = wilson(counts.get("pass", 0), judged)
-        rate = counts.get("pass", 0) / judged if judged else None
+        passed, failed = (int((table.where("status", name) & independent).sum()) for name in ("pass", "fail"))
+        judged = passed + failed
+        low, high = wilson(passed, judged)
+        rate = passed / judged if judged else None
         found["pass"] = {"criterion": campaign.spec.pass_, "runs": judged, "rate": rate, "low": low, "high": high}
-    found["metrics"] = {name: _metric(table.numbers(name)) for name in campaign.metric_names}
+    found["metrics"] = {name: _metric(table.numbers(name)[independent]) for name in campaign.metric_names}
     return found
+
+
+def _independent(campaign: Campaign, table: Columns) -> NDArray[np.bool_]:
+    """The rows that count as independent: all, or one of each sample if no result depends on the seed."""
+    sample = table.numbers("sample")
+    everything = np.ones(len(sample), dtype=bool)
+    is_repeated = sample[1:] == sample[:-1]  # rows are sorted by runs, and so by samples
+    is_repeated &= ~(table.where("status", "error")[1:] | table.where("status", "error")[:-1])
+    if not is_repeated.any():
+        return everything
+    for name in ("time", *campaign.metric_names):
+        values = table.numbers(name)
+        if not np.array_equal(values[1:][is_repeated], values[:-1][is_repeated], equal_nan=True):
+            return everything
+    ends = table["end"].to_numpy()
+    if (ends[1:] != ends[:-1])[is_repeated].any():
+        return everything
+    everything[1:] = ~is_repeated
+    return everything
 
 
 def _metric(values: Floats) -> dict[str, Any]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import shutil
+import sqlite3
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -158,6 +161,29 @@ class Stored:
             raise AutodriveError(
                 f"{path} is not a table of a campaign; delete it, or choose another folder (--output)"
             ) from None
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """No other campaign writes into the folder meanwhile. Raises `AutodriveError` if one does.
+
+    The lock is one of SQLite, which the system removes when the process ends, however it ends.
+    """
+    connection = sqlite3.connect(folder / ".lock", timeout=0.0, isolation_level=None)
+    try:
+        connection.execute("BEGIN EXCLUSIVE")
+    except sqlite3.OperationalError as error:
+        if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
+            connection.close()
+            raise AutodriveError(
+                f"another campaign is writing into '{folder}': wait until it has ended, or choose another folder with "
+                "--output"
+            ) from None
+        # the file system has no locks, as some of a network
+    try:
+        yield
+    finally:
+        connection.close()
 
 
 class Columns:
