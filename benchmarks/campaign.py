@@ -135,7 +135,7 @@ def measure(folder: Path, runs: int, duration: float, workers: int) -> float:
     """Prints and returns runs per second."""
     one = campaign(folder, runs, duration)
     executor = LocalExecutor(one, workers)
-    watch = Watch(executor._workers)
+    watch = Watch(executor.workers)
     output = folder / f"out_{runs}_{duration:g}_{workers}"
     outcome = run_campaign(one, output, executor=executor, uses_cache=False, observer=watch)
     assert outcome.summary["rows"] == runs

@@ -38,7 +38,7 @@ def main() -> None:
         for _ in range(50):
             world.step()  # the vehicle settles and is slightly tilted
         for rays in RAYS:
-            c = world._compiled
+            c = world.compiled
             costs = medians(candidates(c, rays))
             print(f"{name:12} {len(c.model.shapes.kind):6} {rays:5} " + " ".join(f"{cost:8.1f}" for cost in costs))
 

@@ -41,7 +41,7 @@ def medians_us(runs: list[Callable[[], None]], prepare: Callable[[], None]) -> l
 
 def loop(world: World, substeps: int = SUBSTEPS, *, always_engine: bool = True) -> Callable[[], None]:
     """The compiled substep loop, without sensors and Frame."""
-    c = world._compiled
+    c = world.compiled
     controls = world._controls
     controls.throttle[:] = 0.4
 
@@ -54,7 +54,7 @@ def loop(world: World, substeps: int = SUBSTEPS, *, always_engine: bool = True) 
 
 def engine_alone(world: World) -> Callable[[], None]:
     """The same number of steps of the engine, with constant wheel forces."""
-    engine = world._compiled.engine
+    engine = world.compiled.engine
 
     def run() -> None:
         mujoco.mj_step(engine.model, engine.data, SUBSTEPS)
@@ -90,7 +90,7 @@ def main() -> None:
     for _ in range(100):
         yard.step()
     measured("car and ten boxes asleep, plane", yard, lambda: None)
-    state, model = yard._compiled.state, yard._compiled.engine.model
+    state, model = yard.compiled.state, yard.compiled.engine.model
 
     def stir() -> None:
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)

@@ -68,7 +68,7 @@ def with_posts(model: Model, count: int) -> Model:
 def state_of(world: World, model: Model) -> State:
     """The state of the world beside the shapes of the model."""
     state = empty_state(model, n_body=1)
-    for name, column, old in zip(State._fields, state, world._compiled.state, strict=True):
+    for name, column, old in zip(State._fields, state, world.compiled.state, strict=True):
         if not name.startswith("shape_"):
             column[:] = old
     for column, fixed in ((state.shape_position, model.shapes.position), (state.shape_rotation, model.shapes.rotation)):
@@ -78,7 +78,7 @@ def state_of(world: World, model: Model) -> State:
 
 def measured(world: World, count: int) -> tuple[int, float, float]:
     """Number of fixed shapes, CPU time of a substep and of a scan [us]."""
-    c = world._compiled
+    c = world.compiled
     model = with_posts(c.model, count)
     state = state_of(world, model)
     lidars = {"V1": {"lidar": ConfiguredSensor(LidarSpec(rays=1080, rate=100.0), is_on=True, noise="file")}}

@@ -62,7 +62,7 @@ def world_on(track: str, *, engine: Literal["auto", "always"] = "auto", cameras:
 
 def scan_time(world: autodrive.World) -> float:
     """Time of a scan of the LIDAR, as the World samples it [us]."""
-    c = world._compiled
+    c = world.compiled
     vehicles = {"V1": {"lidar": c.configured["V1"]["lidar"]}}
     period = 1 / Fraction(str(c.configured["V1"]["lidar"].spec.rate))
     suite = SensorSuite(vehicles, c.model.shapes, c.state, substep=period, substeps=1, gravity=c.spec.gravity)
@@ -89,7 +89,7 @@ def main() -> None:
             always = world_on(name, engine="always")
             world.step({})
             always.step({})
-            pieces = len(world._compiled.map.statics)
+            pieces = len(world.compiled.map.statics)
             print(
                 f"{Path(name).stem:<18} {Track.load(name).length:8.0f} {pieces:7} {scan:8.1f} "
                 f"{least(lambda w=world: w.step({})):8.1f} {least(lambda w=always: w.step({})):20.1f}",

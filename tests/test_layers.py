@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -33,6 +35,9 @@ IN_THE_TICK = [
 ]
 ALONE = [path for path in FILES if name_of(path).startswith(("connect/client/", "connect/devkit/", "connect/ros/"))]
 """They run where no simulator is installed."""
+TESTS = Path(__file__).parent
+PUBLIC_PROTOCOLS = {"_repr_html_", "_repr_png_", "_replace", "_asdict", "_fields", "_exit"}
+"""Of Jupyter, named tuples and `os`."""
 
 
 def test_the_first_level_has_the_groups_and_two_faces() -> None:
@@ -118,3 +123,32 @@ def test_a_violation_is_found(tmp_path: Path) -> None:
     assert layers.groups_imported(bad) == {"world", "cli"}
     assert distributions_imported(bad) == {"time", "autodrive"}
     assert sorted(layers.cycle_in({"a": {"b"}, "b": {"c"}, "c": {"a"}})[:-1]) == ["a", "b", "c"]
+
+
+def test_no_test_uses_a_private_name_of_another_module() -> None:
+    found = {
+        f"{path.relative_to(TESTS)}: {name}"
+        for path in TESTS.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for name in private_names(node)
+    }
+    assert found == set()
+
+
+def private_names(node: ast.AST) -> list[str]:
+    """Names with a leading underscore that a node takes from an object other than `self`, or from a module."""
+    match node:
+        case ast.Attribute(value=ast.Name(id="self" | "cls")):
+            names = []
+        case ast.Attribute(attr=name):
+            names = [name]
+        case ast.ImportFrom(module=module, names=imported):
+            names = [*(module or "").split("."), *(alias.name for alias in imported)]
+        case ast.Import(names=imported):
+            names = [part for alias in imported for part in alias.name.split(".")]
+        case ast.Call(func=ast.Attribute(attr="setattr" | "delattr" | "object"), args=[target, *words]):
+            texts = [one.value for one in (target, *words[:1]) if isinstance(one, ast.Constant)]
+            names = [part for text in texts if isinstance(text, str) for part in text.split(".")]
+        case _:
+            names = []
+    return [name for name in names if re.match(r"_(?!_)", name) and name not in PUBLIC_PROTOCOLS]

@@ -19,16 +19,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
-from numba.core.caching import NullCache
-from numpy._core._multiarray_umath import (  # pyright: ignore[reportMissingImports]
-    __cpu_dispatch__,  # pyright: ignore[reportAttributeAccessIssue]
-    __cpu_features__,  # pyright: ignore[reportAttributeAccessIssue]
-)
+from llvmlite.binding import get_host_cpu_features
 
 import autodrive
-from autodrive.base.jit import jit_uncounted
 from autodrive.physics.model import model_digest
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.physics.tick import advance
@@ -49,7 +45,7 @@ OLDER_C_LIBRARY = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2"}
 SETTINGS: dict[str, dict[str, str]] = {
     "OpenBLAS for Prescott, the C library without FMA and AVX2, numpy without dispatched features": {
         "OPENBLAS_CORETYPE": "Prescott",
-        "NPY_DISABLE_CPU_FEATURES": " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name]),
+        "NPY_DISABLE_CPU_FEATURES": " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
         **OLDER_C_LIBRARY,
     },
     "OpenBLAS for Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
@@ -92,10 +88,10 @@ def film(folder: Path) -> dict[str, str]:
         assert not any(vehicle.collision_count for vehicle in frame.vehicles.values())
         for part in bytes_of(frame):
             frames.update(part)
-        for column in world._compiled.state:
+        for column in world.compiled.state:
             states.update(column.tobytes())
     return {
-        "model": model_digest(world._compiled.model),
+        "model": model_digest(world.compiled.model),
         "state": states.hexdigest(),
         "frames": frames.hexdigest(),
         "sines": hashlib.sha256(np.array([math.sin(0.001 * i) for i in range(10_000)]).tobytes()).hexdigest(),
@@ -141,7 +137,7 @@ def test_the_code_of_another_processor_gives_the_same_bits(
 @pytest.mark.process
 @pytest.mark.slow
 def test_the_settings_change_the_results_of_the_c_library(film_under: Callable[[str], dict[str, str]]) -> None:
-    has_variants = IS_X86 and platform.libc_ver()[0] == "glibc" and __cpu_features__["FMA3"]
+    has_variants = IS_X86 and platform.libc_ver()[0] == "glibc" and get_host_cpu_features()["fma"]
     assert (film_under(next(iter(SETTINGS)))["sines"] != film_under("")["sines"]) == has_variants
 
 
@@ -150,8 +146,7 @@ def test_the_compiled_tick_neither_contracts_operations_nor_calls_functions_of_t
     world = slalom(tmp_path)
     world.step()
     compiled: Any = advance
-    fresh: Any = jit_uncounted(compiled.py_func)
-    fresh._cache = NullCache()  # code from the cache cannot be inspected
+    fresh: Any = numba.jit(compiled.py_func, **compiled.targetoptions)  # code from the cache cannot be inspected
     for signature in compiled.signatures:
         fresh.compile(signature)
         code = fresh.inspect_llvm(signature)

@@ -88,7 +88,7 @@ def test_a_mixed_or_incomplete_installation_is_recognised(
 ) -> None:
     install(*files, **versions)
     assert installation.mujoco_error().startswith(error)
-    (check,) = [doctor._package("mujoco-core", "mujoco-core>=4")]
+    (check,) = [doctor.package("mujoco-core", "mujoco-core>=4")]
     assert (check.is_ok, check.text) == (False, installation.mujoco_error())
     names = " ".join(name.replace("_", "-") for name in versions)
     assert f" {names} && " in check.fix
@@ -127,7 +127,7 @@ def test_mujoco_4_0_0_solves_with_dense_jacobians(monkeypatch: pytest.MonkeyPatc
 def test_doctor_checks_the_packages_of_this_platform_only(monkeypatch: pytest.MonkeyPatch) -> None:
     requires = ["numpy>=2.2", "uvloop>=0.22; sys_platform == 'no such platform'", "nothing; extra == 'maps'"]
     monkeypatch.setattr(importlib.metadata, "requires", lambda _: requires)
-    assert [check.subject for check in doctor._packages()] == ["numpy"]
+    assert [check.subject for check in doctor.packages()] == ["numpy"]
 
 
 @pytest.mark.process

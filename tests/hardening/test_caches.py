@@ -30,7 +30,7 @@ def is_compiled() -> bool:
 @pytest.fixture
 def lines(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What is logged."""
-    monkeypatch.setattr(jit, "_warnings", [])
+    monkeypatch.setattr(jit, "reported", [])
     return caplog.messages
 
 
@@ -61,7 +61,7 @@ def test_a_damaged_file_is_one_line_and_is_built_again(
     for damage in damages(file.read_bytes()):
         file.write_bytes(damage)
         caplog.clear()
-        monkeypatch.setattr(jit, "_warnings", [])
+        monkeypatch.setattr(jit, "reported", [])
         assert is_compiled()
         (line,) = caplog.messages
         assert "damaged" in line
@@ -76,7 +76,7 @@ def test_a_compilation_is_announced_once_unless_its_functions_are_shown(
             jit.jit(doubled)(1.5)
         return capsys.readouterr().err
 
-    monkeypatch.setattr(jit, "_announcements", [])
+    monkeypatch.setattr(jit, "announcements", [])
     assert output() == ""  # from the cache
     file.unlink()
     with jit.compiling(lambda _: None):
@@ -112,10 +112,10 @@ def test_on_a_full_disk_functions_are_compiled_with_one_line(
 START = """
 import sys
 from autodrive.base.jit import compiling
-from autodrive.physics.ray import _slab
+from autodrive.physics.ray import slab
 compiled = []
 with compiling(compiled.append):
-    print(_slab(0.5, 0.0, 2.0), compiled)
+    print(slab(0.5, 0.0, 2.0), compiled)
 if not compiled and "scipy.linalg" in sys.modules:
     print("scipy was loaded, which takes as long as everything else")
 """

@@ -86,7 +86,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "world/racing/results.py": (lambda folder: write_results(folder, *raced(), PRACTICE), ("result.json",)),
     "experiments/envs/race_tracks.py": (
-        lambda folder: race_tracks._write(1, 1, ((1.4, 1.4), (40.0, 40.0)), folder),
+        lambda folder: race_tracks.write_tracks(1, 1, ((1.4, 1.4), (40.0, 40.0)), folder),
         ("track_0.yaml",),
     ),
     "experiments/campaigns/runs.py": (
@@ -94,7 +94,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("r/report.html",),
     ),
     "experiments/campaigns/ray_executor.py": (
-        lambda folder: ray_executor._kept(Result(0, recording=str(folder / "r" / "1.mcap")), b"1"),
+        lambda folder: ray_executor.kept_here(Result(0, recording=str(folder / "r" / "1.mcap")), b"1"),
         ("r/1.mcap",),
     ),
     "experiments/campaigns/table.py": (lambda folder: Table(folder, CAMPAIGN).finish(), ("table.parquet",)),
@@ -319,7 +319,7 @@ def test_without_a_writable_cache_meshes_are_built_in_memory(
     folder, _ = disk
     before = contents(folder)
     expected = store.file("box", (0.1, 0.2, 0.3))
-    monkeypatch.setattr(store, "_folder", lambda: folder / "assets")
+    monkeypatch.setattr(store, "folder", lambda: folder / "assets")
     for _ in range(2):
         assert store.file("box", (0.1, 0.2, 0.3)) == expected
     assert contents(folder) == before
@@ -331,7 +331,7 @@ def test_without_a_writable_cache_functions_are_compiled_in_memory_with_one_line
     folder, reason = disk
     before = contents(folder)
     monkeypatch.setattr(jit, "CACHE", folder)
-    monkeypatch.setattr(jit, "_warnings", [])
+    monkeypatch.setattr(jit, "reported", [])
     for _ in range(2):
         assert jit.jit(_doubled)(1.5) == 3.0
     (line,) = caplog.messages
@@ -359,7 +359,7 @@ def test_the_log_of_the_engine_is_not_needed(disk: tuple[Path, str], monkeypatch
     folder, _ = disk
     monkeypatch.chdir(folder)
     world = autodrive.make("plane")
-    world._compiled.state.qvel[0] = math.nan
+    world.compiled.state.qvel[0] = math.nan
     with pytest.raises(EngineError, match="unstable"):
         world.step()
     assert world.reset().tick == 0

@@ -503,14 +503,14 @@ def meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A cache of meshes for these tests, which begins with the user's files: only what is mutated is built."""
     world = autodrive.make("mini_map", cameras=True)  # builds what is not there
     world.close()
-    return Path(shutil.copytree(store._folder(), tmp_path_factory.mktemp("meshes") / "cache", copy_function=os.link))
+    return Path(shutil.copytree(store.folder(), tmp_path_factory.mktemp("meshes") / "cache", copy_function=os.link))
 
 
 @pytest.mark.parametrize("kind", WITH_CAMERAS)
 def test_a_mutated_file_that_is_valid_can_be_drawn(
     kind: Kind, tmp_path: Path, gl: str, meshes: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(store, "_folder", lambda: meshes)
+    monkeypatch.setattr(store, "folder", lambda: meshes)
     problems: dict[int, str] = {}
     wanted = WITH_CAMERAS[kind]
     drawn, tried, slowest = 0, 0, 0.0

@@ -58,7 +58,7 @@ def test_no_car_gains_energy_from_a_contact(vehicle: str, tmp_path: Path) -> Non
 def test_a_car_that_tumbles_gains_no_energy(vehicle: str) -> None:
     """From flight to flight: it lands on wheels, rims, corners of the chassis."""
     world = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=vehicle)}, tick=SUBSTEP))
-    c = world._compiled
+    c = world.compiled
     qpos, dof = int(c.model.vehicles[0]["qpos"]), int(c.model.vehicles[0]["dof"])
     flights = 0
     for seed in range(cases(3, 100)):

@@ -12,6 +12,7 @@ import math
 import random
 import time
 from collections import Counter
+from concurrent.futures import Future
 from typing import Any
 
 import msgspec
@@ -26,6 +27,8 @@ from autodrive.connect.bridge.session import Session
 from autodrive.connect.server.hub import Hub
 from autodrive.connect.server.served import Served
 from autodrive.protocol.devkit_profile import DevkitSettings
+from autodrive.protocol.messages import Command, Frame, Operation
+from autodrive.protocol.native import Source
 from autodrive.world import World
 from tests.support.hardening import cases, memory
 from tests.support.native_clients import pack, scene_files
@@ -103,10 +106,28 @@ PACKETS: tuple[Any, ...] = (
 )
 
 
+class Waiting(Simulation):
+    """Keeps the latest commands, and counts the requests that it accepts."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self.commands: dict[str, Command] = {}
+        self.request_count = 0
+
+    def submit(self, vehicle: str, command: Command, source: Source = "script") -> None:
+        super().submit(vehicle, command, source)
+        self.commands[vehicle] = command
+
+    def request(self, request: Operation, *, here: bool = False) -> Future[Frame]:
+        done = super().request(request, here=here)
+        self.request_count += 1
+        return done
+
+
 @pytest.mark.parametrize("dialect", ["engineio-4", "engineio-3", "raw"])
 def test_mutated_packets_of_a_devkit_script(one_world: World, dialect: Any) -> None:
     one_world.reset(0)
-    simulation = Simulation(one_world)  # not started: what is requested waits, once a Frame at most
+    simulation = Waiting(one_world)  # not started: what is requested waits, once a Frame at most
     random_ = random.Random(dialect)
     outcomes = Counter[str]()
 
@@ -132,7 +153,7 @@ def test_mutated_packets_of_a_devkit_script(one_world: World, dialect: Any) -> N
         if random_.random() < 0.3:
             packet = with_wrong_bytes(packet.encode(), random_).decode(errors="replace")
         try:
-            talk._process(packet)
+            talk.process(packet)
             outcomes["used"] += 1
         except PacketError:
             outcomes["refused"] += 1
@@ -142,11 +163,11 @@ def test_mutated_packets_of_a_devkit_script(one_world: World, dialect: Any) -> N
         if len(connection.outbox) > 500:
             connection.outbox.clear()
     assert min(outcomes[name] for name in ("used", "refused", "ended")) > 50
-    commands = [command for (_, _), command in simulation._commands.items()]
-    assert all(-1.0 <= one.throttle <= 1.0 and -1.0 <= one.steering <= 1.0 for one in commands)
-    assert len(simulation._requests) <= 3 * (outcomes["ended"] + 1)  # one of each kind, for the one Frame, in a session
+    commands = simulation.commands
+    assert all(-1.0 <= one.throttle <= 1.0 and -1.0 <= one.steering <= 1.0 for one in commands.values())
+    assert simulation.request_count <= 3 * (outcomes["ended"] + 1)  # one of each kind, for the one Frame, in a session
     for _ in range(100):
-        one_world.step({name: command for (name, _), command in simulation._commands.items()})
+        one_world.step(commands)
 
 
 def test_events_and_acknowledgements_are_the_only_results() -> None:

@@ -22,6 +22,7 @@ from autodrive.protocol.native import SetCamera
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from autodrive.world.cameras import process_cameras
+from autodrive.world.compile import CompiledScenario
 from autodrive.world.simulation import Simulation
 from tests.support.cars import car_file, small_images
 from tests.support.hardening import cases
@@ -94,10 +95,13 @@ def lines(caplog: pytest.LogCaptureFixture, module: str) -> list[str]:
 
 
 def made(spec: ScenarioSpec) -> tuple[World, ProcessCameras]:
-    world = autodrive.make(spec, cameras=process_cameras)
-    cameras = world._cameras
-    assert isinstance(cameras, ProcessCameras)
-    return world, cameras
+    backends: list[ProcessCameras] = []
+
+    def cameras(compiled: CompiledScenario) -> ProcessCameras:
+        backends.append(process_cameras(compiled))
+        return backends[0]
+
+    return autodrive.make(spec, cameras=cameras), backends[0]
 
 
 def has_ended(cameras: ProcessCameras, pid: int, *, is_last: bool) -> bool:

@@ -143,8 +143,8 @@ def test_the_simulation_gets_one_request_of_all_clients_at_a_time(
     server: Server, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Otherwise clients that connect, request and leave, again and again, would let no time for ticks."""
-    is_free, begun, received = threading.Event(), threading.Event(), []
-    reset, execute = World.reset, Requests.execute
+    is_free, begun, received, posted = threading.Event(), threading.Event(), [], []
+    reset, execute, request = World.reset, Requests.execute, Simulation.request
 
     def waiting(self: World, seed: int | None = None) -> Any:
         begun.set()
@@ -153,12 +153,15 @@ def test_the_simulation_gets_one_request_of_all_clients_at_a_time(
 
     monkeypatch.setattr(World, "reset", waiting)
     monkeypatch.setattr(Requests, "execute", lambda *words: (received.append(1), execute(*words))[1])
+    monkeypatch.setattr(
+        Simulation, "request", lambda *words, **options: (posted.append(1), request(*words, **options))[1]
+    )
     with contextlib.ExitStack() as stack:
         for _ in range(20):
             stack.enter_context(native_client(server)).begin("Reset")
         assert begun.wait(LIMIT)
         wait_until(lambda: len(received) == 20)
-        assert len(simulation._requests) == 0
+        assert len(posted) == 1, "the one that is executed; no other one waits"
         is_free.set()
 
 
@@ -181,7 +184,6 @@ def test_a_step_of_unknown_vehicles_is_refused_and_gives_no_lease(server: Server
         assert client.ask("Step", commands=commands)["code"] == "request"
         client.ask("Resume")
         assert client.until("Status")["drivers"] == {}
-    assert not server._hub._leases._leases
 
 
 def test_a_request_that_fails_inside_is_answered_and_the_next_one_executed(
@@ -232,13 +234,11 @@ def test_a_client_that_reads_no_replies_is_disconnected(server: Server) -> None:
 
 
 def test_requests_of_a_client_that_left_are_dropped(
-    server: Server, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     loads: list[Any] = []
-    load = simulation._load
-    assert load is not None
-    monkeypatch.setattr(simulation, "_load", lambda name: (loads.append(name), load(name))[1])
-    with native_client(server) as client:
+    simulation = Simulation(autodrive.make("plane"), load=lambda name: (loads.append(name), autodrive.make(name))[1])
+    with simulation, served(simulation) as server, native_client(server) as client:
         for _ in range(30):
             client.begin("LoadScenario", name="plane")
             client.begin("Undo")
@@ -339,8 +339,7 @@ def test_clients_that_do_not_read_lock_nobody_out(
         for _ in range(3):
             stack.enter_context(_deaf_client(server))
         wait_until(lambda: server.clients == 3)
-        loop = server._hub._loop
-        wait_until(lambda: all(loop.time() - one.waits_since > 0.1 for one in set(server._hub._clients)))
+        wait_until(lambda: all(server.hub.now() - one.waits_since > 0.1 for one in set(server.hub.clients)))
         with native_client(server) as client:
             assert client.receive()["type"] == "Welcome"
             assert client.until("Frame")
@@ -422,14 +421,14 @@ def test_idle_connections_do_not_block_new_ones(server: Server) -> None:
 
 def test_downloads_that_nobody_reads_lock_nobody_out(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "MAX_HTTP", 5)
-    wait_until(lambda: "scene/map.glb" in server._hub.files)
+    wait_until(lambda: "scene/map.glb" in server.hub.files)
     with contextlib.ExitStack() as stack:
         for _ in range(5):
             peer = stack.enter_context(socket.create_connection(("127.0.0.1", server.port), LIMIT))
             peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             peer.sendall(300 * b"GET /scene/map.glb HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-        assert server._server
-        state = server._server.server_state
+        assert server.web_server
+        state = server.web_server.server_state
         wait_until(lambda: sum(not one.is_idle for one in set(state.connections) if isinstance(one, HttpProtocol)) == 5)
         assert _exchange(server, GET + b"Connection: close\r\n\r\n").startswith(b"HTTP/1.1 404")
 

@@ -47,7 +47,7 @@ def test_acceleration_follows_from_the_torque_of_the_driven_wheels(world_with: W
     acceleration = (car.speed - before.speed) / 0.2
     assert acceleration == pytest.approx(expected, rel=0.02)  # the slip of the driven wheels grows with the speed
     # each wheel: I dw/dt = T - r F
-    force = world._compiled.state.wheel_force[:, 0]
+    force = world.compiled.state.wheel_force[:, 0]
     assert force == pytest.approx(
         (driven * TORQUE - WHEEL_INERTIA * acceleration / RADIUS) / RADIUS, rel=0.03, abs=0.005
     )

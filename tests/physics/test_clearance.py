@@ -41,7 +41,7 @@ def surface(geom: Geom, rng: np.random.Generator) -> Floats:
 
 @pytest.mark.parametrize("car", names("vehicle"))
 def test_the_small_spheres_cover_all_colliders(car: str) -> None:
-    c = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car)}))._compiled
+    c = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car)})).compiled
     (row,) = c.model.vehicles
     colliders = [geom for geom in c.engine.geoms() if geom.body == row["body"]]
     assert len(colliders) > 5
@@ -65,7 +65,7 @@ def test_a_slice_without_a_collider_has_the_sphere_of_the_slice_behind_it() -> N
 def test_a_clearance_is_never_above_the_distance_that_mujoco_finds(scenario: ScenarioSpec) -> None:
     world = autodrive.make(scenario)
     world.step()
-    c, settled = world._compiled, world.save()
+    c, settled = world.compiled, world.save()
     memory = scratch(c.model, c.engine.body_count)
     model, data = c.engine.model, c.engine.data
     moving = {int(row["body"]): i for i, row in enumerate(c.model.vehicles)}

@@ -43,7 +43,7 @@ def slalom(frame: Frame) -> dict[str, Command]:
 
 def engine_is_at(world: World) -> bool:
     """Whether the engine holds the present state, because it has moved the bodies in the last substep."""
-    return bool((world._compiled.views.qpos == world._compiled.state.qpos).all())
+    return bool((world.compiled.views.qpos == world.compiled.state.qpos).all())
 
 
 @pytest.mark.parametrize("map_", ["plane", "mini_map", "tiny_town"])
@@ -78,13 +78,13 @@ def test_a_race_drive_without_contact_agrees_with_the_engine(track: str) -> None
 
 def assert_same_state(one: World, other: World) -> None:
     for name in ("qpos", "qvel", "vehicle_acceleration", "wheel_normal_load", "wheel_rotation"):
-        difference = np.abs(getattr(one._compiled.state, name) - getattr(other._compiled.state, name)).max()
+        difference = np.abs(getattr(one.compiled.state, name) - getattr(other.compiled.state, name)).max()
         assert difference < (1e-12 if name == "qpos" else 1e-9), name
 
 
 def random_start(world: World, rng: np.random.Generator) -> None:
     """Sets the vehicles, flying, flipped or driving, at random near something, without waking the boxes."""
-    c = world._compiled
+    c = world.compiled
     shapes = c.model.shapes
     for i, row in enumerate(c.model.vehicles):
         targets = [s for s in range(len(shapes.kind)) if shapes.vehicle[s] != i]
@@ -108,13 +108,13 @@ def test_no_contact_is_missed(scenario: ScenarioSpec) -> None:
         for _ in range(50):
             world.step()
     settled = auto.save(), always.save()
-    assert (auto._compiled.state.asleep[: len(scenario.boxes)] >= 0).all()
+    assert (auto.compiled.state.asleep[: len(scenario.boxes)] >= 0).all()
     collisions = without_engine = cases = 0
     for seed in range(CASES):
         for world, saved in zip((auto, always), settled, strict=True):
             world.restore(saved)
             random_start(world, np.random.default_rng(seed))
-        c = always._compiled
+        c = always.compiled
         asleep = c.state.asleep.copy()
         place(c.model, c.state, c.views)
         c.state.asleep[:] = asleep
@@ -145,7 +145,7 @@ def test_the_engine_has_no_state_of_its_own() -> None:
     world, other, fresh = (autodrive.make(spec) for _ in range(3))
     with_engine = without_engine = touched = 0
     for tick in range(900):
-        other._compiled.views.qpos[:] += 1.0  # something else was in the engine
+        other.compiled.views.qpos[:] += 1.0  # something else was in the engine
         if tick % 10 == 0:
             fresh = autodrive.make(spec) if tick % 300 == 0 else fresh
             fresh.restore(pickle.loads(pickle.dumps(world.save())))

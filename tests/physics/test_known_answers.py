@@ -52,7 +52,7 @@ def test_car_at_rest_does_not_drift(world_with: WorldWith) -> None:
 def test_braked_car_holds_on_a_slope_without_creeping(world_with: WorldWith) -> None:
     world = world_with(engine="always")
     slope = 0.2  # 11 degrees; the engine's gravity is tilted instead of the ground
-    world._compiled.engine.model.opt.gravity[:] = (-G * math.sin(slope), 0.0, -G * math.cos(slope))
+    world.compiled.engine.model.opt.gravity[:] = (-G * math.sin(slope), 0.0, -G * math.cos(slope))
     settled = x_of(drive(world, 2.0))
     assert -4e-4 < settled < 0.0  # the holding spring of 25 Hz yields 0.08 mm, the pitch the same
     assert x_of(drive(world, 10.0)) == pytest.approx(settled, abs=1e-8)
@@ -60,7 +60,7 @@ def test_braked_car_holds_on_a_slope_without_creeping(world_with: WorldWith) -> 
 
 def test_bounce_frequency_is_that_of_spring_and_damper(world_with: WorldWith) -> None:
     world = world_with()
-    world._compiled.state.qvel[2] = 0.01
+    world.compiled.state.qvel[2] = 0.01
     height = []
     for _ in range(40):
         frame = drive(world, world.tick_duration)
@@ -101,7 +101,7 @@ def test_damping_of_table_9_in_newton_metres_drags_the_front_wheels(world_with: 
     """nigel_2020: the balance of a front wheel, r F = c w, and of the car give its speed."""
     world = world_with(vehicle="nigel_2020")
     car = drive(world, 6.0, throttle=1.0).vehicles["V1"]
-    force = world._compiled.state.wheel_force[:, 0]
+    force = world.compiled.state.wheel_force[:, 0]
     assert -0.0325 * force[:2] == pytest.approx(0.025 * car.wheels.angular_velocity[:2], rel=1e-6)
     assert force.sum() == pytest.approx(0.1 * MASS * car.speed, rel=1e-3)  # the drag of the air
     assert car.speed == pytest.approx(0.3947, abs=1e-4)  # the figure of docs/vehicle.md
@@ -206,13 +206,13 @@ def test_pushed_box_slides_its_friction_distance_after_the_car_brakes(world_with
 def test_wheels_on_a_body_apply_the_reaction_to_it(world_with: WorldWith) -> None:
     plate = BoxSpec(x=0.07, y=0.0, z=2.0, size=(1.0, 1.0, 0.1), mass=3.0)
     world = world_with(changes={**ROLLS_FREELY, **OBEYS_AT_ONCE}, boxes={"plate": plate})
-    state, qpos = world._compiled.state, int(world._compiled.model.vehicles[0]["qpos"])
+    state, qpos = world.compiled.state, int(world.compiled.model.vehicles[0]["qpos"])
     state.qpos[qpos + 2] = 2.05 + 0.0325
-    observe(world._compiled.model, state)
+    observe(world.compiled.model, state)
     car = drive(world, 0.05, throttle=0.5).vehicles["V1"]  # both fall freely, without other contacts
     com = car.velocity + np.cross(car.angular_velocity, (0.07077, 0.0, 0.0418))
     car_momentum = MASS * np.array(rotate(car.pose.orientation, com))
-    plate_dof = world._compiled.engine.body("plate")[2]
+    plate_dof = world.compiled.engine.body("plate")[2]
     plate_momentum = 3.0 * state.qvel[plate_dof : plate_dof + 3]
     assert car_momentum[0] > 0.01  # it accelerates [N s]
     across = car_momentum[:2] + plate_momentum[:2]
@@ -224,10 +224,10 @@ def test_wheels_on_a_body_apply_the_reaction_to_it(world_with: WorldWith) -> Non
 def test_car_on_a_body_has_the_wheel_loads_of_the_ground(world_with: WorldWith) -> None:
     plate = BoxSpec(x=3.0, y=0.0, size=(1.0, 1.0, 0.1), mass=3.0)
     world = world_with(boxes={"plate": plate})
-    qpos = int(world._compiled.model.vehicles[0]["qpos"])
-    world._compiled.state.qpos[qpos + 2] += 0.1
-    world._compiled.state.qpos[world._compiled.objects["plate"]] = 0.07
-    observe(world._compiled.model, world._compiled.state)
+    qpos = int(world.compiled.model.vehicles[0]["qpos"])
+    world.compiled.state.qpos[qpos + 2] += 0.1
+    world.compiled.state.qpos[world.compiled.objects["plate"]] = 0.07
+    observe(world.compiled.model, world.compiled.state)
     car = drive(world, 2.0).vehicles["V1"]
     assert car.pose.position[2] == pytest.approx(0.1325, abs=2e-4)  # the contact of plate and floor is soft
     assert car.wheels.normal_load == pytest.approx(MASS * G / 4, rel=1e-3)
@@ -243,7 +243,7 @@ def test_wheels_roll_up_and_down_a_low_plate(world_with: WorldWith) -> None:
 
 def test_a_diverged_state_is_an_error_and_a_reset_recovers(world_with: WorldWith) -> None:
     world = world_with()
-    world._compiled.state.qvel[0] = math.nan
+    world.compiled.state.qvel[0] = math.nan
     with pytest.raises(EngineError, match="unstable"):
         world.step()
     world.reset()
@@ -258,10 +258,10 @@ def test_an_unstable_engine_writes_no_file_and_prints_nothing(
     files = {*tmp_path.iterdir()}
     for in_thread in (False, True):
         world.reset()
-        world._compiled.state.qvel[5] = 9e8
+        world.compiled.state.qvel[5] = 9e8
         with ThreadPoolExecutor(1) as threads, pytest.raises(EngineError, match="unstable"):
             threads.submit(world.step).result() if in_thread else world.step()
-        assert world._compiled.views.warnings.any()  # MuJoCo's own
+        assert world.compiled.views.warnings.any()  # MuJoCo's own
     assert {*tmp_path.iterdir()} == files
     assert capfd.readouterr() == ("", "")
 
@@ -269,9 +269,9 @@ def test_an_unstable_engine_writes_no_file_and_prints_nothing(
 @pytest.mark.parametrize("engine", ["auto", "always"])
 def test_the_limit_of_the_angular_velocity_leaves_the_momentum(world_with: WorldWith, engine: str) -> None:
     world = world_with("roboracer", changes={"body.drag_area": 0.0}, engine=engine)  # at most 7 rad/s
-    state, centre = world._compiled.state, np.array([0.15532, 0.0, 0.01434])
+    state, centre = world.compiled.state, np.array([0.15532, 0.0, 0.01434])
     state.qpos[2], state.qvel[3:6] = 2.0, (3.0, -4.0, 12.0)
-    place(world._compiled.model, state, world._compiled.views)
+    place(world.compiled.model, state, world.compiled.views)
 
     def momentum() -> Floats:
         r = np.reshape(rotation_from_quaternion(tuple(state.qpos[3:7].tolist())), (3, 3))
@@ -289,9 +289,9 @@ def test_car_climbs_a_plank_that_leans_on_a_box(world_with: WorldWith) -> None:
     plank = BoxSpec(x=1.0, y=0.0, z=0.034, size=(1.0, 0.4, 0.004), mass=1.0)
     post = BoxSpec(x=1.40, y=0.0, size=(0.05, 0.4, 0.045), mass=5.0)
     world = world_with(changes=ROLLS_FREELY, boxes={"plank": plank, "post": post})
-    qpos = world._compiled.objects["plank"]
-    world._compiled.state.qpos[qpos + 3 : qpos + 7] = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
-    observe(world._compiled.model, world._compiled.state)
+    qpos = world.compiled.objects["plank"]
+    world.compiled.state.qpos[qpos + 3 : qpos + 7] = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
+    observe(world.compiled.model, world.compiled.state)
     drive(world, 1.0)
     while x_of(world.frame) < 0.95:
         drive(world, 0.01, throttle=0.8)

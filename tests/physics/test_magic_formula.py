@@ -113,7 +113,7 @@ def test_a_differential_turns_its_wheels_as_its_shaft_predicts(
 def spin_after(world: World, ticks: int, throttle: float) -> np.ndarray:
     for _ in range(ticks):
         world.step({"V1": Command(throttle=throttle)})
-    return world._compiled.state.wheel_angular_velocity.copy()
+    return world.compiled.state.wheel_angular_velocity.copy()
 
 
 KINDS = {
@@ -132,7 +132,7 @@ def test_an_open_differential_drives_no_wheel_when_the_other_hangs_in_the_air(tm
         half = math.radians(10.0)
         world.hold("V1", (0.0, 0.0, 0.0905), (math.cos(half), math.sin(half), 0.0, 0.0))
         spin_after(world, 50, 0.5)
-        state = world._compiled.state
+        state = world.compiled.state
         assert state.wheel_normal_load[2] == 0.0 < state.wheel_normal_load[3]
         forces[name] = float(state.wheel_force[3, 0])
     assert abs(forces["open"]) < 0.2 * min(forces["limited"], forces["locked"])

@@ -43,7 +43,7 @@ class Drive:
 
     @property
     def state(self) -> State:
-        return self.world._compiled.state
+        return self.world.compiled.state
 
     def step(self, speed: float, angle: float = 0.0, seconds: float = 0.01) -> None:
         """Drives at a speed [m/s] of the wheels with a steering angle [rad]."""
@@ -319,7 +319,7 @@ def ends(substep: float) -> tuple[float, float]:
     for k in range(400):
         angle = 0.2 * math.sin(math.pi * (0.01 * k - 2.0)) if k >= 200 else 0.0
         world.step({"V1": Command(throttle=0.5, steering=angle)})
-    x, y, _ = world._compiled.state.vehicle_position[0].tolist()
+    x, y, _ = world.compiled.state.vehicle_position[0].tolist()
     return x, y
 
 

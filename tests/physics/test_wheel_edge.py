@@ -23,7 +23,7 @@ def plate(height: float, mass: float = 20.0) -> BoxSpec:
 
 def test_the_axle_of_a_rolling_wheel_follows_the_circle_around_an_edge(world_with: WorldWith) -> None:
     world = world_with(boxes={"plate": plate(0.005)})
-    hub = world._compiled.model.wheels[0]["hub"]
+    hub = world.compiled.model.wheels[0]["hub"]
     on_edge = 0
     while world.time < 6.0:
         frame = world.step({"V1": Command(0.4, 0.0)})

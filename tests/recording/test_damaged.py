@@ -12,7 +12,7 @@ from mcap.writer import Writer
 
 import autodrive
 from autodrive import AutodriveError, Command
-from autodrive.recording import Recorder, RecordingError, records
+from autodrive.recording import Recorder, RecordingError, mcap, records
 from autodrive.recording import open as open_recording
 from autodrive.recording.wire import pool_of
 from tests.recording.compare import assert_same
@@ -34,7 +34,7 @@ def make_small(folder: Path, *, has_images: bool = False) -> Path:
         for tick in range(45):
             world.step({"V1": Command(0.5)})
             if tick % 15 == 14:
-                recorder._output.flush()
+                recorder.output.flush()
     return path
 
 
@@ -83,7 +83,8 @@ def test_a_damaged_index_of_messages_loses_nothing(small: Path, tmp_path: Path) 
     path = tmp_path / "index.mcap"
     with open_recording(small) as whole:
         frames = list(whole.frames())
-        places = {at for chunk in whole._file.chunks for at in chunk.places["place"].tolist()}
+    with contextlib.closing(mcap.Reader(small)) as file:
+        places = {at for chunk in file.chunks for at in chunk.places["place"].tolist()}
     assert len(places) > 10
     for offset in (0, 9 + 2 + 4 + 8, 9 + 2):  # kind of the record, place of the first message, length of the index
         data = bytearray(small.read_bytes())
@@ -154,9 +155,9 @@ def test_a_file_of_a_newer_version_is_refused(tmp_path: Path, monkeypatch: pytes
 
 def test_an_older_file_without_a_field_has_its_default(small: Path) -> None:
     """Field numbers come from the schema in the file, so that a later version may add fields anywhere."""
-    with open_recording(small) as recording:
+    with contextlib.closing(mcap.Reader(small)) as file, open_recording(small) as recording:
         name = "autodrive.VehicleFrame"
-        schema = next(one.data for one in recording._file.schemas.values() if one.name == name)
+        schema = next(one.data for one in file.schemas.values() if one.name == name)
         older = FileDescriptorSet.FromString(schema)
         (frame,) = (one for file in older.file for one in file.message_type if one.name == "VehicleFrame")
         (place,) = (i for i, one in enumerate(frame.field) if one.name == "range")

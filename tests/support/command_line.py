@@ -83,7 +83,7 @@ def interrupted_when(condition: Callable[[], object]) -> Iterator[None]:
     thread = threading.Thread(target=watch)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have started the tests without it
     try:
-        with mock.patch.object(run._Signals, "_end_process"):
+        with mock.patch.object(run.RunSignals, "end_process"):
             thread.start()
             yield
             thread.join()

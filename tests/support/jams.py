@@ -42,7 +42,7 @@ class Energy:
     """
 
     def __init__(self, world: World) -> None:
-        c = self._compiled = world._compiled
+        c = self.compiled = world.compiled
         engine = c.engine.model
         bodies = engine.jnt_bodyid
         self._qpos, self._dof = engine.jnt_qposadr[:, None] + np.arange(7), engine.jnt_dofadr[:, None] + np.arange(6)
@@ -55,15 +55,15 @@ class Energy:
 
     def observe_substep(self) -> None:
         """After each substep."""
-        state, dt = self._compiled.state, self._compiled.model.dt
-        tread = self._compiled.model.wheels["radius"] * state.wheel_angular_velocity
+        state, dt = self.compiled.state, self.compiled.model.dt
+        tread = self.compiled.model.wheels["radius"] * state.wheel_angular_velocity
         work = state.wheel_force[:, 0] * tread * dt
         self.tread_work += float(work.sum())
         self.motor_work += float(np.maximum(work, 0.0).sum())
 
     def now(self) -> tuple[float, float, float]:
         """Kinetic energy; all energy less the work of the treads; top speed of a car [m/s]."""
-        c = self._compiled
+        c = self.compiled
         q, v = c.state.qpos[self._qpos], c.state.qvel[self._dof]
         rotation = np.array(rotation_from_quaternion(tuple(q[:, 3:].T))).T.reshape(-1, 3, 3)
         turn = v[:, 3:]
@@ -77,7 +77,7 @@ class Energy:
 
     def _springs(self, upright: np.ndarray, height: np.ndarray, rotation: np.ndarray) -> float:
         """Energy of springs and stops of all wheels."""
-        c = self._compiled
+        c = self.compiled
         wheels, compression = c.model.wheels, c.state.wheel_compression
         high, stiffness = wheels["compression_max"], wheels["stiffness"]
         static = wheels["sprung_mass"] * c.model.gravity
@@ -112,7 +112,7 @@ def jam(vehicle: str, seed: int, folder: Path) -> Jam:
     energy = Energy(world)
     start = most = energy.now()[0]
     least, gain, excess, top_speed, load = math.inf, 0.0, 0.0, 0.0, 0.0
-    static = world._compiled.model.wheels["sprung_mass"] * world._compiled.model.gravity
+    static = world.compiled.model.wheels["sprung_mass"] * world.compiled.model.gravity
     for tick in range(round(seconds / SUBSTEP)):
         world.step(commands[tick * SUBSTEP > reversal] if tick % 100 == 0 else None)
         energy.observe_substep()
@@ -120,7 +120,7 @@ def jam(vehicle: str, seed: int, folder: Path) -> Jam:
         most, least, top_speed = max(most, kinetic), min(least, rest), max(top_speed, speed)
         gain = max(gain, (rest - least) / (most + 0.01))
         excess = max(excess, kinetic / (start + energy.motor_work + 0.01))
-        load = max(load, float((world._compiled.state.wheel_normal_load / static).max()))
+        load = max(load, float((world.compiled.state.wheel_normal_load / static).max()))
     return Jam(top_speed=top_speed, gain=gain, excess=excess, load=load)
 
 
@@ -172,7 +172,7 @@ def _walled(size: float, folder: Path) -> str:
 
 def _roll(world: World, speeds: np.ndarray) -> None:
     """Lets the cars roll at these speeds [m/s]."""
-    c = world._compiled
+    c = world.compiled
     for i, speed in enumerate(speeds.tolist()):
         forward = world.frame.vehicles[world.vehicle_names[i]].pose.orientation
         yaw = 2.0 * math.atan2(forward[3], forward[0])

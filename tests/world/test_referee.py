@@ -75,7 +75,7 @@ def slick(tmp_path: Path) -> str:
 @pytest.mark.parametrize("mass", [0.1, 0.5])
 def test_the_impulse_is_the_momentum_that_the_box_took(slick: str, mass: float, tick: float) -> None:
     world = autodrive.make(ScenarioSpec(map=slick, tick=tick, boxes={"box": BoxSpec(x=0.6, y=0.0, mass=mass)}))
-    velocity = world._compiled.state.qvel[world._compiled.engine.body("box")[2] :][:3]
+    velocity = world.compiled.state.qvel[world.compiled.engine.body("box")[2] :][:3]
     before, frames = velocity.copy(), drive(world, 1)
     while not frames[-1].events:
         assert world.time < 3.0
@@ -231,7 +231,7 @@ def test_driving_on_the_pavement_of_the_plane_does_not_leave_it() -> None:
 @pytest.mark.parametrize("scenario", ["mini_map", "tiny_town"])
 def test_any_wheel_outside_agrees_with_shapely_at_random_poses(scenario: str) -> None:
     world = autodrive.make(scenario)
-    drivable, wheels = world.map.drivable, world._compiled.model.wheels
+    drivable, wheels = world.map.drivable, world.compiled.model.wheels
     shapely.prepare(drivable)
     x0, y0, x1, y1 = drivable.bounds
     random = np.random.default_rng(3)

@@ -359,7 +359,7 @@ def test_a_restore_recovers_from_a_diverged_state_in_contact_with_a_box() -> Non
     drive(world, 60, throttle=1.0)  # it pushes
     saved = world.save()
     future = digests(world, 50, lambda _: {"V1": Command(throttle=1.0)})
-    world._compiled.state.qpos[2] = math.nan
+    world.compiled.state.qpos[2] = math.nan
     with pytest.raises(EngineError, match="unstable"):
         drive(world, 1)
     world.restore(saved)

@@ -104,9 +104,9 @@ def announced() -> Iterator[None]:
     """Inside the `with` block, the first compilation in this process prints a line, unless `compiling` shows it."""
 
     def announce(_: str) -> None:
-        if _watchers == [announce] and not _announcements:
-            _announcements.append("compiling the physics for this machine, once: this takes 20 to 70 s")
-            print(f"autodrive: {_announcements[0]}", file=sys.stderr, flush=True)
+        if _watchers == [announce] and not announcements:
+            announcements.append("compiling the physics for this machine, once: this takes 20 to 70 s")
+            print(f"autodrive: {announcements[0]}", file=sys.stderr, flush=True)
 
     with compiling(announce):
         yield
@@ -114,7 +114,7 @@ def announced() -> Iterator[None]:
 
 _watchers: list[Callable[[str], None]] = []
 """What the `compiling` blocks call."""
-_announcements: list[str] = []
+announcements: list[str] = []
 """What was printed: one line at most."""
 
 
@@ -224,11 +224,11 @@ def _file_digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-_warnings: list[str] = []
+reported: list[str] = []
 """What was logged: one line at most."""
 
 
 def _warn(text: str) -> None:
-    if not _warnings:
-        _warnings.append(text)
+    if not reported:
+        reported.append(text)
         log.warning("%s", text)

@@ -59,7 +59,7 @@ class Check(NamedTuple):
 def run_checks() -> Iterator[Check]:
     """All checks, in the order of the output."""
     yield _python()
-    yield from _packages()
+    yield from packages()
     yield _data()
     yield _cache()
     yield _opengl()
@@ -77,7 +77,8 @@ def _python() -> Check:
     return Check("Python", is_ok, f"{version} ({sys.executable})", "" if is_ok else _apt("python3 python3-venv"))
 
 
-def _packages() -> Iterator[Check]:
+def packages() -> Iterator[Check]:
+    """The packages that are required on this platform."""
     try:
         requirements = importlib.metadata.requires(DISTRIBUTION) or []
     except importlib.metadata.PackageNotFoundError:
@@ -91,7 +92,7 @@ def _packages() -> Iterator[Check]:
     for line in requirements:
         requirement, _, marker = (part.strip() for part in line.partition(";"))
         if not marker or _applies(marker):
-            yield _package(re.split(r"[\[<>=!~ ]", requirement)[0], requirement)
+            yield package(re.split(r"[\[<>=!~ ]", requirement)[0], requirement)
 
 
 def _applies(marker: str) -> bool:
@@ -106,7 +107,7 @@ def _own_requirement() -> str:
     return f"--editable {root}" if root else f"{DISTRIBUTION}=={version_of(DISTRIBUTION)}"
 
 
-def _package(name: str, requirement: str) -> Check:
+def package(name: str, requirement: str) -> Check:
     """Import the package: a shared library that it needs may be missing."""
     if name == "mujoco-core" and (error := mujoco_error()):
         return Check(name, False, error, mujoco_fix())

@@ -202,7 +202,7 @@ def _run(options: RunOptions, *, opens_browser: bool) -> None:
     handler = RichHandler(console=console, show_path=False) if console.is_terminal else logging.StreamHandler()
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
     stop = StopRequest()
-    with console.status("loading the world") as line, _Signals(stop, options.summary) as signals:
+    with console.status("loading the world") as line, RunSignals(stop, options.summary) as signals:
         display = StatusDisplay(
             console,
             line,
@@ -234,7 +234,7 @@ STOP_TIME = 1.5
 """Time in which a run ends after a signal [s]; after that the process ends at once."""
 
 
-class _Signals:
+class RunSignals:
     """From `catch` on, SIGINT and SIGTERM end the run with its summary; the second signal ends the process at once."""
 
     def __init__(self, stop: StopRequest, summary: Path | None) -> None:
@@ -244,6 +244,7 @@ class _Signals:
         self._has_ended = False
 
     def catch(self, run: Run) -> None:
+        """From now on, a signal ends this run."""
         self._run = run
         for number in (signal.SIGINT, signal.SIGTERM):
             self._default[number] = signal.signal(number, self._end_run)
@@ -252,9 +253,9 @@ class _Signals:
         if self._stop.is_set():
             os._exit(128 + number)
         self._stop.set(signal.Signals(number).name)
-        threading.Thread(target=self._end_process, name="autodrive-deadline", daemon=True).start()
+        threading.Thread(target=self.end_process, name="autodrive-deadline", daemon=True).start()
 
-    def _end_process(self) -> None:
+    def end_process(self) -> None:
         """End the process after `STOP_TIME` if it still runs then. It does not wait for anything."""
         time.sleep(STOP_TIME)
         code = 0
@@ -265,7 +266,7 @@ class _Signals:
         finally:
             os._exit(code)
 
-    def __enter__(self) -> _Signals:
+    def __enter__(self) -> RunSignals:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -101,9 +101,9 @@ def _interval(kind: int, size: Vector | Floats, o: Vector, r: Vector) -> tuple[f
 @inlined
 def _box(size: Vector | Floats, o: Vector, r: Vector) -> tuple[float, float, int]:
     """A ray is inside a box where it is between all three pairs of planes."""
-    x0, x1 = _slab(size[0], o[0], r[0])
-    y0, y1 = _slab(size[1], o[1], r[1])
-    z0, z1 = _slab(size[2], o[2], r[2])
+    x0, x1 = slab(size[0], o[0], r[0])
+    y0, y1 = slab(size[1], o[1], r[1])
+    z0, z1 = slab(size[2], o[2], r[2])
     enter, face = x0, 0
     if y0 > enter:
         enter, face = y0, 1
@@ -115,7 +115,7 @@ def _box(size: Vector | Floats, o: Vector, r: Vector) -> tuple[float, float, int
 @inlined
 def _cylinder(radius: float, half_height: float, o: Vector, r: Vector) -> tuple[float, float, int]:
     """A ray is inside a cylinder where it is between the caps and within the radius."""
-    z0, z1 = _slab(half_height, o[2], r[2])
+    z0, z1 = slab(half_height, o[2], r[2])
     a = r[0] * r[0] + r[1] * r[1]
     b = o[0] * r[0] + o[1] * r[1]
     c = o[0] * o[0] + o[1] * o[1] - radius * radius
@@ -149,7 +149,7 @@ def _roots(a: float, b: float, c: float, discriminant: float) -> tuple[float, fl
 
 
 @inlined
-def _slab(half_width: float, o: float, r: float) -> tuple[float, float]:
+def slab(half_width: float, o: float, r: float) -> tuple[float, float]:
     """Where a ray enters and leaves the space between two planes."""
     if abs(r) < PARALLEL:
         return (-inf, inf) if abs(o) <= half_width else (inf, -inf)

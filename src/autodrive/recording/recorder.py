@@ -101,14 +101,14 @@ class Recorder:
         self._queued_images = self._written_images = 0
         self._are_images_dropped = False
         self._next_status = 0
-        self._output: Output
+        self.output: Output
         if last is None:
-            self._output = FileOutput(self.path)
+            self.output = FileOutput(self.path)
             self.files.append(self.path)
         else:
-            self._output = RingOutput(self.path, last, self.files)
+            self.output = RingOutput(self.path, last, self.files)
         jpeg = encoder or JpegEncoder(quality=image_quality)
-        self._encoding = Encoding(self._output, jpeg, image_quality, image_period, has_meshes)
+        self._encoding = Encoding(self.output, jpeg, image_quality, image_period, has_meshes)
         self._world: World | None = None
         self._is_closing = threading.Event()
         self._thread: threading.Thread | None = None
@@ -146,7 +146,7 @@ class Recorder:
         else:
             self._empty_queue()
         with self._errors():
-            self._output.close()
+            self.output.close()
 
     def status(self) -> str:
         """In a few words, for a status line."""
@@ -157,8 +157,8 @@ class Recorder:
 
     def save(self) -> None:
         """With `last`: write the last seconds to a file; their events do that, too."""
-        if isinstance(self._output, RingOutput):
-            self._add(functools.partial(self._output.trigger, self._clock.now))
+        if isinstance(self.output, RingOutput):
+            self._add(functools.partial(self.output.trigger, self._clock.now))
 
     # -- what happens, in the thread of the simulation ------------------------------------------------------------
 
@@ -272,7 +272,7 @@ class Recorder:
         with self._errors():
             while self._queue:
                 self._queue.popleft()()
-            self._output.flush_if_old()
+            self.output.flush_if_old()
 
     @contextlib.contextmanager
     def _errors(self) -> Iterator[None]:
@@ -295,7 +295,7 @@ class Recorder:
         log.error("%s; the simulation goes on", self.error)
         self._queue.clear()
         with contextlib.suppress(OSError):
-            self._output.abandon()
+            self.output.abandon()
 
 
 class _RecordedTime:

@@ -80,7 +80,8 @@ class World(OneThread):
         self.observers: list[Observer] = []
         """Told each command, change and Frame of this World, as long as they are in the list."""
         self._always_engine = engine == "always"
-        self._compiled = compiled
+        self.compiled = compiled
+        """Model, State and engine; what changes them changes the results."""
         self._cameras = cameras
         self.specs = compiled.specs
         """Of the scenario and of its files."""
@@ -168,7 +169,7 @@ class World(OneThread):
         finite; nothing has moved then. Raises `EngineError` if the physics cannot continue, and `SensorError` if a
         sensor of the user fails; after that, call `reset` or `restore`.
         """
-        c, controls, race = self._compiled, self._controls, self.race
+        c, controls, race = self.compiled, self._controls, self.race
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
@@ -220,7 +221,7 @@ class World(OneThread):
         start = self._poses.start(self._start, on_ground) if on_ground else self._start
         if seed is not None:
             self._seed = int(seed)
-        c = self._compiled
+        c = self.compiled
         c.engine.forget_warnings()
         numbers(c.state)[:] = 0.0
         c.state.qpos[:] = start
@@ -304,7 +305,7 @@ class World(OneThread):
         if self.race is not None:
             for name in poses:
                 if name in self.vehicle_names:
-                    self.race.moved(self._controls.index(name), self._compiled.state.vehicle_position)
+                    self.race.moved(self._controls.index(name), self.compiled.state.vehicle_position)
         self._tell(lambda: SetPoses(plain(poses)))
         self._show(is_moved=True)
 
@@ -328,13 +329,13 @@ class World(OneThread):
                 least, most = FACTOR_LIMITS.get(name, (math.inf, -math.inf))
                 if not (is_number(factor) and least <= factor <= most):
                     raise CommandError(f"factor {name} of vehicle '{vehicle}' cannot be {factor!r}")
-        self.spec, self.vehicle_specs = set_factors(self._compiled, factors)
+        self.spec, self.vehicle_specs = set_factors(self.compiled, factors)
         self.__dict__.pop("_identity", None)
 
     @cached_property
     def _identity(self) -> str:
         """Of the world, for its snapshots."""
-        return identity(self._compiled)
+        return identity(self.compiled)
 
     @by_one_thread
     def continue_from(self, before: World) -> None:
@@ -343,7 +344,7 @@ class World(OneThread):
         Objects that both worlds have keep their poses and velocities; other objects are at their start. Sensors with
         other settings start now; all images are rendered again.
         """
-        c, b = self._compiled, before._compiled
+        c, b = self.compiled, before.compiled
         for name in (*self.vehicle_names, *self.boxes):
             if name in before.vehicle_names or name in before.boxes:
                 _, qpos, dof = c.engine.body(name)
@@ -376,7 +377,7 @@ class World(OneThread):
         taken, and what is no sensor, and `SensorError` if it cannot sample; then nothing has changed.
         """
         self._controls.index(vehicle)
-        own = self._compiled.own_sensors
+        own = self.compiled.own_sensors
         if wrong := problem(name, sensor, own.names(vehicle)):
             raise CommandError(f"sensor {reprlib.repr(name)} of vehicle '{vehicle}': {wrong}")
         own.add(vehicle, name, sensor, self._seed, self._tick * self._substeps)
@@ -385,7 +386,7 @@ class World(OneThread):
 
     def watch_sensors(self, clock: Callable[[], float]) -> None:
         """Log a warning for each sensor of the user that is slow; `clock` returns the wall time [s]."""
-        self._compiled.own_sensors.clock = clock
+        self.compiled.own_sensors.clock = clock
 
     @by_one_thread
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
@@ -412,7 +413,7 @@ class World(OneThread):
             raise CommandError(f"vehicle '{vehicle}' cannot retire: the scenario has no race")
         if self.race.status(i) in (RaceStatus.WAITING, RaceStatus.RACING):
             status = RaceStatus.DISQUALIFIED if is_disqualified else RaceStatus.RETIRED
-            event, moves = self.race.end(i, status, reason, self.time, self._compiled.state.vehicle_position)
+            event, moves = self.race.end(i, status, reason, self.time, self.compiled.state.vehicle_position)
             self._tell(lambda: Retire(vehicle, reason, is_disqualified))
             self._show((event,), is_moved=self._move(moves))
 
@@ -451,7 +452,7 @@ class World(OneThread):
     @by_one_thread
     def save(self) -> Snapshot:
         """Everything that the future depends on. Can be pickled, also for another process."""
-        c = self._compiled
+        c = self.compiled
         return Snapshot(
             world=self._identity,
             tick=self._tick,
@@ -478,10 +479,10 @@ class World(OneThread):
             saved,
             self._identity,
             self.spec.map,
-            self._compiled.state,
+            self.compiled.state,
             needs_cameras=self._cameras is not None and self._cameras.save() is not None,
         )
-        c = self._compiled
+        c = self.compiled
         c.own_sensors.check(saved.own_sensors)
         c.engine.forget_warnings()
         self._tick, self._seed = saved.tick, saved.seed
@@ -505,7 +506,7 @@ class World(OneThread):
 
     def vehicle(self, name: str) -> VehicleView:
         """A read-only view of one vehicle's state, for prompts and tests."""
-        return VehicleView(self._compiled.state, self._controls.index(name))
+        return VehicleView(self.compiled.state, self._controls.index(name))
 
     @property
     def is_looking(self) -> bool:
@@ -543,14 +544,14 @@ class World(OneThread):
                 with contextlib.suppress(CommandError):  # the place is taken
                     self._poses.place({name: self._on_ground(name, *pose)})
                     assert self.race is not None
-                    self.race.moved(i, self._compiled.state.vehicle_position)
+                    self.race.moved(i, self.compiled.state.vehicle_position)
                     is_moved = True
                     break
         return is_moved
 
     def _ground_poses(self) -> list[tuple[float, float, float]]:
         """x, y [m] and heading [rad] of the vehicles."""
-        state = self._compiled.state
+        state = self.compiled.state
         return [
             (*position[:2], euler_from_quaternion(orientation)[2])
             for position, orientation in zip(
@@ -560,9 +561,9 @@ class World(OneThread):
 
     def _sample(self) -> None:
         now = self._tick * self._substeps
-        self._compiled.sensors.sample(now)
-        if self._compiled.own_sensors.placed:
-            self._compiled.own_sensors.sample(now)
+        self.compiled.sensors.sample(now)
+        if self.compiled.own_sensors.placed:
+            self.compiled.own_sensors.sample(now)
 
     def _show(self, events: tuple[Event, ...] = (), *, is_moved: bool = False) -> Frame:
         """Make the current Frame, with camera images; `is_moved`: changed by hand, so that all images are outdated."""

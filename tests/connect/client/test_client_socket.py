@@ -195,10 +195,10 @@ def test_a_missing_answer_is_a_timeout_and_a_late_answer_is_ignored() -> None:
         connection.recv()
 
     with serving(talk) as address, Client(address, timeout=LIMIT) as sim:
-        sim._connection.timeout = 0.3
+        sim.connection.timeout = 0.3
         with pytest.raises(TimeoutError, match=r"a Reset was not answered within 0\.3 s"):
             sim.reset()
-        sim._connection.timeout = LIMIT
+        sim.connection.timeout = LIMIT
         with pytest.raises(CommandError, match="no"):
             sim.pause()
 

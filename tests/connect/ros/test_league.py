@@ -19,6 +19,7 @@ from autodrive import Command, Frame, Simulation
 from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.ros import Bridge, Config, Message, Time, Topic
+from autodrive.connect.ros.robot import Robot
 from autodrive.connect.ros.source import VehicleInfo
 from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
 from autodrive.connect.server.server import Server
@@ -281,7 +282,8 @@ class Resets:
 
 def test_laps_are_those_of_the_race() -> None:
     node, config = Recorder(), Config(profile="roboracer")
-    publisher = VehiclePublisher(config, VehicleInfo.of(config.car), Bridge(config, node)._robot, node)
+    Bridge(config, node)  # creates the topics
+    publisher = VehiclePublisher(config, VehicleInfo.of(config.car), Robot("<robot/>"), node)
     counts = itertools.count(2)
     race = RaceState(
         RaceStatus.RACING, next(counts), 12, 3.5, 9.25, 9.0, 20.0, 10.0, next(counts), 4, 5.0, 1, 0.0, False

@@ -244,7 +244,7 @@ def test_twenty_clients_connect_and_disconnect_at_once(server: Server) -> None:
     assert sorted(seen) == list(range(20))
     with native_client(server) as last:
         last.until(lambda message: message["type"] == "Status" and message["clients"] == 1)
-    wait_until(lambda: not server._hub._clients)
+    wait_until(lambda: not server.clients)
 
 
 def test_the_server_closes_soon_although_a_client_does_not_read() -> None:
@@ -268,14 +268,15 @@ def picture(frame: Frame, now: float) -> Frame:
     return replace(frame, vehicles={"V1": replace(frame.vehicles["V1"], cameras={"front": image})})
 
 
-def test_pictures_have_the_subscribed_width_and_precede_their_frame(server: Server, wanted: list[bool]) -> None:
-    hub = server._hub
+def test_pictures_have_the_subscribed_width_and_precede_their_frame(
+    server: Server, wanted: list[bool], one_world: World
+) -> None:
     with native_client(server) as it, native_client(server) as blind:
         it.ask("Pause")
         wanted.clear()
         it.send("Subscribe", frame_rate=None, picture_rate=100.0, picture_width=32)
         blind.ask("SetSpeed", factor=1.0)
-        hub._broadcast.queue.publish(picture(hub._served.simulation.frame, 1.0))
+        server.hub.broadcast.queue.publish(picture(one_world.frame, 1.0))
         messages = [it.until("Picture"), it.receive()]
         assert [message["type"] for message in messages] == ["Picture", "Frame"]
         first = messages[0]
@@ -286,15 +287,14 @@ def test_pictures_have_the_subscribed_width_and_precede_their_frame(server: Serv
     wait_until(lambda: wanted == [True, False])
 
 
-def test_pictures_have_at_most_the_subscribed_rate(server: Server) -> None:
-    hub = server._hub
+def test_pictures_have_at_most_the_subscribed_rate(server: Server, one_world: World) -> None:
     with native_client(server) as it:
         it.ask("Pause")
         it.send("Subscribe", frame_rate=0.0, picture_rate=5.0)
         it.ask("SetSpeed", factor=1.0)
         begin, count = time.monotonic(), 0
         while time.monotonic() < begin + 0.5:
-            hub._broadcast.queue.publish(picture(hub._served.simulation.frame, time.monotonic()))
+            server.hub.broadcast.queue.publish(picture(one_world.frame, time.monotonic()))
             time.sleep(0.01)
         lasted = time.monotonic() - begin
         id = it.begin("SetSpeed", factor=1.0)

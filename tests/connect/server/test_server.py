@@ -148,11 +148,11 @@ def test_events_are_kept_for_a_client_with_a_low_frame_rate(server: Server, simu
         rare.ask("Pause")
         rare.send("Subscribe", frame_rate=0.0)
         rare.ask("Resume")
-        hub = server._hub
+        hub = server.hub
         for number in range(5):
             event = Collision(0.0, "V1", f"box {number}", 1.0, position)
             with_event = _with_events(simulation.frame, event)
-            hub._broadcast.queue.publish(with_event)
+            hub.broadcast.queue.publish(with_event)
             time.sleep(0.02)
         events = rare.ask("Pause")["frame"]["events"]
         assert [event["other"] for event in events] == [f"box {number}" for number in range(5)]

@@ -108,7 +108,7 @@ def test_the_table_does_not_depend_on_workers_kills_resumes_or_the_cache(campaig
 
         def progress(self, progress: Progress) -> None:
             if progress.done == 3:
-                (pid, *_) = [worker.pid for worker in executor._workers if worker.pid]
+                (pid, *_) = [worker.pid for worker in executor.workers if worker.pid]
                 os.kill(pid, signal.SIGKILL)
             if progress.done == 9:
                 raise KeyboardInterrupt
@@ -131,7 +131,7 @@ def test_the_table_does_not_depend_on_workers_kills_resumes_or_the_cache(campaig
 def test_latency_and_arguments_of_the_driver_need_no_other_world(campaign: Make) -> None:
     one = campaign(parameters={"latency": [0.0, 0.1], "driver.throttle": [0.3, 0.6], "vehicles.V1.x": [0.0, 0.1]})
     runner = Runner(one)
-    worlds = {id(runner._world(one.run(number).values)) for number in range(16)}
+    worlds = {id(runner.world(one.run(number).values)) for number in range(16)}
     assert len(worlds) == 1
 
 

@@ -227,7 +227,7 @@ def test_the_goal_is_reached_by_a_car_that_is_placed_before_it(envs: dict[str, D
     heading += math.atan2(seen["goal_sin"], seen["goal_cos"])
     distance = math.hypot(seen["goal_x"], seen["goal_y"])
     place = goal - 0.1 * np.exp(1j * heading) if task == "parking" else goal
-    env._rendered.world.teleport("V1", place.real, place.imag, heading)
+    env.rendered.world.teleport("V1", place.real, place.imag, heading)
     rewards: list[float] = []
     is_far = task == "parking"
     *_, info = last_step(env, lambda: [1.0 if is_far and len(rewards) < 5 else 0.0, 0.0], rewards)
@@ -251,7 +251,7 @@ def test_a_collision_ends_the_episode(envs: dict[str, DrivingEnv], task: str) ->
 def test_an_unstable_physics_ends_the_episode(envs: dict[str, DrivingEnv]) -> None:
     env = envs["parking"]
     env.reset(seed=1)
-    env._rendered.world._compiled.state.qvel[0] = math.nan
+    env.rendered.world.compiled.state.qvel[0] = math.nan
     observation, reward, has_ended, _, _ = env.step([1.0, 0.0])
     assert (reward, has_ended) == (-1.0, True)
     assert observation in env.observation_space

@@ -112,7 +112,7 @@ def test_a_disabled_autoreset_waits_for_a_mask() -> None:
 def test_an_unstable_world_ends_its_episode_only() -> None:
     envs = vector_env("NigelParking-v0", 3)
     envs.reset(seed=1)
-    envs.batch._worlds.state.qvel[1, 0] = np.nan
+    envs.batch.worlds.state.qvel[1, 0] = np.nan
     observations, rewards, terminated, _, _ = envs.step(np.zeros((3, 2), np.float32))
     assert terminated.tolist() == [False, True, False]
     assert rewards[1] == -1.0

@@ -52,7 +52,7 @@ def test_a_car_sees_another_one_and_may_hit_it() -> None:
     env.reset(seed=3)
     pose = env.frame.vehicles["V1"].pose
     ahead = complex(*pose.position[:2].tolist()) + 0.6 * np.exp(1j * yaw_from_quaternion(pose.orientation))
-    env._rendered.world.teleport("V2", ahead.real, ahead.imag, yaw_from_quaternion(pose.orientation))
+    env.rendered.world.teleport("V2", ahead.real, ahead.imag, yaw_from_quaternion(pose.orientation))
     observations, _, terminated, _, _ = until_the_end(env, "V1", {"V1": np.array([1.0, 0.0])})
     assert terminated["V1"]
     assert env.frame.vehicles["V1"].collision_count == 1

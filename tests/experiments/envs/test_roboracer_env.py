@@ -20,7 +20,7 @@ from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.race_env import RaceParallelEnv
 from autodrive.experiments.envs.race_tracks import APART, AREA, ROWS, RaceTracks
 from autodrive.experiments.envs.roboracer_env import RoboRacerEnv, RoboRacerVectorEnv
-from autodrive.experiments.envs.time_trial import FAILURE, TRACK
+from autodrive.experiments.envs.time_trial import FAILURE
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.tracks.generate import generate_track
 from tests.experiments.envs.test_driving_vector_env import equal
@@ -54,7 +54,7 @@ def test_a_driver_of_a_few_lines_drives_a_lap_on_every_track() -> None:
     env, tracks = made(), set()
     for seed in range(4):
         observation, _ = env.reset(seed=seed)
-        tracks.add(int(env.vector._episodes.memory[0, TRACK]))
+        tracks.add(round(env.vector.batch.readings.position[0, 0, 1] / (AREA[1] + APART)))
         total, info = 0.0, {"is_success": False}
         for _ in range(1000):
             observation, reward, terminated, _, info = env.step(action_for(observation))
@@ -133,7 +133,8 @@ def test_conditions_may_change_from_episode_to_episode() -> None:
     env = made()
     env.conditions = Conditions(mass=(2.0, 2.0))
     env.reset(seed=2)
-    assert env.vector.batch._factors["mass"][0, 0] == 2.0
+    batch = env.vector.batch
+    assert (batch.worlds.wheels["sprung_mass"] == 2.0 * batch.compiled.model.wheels["sprung_mass"]).all()
 
 
 def test_a_latency_that_is_no_whole_number_of_steps_delays_by_ticks() -> None:

@@ -32,7 +32,7 @@ class Builder:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache."""
-    monkeypatch.setattr(store, "_folder", lambda: tmp_path / "assets")
+    monkeypatch.setattr(store, "folder", lambda: tmp_path / "assets")
     return tmp_path / "assets"
 
 
@@ -47,13 +47,13 @@ def test_an_asset_is_built_once_and_then_read_unchanged(folder: Path) -> None:
 
 @pytest.mark.parametrize("other", [(1.0, 2.5), (2.0, 1.0), [1.0, 2.0], (1.0, (2.0,)), "(1.0, 2.0)"])
 def test_other_content_has_another_name(other: object) -> None:
-    assert store._file_name("box", other) != store._file_name("box", (1.0, 2.0)) == store._file_name("box", (1.0, 2.0))
+    assert store.file_name("box", other) != store.file_name("box", (1.0, 2.0)) == store.file_name("box", (1.0, 2.0))
 
 
 def test_the_file_name_depends_on_the_whole_map() -> None:
     town = load_map("tiny_town")
     same, other = load_map("tiny_town"), dataclasses.replace(town, markings=town.markings[1:])
-    names = [store._file_name("map", map_) for map_ in (town, same, other)]
+    names = [store.file_name("map", map_) for map_ in (town, same, other)]
     assert names[0] == names[1] != names[2]
 
 

@@ -17,7 +17,7 @@ from autodrive.scenario.vehicles.stability import is_stable, longest_substep
 def unrest(vehicle: str, substep: float) -> float:
     """Largest speed [m/s] in the last of six seconds after a small push."""
     world = autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=vehicle)}, tick=substep, substep=substep))
-    state = world._compiled.state
+    state = world.compiled.state
     state.qvel[2:4] = 0.002
     speeds = []
     for _ in range(round(6.0 / substep)):

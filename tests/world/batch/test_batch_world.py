@@ -220,7 +220,7 @@ def test_mass_and_noise_are_multiplied() -> None:
     for _ in range(200):
         batch.step(np.zeros((3, 1, 2)))
     loads = batch.readings.wheel_normal_load[:, 0].sum(axis=1)
-    mass = batch._compiled.vehicles["V1"].body.mass
+    mass = batch.compiled.vehicles["V1"].body.mass
     np.testing.assert_allclose(loads, np.array([1.0, 2.0, 1.0]) * mass * 9.81, rtol=1e-3)  # the springs are damped
 
 
@@ -296,7 +296,7 @@ def test_a_world_that_diverges_waits_for_its_reset() -> None:
     spec = ScenarioSpec()
     batch = BatchWorld(spec, 3)
     batch.step(np.broadcast_to(FORWARD, (3, 1, 2)), ticks=50)
-    batch._worlds.state.qvel[1, 0] = np.nan
+    batch.worlds.state.qvel[1, 0] = np.nan
     batch.step(np.broadcast_to(FORWARD, (3, 1, 2)), ticks=50)
     assert batch.readings.is_unstable.tolist() == [False, True, False]
     assert batch.step(np.broadcast_to(FORWARD, (3, 1, 2))).tick.tolist() == [101, 51, 101]
@@ -314,7 +314,7 @@ def test_a_world_needs_less_than_64_kib() -> None:
     n = 8
     batch = BatchWorld("tiny_town", n)
     rows = 0
-    pending: list[Any] = [batch._worlds]
+    pending: list[Any] = [batch.worlds]
     while pending:
         one = pending.pop()
         if isinstance(one, tuple):

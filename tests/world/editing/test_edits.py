@@ -49,7 +49,7 @@ class Editing:
     def ask(self, *operations: Operation) -> Frame:
         for operation in operations:
             done = self.simulation.request(operation)
-            self.simulation._execute_requests()
+            self.simulation.execute_requests()
             done.result(0)
         return self.world.frame
 
@@ -242,9 +242,9 @@ def test_a_rolling_lidar_that_is_switched_on_late_begins_with_the_next_period(tm
 
 def test_a_camera_that_is_off_is_not_rendered() -> None:
     editing = plane()
-    assert list(editing.world._compiled.cameras["V1"]) == ["front", "rear"]
+    assert list(editing.world.compiled.cameras["V1"]) == ["front", "rear"]
     editing.ask(SetSensor("V1", "front", is_on=False), SetSensor("V1", "rear", rate=5.0, noise="strong"))
-    cameras = editing.world._compiled.cameras["V1"]
+    cameras = editing.world.compiled.cameras["V1"]
     assert list(cameras) == ["rear"]
     assert cameras["rear"].rate == 5.0
     assert cameras["rear"].imperfections.white_electrons == pytest.approx(2150.0 / 25.0)
@@ -300,7 +300,7 @@ def test_a_simulation_of_one_world_only_changes_poses() -> None:
 
     def ask(operation: Operation) -> Frame:
         done = simulation.request(operation)
-        simulation._execute_requests()
+        simulation.execute_requests()
         return done.result(0)
 
     assert pose(ask(Place("crate", 2.0, 0.0)), "crate")[0] == 2.0

@@ -392,7 +392,7 @@ def test_requests_are_executed_in_order_before_the_next_tick(world: World) -> No
 def test_with_pause_on_error_an_error_of_the_physics_pauses_until_a_reset(world: World) -> None:
     with Simulation(world, speed=None, pause_on_error=True) as simulation:
         simulation.request(Pause()).result(LIMIT)
-        world._compiled.state.qvel[0] = math.nan
+        world.compiled.state.qvel[0] = math.nan
         simulation.request(Resume()).result(LIMIT)
         wait_until(lambda: simulation.error)
         assert "unstable" in simulation.error
@@ -408,7 +408,7 @@ def test_with_pause_on_error_an_error_of_the_physics_pauses_until_a_reset(world:
 
 
 def test_without_pause_on_error_an_error_of_the_physics_ends_the_run(world: World) -> None:
-    world._compiled.state.qvel[0] = math.nan
+    world.compiled.state.qvel[0] = math.nan
     with pytest.raises(EngineError, match="unstable"):
         Simulation(world, speed=None).run(1.0)
 

@@ -129,7 +129,7 @@ class Session:
             if _CAN_ACK_AT_ONCE:
                 tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)  # Linux resets the option after each use
             try:
-                self._process(packet)
+                self.process(packet)
             except PacketError as error:
                 self._metrics.counters.bad_packets += 1
                 self._metrics.warn("packet", str(error))
@@ -169,7 +169,8 @@ class Session:
 
     # -- receive ------------------------------------------------------------------------------------------------
 
-    def _process(self, packet: str | bytes) -> None:
+    def process(self, packet: str | bytes) -> None:
+        """Use a packet of the script. Raises `PacketError`, and `ConnectionEnd` if the script ends the connection."""
         if isinstance(packet, bytes):
             raise PacketError(f"{len(packet)} bytes of binary data")
         match self.engineio.receive(packet, self._clock()):

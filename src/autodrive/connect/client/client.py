@@ -87,13 +87,13 @@ class Client:
     ) -> None:
         name = (Path(sys.argv[0]).name or "python") if name is None else name
         wanted = Subscribe(frame_rate, scans, picture_rate, picture_width, picture_quality)
-        self._connection = Connection(Address.of(address, token), name, wanted, timeout, patience)
+        self.connection = Connection(Address.of(address, token), name, wanted, timeout, patience)
         self._seen_updates = 0
         self._images: dict[tuple[str, str], tuple[Picture, NDArray[np.uint8]]] = {}
 
     def close(self) -> None:
         """Disconnect; the simulation continues, or stays paused."""
-        self._connection.close()
+        self.connection.close()
 
     def __enter__(self) -> Client:
         return self
@@ -106,49 +106,49 @@ class Client:
     @property
     def frame(self) -> Frame:
         """The latest Frame, with all events since the previous Frame that was read."""
-        self._connection.catch_up()
-        if self._connection.view.frame is None:
+        self.connection.catch_up()
+        if self.connection.view.frame is None:
             return self.wait()
-        return self._connection.view.read()
+        return self.connection.view.read()
 
     def wait(self, timeout: float | None = None) -> Frame:
         """Wait for a Frame that was not read yet; returns the latest."""
-        self._connection.catch_up()
-        self._connection.until(lambda: self._connection.view.is_new, timeout, "Frame")
-        return self._connection.view.read()
+        self.connection.catch_up()
+        self.connection.until(lambda: self.connection.view.is_new, timeout, "Frame")
+        return self.connection.view.read()
 
     def frames(self, rate: float | None = None) -> Iterator[Frame]:
         """Yield each new Frame, without end; `rate`: largest rate in wall time [Hz], None: that of the Client.
 
         A slow consumer gets the latest Frame, with the events of the Frames that were skipped.
         """
-        usual = self._connection.subscription
+        usual = self.connection.subscription
         if rate is not None:
-            self._connection.subscribe(msgspec.structs.replace(usual, frame_rate=rate))
+            self.connection.subscribe(msgspec.structs.replace(usual, frame_rate=rate))
         try:
             while True:
                 yield self.wait()
         finally:
-            if rate is not None and not self._connection.is_closed:
-                self._connection.subscribe(usual)
+            if rate is not None and not self.connection.is_closed:
+                self.connection.subscribe(usual)
 
     @property
     def pictures(self) -> dict[tuple[str, str], Picture]:
         """The latest picture of each camera by (vehicle, camera), as JPEG; requires a `picture_rate`."""
-        self._connection.catch_up()
-        return dict(self._connection.view.pictures)
+        self.connection.catch_up()
+        return dict(self.connection.view.pictures)
 
     def image(self, vehicle: str, camera: str) -> NDArray[np.uint8]:
         """The latest picture of that camera, uint8, shape (height, width, 3), sRGB; waits for the first."""
-        if not self._connection.subscription.picture_rate:
+        if not self.connection.subscription.picture_rate:
             raise AutodriveError("no pictures are subscribed: create the Client with a picture_rate, for example 10")
-        self._connection.catch_up()
+        self.connection.catch_up()
         key = vehicle, camera
         self._check_camera(vehicle, camera)
-        self._connection.until(
-            lambda: key in self._connection.view.pictures, None, f"picture of camera '{camera}' of vehicle '{vehicle}'"
+        self.connection.until(
+            lambda: key in self.connection.view.pictures, None, f"picture of camera '{camera}' of vehicle '{vehicle}'"
         )
-        picture = self._connection.view.pictures[key]
+        picture = self.connection.view.pictures[key]
         known = self._images.get(key)
         if known is None or known[0] is not picture:
             known = self._images[key] = picture, _decoded(picture.jpeg)
@@ -157,47 +157,45 @@ class Client:
     @property
     def status(self) -> Status:
         """The latest Status: pause, speed, real-time factor, drivers, bridge."""
-        self._connection.catch_up()
-        self._connection.until(lambda: self._connection.view.status is not None, None, "Status")
-        assert self._connection.view.status is not None
-        return self._connection.view.status
+        self.connection.catch_up()
+        self.connection.until(lambda: self.connection.view.status is not None, None, "Status")
+        assert self.connection.view.status is not None
+        return self.connection.view.status
 
     @property
     def scene(self) -> Scene:
         """The current scenario: its name, map, tick [s] and vehicles."""
-        self._connection.catch_up()
-        self._connection.until(lambda: self._connection.view.scene is not None, None, "Scene")
-        assert self._connection.view.scene is not None
-        return self._connection.view.scene
+        self.connection.catch_up()
+        self.connection.until(lambda: self.connection.view.scene is not None, None, "Scene")
+        assert self.connection.view.scene is not None
+        return self.connection.view.scene
 
     @property
     def scenarios(self) -> dict[str, str]:
         """Name -> title of the scenarios that `load_scenario` can load."""
-        return dict(self._connection.view.welcome.scenarios) if self._connection.view.welcome else {}
+        return dict(self.connection.view.welcome.scenarios) if self.connection.view.welcome else {}
 
     @property
     def name(self) -> str:
         """The display name: the wanted one, with a number if another client has it."""
-        return self._connection.view.welcome.name if self._connection.view.welcome else self._connection.name
+        return self.connection.view.welcome.name if self.connection.view.welcome else self.connection.name
 
     def set_rates(self, frame_rate: float | None, picture_rate: float) -> None:
         """Change the rates of Frames and pictures; see `Client`."""
-        wanted = msgspec.structs.replace(
-            self._connection.subscription, frame_rate=frame_rate, picture_rate=picture_rate
-        )
-        if wanted != self._connection.subscription:
-            self._connection.subscribe(wanted)
+        wanted = msgspec.structs.replace(self.connection.subscription, frame_rate=frame_rate, picture_rate=picture_rate)
+        if wanted != self.connection.subscription:
+            self.connection.subscribe(wanted)
 
     def wait_news(self, timeout: float | None = None) -> View:
         """Wait for a Frame, scan or picture that is newer than the last such call; returns all that was received."""
-        view = self._connection.view
-        self._connection.until(
-            lambda: self._connection.view is not view or self._connection.view.update_count > self._seen_updates,
+        view = self.connection.view
+        self.connection.until(
+            lambda: self.connection.view is not view or self.connection.view.update_count > self._seen_updates,
             timeout,
             "update",
         )
-        self._seen_updates = self._connection.view.update_count
-        return self._connection.view
+        self._seen_updates = self.connection.view.update_count
+        return self.connection.view
 
     # -- driving ------------------------------------------------------------------------------------------------
 
@@ -219,11 +217,11 @@ class Client:
         if command is None:
             command = Command(throttle, steering, headlights, indicators)  # type: ignore[arg-type]
         check_commands({vehicle: command})
-        self._connection.send(Drive(vehicle, _plain(command)))
+        self.connection.send(Drive(vehicle, _plain(command)))
 
     def release(self, vehicle: str) -> None:
         """Stop being the driver of a vehicle, so that others can drive it at once."""
-        self._connection.send(Release(vehicle))
+        self.connection.send(Release(vehicle))
 
     # -- requests: each returns the Frame after the operation ---------------------------------------------------
 
@@ -237,70 +235,70 @@ class Client:
         commands = {} if commands is None else commands
         check_commands(commands)
         orders = {vehicle: _plain(command) for vehicle, command in commands.items()}
-        if not self._connection.is_stepping:
-            self._connection.begin_stepping()
+        if not self.connection.is_stepping:
+            self.connection.begin_stepping()
         try:
-            return self._connection.request(Step(ticks, orders), timeout)
+            return self.connection.request(Step(ticks, orders), timeout)
         except CommandError:
-            self._connection.is_stepping = False  # another client may have resumed it: the next step pauses again
+            self.connection.is_stepping = False  # another client may have resumed it: the next step pauses again
             raise
 
     @contextmanager
     def lockstep(self) -> Iterator[Client]:
         """`with sim.lockstep(): ...` pauses the simulation for steps and resumes it at the end if it ran before."""
-        was_paused = self._connection.is_stepping or self.status.is_paused  # a Status may be older than our Pause
-        self._connection.begin_stepping()
+        was_paused = self.connection.is_stepping or self.status.is_paused  # a Status may be older than our Pause
+        self.connection.begin_stepping()
         try:
             yield self
         finally:
-            if not was_paused and not self._connection.is_closed:
+            if not was_paused and not self.connection.is_closed:
                 with suppress(ConnectionError):
                     self.resume()
 
     def ask(self, request: Operation) -> Frame:
         """Request any operation, for example `Teleport("V1", 1.0, 0.5)`."""
-        return self._connection.request(request)
+        return self.connection.request(request)
 
     def reset(self, seed: int | None = None) -> Frame:
         """Restore the initial state; `seed` None keeps the seed."""
-        return self._connection.request(Reset(seed))
+        return self.connection.request(Reset(seed))
 
     def pause(self) -> Frame:
         """Stop simulated time."""
-        frame = self._connection.request(Pause())
-        self._connection.is_stepping = True
+        frame = self.connection.request(Pause())
+        self.connection.is_stepping = True
         return frame
 
     def resume(self) -> Frame:
         """Continue simulated time."""
-        self._connection.is_stepping = False
-        return self._connection.request(Resume())
+        self.connection.is_stepping = False
+        return self.connection.request(Resume())
 
     def set_speed(self, factor: float | None = 1.0) -> Frame:
         """Set the simulated seconds per wall second; None: as fast as possible."""
-        return self._connection.request(SetSpeed(None if factor is None else float(factor)))
+        return self.connection.request(SetSpeed(None if factor is None else float(factor)))
 
     def teleport(self, vehicle: str, x: float, y: float, yaw: float = 0.0) -> Frame:
         """Place a vehicle or an object, at rest, at x, y [m] in the map frame with heading yaw [rad], until a reset."""
-        return self._connection.request(Teleport(vehicle, float(x), float(y), float(yaw)))
+        return self.connection.request(Teleport(vehicle, float(x), float(y), float(yaw)))
 
     def set_scene_light(self, enabled: bool) -> Frame:
         """Switch to day (True) or night (False)."""
-        return self._connection.request(SetSceneLight(bool(enabled)))
+        return self.connection.request(SetSceneLight(bool(enabled)))
 
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> Frame:
         """Let a vehicle obey a script (autonomous, True) or a person (manual, False)."""
-        return self._connection.request(SetDrivingMode(vehicle, bool(is_autonomous)))
+        return self.connection.request(SetDrivingMode(vehicle, bool(is_autonomous)))
 
     def load_scenario(self, name: str, timeout: float = LOADING) -> Frame:
         """Load the scenario of that name, one of `scenarios`."""
-        return self._connection.request(LoadScenario(name), timeout)
+        return self.connection.request(LoadScenario(name), timeout)
 
     # -- edits of the scenario; each returns the Frame after it ---------------------------------------------------
 
     def place(self, name: str, x: float, y: float, yaw: float = 0.0) -> Frame:
         """Place a vehicle or an object, at rest, at x, y [m] with heading yaw [rad], now and at the start."""
-        return self._connection.request(Place(name, float(x), float(y), float(yaw)))
+        return self.connection.request(Place(name, float(x), float(y), float(yaw)))
 
     def add_box(
         self,
@@ -315,11 +313,11 @@ class Client:
         """Add a movable box on the ground at x, y [m] with heading yaw [rad]; `size` [m], `mass` [kg]."""
         length, width, height = map(float, size)
         box = AddBox(name, float(x), float(y), float(yaw), (length, width, height), float(mass))
-        return self._connection.request(box, LOADING)
+        return self.connection.request(box, LOADING)
 
     def remove_box(self, name: str) -> Frame:
         """Remove a movable box."""
-        return self._connection.request(RemoveBox(name), LOADING)
+        return self.connection.request(RemoveBox(name), LOADING)
 
     def set_sensor(
         self,
@@ -332,33 +330,33 @@ class Client:
     ) -> Frame:
         """Set a sensor or camera of a vehicle; an omitted value is as in the vehicle's file. See `SetSensor`."""
         settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else float(rate), noise)
-        return self._connection.request(settings, LOADING)
+        return self.connection.request(settings, LOADING)
 
     def undo(self) -> Frame:
         """Revert the latest edit; `status.undo` names it."""
-        return self._connection.request(Undo(), LOADING)
+        return self.connection.request(Undo(), LOADING)
 
     def redo(self) -> Frame:
         """Make the edit again that was reverted last; `status.redo` names it."""
-        return self._connection.request(Redo(), LOADING)
+        return self.connection.request(Redo(), LOADING)
 
     def scenario_text(self) -> str:
         """The scenario with all edits, as YAML: `Path("mine.yaml").write_text(sim.scenario_text())`."""
-        self._connection.request(SaveScenario())
-        return self._connection.text
+        self.connection.request(SaveScenario())
+        return self.connection.text
 
     # -- the devkit bridge ----------------------------------------------------------------------------------------
 
     def connect_bridge(self, host: str = "127.0.0.1", port: int = DEVKIT_PORT) -> Frame:
         """Connect the simulator to the devkit script at that address; see `status.bridge`."""
-        return self._connection.request(ConnectBridge(host, port))
+        return self.connection.request(ConnectBridge(host, port))
 
     def disconnect_bridge(self) -> Frame:
         """Close that connection, or stop trying to connect."""
-        return self._connection.request(DisconnectBridge())
+        return self.connection.request(DisconnectBridge())
 
     def _check_camera(self, vehicle: str, camera: str) -> None:
-        scene = self._connection.view.scene
+        scene = self.connection.view.scene
         if scene is None:
             return
         known = [f"'{name}', '{its}'" for name, one in scene.vehicles.items() for its in one.cameras]

@@ -51,19 +51,19 @@ class Hub:
 
     def __init__(self, served: Served) -> None:
         self._served = served
-        self._clients: set[ConnectedClient] = set()
-        self._broadcast = Broadcast(served, self._clients, self._send_status_soon)
+        self.clients: set[ConnectedClient] = set()
+        self.broadcast = Broadcast(served, self.clients, self._send_status_soon)
         self._leases = DriverLeases()
         self._bridge = BridgeControl(served.bridge)
-        self._driving = Driving(served, self._leases, self._send_status_soon, self._now)
+        self._driving = Driving(served, self._leases, self._send_status_soon, self.now)
         self._requests = Requests(
             served,
-            self._broadcast.queue,
+            self.broadcast.queue,
             self._leases,
             self._bridge,
-            self._broadcast.remote_views,
+            self.broadcast.remote_views,
             on_change=self._send_status_soon,
-            clock=self._now,
+            clock=self.now,
         )
         self._is_status_due = False
         self._last_status = -math.inf
@@ -71,7 +71,7 @@ class Hub:
 
     async def __aenter__(self) -> Hub:
         self._loop = asyncio.get_running_loop()
-        self._broadcast.open(self._loop)
+        self.broadcast.open(self._loop)
         self._status_task = asyncio.create_task(self._send_status_regularly())
         return self
 
@@ -79,17 +79,17 @@ class Hub:
         self._status_task.cancel()
         if self._are_pictures_wanted:
             self._served.want_pictures(False)
-        await self._broadcast.close()
+        await self.broadcast.close()
 
     @property
     def files(self) -> dict[str, File]:
         """The scene files, by path."""
-        return self._broadcast.files
+        return self.broadcast.files
 
     @property
     def client_count(self) -> int:
         """Number of connected clients; may be called from any thread."""
-        return len(self._clients)
+        return len(self.clients)
 
     # -- one client ---------------------------------------------------------------------------------------------
 
@@ -114,25 +114,25 @@ class Hub:
             await send({"type": "websocket.close", "code": TRY_AGAIN_LATER})
             return
         scope[IS_CLIENT] = True
-        client = ConnectedClient(self._free_name(hello.name), self._broadcast.encoded, scope.get(ABORT, lambda: None))
+        client = ConnectedClient(self._free_name(hello.name), self.broadcast.encoded, scope.get(ABORT, lambda: None))
         await send_bytes(encode(Welcome(PROTOCOL, __version__, client.name, dict(self._served.scenarios))))
         await self._serve_client(client, receive, send, send_bytes)
 
     def _has_room(self) -> bool:
         """Whether one more client is accepted; it takes the place of one that has not read for `MAX_WAIT`."""
-        if len(self._clients) < MAX_CLIENTS:
+        if len(self.clients) < MAX_CLIENTS:
             return True
-        slowest = min(self._clients, key=lambda client: client.waits_since)
-        if self._now() - slowest.waits_since < MAX_WAIT:
+        slowest = min(self.clients, key=lambda client: client.waits_since)
+        if self.now() - slowest.waits_since < MAX_WAIT:
             return False
-        self._clients.discard(slowest)
+        self.clients.discard(slowest)
         slowest.abort()
         return True
 
     async def _serve_client(self, client: ConnectedClient, receive: Any, send: Any, send_bytes: Any) -> None:
-        self._clients.add(client)
+        self.clients.add(client)
         self._send_status_soon()
-        self._broadcast.offer_latest(client)
+        self.broadcast.offer_latest(client)
         sending = asyncio.create_task(client.send_loop(send_bytes))
         try:
             await self._receive_loop(client, receive)
@@ -140,10 +140,10 @@ class Hub:
                 await send({"type": "websocket.close", "code": POLICY_VIOLATION})
         finally:
             sending.cancel()
-            self._clients.discard(client)
+            self.clients.discard(client)
             self._driving.forget(client)
             self._requests.forget(client)
-            self._broadcast.remote_views.forget(client)
+            self.broadcast.remote_views.forget(client)
             self._update_wanted_pictures()
             self._send_status_soon()
             with contextlib.suppress(asyncio.CancelledError, Exception):
@@ -151,10 +151,10 @@ class Hub:
 
     async def _receive_loop(self, client: ConnectedClient, receive: Any) -> None:
         """Handle messages until the client disconnects, exceeds the rate limit too often or does not read replies."""
-        limit = RateLimit(self._now())
-        warnings = LogThrottle(1.0, self._now)
+        limit = RateLimit(self.now())
+        warnings = LogThrottle(1.0, self.now)
         while (data := await next_message(receive)) is not None:
-            if limit.allows_size(len(data), self._now()):
+            if limit.allows_size(len(data), self.now()):
                 try:
                     message = decoded(data)
                 except AutodriveError as error:
@@ -163,7 +163,7 @@ class Hub:
                 if isinstance(message, Request):
                     if not self._requests.execute(client, message):
                         limit.drop()
-                elif limit.allows(self._now()):
+                elif limit.allows(self.now()):
                     self._handle(client, message)
                 elif warnings.admits("messages"):
                     client.send_error(Error("rate", f"more than {RATE:g} messages per second; some are dropped"))
@@ -189,29 +189,30 @@ class Hub:
     def _subscribe(self, client: ConnectedClient, subscription: Subscribe) -> None:
         client.subscribe(subscription)
         self._update_wanted_pictures()
-        self._broadcast.offer_latest(client)
+        self.broadcast.offer_latest(client)
 
     def _update_wanted_pictures(self) -> None:
-        wanted = any(client.subscription.picture_rate > 0 for client in self._clients)
+        wanted = any(client.subscription.picture_rate > 0 for client in self.clients)
         if wanted != self._are_pictures_wanted:
             self._are_pictures_wanted = wanted
             self._served.want_pictures(wanted)
 
     def _free_name(self, wanted: str) -> str:
         name = "".join(c for c in wanted if c.isprintable())[:40].strip() or "client"
-        taken = {client.name for client in self._clients}
+        taken = {client.name for client in self.clients}
         return next(one for n in range(1, MAX_CLIENTS + 2) if (one := name if n == 1 else f"{name} {n}") not in taken)
 
     # -- status -------------------------------------------------------------------------------------------------
 
-    def _now(self) -> float:
+    def now(self) -> float:
+        """Time of the event loop [s]."""
         return self._loop.time()
 
     def _send_status_soon(self) -> None:
         """Send one Status for all changes of this turn of the event loop, or of `LEAST_STATUS_INTERVAL`."""
         if not self._is_status_due:
             self._is_status_due = True
-            self._loop.call_at(max(self._last_status + LEAST_STATUS_INTERVAL, self._now()), self._send_status)
+            self._loop.call_at(max(self._last_status + LEAST_STATUS_INTERVAL, self.now()), self._send_status)
 
     async def _send_status_regularly(self) -> None:
         while True:
@@ -220,18 +221,18 @@ class Hub:
 
     def _send_status(self) -> None:
         self._is_status_due = False
-        if not self._clients:
+        if not self.clients:
             return
         served, simulation = self._served, self._served.simulation
-        self._last_status = now = self._now()
-        note = self._broadcast.note or self._requests.note
+        self._last_status = now = self.now()
+        note = self.broadcast.note or self._requests.note
         status = encode(
             Status(
                 is_paused=simulation.is_paused,
                 speed=simulation.speed,
                 real_time_factor=simulation.real_time_factor,
                 late_ticks=simulation.late_ticks,
-                clients=len(self._clients),
+                clients=len(self.clients),
                 drivers={vehicle: client.name for vehicle, client in self._leases.drivers(now).items()},
                 bridge=self._bridge.status(now),
                 cameras_error=served.cameras_error() if self._are_pictures_wanted else "",
@@ -243,5 +244,5 @@ class Hub:
                 position=served.replay.position if served.replay else None,
             )
         )
-        for client in self._clients:
+        for client in self.clients:
             client.set_status(status)

@@ -51,9 +51,9 @@ class Server:
         self._wanted_port = options.port
         self._port = 0
         self._policy = AccessPolicy(self.token, options.allowed_origins)
-        self._hub = Hub(served)
+        self.hub = Hub(served)
         self._thread: threading.Thread | None = None
-        self._server: uvicorn.Server | None = None
+        self.web_server: uvicorn.Server | None = None
 
     @property
     def port(self) -> int:
@@ -69,7 +69,7 @@ class Server:
     @property
     def clients(self) -> int:
         """Number of connected clients."""
-        return self._hub.client_count
+        return self.hub.client_count
 
     @property
     def url(self) -> str:
@@ -96,8 +96,8 @@ class Server:
         """Disconnect all clients and end the thread."""
         if self._thread is None:
             return
-        if self._server is not None:
-            self._server.should_exit = True
+        if self.web_server is not None:
+            self.web_server.should_exit = True
         self._thread.join()
         self._thread = None
 
@@ -112,7 +112,7 @@ class Server:
         """Run the hub and the web server in the thread, until `close`."""
         page = {} if self._page is None else page_files(self._page)
         application = WebApplication(
-            self._policy, lambda path: page.get(path) or self._hub.files.get(path), self._hub.serve
+            self._policy, lambda path: page.get(path) or self.hub.files.get(path), self.hub.serve
         )
         config = uvicorn.Config(
             application,  # type: ignore[arg-type]
@@ -128,11 +128,11 @@ class Server:
             server_header=False,
             timeout_graceful_shutdown=1,
         )
-        self._server = uvicorn.Server(config)
+        self.web_server = uvicorn.Server(config)
         logging.getLogger("uvicorn.error").addFilter(_admits)
         is_ready.set()
-        async with self._hub:
-            await self._server.serve(sockets=[listener])
+        async with self.hub:
+            await self.web_server.serve(sockets=[listener])
 
 
 _throttle = LogThrottle(LOG_INTERVAL, time.monotonic)

@@ -63,18 +63,18 @@ class LocalExecutor:
 
     def __init__(self, campaign: Campaign, workers: int) -> None:
         campaign = replace(campaign)  # without what it has computed, which the workers would receive
-        self._workers = [Worker(campaign) for _ in range(workers)]
+        self.workers = [Worker(campaign) for _ in range(workers)]
         self._runs: queue.SimpleQueue[Run | None] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[Result | BaseException] = queue.SimpleQueue()
         self._pending = 0
         self._is_cancelled = False
-        for worker in self._workers:
+        for worker in self.workers:
             threading.Thread(target=self._work, args=(worker,), name="autodrive-campaign", daemon=True).start()
 
     @property
     def size(self) -> int:
         """Number of worker processes."""
-        return len(self._workers)
+        return len(self.workers)
 
     def submit(self, run: Run) -> None:
         """Run it as soon as a worker is free."""
@@ -93,7 +93,7 @@ class LocalExecutor:
     def cancel(self) -> None:
         """End the workers."""
         self._is_cancelled = True
-        for worker in self._workers:
+        for worker in self.workers:
             self._runs.put(None)
             worker.close()
 

@@ -105,7 +105,7 @@ class RayExecutor:
                 self._distribute()
                 if answer is not None:
                     self._pending -= 1
-                    yield _kept(*answer)
+                    yield kept_here(*answer)
 
     def cancel(self) -> None:
         """End the actors, and Ray if this executor has started it."""
@@ -177,7 +177,7 @@ class RayExecutor:
             self._busy[actor.run.remote(run)] = actor, run
 
 
-def _kept(result: Result, recording: bytes) -> Result:
+def kept_here(result: Result, recording: bytes) -> Result:
     """The result, with its recording written here."""
     if result.recording:
         path = Path(result.recording)

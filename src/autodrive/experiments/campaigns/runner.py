@@ -54,7 +54,7 @@ class Runner:
     def run(self, run: Run, *, started: Callable[[], object] = lambda: None) -> Result:
         """The result; an error of the driver is a result, too. `started` is called when the world is ready."""
         try:
-            world = self._world(run.values)
+            world = self.world(run.values)
             started()
             result = self._drive(run, world)
             if run.recording and self._is_recorded(result):
@@ -74,7 +74,7 @@ class Runner:
         has_failed = bool(result.error) or (criterion is not None and not criterion.holds(result.metrics))
         return wanted == "all" or (wanted == "failures" and has_failed)
 
-    def _world(self, values: Mapping[str, Value]) -> World:
+    def world(self, values: Mapping[str, Value]) -> World:
         """The compiled world for these values; poses and factors are set by `_drive`."""
         key = json.dumps({path: value for path, value in values.items() if parameters.is_compiled(path)})
         if key in self._worlds:

@@ -42,20 +42,20 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         self.action_space = action_space(self.settings)
         self._has_camera = seen == "camera"
         self._episodes = Episodes(self.task, seen, 1)
-        self._rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
-        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self._rendered.step_duration}
+        self.rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
+        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self.rendered.step_duration}
 
     @property
     def frame(self) -> Frame:
         """The latest Frame of the World, with all that the simulator knows."""
-        return self._rendered.world.frame
+        return self.rendered.world.frame
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; without a seed the next one of the same random numbers."""
         super().reset(seed=seed)
         world_seed = int(self.np_random.integers(2**31))
         start = self.task.start(self.np_random)
-        frame = self._rendered.reset(world_seed, start.poses)
+        frame = self.rendered.reset(world_seed, start.poses)
         self._episodes.begin(FIRST, [start], CarReadings.of_frame(frame))
         return self._observation(frame), {}
 
@@ -64,7 +64,7 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         ((throttle, steering),) = commands_of(action, self.settings, 1).tolist()
         is_unstable = None
         try:
-            frame = self._rendered.step({VEHICLE: Command(throttle, steering)})
+            frame = self.rendered.step({VEHICLE: Command(throttle, steering)})
         except EngineError:
             frame, is_unstable = self.frame, np.array([True])
         outcome = self._episodes.advance(CarReadings.of_frame(frame), is_unstable)
@@ -73,11 +73,11 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """With 'rgb_array', the image of Driver's Eye; with 'human' the page shows the car."""
-        return self._rendered.render()
+        return self.rendered.render()
 
     def close(self) -> None:
         """Stop the page, and free the renderers."""
-        self._rendered.close()
+        self.rendered.close()
 
     def _observation(self, frame: Frame) -> Any:
         numbers = self._episodes.numbers()[0]

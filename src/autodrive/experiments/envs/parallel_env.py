@@ -59,14 +59,14 @@ class DrivingParallelEnv(ParallelEnv[str, Any, Any]):
         self._max_steps = max_episode_steps
         self._has_camera = observation == "camera"
         self._episodes = Episodes(self.task, observation, cars)
-        self._rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
-        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self._rendered.step_duration}
+        self.rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
+        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self.rendered.step_duration}
         self._rng: np.random.Generator | None = None
 
     @property
     def frame(self) -> Frame:
         """The latest Frame of the World, with all that the simulator knows."""
-        return self._rendered.world.frame
+        return self.rendered.world.frame
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Of an agent; the same object each time."""
@@ -84,7 +84,7 @@ class DrivingParallelEnv(ParallelEnv[str, Any, Any]):
             self._rng = seeding.np_random(seed)[0]
         world_seed = int(self._rng.integers(2**31))
         starts = self.task.starts(self._rng)
-        frame = self._rendered.reset(world_seed, {name: pose for start in starts for name, pose in start.poses.items()})
+        frame = self.rendered.reset(world_seed, {name: pose for start in starts for name, pose in start.poses.items()})
         self.agents = list(self.possible_agents)
         self._steps = 0
         self._episodes.begin(np.arange(len(starts)), starts, CarReadings.of_frame(frame))
@@ -100,7 +100,7 @@ class DrivingParallelEnv(ParallelEnv[str, Any, Any]):
         commands |= {agent: Command(*command) for agent, command in zip(live, driven, strict=True)}
         is_unstable = None
         try:
-            frame = self._rendered.step(commands)
+            frame = self.rendered.step(commands)
         except EngineError:
             frame, is_unstable = self.frame, np.ones(len(self.possible_agents), np.bool_)
         outcome = self._episodes.advance(CarReadings.of_frame(frame), is_unstable)
@@ -119,11 +119,11 @@ class DrivingParallelEnv(ParallelEnv[str, Any, Any]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """With 'rgb_array', the image of Driver's Eye behind the first car."""
-        return self._rendered.render()
+        return self.rendered.render()
 
     def close(self) -> None:
         """Stop the page, and free the renderers."""
-        self._rendered.close()
+        self.rendered.close()
 
     def _observations(self, frame: Frame, agents: list[str]) -> dict[str, Any]:
         numbers = self._episodes.numbers()

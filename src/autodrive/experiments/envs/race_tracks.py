@@ -49,7 +49,7 @@ class RaceTracks:
         """The map. Its road and its start line are those of the first track; it has the barriers of all."""
         files = [folder / f"track_{k}.yaml" for k in range(count)]
         if not all(file.is_file() for file in (self.file, *files)):
-            _write(count, seed, ranges, folder)
+            write_tracks(count, seed, ranges, folder)
         tracks = [Track.load(file) for file in files]
         self.length = np.array([track.length for track in tracks])
         """Of the centre lines [m], shape (n,)."""
@@ -66,7 +66,7 @@ class RaceTracks:
         return x - lateral * s, y + lateral * c, atan2(s, c)
 
 
-def _write(count: int, seed: int, ranges: Sequence[tuple[float, float]], folder: Path) -> None:
+def write_tracks(count: int, seed: int, ranges: Sequence[tuple[float, float]], folder: Path) -> None:
     """Generate the tracks. The map is written last: what it consists of is complete."""
     make_folder(folder)
     walls: list[Floats] = []

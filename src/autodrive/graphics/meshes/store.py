@@ -60,7 +60,7 @@ def scene_of(world: Drawable) -> RenderScene:
     known: dict[str, Asset] = {}
 
     def shared(kind: Kind, of: Any) -> Asset:
-        name = _file_name(kind, of)
+        name = file_name(kind, of)
         if name not in known:
             known[name] = cached(name, lambda: _build(kind, of))
         return known[name]
@@ -94,7 +94,7 @@ def box(size: tuple[float, float, float]) -> Asset:
 
 def file(kind: Kind, of: Any) -> tuple[str, bytes]:
     """Name and content of the .glb file of a vehicle (its Spec), a map or a box (its size); the name is a hash."""
-    name = _file_name(kind, of)
+    name = file_name(kind, of)
     return name, _cached(name, lambda: _build(kind, of))[1]
 
 
@@ -124,7 +124,7 @@ def cached(name: str, build: Callable[[], Asset]) -> Asset:
 
 def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
     """The asset, and the content of its file."""
-    path = _folder() / name
+    path = folder() / name
     try:
         data = read_cached(path)
         return read_glb(data), data
@@ -139,7 +139,8 @@ def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
 
 
 @cache
-def _folder() -> Path:
+def folder() -> Path:
+    """Where the assets of this version are cached."""
     return cache_folder(
         "assets", "graphics/assets", "graphics/meshes", "scenario/vehicles", "scenario/maps", also=_libraries()
     )
@@ -156,7 +157,7 @@ def _libraries() -> str:
 
 
 def _asset(kind: Kind, of: Any) -> Asset:
-    return cached(_file_name(kind, of), lambda: _build(kind, of))
+    return cached(file_name(kind, of), lambda: _build(kind, of))
 
 
 def _build(kind: Kind, of: Any) -> Asset:
@@ -170,7 +171,7 @@ def _build(kind: Kind, of: Any) -> Asset:
     return map_asset(of) if kind == "map" else box_asset(of)
 
 
-def _file_name(kind: Kind, of: Any) -> str:
+def file_name(kind: Kind, of: Any) -> str:
     """File name with a hash of the content."""
     digest = hashlib.sha256()
     _add_to_digest(digest.update, of)

@@ -148,7 +148,7 @@ class Player(Paced):
         measured = before, self._position
         due = before + PERIOD
         while not self._is_stopping:
-            self._execute_requests()
+            self.execute_requests()
             self._set_images_wanted()
             now = self._clock.now()
             if self._is_paused:

@@ -70,7 +70,7 @@ class BatchWorld(OneThread):
                 raise CommandError(f"{name} must be a whole number from 1 on, not {value!r}")
         if engine not in ("auto", "always"):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
-        self._compiled = c = compile_scenario(scenario)
+        self.compiled = c = compile_scenario(scenario)
         spec = c.specs.scenario
         if any(one.own_sensors for one in spec.vehicles.values()):
             raise CommandError(
@@ -88,9 +88,10 @@ class BatchWorld(OneThread):
         self._sensors = sensor_tables(list(c.configured.values()), Fraction(str(spec.substep)), spec.gravity)
         rays, rolling_rays = most_rays(self._sensors)
         self._has_rolling_lidar = rolling_rays > 0
-        self._worlds = empty_worlds(c, n, rays, rolling_rays)
+        self.worlds = empty_worlds(c, n, rays, rolling_rays)
+        """The States of all worlds; what changes them changes the results."""
         self._time = np.zeros(n)
-        self.readings = readings_of(self._worlds, self._time, len(self.object_names))
+        self.readings = readings_of(self.worlds, self._time, len(self.object_names))
         """Of the present instant."""
         self._seeds = [seed + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
@@ -126,8 +127,8 @@ class BatchWorld(OneThread):
         values = self._checked_commands(commands)
         if isinstance(ticks, bool) or not isinstance(ticks, int) or ticks < 1:
             raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
-        np.clip(values[..., 0], -1.0, 1.0, out=self._worlds.throttle)
-        np.clip(values[..., 1], -1.0, 1.0, out=self._worlds.steering)
+        np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle)
+        np.clip(values[..., 1], -1.0, 1.0, out=self.worlds.steering)
         if self._pool is None:
             self._step(*self._arguments(self._threads[0], 0, self.n, ticks))
         else:
@@ -172,7 +173,7 @@ class BatchWorld(OneThread):
         qpos = self._checked_starts(poses or {}, chosen)
         moving = {self._vehicle(name): self._checked_motion(name, one, chosen) for name, one in (motions or {}).items()}
         own = self._checked_vehicles(vehicles or {}, chosen)
-        w = self._worlds
+        w = self.worlds
         for column in w.state:
             column[chosen] = 0.0
         w.state.qpos[chosen] = qpos
@@ -204,10 +205,10 @@ class BatchWorld(OneThread):
             self._step(*self._arguments(thread, first, min(first + self._block, self.n), ticks))
 
     def _arguments(self, thread: Thread, first: int, last: int, ticks: int) -> tuple[Any, ...]:
-        c = self._compiled
+        c = self.compiled
         return (
             c.model,
-            self._worlds,
+            self.worlds,
             thread,
             self._sensors,
             self._owners,
@@ -222,12 +223,12 @@ class BatchWorld(OneThread):
         )
 
     def _begin_arguments(self, chosen: Integers) -> tuple[Any, ...]:
-        c = self._compiled
-        return c.model, self._worlds, self._threads[0], self._sensors, chosen, self._substeps
+        c = self.compiled
+        return c.model, self.worlds, self._threads[0], self._sensors, chosen, self._substeps
 
     def _show(self) -> Readings:
         numerator, denominator = self._tick.numerator, self._tick.denominator
-        np.divide(self._worlds.tick * numerator, denominator, out=self._time)
+        np.divide(self.worlds.tick * numerator, denominator, out=self._time)
         return self.readings
 
     def _set_parameters(
@@ -238,7 +239,7 @@ class BatchWorld(OneThread):
         tables: dict[tuple[float, ...], tuple[Table, Table]],
     ) -> None:
         """Set the tables and the noise of world k. `tables`: those of Specs that other worlds have, too."""
-        w = self._worlds
+        w = self.worlds
         is_other = any((before[k] != factors[name]).any() for name, before in self._factors.items())
         if is_other or own or self._has_own_vehicles[k]:
             for name, before in self._factors.items():
@@ -255,7 +256,7 @@ class BatchWorld(OneThread):
         self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec]
     ) -> tuple[Table, Table]:
         """Tables of vehicles and wheels of a world."""
-        c, placed = self._compiled, self.spec.vehicles
+        c, placed = self.compiled, self.spec.vehicles
         specs = {
             name: (own[name].with_mass_factor(placed[name].mass_factor) if name in own else spec).with_mass_factor(mass)
             for (name, spec), mass in zip(c.vehicles.items(), masses, strict=True)
@@ -268,7 +269,7 @@ class BatchWorld(OneThread):
 
     def _set_motion(self, chosen: Integers, i: int, motion: Floats) -> None:
         """Set velocities and actuators of a vehicle at the start, whose pose is set; `motion` has the shape (m, 5)."""
-        s, w = self._worlds.state, self._worlds
+        s, w = self.worlds.state, self.worlds
         table = w.vehicles[0, i]
         dof, at = int(table["dof"]), int(table["qpos"])
         forward, left, rate, throttle, steering = motion.T
@@ -372,7 +373,7 @@ class BatchWorld(OneThread):
         self, vehicles: Mapping[str, Sequence[VehicleSpec]], chosen: Integers
     ) -> list[dict[str, VehicleSpec]]:
         """The Specs that differ from those of the scenario, of each chosen world."""
-        longest = self._worlds.state.throttle_queue.shape[-1] - 1
+        longest = self.worlds.state.throttle_queue.shape[-1] - 1
         for name, specs in vehicles.items():
             self._vehicle(name)
             if len(specs) != len(chosen):
@@ -387,7 +388,7 @@ class BatchWorld(OneThread):
 
     def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers) -> Floats:
         """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
-        c = self._compiled
+        c = self.compiled
         qpos = np.tile(c.engine.start, (len(chosen), 1))
         heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
         heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
@@ -410,7 +411,7 @@ class BatchWorld(OneThread):
 
     def _check_overlaps(self, qpos: NDArray[np.float64], chosen: Integers) -> None:
         for k, row in zip(chosen.tolist(), qpos, strict=True):
-            for one, other in overlapping(self._compiled, row):
+            for one, other in overlapping(self.compiled, row):
                 raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
 
 

@@ -159,7 +159,8 @@ class Paced(Publisher, ABC):
             if not self._requests and not self._is_stopping:
                 self._clock.wait(self._mailbox, delay)
 
-    def _execute_requests(self) -> None:
+    def execute_requests(self) -> None:
+        """Execute what waits, in this thread, which must be the one that runs the simulation, if it runs."""
         while self._requests:
             with self._mailbox:
                 request, done = self._requests.popleft()

@@ -217,7 +217,7 @@ class Simulation(Paced):
         self._world_lock.acquire()
         try:
             while not self._is_stopping and self._pace.ticks < end:
-                self._execute_requests()
+                self.execute_requests()
                 if self._is_due():
                     self._tick_or_pause()
         finally:
