@@ -21,7 +21,8 @@ from tests.support.jams import SUBSTEP, TYPES, Energy, Jam, jams
 GAIN = 0.02
 """Share of the kinetic energy: the integration of springs and contacts has errors of first order in the substep."""
 RETURN = 0.05
-"""Share of it that contacts may give back later, 0.026 so far, also from flight to flight: at 8 m/s plates of 3 mm overlap by 8 mm in a substep."""
+"""Share of it that contacts may give back later, also from flight to flight, 0.026 so far: at 8 m/s plates of 3 mm
+overlap by 8 mm in a substep."""
 
 
 def test_three_cars_that_jam_throw_none() -> None:
