@@ -188,7 +188,7 @@ def test_huge_counts_are_refused_before_anything_is_built(campaign: Make, change
             "x = 1\nimport no_such_package\n",
             r"ModuleNotFoundError: No module named 'no_such_package'  \(driver.py, line 2\)",
         ),
-        ("class Drivr:\n    pass\n", "driver.py has no 'Driver'"),
+        ("class Pilot:\n    pass\n", "driver.py has no 'Driver'"),
         ("raise SystemExit(3)\n", "SystemExit: 3"),
     ],
 )
