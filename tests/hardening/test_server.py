@@ -238,13 +238,14 @@ def test_requests_of_a_client_that_left_are_dropped(
 ) -> None:
     loads: list[Any] = []
     simulation = Simulation(autodrive.make("plane"), load=lambda name: (loads.append(name), autodrive.make(name))[1])
-    with simulation, served(simulation) as server, native_client(server) as client:
-        for _ in range(30):
-            client.begin("LoadScenario", name="plane")
-            client.begin("Undo")
-    with native_client(server) as other:
-        other.ask("Resume")
-        other.ask("Resume")
+    with simulation, served(simulation) as server:
+        with native_client(server) as client:
+            for _ in range(30):
+                client.begin("LoadScenario", name="plane")
+                client.begin("Undo")
+        with native_client(server) as other:
+            other.ask("Resume")
+            other.ask("Resume")
     assert len(loads) <= 3
 
 

@@ -218,48 +218,6 @@ def test_a_command_left_in_the_other_mode_does_not_act_after_a_change_of_mode(wo
     assert simulation.run(0.05).vehicles["V1"].throttle == 0.0
 
 
-@pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
-@pytest.mark.parametrize("field", ["throttle", "steering"])
-def test_a_command_that_is_not_a_finite_number_is_refused(world: World, field: str, bad: float) -> None:
-    with pytest.raises(CommandError, match=f"{field} of vehicle 'V1' must be a finite number"):
-        Simulation(world).submit("V1", Command(**{field: bad}))  # pyright: ignore[reportArgumentType]
-
-
-def test_an_unknown_state_of_a_lamp_is_refused(world: World) -> None:
-    with pytest.raises(CommandError, match="headlights of vehicle 'V1' must be one of 0 off, 1 low, 2 high, not 7"):
-        Simulation(world).submit("V1", Command(headlights=7))  # pyright: ignore[reportArgumentType]
-
-
-def test_a_command_to_an_unknown_vehicle_names_the_known_ones(world: World) -> None:
-    with pytest.raises(CommandError, match=r"vehicle 'v1' is not known\. Known: V1\."):
-        Simulation(world).submit("v1", Command())
-
-
-@pytest.mark.parametrize(
-    ("request_", "says"),
-    [
-        (SetSpeed(0.0), "speed must be a number from 1e-06 to"),
-        (SetSpeed(1e-12), "speed must be a number from 1e-06 to"),
-        (Reset(-1), r"a seed must be a whole number from 0 to 2\^63 - 1, not -1"),
-        (Teleport("V1", 1e10, 0.0, 0.0), "from -10000 to 10000, not 10000000000.0"),
-        (SetSpeed(float("nan")), "speed must be a number from 1e-06 to"),
-        (Step(0), "1 tick or more"),
-        (SetDrivingMode("V9", True), "vehicle 'V9' is not known"),
-        (Teleport("V9", 0.0, 0.0), "vehicle 'V9' is not known"),
-        (Teleport("V1", float("nan"), 0.0), "from -10000 to 10000, not nan"),
-    ],
-)
-def test_an_invalid_request_is_refused_at_once(world: World, request_: object, says: str) -> None:
-    with pytest.raises(CommandError, match=says):
-        Simulation(world).request(request_)  # pyright: ignore[reportArgumentType]
-
-
-@pytest.mark.parametrize("speed", [0.0, -1.0, float("inf"), float("nan")])
-def test_an_invalid_speed_is_refused(world: World, speed: float) -> None:
-    with pytest.raises(CommandError, match="speed must be a number from 1e-06 to"):
-        Simulation(world, speed=speed)
-
-
 def test_a_pause_stops_time_and_a_resume_lets_it_run(simulation: Simulation) -> None:
     paused = simulation.request(Pause()).result(LIMIT)
     assert simulation.request(Step(1)).result(LIMIT).tick == paused.tick + 1  # no tick came between

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -276,11 +277,11 @@ class Client:
 
     def set_speed(self, factor: float | None = 1.0) -> Frame:
         """Set the simulated seconds per wall second; None: as fast as possible."""
-        return self.connection.request(SetSpeed(None if factor is None else float(factor)))
+        return self.connection.request(SetSpeed(None if factor is None else _number("factor", factor)))
 
     def teleport(self, vehicle: str, x: float, y: float, yaw: float = 0.0) -> Frame:
         """Place a vehicle or an object, at rest, at x, y [m] in the map frame with heading yaw [rad], until a reset."""
-        return self.connection.request(Teleport(vehicle, float(x), float(y), float(yaw)))
+        return self.connection.request(Teleport(vehicle, _number("x", x), _number("y", y), _number("yaw", yaw)))
 
     def set_scene_light(self, enabled: bool) -> Frame:
         """Switch to day (True) or night (False)."""
@@ -298,7 +299,7 @@ class Client:
 
     def place(self, name: str, x: float, y: float, yaw: float = 0.0) -> Frame:
         """Place a vehicle or an object, at rest, at x, y [m] with heading yaw [rad], now and at the start."""
-        return self.connection.request(Place(name, float(x), float(y), float(yaw)))
+        return self.connection.request(Place(name, _number("x", x), _number("y", y), _number("yaw", yaw)))
 
     def add_box(
         self,
@@ -312,7 +313,9 @@ class Client:
     ) -> Frame:
         """Add a movable box on the ground at x, y [m] with heading yaw [rad]; `size` [m], `mass` [kg]."""
         length, width, height = map(float, size)
-        box = AddBox(name, float(x), float(y), float(yaw), (length, width, height), float(mass))
+        box = AddBox(
+            name, _number("x", x), _number("y", y), _number("yaw", yaw), (length, width, height), _number("mass", mass)
+        )
         return self.connection.request(box, LOADING)
 
     def remove_box(self, name: str) -> Frame:
@@ -329,7 +332,7 @@ class Client:
         noise: Literal["ideal", "file", "realistic", "strong"] | None = None,
     ) -> Frame:
         """Set a sensor or camera of a vehicle; an omitted value is as in the vehicle's file. See `SetSensor`."""
-        settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else float(rate), noise)
+        settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else _number("rate", rate), noise)
         return self.connection.request(settings, LOADING)
 
     def undo(self) -> Frame:
@@ -382,3 +385,10 @@ def _decoded(jpeg: bytes) -> NDArray[np.uint8]:
     image = simplejpeg.decode_jpeg(jpeg)
     image.setflags(write=False)
     return image
+
+
+def _number(name: str, value: float) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise CommandError(f"{name} must be a number, not {reprlib.repr(value)}") from None

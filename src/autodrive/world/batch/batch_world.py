@@ -327,7 +327,10 @@ class BatchWorld(OneThread):
     def _checked_seeds(self, seeds: ArrayLike | None, chosen: Integers) -> list[int]:
         if seeds is None:
             return [self._seeds[k] for k in chosen.tolist()]
-        given = np.asarray(seeds).ravel().tolist() if np.ndim(seeds) <= 1 else []
+        try:
+            given = np.asarray(seeds).ravel().tolist() if np.ndim(seeds) <= 1 else []
+        except ValueError:  # nested
+            given = []
         if len(given) != len(chosen):
             raise CommandError(f"there must be a seed for each of the {len(chosen)} worlds, shape ({len(chosen)},)")
         for one in given:
