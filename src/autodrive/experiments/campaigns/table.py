@@ -169,21 +169,17 @@ def locked(folder: Path) -> Iterator[None]:
 
     The lock is one of SQLite, which the system removes when the process ends, however it ends.
     """
-    connection = sqlite3.connect(folder / ".lock", timeout=0.0, isolation_level=None)
-    try:
-        connection.execute("BEGIN EXCLUSIVE")
-    except sqlite3.OperationalError as error:
-        if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
-            connection.close()
-            raise AutodriveError(
-                f"another campaign is writing into '{folder}': wait until it has ended, or choose another folder with "
-                "--output"
-            ) from None
-        # the file system has no locks, as some of a network
-    try:
+    with contextlib.ExitStack() as stack:
+        try:
+            file = sqlite3.connect(folder / ".lock", timeout=0.0, isolation_level=None)
+            stack.enter_context(contextlib.closing(file)).execute("BEGIN EXCLUSIVE")
+        except sqlite3.OperationalError as error:  # others: a file system without locks, or one that is read-only
+            if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
+                raise AutodriveError(
+                    f"another campaign is writing into '{folder}': wait until it has ended, or choose another folder "
+                    "with --output"
+                ) from None
         yield
-    finally:
-        connection.close()
 
 
 class Columns:
