@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import lazy_loader
 
+from autodrive.base.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
     from types import ModuleType
@@ -42,8 +44,6 @@ _SIMULATOR_DEPENDENCIES = {
 }
 """Import names of the packages that autodrive-simulator depends on and autodrive-client does not; an editable
 installation of the client has all modules, but not these."""
-
-__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:

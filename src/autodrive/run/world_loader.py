@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-import autodrive
 from autodrive.base.yaml_files import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.scenario.descriptions import Descriptions
+from autodrive.world.factory import make
 
 if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
@@ -121,7 +121,7 @@ class WorldLoader:
     def _make(self, spec: ScenarioSpec | Descriptions) -> tuple[World, CameraMonitor | None]:
         options = self._options
         if options.pictures == "never":
-            return autodrive.make(spec), None
+            return make(spec), None
         from autodrive.run.camera_monitor import world_with_cameras
 
         return world_with_cameras(
