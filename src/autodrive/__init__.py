@@ -26,6 +26,7 @@ _LEFT_OUT = {f"autodrive.{group}" for group in ("physics", "scenario", "graphics
 """Groups with public names that autodrive-client leaves out."""
 
 _SIMULATOR_DEPENDENCIES = {
+    "backports",
     "google",
     "manifold3d",
     "moderngl",
@@ -40,7 +41,6 @@ _SIMULATOR_DEPENDENCIES = {
     "uvicorn",
     "uvloop",
     "yaml",
-    "zstandard",
 }
 """Import names of the packages that autodrive-simulator depends on and autodrive-client does not; an editable
 installation of the client has all modules, but not these."""
