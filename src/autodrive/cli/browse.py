@@ -108,7 +108,8 @@ def check(
     from autodrive.cli import spec_files
 
     found, title = spec_files.check(name, cast("Kind | None", kind and kind.value))
-    typer.echo(f"{name}: {found} '{title}' is valid")
+    titled = f" '{title}'" if title else ""
+    typer.echo(f"{name}: {found}{titled} is valid")
 
 
 def _write_rasters(kind: Kind, name: str, folder: Path | None, labels: Path | None) -> None:
