@@ -107,7 +107,9 @@ def check(
     """Check a scenario, map, track, vehicle or module and all files that it refers to; report all errors."""
     from autodrive.cli import spec_files
 
-    found, title = spec_files.check(name, cast("Kind | None", kind and kind.value))
+    found, title, warnings = spec_files.check(name, cast("Kind | None", kind and kind.value))
+    for warning in warnings:
+        typer.echo(f"autodrive: warning: {warning}", err=True)
     typer.echo(f"{name}: {found} '{title}' is valid")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from autodrive.base import yaml_files
 from autodrive.base.cache import make_folder, write_file
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Spec
+from autodrive.base.specs import Spec, joined
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_sensors_of
@@ -60,8 +60,8 @@ def kind_of_file(path: Path) -> Kind:
     return best[0]
 
 
-def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
-    """Check a named or other file and all files that it refers to; returns kind and title.
+def check(name: str, kind: Kind | None = None) -> tuple[Kind, str, list[str]]:
+    """Check a named or other file and all files that it refers to; returns kind, title and warnings.
 
     Raises `SpecError` with all errors, also of the valid parts of a file with errors.
     """
@@ -69,6 +69,7 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
     path = find(kind, name)
     source = yaml_files.source(path)
     spec, errors = yaml_files.readable(source, SPECS[kind])
+    warnings: list[str] = []
     try:
         if kind == "map":
             errors = []
@@ -82,16 +83,18 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
         elif kind == "vehicle" and not errors:
             from autodrive.world.factory import compile_scenario
 
-            compile_scenario(ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(path))}))
+            compiled = compile_scenario(ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(path))}))
+            warnings = joined(compiled.warnings, {})
         elif isinstance(spec, ScenarioSpec):
             from autodrive.world.factory import compile_scenario
 
-            compile_scenario(described(with_sensors_of(spec, path.parent), source), is_strict=True)
+            descriptions = described(with_sensors_of(spec, path.parent), source)
+            warnings = joined(compile_scenario(descriptions).warnings, descriptions.lines)
     except SpecError as error:
         errors += error.errors
     if errors:
         raise SpecError(errors, str(path))
-    return kind, getattr(spec, "title", "")
+    return kind, getattr(spec, "title", ""), warnings
 
 
 def draw(kind: Kind, name: str, path: Path) -> None:
