@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from autodrive.base import yaml_files
-from autodrive.base.cache import make_folder, write_file
+from autodrive.base.cache import write_file
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec, joined
 from autodrive.base.suggest import suggest
@@ -112,30 +112,15 @@ def draw(kind: Kind, name: str, path: Path) -> None:
         scenario = on_grid(scenario, map_)
         starts = [(vehicle.x, vehicle.y, vehicle.yaw) for vehicle in scenario.vehicles.values()]
     else:
-        map_ = _map(kind, name)
+        map_ = map_of(kind, name)
     if path.suffix.lower() == ".svg":
         write_file(path, to_svg(map_, overlays=["lanes"], starts=starts))
     else:
         to_png(map_, path, overlays=["lanes"], starts=starts)
 
 
-def write_occupancy(kind: Kind, name: str, folder: Path) -> Path:
-    """Write the occupancy grid of a map, module or scenario; returns its YAML file. Raises `SpecError`."""
-    from autodrive.scenario.maps import raster
-
-    map_ = _map(kind, name)
-    make_folder(folder)
-    return raster.write_occupancy(map_, folder)
-
-
-def write_labels(kind: Kind, name: str, path: Path) -> None:
-    """Write the semantic label image of a map, module or scenario as PNG. Raises `SpecError`."""
-    from autodrive.scenario.maps import raster
-
-    raster.write_labels(_map(kind, name), path)
-
-
-def _map(kind: Kind, name: str) -> Map:
+def map_of(kind: Kind, name: str) -> Map:
+    """A map, the map of a scenario, or one that has only a module. Raises `SpecError`."""
     from autodrive.scenario.maps.draw import module_alone
 
     if kind == "scenario":
