@@ -25,6 +25,7 @@ from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioR
 from autodrive.scenario.files import files_of
 from autodrive.world.observer import Request, Restored
 from autodrive.world.simulation import Simulation
+from autodrive.world.simulation.checks import check_world
 
 if TYPE_CHECKING:
     from autodrive.world import World
@@ -79,6 +80,7 @@ class Recorder:
 
         `encoder`: shared with other receivers of the images. `status`: state of the connection to a devkit script.
         """
+        check_world(source, "Recorder")
         self.path = Path(path)
         self.error = ""
         """Why the recording ended early; empty if it did not."""
