@@ -45,12 +45,12 @@ STATUS_PERIOD = NANOSECONDS
 class Recorder:
     """Records a World or a Simulation into an MCAP file, from now until `close` or the end of a `with` block.
 
-    ```python
-    world = autodrive.make("mini_map")
-    with Recorder("drive.mcap", world):
-        for _ in range(100):
-            world.step({"V1": Command(throttle=0.5)})
-    ```
+    For example::
+
+        world = autodrive.make("mini_map")
+        with Recorder("drive.mcap", world):
+            for _ in range(100):
+                world.step({"V1": Command(throttle=0.5)})
 
     `frame_rate` of Frames in simulated time [Hz]; None: each tick. `image_rate` of images of each camera; None: each
     image. `last`: keep only that many seconds in memory, and write them to a new file at each collision and `save`.
