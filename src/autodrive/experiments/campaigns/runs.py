@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -129,9 +129,7 @@ def _run_campaign(
         file = folder / "recordings" / recording_name(run.number)
         if result is None or not _is_recorded(campaign, result):
             return result
-        return (
-            Result(run.number, result.metrics, result.end, result.time, recording=file.name) if file.is_file() else None
-        )
+        return replace(result, recording=file.name) if file.is_file() else None
 
     def new_runs() -> Iterator[Run]:
         """The runs that must run; those that are known are added."""
@@ -235,7 +233,7 @@ def _result(row: dict[str, Any], campaign: Campaign) -> Result:
     """The result that a row of a table was made of."""
     nan = float("nan")
     metrics = {name: nan if row.get(name) is None else row[name] for name in campaign.metric_names}
-    return Result(row["run"], metrics, row["end"], row["time"])
+    return Result(row["run"], metrics, row["end"], row["time"], row["digest"])
 
 
 def _is_recorded(campaign: Campaign, result: Result) -> bool:
