@@ -62,9 +62,7 @@ def scene_of(world: Drawable) -> RenderScene:
 
     def shared(kind: Kind, of: Any) -> Asset:
         name = file_name(kind, of)
-        if name not in known:
-            known[name] = cached(name, lambda: _build(kind, of))
-        return known[name]
+        return known.get(name) or known.setdefault(name, _asset(kind, of))
 
     def car(number: int, spec: VehicleSpec) -> Asset:
         asset = shared("vehicle", spec)
