@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import logging
-import signal
+import time
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from autodrive.cli.options import Host, Port
 from autodrive.cli.run import address
+from autodrive.cli.stopping import StopSignals
 
 if TYPE_CHECKING:
     from autodrive.run.race import RaceOptions
-    from autodrive.run.runner import RunObserver, StopRequest
+    from autodrive.run.runner import Run, RunObserver, StopRequest
     from autodrive.world.racing.results import RaceResult
 
 
@@ -115,22 +116,40 @@ def show_race(options: RaceOptions, start: Callable[[StopRequest, RunObserver], 
     from rich.console import Console
 
     from autodrive.cli.status import StatusDisplay
+    from autodrive.connect.bridge.script_process import close_all
     from autodrive.run.runner import StopRequest
 
     console = Console(stderr=True, highlight=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[logging.StreamHandler()])
     stop = StopRequest()
+    begun: list[Run] = []
+    results: list[RaceResult] = []
 
-    def end(number: int, _: Any) -> None:
-        if stop.is_set():
+    def end(reason: str) -> None:
+        stop.set(reason)
+        if not begun:
             raise KeyboardInterrupt
-        stop.set(signal.Signals(number).name)
 
-    with console.status("loading the track") as line:
+    def report() -> int:
+        """Of a race that still closes its connections."""
+        while begun and not results:
+            time.sleep(0.01)
+        close_all()
+        for result in results:
+            _report(result, options)
+        return 0 if begun else 130
+
+    with StopSignals(end, report) as signals, console.status("loading the track") as line:
         title = f"race on '{options.track}' by the rules '{options.rules}'"
-        display = StatusDisplay(console, line, title, opens_browser=True, on_start=lambda _: None)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, end)
+        display = StatusDisplay(
+            console, line, title, opens_browser=True, on_start=begun.append, on_result=results.append
+        )
+        signals.catch()
         result = start(stop, display)
+    _report(result, options)
+    signals.end()
+
+
+def _report(result: RaceResult, options: RaceOptions) -> None:
     typer.echo(result.to_markdown().rstrip())
     typer.echo(f"\nresults: {options.output}")

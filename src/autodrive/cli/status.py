@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.status import Status
 
     from autodrive.run.summary import CamerasSummary, Summary
+    from autodrive.world.racing.results import RaceResult
 
 CALLS_PER_LOG_LINE = 50
 """Without a terminal, the status is printed at every 50th call only: every ten seconds."""
@@ -34,12 +35,14 @@ class StatusDisplay(RunObserver):
         *,
         opens_browser: bool,
         on_start: Callable[[Run], None],
+        on_result: Callable[[RaceResult], None] = lambda _: None,
     ) -> None:
         self._console = console
         self._line = line
         self._title = title
         self._opens_browser = opens_browser
         self._on_start = on_start
+        self._on_result = on_result
         self._compiled = 0
         self._calls = 0
 
@@ -64,6 +67,9 @@ class StatusDisplay(RunObserver):
         self._console.print(f"{'opened' if is_opened else 'open'} in a browser:  {link}", soft_wrap=True)
         if command := tunnel(link):
             self._console.print(f"first, on your own machine, run:  {command}", soft_wrap=True)
+
+    def decided(self, result: RaceResult) -> None:  # noqa: D102
+        self._on_result(result)
 
     def running(self, run: Run) -> None:  # noqa: D102
         self._calls += 1
