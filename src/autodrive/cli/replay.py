@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import threading
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from autodrive.cli.options import Browser, Host, Port, Token
+from autodrive.cli.options import Browser, Host, Port, RecordingFile, Token
 from autodrive.cli.stopping import StopSignals
 
 if TYPE_CHECKING:
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def replay(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")],
+    file: RecordingFile,
     host: Host = "127.0.0.1",
     port: Port = None,
     token: Token = None,
