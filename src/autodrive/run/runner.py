@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.recording import Recorder
+    from autodrive.world.racing.results import RaceResult
 
 Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
 """Why clients may not have an operation or Drive now; empty if they may."""
@@ -122,6 +123,9 @@ class RunObserver:
 
     def running(self, run: Run) -> None:
         """Called every `REFRESH_INTERVAL`."""
+
+    def decided(self, result: RaceResult) -> None:
+        """A race is over, and its results are written; its connections are still open."""
 
 
 def simulate(
