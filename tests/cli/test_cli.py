@@ -8,6 +8,7 @@ import os
 import pty
 import re
 import signal
+import statistics
 import subprocess
 import sys
 import threading
@@ -154,6 +155,7 @@ def test_a_vehicle_at_night_has_its_lamps_on(tmp_path: Path, monkeypatch: pytest
     assert call("show", "nigel", "--night", "--3d", "night.png", cwd=tmp_path).returncode == 0
     picture = decode_png((tmp_path / "night.png").read_bytes())
     assert (picture.max(2) > 128).mean() > 0.02
+    assert statistics.median(picture[60:150, 95:205].max(2).ravel()) > 20, "the car itself is nearly black"
 
 
 @needs_gl
@@ -242,7 +244,7 @@ def test_check_reports_the_faults_of_all_kinds_in_one_pass(tmp_path: Path) -> No
         r"vehicles\.V4\.yaw \(line 7\): 'yaw' is not a known key\. .*Did you mean 'yaw_deg'\?",
         r"map \(line 2\): .*placement 2 'curve_9' \(line 4\): module 'curve_9' is not known\. .*\(street\.yaml\)",
         r"vehicles\.V5\.type \(line 8\): vehicle 'nigle' is not known\. .*Did you mean 'nigel'\?",
-        r"vehicles\.V3 \(line 6\): \(50, 0\) is outside the walls of map 'street', which enclose x from -1 to 2 m",
+        r"warning: V3 \(line 6\) at \(50, 0\) is outside the walls of map 'street', which enclose x from -1 to 2 m",
         r"box 'a' \(line 10\) overlaps box 'b' \(line 11\) by 80 cm\^2",
         r"box 'c' \(line 12\) overlaps 'wall_2'",
         r"vehicles\.V2 \(line 5\): 'V1' and 'V2' overlap at the start",

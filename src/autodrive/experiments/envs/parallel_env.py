@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from autodrive.base.errors import EngineError, SpecError
+from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
-from autodrive.experiments.envs.settings import Settings, action_space, commands_of
+from autodrive.experiments.envs.settings import Action, Settings, action_space, commands_of
 from autodrive.experiments.envs.task import Bools, CarReadings, Observation, Outcome, Start
 from autodrive.experiments.envs.time_trial import TimeTrial
 from autodrive.protocol.messages import Command, Frame
@@ -121,17 +122,19 @@ class DrivingParallelEnv(Cars):
         "is_parallelizable": True,
     }
 
+    @with_suggestions
     def __init__(
         self,
         cars: int = 4,
         *,
         max_episode_steps: int | None = 1000,
         observation: Observation = "lidar",
+        action: Action = "continuous",
         frame_skip: int = 5,
-        **settings: Any,
+        render_mode: str | None = None,
     ) -> None:
-        """`settings`: see `Settings`. Raises `SpecError` for wrong ones, `GlUnavailable` for images without OpenGL."""
-        checked = Settings("lane_keeping", observation, frame_skip=frame_skip, **settings)
+        """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
+        checked = Settings("lane_keeping", observation, action, frame_skip, render_mode)
         super().__init__(LaneKeeping(frame_skip, checked_cars(cars)), checked, max_episode_steps)
         self._has_camera = observation == "camera"
         self.rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)

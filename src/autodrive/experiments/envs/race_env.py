@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
+from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.conditions import Conditions, Drive, Range
 from autodrive.experiments.envs.parallel_env import Cars, checked_cars
 from autodrive.experiments.envs.settings import Action, Settings
@@ -34,6 +35,7 @@ class RaceParallelEnv(Cars):
         "is_parallelizable": True,
     }
 
+    @with_suggestions
     def __init__(
         self,
         cars: int = 4,
