@@ -13,6 +13,8 @@ from autodrive.base.errors import SpecError
 from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.conditions import Conditions, Drive, Range
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.settings import Action
+from autodrive.experiments.envs.task import Observation
 from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
 
 if TYPE_CHECKING:
@@ -46,13 +48,28 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         mass: Range = 1.0,
         noise: Range = 0.0,
         latency: Range = 0.0,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        observation: Observation | None = None,
+        action: Action = "continuous",
         frame_skip: int = 5,
-        **settings: Any,
+        threads: int | None = None,
+        render_mode: str | None = None,
     ) -> None:
-        """`settings`: see `DrivingVectorEnv`. Raises as it does."""
+        """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
         self.conditions = Conditions(friction, mass, noise, latency)
         task = TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length, radius=track_radius)
-        super().__init__(num_envs, task, frame_skip=frame_skip, **settings)
+        super().__init__(
+            num_envs,
+            task,
+            max_episode_steps=max_episode_steps,
+            autoreset_mode=autoreset_mode,
+            observation=observation,
+            action=action,
+            frame_skip=frame_skip,
+            threads=threads,
+            render_mode=render_mode,
+        )
         self._driver = Drive(self.batch, frame_skip)
 
     @property
