@@ -2,20 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.suggest import suggest
 from autodrive.protocol.channels import SIGNALS, OwnSignal, Signal
-from autodrive.recording import records, wire
+from autodrive.recording import mcap, records, wire
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS
 
-if TYPE_CHECKING:
-    from autodrive.recording.recording import Recording
+
+class Messages(Protocol):
+    """The part of a Recording that is used here."""
+
+    @property
+    def vehicles(self) -> tuple[str, ...]:
+        """Names of the vehicles."""
+        ...
+
+    @property
+    def scan_message(self) -> wire.Message:
+        """The message of a scan."""
+        ...
+
+    @property
+    def own_message(self) -> wire.Message:
+        """The message of a reading of a sensor of the user."""
+        ...
+
+    def own_sensors(self, vehicle: str) -> dict[str, tuple[str, ...]]:
+        """Names of the sensors of the user on a vehicle, and the columns of each."""
+        ...
+
+    def messages_of(self, topic: str) -> list[bytes]:
+        """The data of all messages of a topic."""
+        ...
+
+    def log_times(self, topic: str) -> NDArray[np.float64]:
+        """Their times [s]."""
+        ...
+
+    def blocks(self, topics: Collection[str], start: float, end: float) -> Iterator[dict[str, list[mcap.Message]]]:
+        """Messages by topic, for each part of the file from a time to another [s]."""
+        ...
 
 
 class Signals(Mapping[str, NDArray[Any]]):
@@ -25,7 +57,7 @@ class Signals(Mapping[str, NDArray[Any]]):
     ('V1/own/radar') its samples. A missing reading is NaN.
     """
 
-    def __init__(self, recording: Recording, states: records.States) -> None:
+    def __init__(self, recording: Messages, states: records.States) -> None:
         self._recording = recording
         self._states = states
         self._cache: dict[str, NDArray[Any]] = {}

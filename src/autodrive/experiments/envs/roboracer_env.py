@@ -58,10 +58,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     ) -> None:
         """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
         self.conditions = Conditions(friction, mass, noise, latency)
-        task = TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length, radius=track_radius)
         super().__init__(
             num_envs,
-            task,
+            TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length, radius=track_radius),
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             observation=observation,
