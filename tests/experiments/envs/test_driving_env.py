@@ -139,7 +139,7 @@ def test_every_episode_starts_somewhere_else_and_at_rest(envs: dict[str, Driving
         (make, {"frame_skip": 2.5}, "frame_skip: must be a whole number of ticks from 1 to 50, not 2.5"),
         (make, {"render_mode": "rgb"}, "render_mode: 'rgb' is not known. Known: rgb_array, human."),
         (vectors, {"render_mode": "rgb_array"}, "render_mode 'rgb_array': a vector environment draws no images for "),
-        (vectors, {"autoreset_mode": "SAMESTEP"}, "autoreset_mode: 'SAMESTEP' is not known.*Did you mean 'SAME_STEP'"),
+        (vectors, {"autoreset_mode": "SAMESTEP"}, "autoreset_mode: 'SAMESTEP' is not known.*Did you mean 'SameStep'"),
         (vectors, {"observation": "lidra"}, ".* Did you mean 'lidar'"),
         (racer, {"friction": 0.0}, "friction: must be a number from 0.01 to 10"),
         (racer, {"latency": (0.3, 0.1)}, "latency: .* the lesser one first"),
