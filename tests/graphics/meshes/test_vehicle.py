@@ -81,8 +81,9 @@ def reach(asset: Asset, name: str, detail: Detail = "full") -> Floats:
 def test_each_level_of_detail_keeps_its_budget(
     names: tuple[str, ...], full: tuple[int, int], reduced: tuple[int, int]
 ) -> None:
+    limits: dict[Detail, tuple[int, int]] = {"full": full, "reduced": reduced, "shadow": (100, 1_000)}
     for name in names:
-        for detail, (least, most) in (("full", full), ("reduced", reduced), ("shadow", (100, 1_000))):
+        for detail, (least, most) in limits.items():
             assert least <= car(name).triangle_count(detail) <= most, (name, detail)
 
 
