@@ -84,6 +84,8 @@ def test_the_centre_line_of_a_map_alone_is_found(bean: Track, folder: Path) -> N
     reverse, _ = import_track(folder / "bean_map.yaml", ImportOptions(is_reversed=True, start=(0.0, 2.2)))
     assert bean.project(*reverse.start_pose[:2])[0] == pytest.approx(bean.project(0.0, 2.2)[0], abs=0.2)
     assert abs(math.remainder(reverse.start_pose[2], 2.0 * math.pi)) < 0.3  # at the top, clockwise: along +x
+    with pytest.raises(SpecError, match=r"not free at \(0\.00, 1\.55\), .*: the start point is on a wall or outside"):
+        import_track(folder / "bean_map.yaml", ImportOptions(start=(0.0, 1.55)))
 
 
 def test_a_folder_in_the_older_layout_of_f1tenth_racetracks_is_read(bean: Track, folder: Path) -> None:

@@ -110,8 +110,11 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
             )
         known = rows[0] if rows is not None else race[0, 1:] if race is not None else None
         inside = options.start if known is None else (float(known[0]), float(known[1]))
+        hint = "the map and the centre line have different origins, or negate is wrong"
+        if known is None:
+            hint = "the start point is on a wall or outside of the track"
         try:
-            walls = _walls(ros_map, inside, options)
+            walls = _walls(ros_map, inside, options, hint)
         except SpecError as error:
             raise SpecError(error.errors, str(path)) from None
     if rows is None:
@@ -153,8 +156,10 @@ def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> lis
     return paths
 
 
-def _walls(ros_map: RosMap, inside: tuple[float, float] | None, options: ImportOptions) -> tuple[Floats, ...]:
-    """The contours around the free area that contains a point, in the map frame."""
+def _walls(
+    ros_map: RosMap, inside: tuple[float, float] | None, options: ImportOptions, hint: str
+) -> tuple[Floats, ...]:
+    """The contours around the free area that contains a point, in the map frame; `hint`: why it may not be free."""
     spec = ros_map.spec
     tolerance, gap = options.tolerance / spec.resolution, options.gap / spec.resolution
     if inside is None:
@@ -167,7 +172,6 @@ def _walls(ros_map: RosMap, inside: tuple[float, float] | None, options: ImportO
     found = free_area(lines, (place.x, place.y), tolerance, gap) if place else []
     if not found and inside:
         text = f"the map is not free at ({inside[0]:.2f}, {inside[1]:.2f}), where the start line is"
-        hint = "the map and the centre line have different origins, or negate is wrong"
         raise SpecError([f"{text}: {hint}"])
     if not found:
         raise SpecError(["the map has no free area that is a ring; give a start point or a centre line"])
