@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 from autodrive.base.cache import check_writable, write_file
+from autodrive.base.errors import CommandError
 from autodrive.base.jit import compiling
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.files import built_page
@@ -132,6 +133,8 @@ def simulate(
     another thread ends the run. Several runs in one process may follow each other. Raises `AutodriveError`, for example
     for an unknown scenario or a port that is in use.
     """
+    if not isinstance(options, RunOptions | None):
+        raise CommandError(f"simulate() needs RunOptions, such as RunOptions('plane'), not {options!r}")
     options, stop, observer = options or RunOptions(), stop or StopRequest(), observer or RunObserver()
     if options.summary is not None:
         check_writable(options.summary)  # before a long run, not after it

@@ -115,6 +115,7 @@ class World(OneThread):
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
         c, controls = compiled, self._controls
+        c.sensors.compile_ahead()  # beside `advance`, which takes as long to compile
         self._advance = resolved(
             advance,
             c.model,

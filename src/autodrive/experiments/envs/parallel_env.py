@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from autodrive.base.errors import EngineError, SpecError
+from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
@@ -36,6 +37,7 @@ class DrivingParallelEnv(ParallelEnv[str, Any, Any]):
         "is_parallelizable": True,
     }
 
+    @with_suggestions
     def __init__(
         self,
         cars: int = 4,

@@ -11,6 +11,7 @@ from pettingzoo import ParallelEnv
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
+from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.conditions import Conditions, Drive, Range
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.parallel_env import FEWEST, MOST
@@ -36,6 +37,7 @@ class RaceParallelEnv(ParallelEnv[str, Any, Any]):
         "is_parallelizable": True,
     }
 
+    @with_suggestions
     def __init__(
         self,
         cars: int = 4,

@@ -108,10 +108,10 @@ class Policy:
         raise SpecError([f"policy '{name[:80]}' is not known. {suggest(name, known)} Or give an .npz file"])
 
     @classmethod
-    def load(cls, file: Path) -> Policy:
+    def load(cls, file: str | Path) -> Policy:
         """Read a file. Raises `SpecError` if it is missing or no policy."""
         try:
-            arrays = _arrays(file)
+            arrays = _arrays(Path(file))
             about = json.loads(str(arrays["about"]))
             count = sum(name.startswith("weight_") for name in arrays)
             layers = tuple((_real(arrays[f"weight_{k}"]), _real(arrays[f"bias_{k}"])) for k in range(count))
