@@ -18,7 +18,7 @@ from autodrive.scenario.tracks import checks
 from autodrive.scenario.tracks.contours import contours, free_area
 from autodrive.scenario.tracks.line import closed_line
 from autodrive.scenario.tracks.ros_map import RosMap, read_ros_map, write_ros_map
-from autodrive.scenario.tracks.shape import resampled, straightest, walls_along
+from autodrive.scenario.tracks.shape import heading, resampled, steps, straightest, walls_along
 from autodrive.scenario.tracks.tables import read_centre_line, read_race_line, write_centre_line, write_race_line
 from autodrive.scenario.tracks.track import POINT_GAP, BarrierSpec, Track
 
@@ -180,14 +180,14 @@ def _walls(
 
 def _cleaned(rows: Floats, path: Path, warnings: list[str]) -> Floats:
     """The points without those that are equal to the one before; the first one is not repeated."""
-    steps = np.hypot(*(np.roll(rows[:, :2], -1, axis=0) - rows[:, :2]).T)
-    kept = rows[steps >= 2.0 * POINT_GAP]
+    gaps = steps(rows[:, :2])
+    kept = rows[gaps >= 2.0 * POINT_GAP]
     if len(kept) < 4:
         raise SpecError(["the points of the centre line are all at the same place"], str(path))
-    if steps[-1] < 2.0 * POINT_GAP:
+    if gaps[-1] < 2.0 * POINT_GAP:
         warnings.append("the first point of the centre line was repeated at the end; it is left out there")
-        kept = rows[:-1][steps[:-1] >= 2.0 * POINT_GAP]
-    gap, usual = float(np.hypot(*(kept[0] - kept[-1])[:2])), float(np.median(steps))
+        kept = rows[:-1][gaps[:-1] >= 2.0 * POINT_GAP]
+    gap, usual = float(np.hypot(*(kept[0] - kept[-1])[:2])), float(np.median(gaps))
     if gap > 20.0 * usual + 1.0:
         text = (
             f"the centre line is not closed: its last point is {gap:.2f} m from the first one, the others {usual:.2f} m"
@@ -213,8 +213,8 @@ def _along(rows: Floats, race: Floats) -> Floats:
     """The centre line in the direction of a race line, from its first point on."""
     points, race_points = rows[:, :2], race[:, 1:3]
     nearest = np.array([int(np.argmin(np.hypot(*(points - point).T))) for point in race_points])
-    steps = np.diff(nearest)
-    forward = np.sum(steps - len(rows) * np.round(steps / len(rows)))
+    along = np.diff(nearest)
+    forward = np.sum(along - len(rows) * np.round(along / len(rows)))
     start = float(race_points[0, 0]), float(race_points[0, 1])
     return _turned(rows, ImportOptions(start=start, is_reversed=bool(forward < 0)))
 
@@ -269,11 +269,11 @@ def _split(line: BaseGeometry) -> Floats:
 def _race_line(path: Path, warnings: list[str]) -> Floats:
     """The rows of the file, without a repeated first point."""
     rows = read_race_line(path)
-    steps = np.hypot(*(np.roll(rows[:, 1:3], -1, axis=0) - rows[:, 1:3]).T)
-    if steps[-1] < 2.0 * POINT_GAP:
+    gaps = steps(rows[:, 1:3])
+    if gaps[-1] < 2.0 * POINT_GAP:
         warnings.append("the first point of the race line was repeated at the end; it is left out there")
-        rows, steps = rows[:-1], steps[:-1]
-    return rows[steps >= 2.0 * POINT_GAP]
+        rows, gaps = rows[:-1], gaps[:-1]
+    return rows[gaps >= 2.0 * POINT_GAP]
 
 
 def _with_race_line(track: Track, rows: Floats, warnings: list[str]) -> Track:
@@ -284,7 +284,7 @@ def _with_race_line(track: Track, rows: Floats, warnings: list[str]) -> Track:
     if text := checks.psi_problem(rows):
         warnings.append(f"{text}; psi is computed from the points")
         rows = rows.copy()
-        rows[:, 3] = checks.direction(rows[:, 1:3])
+        rows[:, 3] = heading(rows[:, 1:3])
     at = np.array([s for s, _ in checks.placed(rows, track)])
     rows = np.roll(rows, -int(np.argmin(at)), axis=0)
     rows[:, 0] = closed_line(rows[:, 1:3]).along[:-1]
