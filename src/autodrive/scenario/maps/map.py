@@ -277,21 +277,14 @@ def _bays(placed: list[PlacedModule]) -> tuple[ParkingBay, ...]:
 
 
 def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> LaneGraph:
-    """At a pair of connected ports, lanes that leave one port share a node with lanes that enter the other."""
+    """At a pair of connected ports, lanes that leave one port end where lanes that enter the other start."""
     pieces: list[Piece] = []
     for i, one in enumerate(placed):
-        yaw = {port.name: port.pose[2] for port in one.ports}
         for (port_in, port_out), points in zip(one.module.spec.lanes, one.lanes, strict=True):
             met = joins.get((i, port_out))
             end = ("in", met) if met else ("out", (i, port_out))
-            yaws = (_wrapped(yaw[port_in] + math.pi), _wrapped(yaw[port_out]))
-            pieces.append(Piece(f"{one.name}:{port_in}>{port_out}", points, yaws, ("in", (i, port_in)), end))
+            pieces.append(Piece(f"{one.name}:{port_in}>{port_out}", points, ("in", (i, port_in)), end))
     return lane_graph(pieces)
-
-
-def _wrapped(angle: float) -> float:
-    """The angle wrapped to [-pi, pi] [rad]."""
-    return math.remainder(angle, 2.0 * math.pi)
 
 
 def _bounds(

@@ -15,7 +15,7 @@ import numpy as np
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 from autodrive.scenario.tracks.line import closed_line
-from autodrive.scenario.tracks.shape import ahead, curvature, heading, resampled, steps
+from autodrive.scenario.tracks.shape import ahead, curvature, heading, resampled
 from autodrive.scenario.tracks.track import Track
 
 STEP = 0.2
@@ -65,11 +65,6 @@ def race_line(track: Track, limits: CarLimits) -> Floats:
     acceleration = (np.roll(speed, -1) ** 2 - speed**2) / (2.0 * np.diff(line.along))
     rows = np.column_stack([line.along[:-1], points, heading(points), kappa, speed, acceleration])
     return np.round(rows, 4) + 0.0
-
-
-def lap_time(rows: Floats) -> float:
-    """Time of a lap on a race line at its speeds [s]."""
-    return float(np.sum(2.0 * steps(rows[:, 1:3]) / (rows[:, 5] + np.roll(rows[:, 5], -1))))
 
 
 def speeds(gaps: Floats, kappa: Floats, limits: CarLimits) -> Floats:
