@@ -8,6 +8,7 @@ import os
 import pty
 import re
 import signal
+import statistics
 import subprocess
 import sys
 import threading
@@ -154,6 +155,7 @@ def test_a_vehicle_at_night_has_its_lamps_on(tmp_path: Path) -> None:
     assert call("show", "nigel", "--night", "--3d", "night.png", cwd=tmp_path).returncode == 0
     picture = decode_png((tmp_path / "night.png").read_bytes())
     assert (picture.max(2) > 128).mean() > 0.02
+    assert statistics.median(picture[60:150, 95:205].max(2).ravel()) > 20, "the car itself is nearly black"
 
 
 @needs_gl

@@ -110,3 +110,6 @@ def test_every_control_can_be_reached_and_panels_do_not_overlap(panels: Tab) -> 
             is_above = a["y"] + a["height"] <= b["y"] or b["y"] + b["height"] <= a["y"]
             assert is_beside or is_above, f"{name} and {other} overlap at {width} x {height}"
         assert panels.page.evaluate("() => document.documentElement.scrollWidth") <= width
+        text = panels.get("log").locator("td").last.bounding_box()
+        assert text is not None
+        assert text["width"] > 170, f"the text of the log is a few words wide at {width} x {height}"

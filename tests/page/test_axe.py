@@ -106,6 +106,8 @@ def test_keys_of_the_help_fit_their_caps(plane: PageServer, tab: Tab) -> None:
             }).map((dt) => dt.textContent)"""
         )
         assert too_wide == []
+        lefts = "() => [...document.querySelectorAll('.help-body dd')].map((dd) => dd.getBoundingClientRect().left)"
+        assert len(set(tab.page.evaluate(lefts))) == (2 if size[0] > 640 else 1), "columns"
         tab.page.keyboard.press("?")
 
 

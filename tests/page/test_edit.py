@@ -10,7 +10,7 @@ import autodrive
 from autodrive.base.transforms import euler_from_quaternion
 from autodrive.protocol.messages import Pause, Resume, Step
 from tests.page.test_driving import yaw
-from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, SHOW_CARDS, TEXTS, WRONG_TARGETS, overlap
+from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, SHOW_CARDS, TEXTS, WRONG_TARGETS, box, overlap
 from tests.support.command_line import call
 from tests.support.page import NewTab, PageServer, Tab
 
@@ -134,8 +134,10 @@ def test_a_place_outside_the_walls_is_shown_with_a_warning_and_a_refused_one_lea
     editing.wait_until(lambda: is_seen(50.0, 0.0))
     editing.get("edit-selection").select_option("barrier_1")
     editing.wait_until(lambda: editing.value("store.selection.value") == "barrier_1")
-    box = mini_map.frame.objects["barrier_1"].pose.position
-    editing.wait_until(lambda: is_seen(box[0], box[1]))
+    barrier = mini_map.frame.objects["barrier_1"].pose.position
+    editing.wait_until(lambda: is_seen(barrier[0], barrier[1]))
+    # also in the field that has the focus
+    editing.wait_until(lambda: float(x.input_value()) == pytest.approx(barrier[0], abs=1e-3))
     editing.get("edit-selection").select_option("V1")
     for value, problem in (("1e9", "X must be at most 10000."), ("", "A position and a heading are numbers.")):
         x.fill(value)
@@ -222,6 +224,7 @@ def test_all_controls_of_edit_mode_are_reached_on_a_touch_screen(
     tab.wait_until(lambda: tab.get("edit-bar").is_visible())
     assert tab.get("edit").is_visible() == (size[0] > 719)
     assert tab.page.evaluate(WRONG_TARGETS) == []
+    assert size[0] <= 719 or box(tab.get("edit-bar"))["bottom"] - box(tab.get("edit-bar"))["top"] < 70, "two rows"
     tab.click("edit-details")
     tab.wait_until(lambda: tab.get("edit").is_visible() == (size[0] <= 719))
     assert tab.page.evaluate(WRONG_TARGETS) == []

@@ -162,6 +162,11 @@ def test_touch_screens_reach_all_controls(plane: PageServer, new_tab: NewTab, si
     assert place["bottom"] <= size[1]
     tab.click("help-close")
     assert tab.page.evaluate("() => document.documentElement.scrollWidth") <= size[0]
+    for panels in ((), ("menu",), ("hud",)):
+        tab.show(*panels)
+        tab.page.evaluate("() => { autodrive.store.notice.value = 'A notice of a few words that is read in one go' }")
+        notice = tab.page.locator(".notice").last
+        assert not any(overlap(notice, other) for other in (*pads.values(), tab.get("touch-camera")))
 
 
 def test_a_phone_shows_speed_buttons_and_readable_notices_and_its_help_begins_with_touch(
@@ -182,11 +187,13 @@ def test_a_phone_shows_speed_buttons_and_readable_notices_and_its_help_begins_wi
     tab.wait_until(lambda: tab.value("store.status.value.recording.state") == "recording")
     tab.click("touch-record")
     tab.wait_for_notice("Recorded ")
+    tab.page.evaluate(SHOW_CARDS)  # which a panel hides
     for panel in ("menu", "hud"):
         tab.show(panel)
         tab.page.evaluate("() => { autodrive.store.notice.value = 'A notice of a few words that is read in one go' }")
         notice = box(tab.page.locator(".notice").last)
         assert notice["right"] - notice["left"] > 250
+        assert notice["top"] > 400, "it covers the speed"
     tab.click("help")
     headings = tab.get("help-dialog").locator("h3").all_text_contents()
     assert headings[:2] == ["Touch", "Drive"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from copy import deepcopy
 from typing import Any
 
@@ -14,6 +15,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from autodrive.base.errors import SpecError
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.registration import ROBORACER
 
 TASKS = {"NigelLaneKeeping-v0": "state", "NigelParking-v0": "lidar", "NigelNavigation-v0": "state"}
 """With the observation that the other tests do not use."""
@@ -29,11 +31,17 @@ def equal(a: Any, b: Any) -> bool:
     return data_equivalence(a, b, exact=True)
 
 
-@pytest.mark.parametrize("mode", AutoresetMode)
-@pytest.mark.parametrize("id_", TASKS)
+CONDITIONS = {"friction": (0.6, 1.0), "mass": (0.9, 1.2), "noise": (0.0, 2.0), "latency": (0.0, 0.06)}
+
+
+@pytest.mark.parametrize(
+    ("id_", "mode"), [*itertools.product(TASKS, AutoresetMode), (ROBORACER, AutoresetMode.SAME_STEP)]
+)
 def test_a_vector_environment_has_the_bits_of_single_ones(id_: str, mode: AutoresetMode) -> None:
     settings: dict[str, Any] = {"frame_skip": 10, "max_episode_steps": 12}
-    if mode == AutoresetMode.SAME_STEP:
+    if id_ == ROBORACER:
+        settings |= CONDITIONS
+    elif mode == AutoresetMode.SAME_STEP:
         settings |= {"observation": TASKS[id_], "action": "discrete"}
     ours = vector_env(id_, 3, autoreset_mode=mode, **settings)
     assert ours.metadata["autoreset_mode"] is mode

@@ -172,10 +172,14 @@ def test_an_unknown_policy_is_refused_with_those_that_there_are() -> None:
 
 @pytest.mark.process
 def test_the_command_plays_in_a_race_and_as_a_devkit_script(tmp_path: Path) -> None:
-    arguments = ("play", "race", "practice", "--laps", "1", "--lockstep", "--headless", "-o", "result")
-    done = call(*arguments, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "| 1 | race |" in done.stdout
+    for policy, name in (("mine/policy.npz", "mine"), ("race", "race")):  # each training writes a `policy.npz`
+        if policy != name:
+            (tmp_path / name).mkdir()
+            Policy.find("race").save(tmp_path / policy)
+        arguments = ("play", policy, "practice", "--laps", "1", "--lockstep", "--headless", "-o", "result")
+        done = call(*arguments, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert f"| 1 | {name} |" in done.stdout
     played = json.loads((tmp_path / "result" / "result.json").read_text())
     with Server(responder(Policy.find("race")), port=0) as server:
         options = RaceOptions("practice", (("127.0.0.1", server.port),), rules="practice", laps=1)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+import signal
+import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -197,13 +200,34 @@ def policy_file(driver: str, folder: Path) -> Path | None:
     return included if included.is_file() and not own.is_file() else own
 
 
-def loading_problem(folder: Path, file: str, name: str) -> str:
-    """Why a class or function of the user's file cannot be loaded, with its line; empty if it can."""
+def _loading_problem(folder: Path, file: str, name: str, limit: float) -> str:
+    """Why a class or function of the user's file cannot be loaded within a time [s]; empty if it can."""
+    if not (folder / file).is_file():
+        return f"file '{file}' does not exist"
     try:
-        load(folder / file, name)
+        with _limited(limit, f"'{file}' was not loaded within {limit:g} s (the key 'time_limit')"):
+            load(folder / file, name)
     except (Exception, SystemExit) as error:
         return error_text(error, folder)
     return ""
+
+
+@contextlib.contextmanager
+def _limited(limit: float, text: str) -> Iterator[None]:
+    """Raises `TimeoutError` with that text after the wall time `limit` [s], where the system can interrupt a thread."""
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def end(*_: object) -> None:
+        raise TimeoutError(text)
+
+    handler, timer = signal.signal(signal.SIGALRM, end), signal.setitimer(signal.ITIMER_REAL, limit)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, *timer)
+        signal.signal(signal.SIGALRM, handler)
 
 
 def error_text(error: BaseException, folder: Path) -> str:
@@ -226,8 +250,8 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
     """What is wrong beside the scenario: places and texts."""
     for i, name in enumerate(spec.metrics):
         if found := FUNCTION.fullmatch(name):
-            if not (folder / found["file"]).is_file():
-                yield ("metrics", i), f"file '{found['file']}' does not exist"
+            if problem := _loading_problem(folder, found["file"], found["name"], spec.time_limit):
+                yield ("metrics", i), problem
         elif name not in METRICS:
             yield ("metrics", i), f"'{name}' is not known. {suggest(name, sorted(METRICS))}"
     columns = [name.rpartition(":")[2] for name in spec.metrics]
@@ -239,9 +263,7 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
         except ValueError as error:
             yield ("pass",), str(error)
     if found := FUNCTION.fullmatch(spec.driver):
-        if not (folder / found["file"]).is_file():
-            yield ("driver",), f"file '{found['file']}' does not exist"
-        elif problem := loading_problem(folder, found["file"], found["name"]):
+        if problem := _loading_problem(folder, found["file"], found["name"], spec.time_limit):
             yield ("driver",), problem
     elif policy := policy_file(spec.driver, folder):
         try:

@@ -53,25 +53,23 @@ class Distance(Metric):
 class Collisions(Metric):
     """Collisions of the vehicle."""
 
+    kind: type[Collision | OffRoad | LapCompleted] = Collision
+
     def observe(self, frame: Frame) -> None:  # noqa: D102
         for event in frame.events:
-            self.amount += isinstance(event, Collision) and event.vehicle == self.scene.vehicle
+            self.amount += isinstance(event, self.kind) and event.vehicle == self.scene.vehicle
 
 
-class Departures(Metric):
+class Departures(Collisions):
     """How often the vehicle left the drivable area."""
 
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        for event in frame.events:
-            self.amount += isinstance(event, OffRoad) and event.vehicle == self.scene.vehicle
+    kind = OffRoad
 
 
-class Laps(Metric):
+class Laps(Collisions):
     """Laps that the vehicle completed; needs a race track."""
 
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        for event in frame.events:
-            self.amount += isinstance(event, LapCompleted) and event.vehicle == self.scene.vehicle
+    kind = LapCompleted
 
 
 class LapTime(Metric):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import math
 from collections import OrderedDict, deque
@@ -38,6 +39,8 @@ class Result:
     """'time', or the name of the event that ended it."""
     time: float = 0.0
     """Simulated time [s]."""
+    digest: int = 0
+    """Of end, metrics and last poses: whether two runs differ."""
     error: str = ""
     """Why there is no result; empty if there is one."""
     recording: str = ""
@@ -153,7 +156,8 @@ class Runner:
             if frame.events and (ended := self._ended(frame)):
                 end = ended
                 break
-        return Result(run.number, {name: float(one.value()) for name, one in metrics.items()}, end, world.time)
+        values = {name: float(one.value()) for name, one in metrics.items()}
+        return Result(run.number, values, end, world.time, _digest(frame, end, values))
 
     def _ended(self, frame: Frame) -> str:
         """The event that ends the run, if any."""
@@ -187,6 +191,14 @@ def _pose(placed: Any, given: Mapping[str, float]) -> tuple[float, float, float]
     """x, y [m] and yaw [rad] of a vehicle or a box, with the values that are given."""
     x, y, yaw_deg = (given.get(key, getattr(placed, key)) for key in ("x", "y", "yaw_deg"))
     return x, y, math.radians(yaw_deg)
+
+
+def _digest(frame: Frame, *results: object) -> int:
+    """Of the last poses and of other results, in 8 bytes."""
+    poses = [one.pose for one in (*frame.vehicles.values(), *frame.objects.values())]
+    data = b"".join(part.tobytes() for pose in poses for part in (pose.position, pose.orientation))
+    data += repr((frame.time, *results)).encode()
+    return int.from_bytes(hashlib.blake2b(data, digest_size=8).digest(), signed=True)
 
 
 def _reason(error: BaseException, folder: Path) -> str:

@@ -57,14 +57,7 @@ class TimeTrial(Task):
         Feature("side_speed", -10.0, 10.0, "speed to the left [m/s]"),
         Feature("yaw_rate", -20.0, 20.0, "[rad/s], left positive"),
         Feature("steering", -1.0, 1.0, "angle of the steering actuator [rad], left positive"),
-        Feature("offset", -2.0, 2.0, "distance from the centre line [m], left of it positive"),
-        Feature("direction_cos", -1.0, 1.0, "cosine of the angle from the car to the direction of the track"),
-        Feature("direction_sin", -1.0, 1.0, "sine of that angle, left positive"),
-        *(
-            Feature(f"ahead_{distance:g}_{axis}", -5.0, 5.0, f"{axis} of the track {distance:g} m on, vehicle frame")
-            for distance in PREVIEW
-            for axis in "xy"
-        ),
+        *path.line_features(PREVIEW, "track", 5.0, most_offset=2.0),
     )
     known = KNOWN
     observation = "lidar"
