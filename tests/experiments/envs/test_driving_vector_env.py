@@ -125,7 +125,7 @@ def test_an_unstable_world_ends_its_episode_only() -> None:
     ("settings", "error"),
     [
         ({"render_mode": "rgb_array"}, "render_mode 'rgb_array': a vector environment draws no images for people"),
-        ({"autoreset_mode": "SAMESTEP"}, "autoreset_mode: 'SAMESTEP' is not known.*Did you mean 'SAME_STEP'"),
+        ({"autoreset_mode": "SAMESTEP"}, "autoreset_mode: 'SAMESTEP' is not known.*Did you mean 'SameStep'"),
         ({"observation": "lidra"}, "Did you mean 'lidar'"),
     ],
 )
