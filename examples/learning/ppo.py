@@ -1,7 +1,7 @@
 """Learns to drive from nothing, on a laptop without a GPU: PPO in JAX on the batched environments.
 
 Install it, train, and watch the result:
-    pip install '.[envs,learn]'
+    pip install -e '.[envs,learn]'
     python examples/learning/ppo.py race --seed 1 --output runs/race
     autodrive play runs/race/policy.npz practice
 

@@ -242,7 +242,7 @@ def test_check_reports_the_faults_of_all_kinds_in_one_pass(tmp_path: Path) -> No
         r"vehicles\.V4\.yaw \(line 7\): 'yaw' is not a known key\. .*Did you mean 'yaw_deg'\?",
         r"map \(line 2\): .*placement 2 'curve_9' \(line 4\): module 'curve_9' is not known\. .*\(street\.yaml\)",
         r"vehicles\.V5\.type \(line 8\): vehicle 'nigle' is not known\. .*Did you mean 'nigel'\?",
-        r"vehicles\.V3 \(line 6\): \(50, 0\) is outside the walls of map 'street', which enclose x from -1 to 2 m",
+        r"warning: V3 \(line 6\) at \(50, 0\) is outside the walls of map 'street', which enclose x from -1 to 2 m",
         r"box 'a' \(line 10\) overlaps box 'b' \(line 11\) by 80 cm\^2",
         r"box 'c' \(line 12\) overlaps 'wall_2'",
         r"vehicles\.V2 \(line 5\): 'V1' and 'V2' overlap at the start",

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import typer
 
 from autodrive.base.cache import PACKAGE
+from autodrive.base.child_process import cpu_count
 from autodrive.base.installation import DISTRIBUTION, checkout, mujoco_error, mujoco_fix, pip, version_of
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
@@ -169,8 +170,7 @@ def _opengl() -> Check:
 
 
 def _machine() -> Check:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Check("machine", True, f"{platform.system()} {platform.machine()}, {cores} cores")
+    return Check("machine", True, f"{platform.system()} {platform.machine()}, {cpu_count()} cores")
 
 
 def _page() -> Check:

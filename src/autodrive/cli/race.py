@@ -5,13 +5,11 @@ from __future__ import annotations
 import logging
 import signal
 from collections.abc import Callable
-from datetime import datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from autodrive.cli.options import Host, Port
+from autodrive.cli.options import Headless, Host, Noise, Port, Record, ResultsFolder, results_folder
 from autodrive.cli.run import address
 
 if TYPE_CHECKING:
@@ -43,9 +41,7 @@ def race(
         int | None, typer.Option(min=1, max=1000, help="Laps that count.  [default: those of the rules]")
     ] = None,
     vehicle: Annotated[str, typer.Option(help="Name or file of the vehicles.")] = "roboracer",
-    noise: Annotated[
-        bool, typer.Option("--noise/--no-noise", help="LIDAR and IMU have the noise of their data sheets.")
-    ] = False,
+    noise: Noise = False,
     lockstep: Annotated[
         bool,
         typer.Option(
@@ -61,21 +57,15 @@ def race(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results.  [default: race_DATE_TIME]"),
-    ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.mcap", help="Record the race in that file; see: autodrive replay --help."),
-    ] = None,
+    output: ResultsFolder = None,
+    record: Record = None,
     cameras: Annotated[
         bool, typer.Option("--cameras/--no-cameras", help="Render camera images; otherwise they are black.")
     ] = False,
     start_limit: Annotated[
         float, typer.Option(metavar="S", min=0.1, help="Wall time in which each script must answer first.")
     ] = 60.0,
-    headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page.")] = False,
+    headless: Headless = False,
     host: Host = "127.0.0.1",
     port: Port = None,
 ) -> None:
@@ -86,7 +76,6 @@ def race(
     from autodrive.run.race import RaceOptions
     from autodrive.run.race import race as run_race
 
-    now = datetime.now()
     options = RaceOptions(
         track=track,
         devkits=tuple(address(text) for text in devkit or ()),
@@ -100,7 +89,7 @@ def race(
         pace=pace,
         seed=seed,
         start_limit=start_limit,
-        output=output or Path(f"race_{now:%Y-%m-%d_%H-%M-%S}"),
+        output=results_folder(output),
         record=record,
         cameras=cameras,
         has_page=not headless,
@@ -112,12 +101,9 @@ def race(
 
 def show_race(options: RaceOptions, start: Callable[[StopRequest, RunObserver], RaceResult]) -> None:
     """Start a race, show its status until it has ended, and print the standings."""
-    from rich.console import Console
-
     from autodrive.cli.status import StatusDisplay
     from autodrive.run.runner import StopRequest
 
-    console = Console(stderr=True, highlight=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[logging.StreamHandler()])
     stop = StopRequest()
 
@@ -126,9 +112,8 @@ def show_race(options: RaceOptions, start: Callable[[StopRequest, RunObserver], 
             raise KeyboardInterrupt
         stop.set(signal.Signals(number).name)
 
-    with console.status("loading the track") as line:
-        title = f"race on '{options.track}' by the rules '{options.rules}'"
-        display = StatusDisplay(console, line, title, opens_browser=True, on_start=lambda _: None)
+    title = f"race on '{options.track}' by the rules '{options.rules}'"
+    with StatusDisplay("loading the track", title) as display:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, end)
         result = start(stop, display)

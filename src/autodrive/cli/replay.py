@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import signal
 import threading
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from autodrive.cli.options import Browser, Host, Port, Token
+from autodrive.cli.options import Browser, Host, Port, RecordingFile, Token
 
 if TYPE_CHECKING:
     from autodrive.recording.replay import Replay
 
 
 def replay(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")],
+    file: RecordingFile,
     host: Host = "127.0.0.1",
     port: Port = None,
     token: Token = None,

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
-import autodrive
 from autodrive.base.cache import PACKAGE, cache_folder, sources
 from autodrive.base.python_files import FUNCTION
+from autodrive.base.version import __version__
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.runner import Result
@@ -98,7 +98,7 @@ def own_files(campaign: Campaign) -> set[Path]:
 
 def versions() -> tuple[str, ...]:
     """Versions of the packages that decide results; the last one is the hash of the sources of this package."""
-    return autodrive.__version__, version("mujoco-core"), version("numpy"), _package()
+    return __version__, version("mujoco-core"), version("numpy"), _package()
 
 
 def _package() -> str:

@@ -21,7 +21,7 @@ from autodrive.experiments.campaigns.sampling import Value
 from autodrive.experiments.campaigns.scene import Scene
 from autodrive.protocol.messages import Command, Frame
 from autodrive.world import World
-from autodrive.world.factory import make
+from autodrive.world.factory import new_world
 
 KEPT = 8
 """Compiled worlds that a process keeps."""
@@ -81,7 +81,7 @@ class Runner:
             self._worlds.move_to_end(key)
         else:
             descriptions = parameters.structural(self.campaign.descriptions, values)
-            self._worlds[key] = make(descriptions, cameras=self.campaign.spec.cameras)
+            self._worlds[key] = new_world(descriptions, cameras=self.campaign.spec.cameras)
             if len(self._worlds) > KEPT:
                 self._worlds.popitem(last=False)[1].close()
         return self._worlds[key]

@@ -20,8 +20,7 @@ from autodrive.experiments.envs.conditions import Range, is_range
 from autodrive.experiments.envs.path import follow, look_ahead
 from autodrive.experiments.envs.race_tracks import SPACING, RaceTracks
 from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
-from autodrive.physics.sensors.settings import SensorSettings
-from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
 
 TICK = 0.005
 """[s]: an action of five ticks lasts as long as a scan."""

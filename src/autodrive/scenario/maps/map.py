@@ -98,16 +98,6 @@ class Map:
     track: Track | None = None
     """The race track, if the map is one; its barriers are in `statics`."""
 
-    def outside(self, x: float, y: float) -> str:
-        """Says that a place [m] is outside the walls that enclose the roads; empty if it is not."""
-        if self.enclosure is None or self.enclosure.covers(shapely.Point(x, y)):
-            return ""
-        x0, y0, x1, y1 = self.enclosure.bounds
-        return (
-            f"({x:g}, {y:g}) is outside the walls of map '{self.name}', "
-            f"which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m"
-        )
-
 
 def load_map(name: str | Path | MapSpec) -> Map:
     """Load and compile the map with that name or path, or of a Spec. Raises `SpecError` with all errors."""

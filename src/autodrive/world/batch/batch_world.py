@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from autodrive.base.arrays import Floats, Integers
+from autodrive.base.child_process import cpu_count
 from autodrive.base.errors import CommandError
 from autodrive.base.jit import resolved
 from autodrive.base.suggest import suggest, with_suggestions
@@ -102,7 +102,7 @@ class BatchWorld(OneThread):
         self._specs = {
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
         }
-        count = min(threads or _processors(), math.ceil(n / BLOCK))
+        count = min(threads or cpu_count(), math.ceil(n / BLOCK))
         self._block = max(BLOCK, n // (BLOCKS * count))
         engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]
         self._threads = [new_thread(c, one, rays) for one in engines]
@@ -425,8 +425,3 @@ class BatchWorld(OneThread):
         for k, row in zip(chosen.tolist(), qpos, strict=True):
             for one, other in overlapping(self.compiled, row):
                 raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
-
-
-def _processors() -> int:
-    """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
