@@ -8,8 +8,6 @@ import json
 import random
 import re
 import struct
-import subprocess
-import sys
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -23,6 +21,7 @@ from numpy.typing import NDArray
 from autodrive.base.errors import SpecError
 from autodrive.base.png import encode_png
 from autodrive.experiments.policies import Policy
+from tests.support.command_line import python
 from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
 
@@ -120,10 +119,8 @@ def test_a_hostile_map_is_imported_or_refused_in_little_time_and_memory(tmp_path
         (tmp_path / name).write_bytes(data)
         paths.append(tmp_path / f"map_{number}.yaml")
         paths[-1].write_text(f"image: {name}\nresolution: {resolution:.1e}\norigin: [0.0, 0.0, 0.0]\n")
-    program = [sys.executable, "-c", PROGRAM, *map(str, paths)]
-    done = subprocess.run(program, check=False, capture_output=True, text=True, timeout=4.0 * LIMIT)
-    assert done.returncode == 0, done.stderr
-    for (name, (_, _, message)), line in zip(MAPS.items(), done.stdout.splitlines(), strict=True):
+    lines = python("-c", PROGRAM, *paths, limit=4.0 * LIMIT).splitlines()
+    for (name, (_, _, message)), line in zip(MAPS.items(), lines, strict=True):
         text, seconds, megabytes = json.loads(line)
         print(f"{name}: {seconds:.1f} s, {megabytes:.0f} MB, {text}")
         assert re.search(message, text) if message else text == "", name
