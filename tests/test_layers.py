@@ -23,6 +23,7 @@ from tests.support.layers import (
 FILES = layers.files()
 REAL_TIME = {
     "base/child_process.py",
+    "base/compile_ahead.py",
     "base/installation.py",
     "base/tcp_options.py",
     "graphics/cameras/jpeg.py",
@@ -33,8 +34,9 @@ REAL_TIME = {
     "world/batch/batch_world.py",
     "world/one_thread.py",
 }
-"""They render and encode images asynchronously, set options of connections, step worlds in several threads, refuse a
-second thread, or read the address of a package."""
+"""They compile beside this process, render and encode images asynchronously, set options of connections, step worlds in
+several threads, refuse a second thread, or read the address of a package."""
+
 IN_THE_TICK = [
     path
     for path in FILES
