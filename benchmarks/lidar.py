@@ -11,7 +11,7 @@ import itertools
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 import mujoco
@@ -77,15 +77,11 @@ def mujoco_scan(c: CompiledScenario, spec: LidarSpec) -> Callable[[], np.ndarray
     """Rays of MuJoCo from the same LIDAR, without its own vehicle; buffers are allocated once."""
     state, model, data = c.state, c.engine.model, c.engine.data
     q = state.vehicle_orientation[0]
-    start, lidar, turn = np.zeros(3), np.zeros(4), np.zeros(9)
-    mujoco.mju_rotVecQuat(start, np.array(spec.mount.position), q)
-    mujoco.mju_mulQuat(lidar, q, np.array(spec.mount.orientation))
-    mujoco.mju_quat2Mat(turn, lidar)
-    start += state.vehicle_position[0]
+    turn = rotation(q)
+    start = state.vehicle_position[0] + turn @ spec.mount.position
+    turn = turn @ rotation(spec.mount.orientation)
     angles = spec.angle_min + spec.angle_increment * np.arange(spec.rays)
-    directions = (
-        np.stack([np.cos(angles), np.sin(angles), np.zeros(spec.rays)], axis=1) @ turn.reshape(3, 3).T
-    ).ravel()
+    directions = (np.stack([np.cos(angles), np.sin(angles), np.zeros(spec.rays)], axis=1) @ turn.T).ravel()
     body = c.engine.body(next(iter(c.vehicles)))[0]
     geoms, distances = np.zeros(spec.rays, np.int32), np.zeros(spec.rays)
 
@@ -96,6 +92,13 @@ def mujoco_scan(c: CompiledScenario, spec: LidarSpec) -> Callable[[], np.ndarray
         return distances
 
     return run
+
+
+def rotation(q: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Matrix of a quaternion wxyz."""
+    w, (x, y, z) = q[0], q[1:]
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + 2.0 * (w * cross + cross @ cross)
 
 
 def medians(calls: list[Callable[[], object]]) -> list[float]:
