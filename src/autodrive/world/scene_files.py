@@ -81,7 +81,8 @@ class _Files:
 
     def plan(self, map_: Map) -> Plan:
         """The drawing of the map."""
-        svg = _plan(map_)
+        boxless = replace(map_, boxes=())  # boxes can be moved
+        svg = to_svg(boxless, pixels_per_metre=PLAN_RESOLUTION, overlays=("lanes",)).encode()
         name = f"plan-{hashlib.sha256(svg).hexdigest()[:16]}.svg"
         self.content[name] = svg
         return Plan(f"{FOLDER}/{name}", drawn_bounds(map_))
@@ -91,11 +92,6 @@ class _Files:
 def _box(size: tuple[float, float, float]) -> tuple[str, bytes]:
     """Kept in memory: each edit makes a new Scene with all the boxes of the last one."""
     return store.file("box", size)
-
-
-def _plan(map_: Map) -> bytes:
-    """The drawing without boxes, which can be moved."""
-    return to_svg(replace(map_, boxes=()), pixels_per_metre=PLAN_RESOLUTION, overlays=("lanes",)).encode()
 
 
 def _vehicle(spec: VehicleSpec, type_: str, sensors: dict[str, ConfiguredSensor], files: _Files) -> VehicleScene:

@@ -35,7 +35,6 @@ class Control(Protocol):
     @property
     def frame(self) -> Frame:
         """The latest Frame."""
-        ...
 
     def add_sink(self, sink: Sink) -> None:
         """Pass every Frame to `sink` from now on."""
@@ -48,7 +47,6 @@ class Control(Protocol):
 
     def request(self, request: Operation) -> object:
         """Execute an operation before the next tick. Raises `CommandError`."""
-        ...
 
 
 class Publisher:
