@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-import autodrive
+from autodrive.base.specs import joined
 from autodrive.base.yaml_files import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.scenario.descriptions import Descriptions
+from autodrive.world.factory import new_world
 
 if TYPE_CHECKING:
     from autodrive.connect.bridge.devkit import DevkitBridge
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from autodrive.world import World
     from autodrive.world.scene_files import SceneFiles
     from autodrive.world.simulation import Simulation
+
+log = logging.getLogger(__name__)
 
 WARM_UP = 0.5
 """Simulated time after which every sensor has sampled at least once [s]."""
@@ -56,6 +60,9 @@ class WorldLoader:
         while world.time < WARM_UP:  # every function and sensor runs once, so that nothing compiles during the run
             world.step()
         world.reset()
+        if not is_edited:  # the answer to an edit has them
+            for text in joined(world.warnings, {}):
+                log.warning("warning: %s", text)
         self._made[world] = name, cameras, is_edited
         if self._world is None:
             self._begin(world)
@@ -140,7 +147,7 @@ class WorldLoader:
     def _make(self, spec: ScenarioSpec | Descriptions) -> tuple[World, CameraMonitor | None]:
         options = self._options
         if options.pictures == "never":
-            return autodrive.make(spec), None
+            return new_world(spec), None
         from autodrive.run.camera_monitor import world_with_cameras
 
         return world_with_cameras(

@@ -7,9 +7,9 @@ import contextlib
 import math
 from typing import Any
 
-from autodrive import __version__
 from autodrive.base.errors import AutodriveError
 from autodrive.base.log_throttle import LogThrottle
+from autodrive.base.version import __version__
 from autodrive.connect.server.bridge_control import BridgeControl
 from autodrive.connect.server.broadcast import Broadcast
 from autodrive.connect.server.connected_client import ConnectedClient

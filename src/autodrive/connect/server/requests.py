@@ -11,6 +11,7 @@ from concurrent.futures import CancelledError, Future
 from typing import TYPE_CHECKING, NamedTuple
 
 from autodrive.base.errors import AutodriveError
+from autodrive.base.specs import joined
 from autodrive.base.suggest import suggest
 from autodrive.base.token_bucket import TokenBucket
 from autodrive.connect.server.driving import taken
@@ -18,6 +19,7 @@ from autodrive.connect.server.request_queue import BURST, MAX_PENDING, SHARE, En
 from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Operation, Place, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
+from autodrive.world.placement import warnings_about
 
 if TYPE_CHECKING:
     from autodrive.connect.server.bridge_control import BridgeControl
@@ -289,9 +291,8 @@ class Requests:
         match operation:
             case SaveScenario(title=title):
                 return self._simulation.scenario_text(title)
-            case Place(name=name, x=x, y=y) | AddBox(name=name, x=x, y=y):
-                outside = self._simulation.world.map.outside(x, y)
-                return outside and f"{name} at {outside}"
+            case Place(name=name) | AddBox(name=name):
+                return "\n".join(joined(warnings_about(name, self._simulation.world.warnings), {}))
         return ""
 
     def _check_step(self, client: ConnectedClient, step: Step) -> None:

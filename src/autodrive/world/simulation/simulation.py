@@ -40,7 +40,7 @@ from autodrive.protocol.messages import (
 from autodrive.protocol.native import Source
 from autodrive.world.editing.editor import Editor
 from autodrive.world.observer import Observer
-from autodrive.world.simulation.checks import check_request, check_speed, check_vehicle
+from autodrive.world.simulation.checks import check_request, check_speed, check_vehicle, check_world
 from autodrive.world.simulation.paced import Paced
 
 if TYPE_CHECKING:
@@ -83,6 +83,7 @@ class Simulation(Paced):
         clock: Clock | None = None,
     ) -> None:
         check_speed(speed)
+        check_world(world, type(self).__name__)
         super().__init__(world.frame, clock=clock, is_paused=is_paused, keeps_running=pause_on_error)
         self.world = world
         self.error = ""
