@@ -35,34 +35,42 @@ class BatchState(Protocol):
     @property
     def position(self) -> Floats:
         """Centre of the rear axle in the map [m], shape (n, v, 3)."""
+        ...
 
     @property
     def orientation(self) -> Floats:
         """Quaternion wxyz, map from vehicle, shape (n, v, 4)."""
+        ...
 
     @property
     def throttle(self) -> Floats:
         """Zero lights the brake lights, negative the reverse lights, shape (n, v)."""
+        ...
 
     @property
     def wheel_steering_angle(self) -> Floats:
         """[rad], shape (n, v, 4), as the following arrays."""
+        ...
 
     @property
     def wheel_rotation_angle(self) -> Floats:
         """[rad]."""
+        ...
 
     @property
     def wheel_angular_velocity(self) -> Floats:
         """[rad/s]; lights the reverse lights."""
+        ...
 
     @property
     def wheel_compression(self) -> Floats:
         """[m]."""
+        ...
 
     @property
     def object_pose(self) -> Floats:
         """Position [m] and quaternion wxyz of each movable box, shape (n, o, 7)."""
+        ...
 
 
 class BatchCamera:

@@ -57,7 +57,7 @@ class SceneFiles:
                 name: _vehicle(spec, world.spec.vehicles[name].type, world.sensors[name], files)
                 for name, spec in world.vehicle_specs.items()
             },
-            objects={name: files.add(*_box(box.size)) for name, box in world.boxes.items()},
+            objects={name: files.add(*box_file(box.size)) for name, box in world.boxes.items()},
             light_table=light_table(),
             scene_cameras=scene_cameras(),
             object_sizes={name: box.size for name, box in world.boxes.items()},
@@ -89,8 +89,8 @@ class _Files:
 
 
 @lru_cache(2 * MAX_BOXES)
-def _box(size: tuple[float, float, float]) -> tuple[str, bytes]:
-    """Kept in memory: each edit makes a new Scene with all the boxes of the last one."""
+def box_file(size: tuple[float, float, float]) -> tuple[str, bytes]:
+    """Name and content of the .glb file of a box, kept in memory: each edit makes a Scene with all the boxes again."""
     return store.file("box", size)
 
 

@@ -12,9 +12,11 @@ class Clock(Protocol):
 
     def now(self) -> float:
         """Time from any origin [s]; it never goes back."""
+        ...
 
     def wait(self, condition: threading.Condition, timeout: float | None) -> None:
         """Wait until `condition`, which is held, is notified, or for `timeout` [s] (None: without limit)."""
+        ...
 
 
 class WallClock:

@@ -35,6 +35,7 @@ class Control(Protocol):
     @property
     def frame(self) -> Frame:
         """The latest Frame."""
+        ...
 
     def add_sink(self, sink: Sink) -> None:
         """Pass every Frame to `sink` from now on."""
@@ -47,6 +48,7 @@ class Control(Protocol):
 
     def request(self, request: Operation) -> object:
         """Execute an operation before the next tick. Raises `CommandError`."""
+        ...
 
 
 class Publisher:
