@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from unittest import mock
 
 from autodrive.cli import main
@@ -28,6 +28,14 @@ class Result(NamedTuple):
     returncode: int
     stdout: str
     stderr: str
+
+
+def python(*words: object, limit: float = LIMIT, **options: Any) -> str:
+    """What Python in another process prints, which must end without an error. `options`: of `subprocess.run`."""
+    command = [sys.executable, *map(str, words)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=limit, **options)
+    assert done.returncode == 0, (done.returncode, done.stderr[-3000:])
+    return done.stdout
 
 
 class OutputOfThisThread(io.StringIO):

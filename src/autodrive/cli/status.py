@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 CALLS_PER_LOG_LINE = 50
 """Without a terminal, the status is printed at every 50th call only: every ten seconds."""
-SILENCE = 4.0
+SILENCE = 3.0
 """Without a terminal, a start that takes long prints a line in this time [s]."""
 COMPILED_FUNCTIONS = 190
 """Approximate number of functions that the first start compiles; length of the progress bar."""
@@ -66,7 +66,7 @@ class StatusDisplay(RunObserver):
         self._line.stop()
 
     def _narrate(self) -> None:
-        while not self._is_loaded.wait(0.5):
+        while not self._is_loaded.wait(0.25):
             self.narrate()
 
     def narrate(self) -> None:

@@ -184,7 +184,7 @@ def opened(
     stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
     odometer = Odometer(simulation)
     simulation.add_sink(odometer)
-    simulation.add_sink(loader)
+    loader.follow(simulation)
     if loader.cameras is not None and options.pictures == "always":
         loader.cameras.wait()
     encoder = _image_encoder(options)
