@@ -18,7 +18,6 @@ import mujoco
 import numpy as np
 
 import autodrive
-from autodrive.base.transforms import compose, rotate, rotation_from_quaternion
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor
 from autodrive.physics.sensors.suite import SensorSuite
@@ -78,10 +77,15 @@ def mujoco_scan(c: CompiledScenario, spec: LidarSpec) -> Callable[[], np.ndarray
     """Rays of MuJoCo from the same LIDAR, without its own vehicle; buffers are allocated once."""
     state, model, data = c.state, c.engine.model, c.engine.data
     q = state.vehicle_orientation[0]
-    start = state.vehicle_position[0] + rotate(q, spec.mount.position)
-    turn = np.array(rotation_from_quaternion(compose(q, spec.mount.orientation))).reshape(3, 3)
+    start, lidar, turn = np.zeros(3), np.zeros(4), np.zeros(9)
+    mujoco.mju_rotVecQuat(start, np.array(spec.mount.position), q)
+    mujoco.mju_mulQuat(lidar, q, np.array(spec.mount.orientation))
+    mujoco.mju_quat2Mat(turn, lidar)
+    start += state.vehicle_position[0]
     angles = spec.angle_min + spec.angle_increment * np.arange(spec.rays)
-    directions = (np.stack([np.cos(angles), np.sin(angles), np.zeros(spec.rays)], axis=1) @ turn.T).ravel()
+    directions = (
+        np.stack([np.cos(angles), np.sin(angles), np.zeros(spec.rays)], axis=1) @ turn.reshape(3, 3).T
+    ).ravel()
     body = c.engine.body(next(iter(c.vehicles)))[0]
     geoms, distances = np.zeros(spec.rays, np.int32), np.zeros(spec.rays)
 

@@ -17,9 +17,7 @@ from typing import Any
 import numpy as np
 
 import autodrive
-from autodrive.base.yaml_files import names
 from autodrive.protocol.messages import Command, Frame, VehicleFrame
-from autodrive.run.race import TICK
 from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.tracks import Track
 from autodrive.world import World
@@ -27,6 +25,9 @@ from autodrive.world.racing.results import RaceRecorder
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "racing"
 ANGLES = np.radians(np.linspace(-135.0, 135.0, 1080))
+TRACKS = ("fast", "practice", "technical")
+TICK = 0.025
+"""Of `autodrive race` [s]."""
 SPACING = 8.0
 """Distance of the eight cars along the track [m]."""
 
@@ -88,7 +89,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Races in lock-step.")
     parser.add_argument("--laps", type=int, default=10)
     laps = parser.parse_args().laps
-    for track in names("track"):
+    for track in TRACKS:
         for name in ("follow_the_gap", "race_line"):
             race(track, name, laps)
     eight_cars("practice", 20.0)

@@ -19,8 +19,6 @@ from typing import Any
 import numpy as np
 
 import autodrive
-from autodrive.base.arrays import Floats
-from autodrive.base.jit import resolved
 from autodrive.physics.buffers import scratch
 from autodrive.physics.grid import fixed_grid
 from autodrive.physics.model import BOX, Model, Shapes
@@ -51,8 +49,8 @@ def with_posts(model: Model, count: int) -> Model:
     x, y = np.meshgrid(*2 * [np.arange(side) - side // 2 + 0.5])
     n, old = x.size, model.shapes
     kind, size = np.full(n, BOX), np.tile([0.05, 0.05, 0.15], (n, 1))
-    position: Floats = np.column_stack([x.ravel(), y.ravel(), np.full(n, 0.15)]).astype(np.float64)
-    rotation: Floats = np.tile(np.eye(3).ravel(), (n, 1))
+    position = np.column_stack([x.ravel(), y.ravel(), np.full(n, 0.15)]).astype(np.float64)
+    rotation = np.tile(np.eye(3).ravel(), (n, 1))
     fixed: dict[str, Any] = {
         "kind": kind,
         "size": size,
@@ -86,11 +84,10 @@ def measured(world: World, count: int) -> tuple[int, float, float]:
     sensors.reset(0)
     ticks = itertools.count()
     command = np.zeros(1)
-    arguments = model, state, c.views, c.contacts, scratch(model, n_body=1), command, command, 0, 10, False
-    tick = resolved(advance, *arguments)
+    arguments = model, state, c.views, c.contacts, scratch(model, n_body=1), command, command, 0, SUBSTEPS, False
     return (
         model.shapes.n_fixed,
-        median_us(lambda: [tick(*arguments) for _ in range(SUBSTEPS // 10)], SUBSTEPS),
+        median_us(lambda: advance(*arguments), SUBSTEPS),
         median_us(lambda: [sensors.sample(next(ticks)) for _ in range(SCANS)], SCANS),
     )
 

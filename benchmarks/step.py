@@ -18,10 +18,10 @@ from pathlib import Path
 import yaml
 
 import autodrive
-from autodrive.base.yaml_files import find
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 
 ROUNDS, TICKS = 15, 200
+VEHICLE = Path(autodrive.__file__).parent / "scenario/data/vehicles/nigel.yaml"
 
 PEER = """
 import time, numpy as np, gym, f110_gym, sys
@@ -37,7 +37,7 @@ for _ in range(15):
 
 def with_fast_lidar(folder: Path) -> str:
     """Vehicle file of nigel with 1080 rays at 100 Hz: a scan in every tick."""
-    tree = yaml.safe_load(find("vehicle", "nigel").read_text())
+    tree = yaml.safe_load(VEHICLE.read_text())
     tree["sensors"]["lidar"] |= {"rays": 1080, "rate": 100.0}
     file = folder / "nigel_1080.yaml"
     file.write_text(yaml.safe_dump(tree))

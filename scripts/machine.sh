@@ -9,6 +9,10 @@ UV_PINNED=0.13.8
 say() { printf '%s\n' "autodrive: $*" >&2; }
 fail() { say "$*"; exit 1; }
 
+# Runs a command that may say nothing for a long time:  slowly TEXT FOLDER COMMAND ...
+root=$PWD
+slowly() { "${python:-$(find_python)}" "$root/scripts/progress" "$@"; }
+
 # -- Python 3.11 to 3.14 -----------------------------------------------------------------------------------------
 
 fits() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' >/dev/null 2>&1; }
@@ -37,9 +41,9 @@ apt_install() {
     say "installing a system package:  $line"
     # The existing package list may be sufficient, so a failed update is not an error.
     # shellcheck disable=SC2086
-    ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get update -q >&2 || say "apt-get update failed; continuing"
+    slowly "reading the lists of packages" "" ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get update -q || say "apt-get update failed; continuing"
     # shellcheck disable=SC2086
-    ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$@" >&2 ||
+    slowly "installing system packages" "" ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$@" ||
         fail "could not install $*; apt-get prints the reason above. Then run:  $line"
 }
 
@@ -58,8 +62,8 @@ find_uv() {
     fi
     say "installing uv $UV_PINNED from PyPI into .venv-uv (17 MB)"
     rm -rf .venv-uv
-    "$python" -m venv .venv-uv
-    .venv-uv/bin/python -m pip install --disable-pip-version-check --only-binary :all: "uv==$UV_PINNED" >&2 ||
+    slowly "making .venv-uv" .venv-uv "$python" -m venv .venv-uv
+    slowly "installing uv" .venv-uv .venv-uv/bin/python -m pip install --disable-pip-version-check --only-binary :all: "uv==$UV_PINNED" ||
         fail "could not install uv from PyPI. Check the network and the configuration of pip:  .venv-uv/bin/pip config list"
     uv=.venv-uv/bin/uv
 }

@@ -9,11 +9,21 @@ from pathlib import Path
 import pytest
 
 from tests.support import layers
-from tests.support.layers import GROUPS, LEVEL, PACKAGE, distributions_imported, group_of, modules_imported, name_of
+from tests.support.layers import (
+    GROUPS,
+    LEVEL,
+    PACKAGE,
+    ROOMS,
+    distributions_imported,
+    group_of,
+    modules_imported,
+    name_of,
+)
 
 FILES = layers.files()
 REAL_TIME = {
     "base/child_process.py",
+    "base/compile_ahead.py",
     "base/installation.py",
     "base/tcp_options.py",
     "graphics/cameras/jpeg.py",
@@ -24,8 +34,9 @@ REAL_TIME = {
     "world/batch/batch_world.py",
     "world/one_thread.py",
 }
-"""They render and encode images asynchronously, set options of connections, step worlds in several threads, refuse a
-second thread, or read the address of a package."""
+"""They compile beside this process, render and encode images asynchronously, set options of connections, step worlds in
+several threads, refuse a second thread, or read the address of a package."""
+
 IN_THE_TICK = [
     path
     for path in FILES
@@ -53,6 +64,30 @@ def test_imports_go_down() -> None:
 
 def test_there_are_few_arrows_between_groups() -> None:
     assert len(layers.arrows()) <= 50
+
+
+def test_the_whole_repository_has_few_rooms_and_few_arrows_and_none_goes_up() -> None:
+    upward = {(room, other) for room, other in layers.room_arrows() if ROOMS.index(other) > ROOMS.index(room)}
+    assert upward == set()
+    assert len(layers.room_arrows()) <= 80
+    assert len(ROOMS) <= 18
+
+
+def test_rooms_are_found_in_files_of_each_kind(tmp_path: Path) -> None:
+    texts = {
+        "a.py": '"""ros/ in a comment"""\nimport autodrive\nfrom autodrive.ros import Bridge\nSOURCE = "clients/cpp"\n',
+        "b.ts": "// Generated from src/autodrive/protocol by scripts/\nimport A from '../src/autodrive/graphics/a'\n",
+        "c.cpp": "#include <autodrive/client.hpp>\n// src/autodrive/world\n",
+        "d": "#!/bin/sh\n# benchmarks/\ncd web && .venv/bin/python -m autodrive.run.x && exec .venv/bin/autodrive\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    assert {name: layers.rooms_named(tmp_path / name) for name in texts} == {
+        "a.py": {"autodrive", "connect", "clients"},
+        "b.ts": {"protocol", "graphics"},
+        "c.cpp": {"clients"},
+        "d": {"web", "run", "cli"},
+    }
 
 
 def test_there_is_no_circle_of_files() -> None:

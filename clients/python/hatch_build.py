@@ -22,10 +22,10 @@ class VersionHook(MetadataHookInterface):
 
     def update(self, metadata: dict[str, Any]) -> None:
         """Set `version`."""
-        text = (source(Path(self.root)) / "__init__.py").read_text(encoding="utf-8")
+        text = (source(Path(self.root)) / "base" / "version.py").read_text(encoding="utf-8")
         found = re.search(r'^__version__ = "(.+)"$', text, re.MULTILINE)
         if found is None:
-            raise ValueError("src/autodrive/__init__.py has no line __version__")
+            raise ValueError("src/autodrive/base/version.py has no line __version__")
         metadata["version"] = found[1]
 
 

@@ -1,6 +1,6 @@
 """7. Drive a lap in a Gymnasium environment with a driver of three lines, and print the reward.
 
-It needs the extra `envs`: pip install '.[envs]'.
+It needs the extra `envs`: pip install -e '.[envs]'.
 """
 
 import math

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import lazy_loader
 
+from autodrive.base.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
     from types import ModuleType
@@ -24,6 +26,7 @@ _LEFT_OUT = {f"autodrive.{group}" for group in ("physics", "scenario", "graphics
 """Groups with public names that autodrive-client leaves out."""
 
 _SIMULATOR_DEPENDENCIES = {
+    "backports",
     "google",
     "manifold3d",
     "moderngl",
@@ -38,12 +41,9 @@ _SIMULATOR_DEPENDENCIES = {
     "uvicorn",
     "uvloop",
     "yaml",
-    "zstandard",
 }
 """Import names of the packages that autodrive-simulator depends on and autodrive-client does not; an editable
 installation of the client has all modules, but not these."""
-
-__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:

@@ -20,7 +20,7 @@ def test_a_track_is_generated_exported_and_imported(tmp_path: Path) -> None:
     done = call("generate", "track", *OPTIONS, "--race-line", "-o", "mine.yaml", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     made = Track.load(tmp_path / "mine.yaml")
-    assert done.stdout == f"wrote mine.yaml: {made.length:.1f} m. Next:  autodrive show mine.yaml\n"
+    assert done.stdout == f"wrote mine.yaml: {made.length:.1f} m. Next:\n  autodrive show mine.yaml\n"
     expected = generate_track(7, length=30.0, width=1.0, area=(14.0, 8.0), barrier=DUCT)
     assert np.array_equal(made.centre_line, expected.centre_line)
     assert made.barrier == expected.barrier
@@ -92,7 +92,7 @@ def test_a_centre_line_becomes_a_track_between_walls_or_ducts(tmp_path: Path) ->
         (("import", "track", "line.csv", "--tolerance", "0"), "Invalid value for '--tolerance'"),
         (("import", "track", "line.csv"), "width"),
         (("import", "track", "words.csv"), "words.csv"),
-        (("import", "track", "picture.png"), "picture.png"),
+        (("import", "track", "picture.png"), "'picture.png' is not a track: expected a folder"),
     ],
 )
 def test_bad_input_is_refused_with_one_line_and_writes_nothing(

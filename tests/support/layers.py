@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -35,10 +36,22 @@ GROUPS = (
 )
 """From the ground up. A module imports from its own group and from those before it."""
 
-FACES = {"devkit", "ros"}
-"""Modules at the root whose names launch files and users' scripts contain; they only import from `connect`."""
+FACES = {"devkit": "connect", "ros": "connect"}
+"""Modules at the root whose names launch files and users' scripts contain, and the only group that they import from."""
 
 LEVEL = {group: level for level, group in enumerate(GROUPS)}
+
+IMPORTS = {".ts": r"from '\S+|Generated from \S+", **dict.fromkeys((".cpp", ".hpp", ".ipp"), r"#include \S+")}
+"""Suffix -> how such a file imports others."""
+
+ROOMS = (*GROUPS, "autodrive", "web", "ros", "clients", "benchmarks", "scripts")
+"""The rooms of the repository from the ground up: the groups with their faces, the public names, other folders."""
+
+NAMED = re.compile(
+    r"(?:src/autodrive/|-m autodrive\.)(?P<module>\w+)|/bin/(?P<cli>autodrive)\b|import (?P<autodrive>autodrive)\b"
+    r"|#include [<\"](?P<clients>autodrive)/|(?<![\w./-])(?P<folder>web|ros|clients|benchmarks|scripts)(?=[/\s\"']|$)"
+)
+"""What a file outside the package names: a module, a program, a header or a folder."""
 
 
 @cache
@@ -82,9 +95,10 @@ def _imports(path: Path) -> Iterator[tuple[str, bool]]:
             for alias in node.names:
                 yield alias.name, node in typing_only
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import; write the full name"
+            assert node.level == 0 or path.suffix == ".pyi", f"{path}: relative import; write the full name"
+            module = f"autodrive.{node.module}" if node.level else node.module
             for alias in node.names:
-                yield f"{node.module}.{alias.name}", node in typing_only
+                yield f"{module}.{alias.name}", node in typing_only
 
 
 def modules_imported(path: Path, *, typing_too: bool = True) -> set[str]:
@@ -111,6 +125,52 @@ def arrows() -> frozenset[tuple[str, str]]:
     """Pairs of groups: a file of the first imports from the second."""
     pairs = {(group_of(path), other) for path in files() for other in groups_imported(path)}
     return frozenset((group, other) for group, other in pairs if group != other)
+
+
+def rooms_named(path: Path) -> set[str]:
+    """Rooms that a file outside the package imports, or names in a command or a string; comments do not count."""
+    text, rooms = path.read_text(encoding="utf-8"), set[str]()
+    if path.suffix in IMPORTS:
+        text = "\n".join(re.findall(IMPORTS[path.suffix], text))
+    elif path.suffix == ".py" or text.startswith("#!/usr/bin/env python3"):
+        nodes = [*ast.walk(ast.parse(text))]
+        docs = [node.value for node in nodes if isinstance(node, ast.Expr)]
+        text = "\n".join(str(node.value) for node in nodes if isinstance(node, ast.Constant) and node not in docs)
+        rooms = {_room(f"{name}.".split(".")[1]) for name, _ in imports(path) if f"{name}.".startswith("autodrive.")}
+    else:
+        text = re.sub(r"(^|\s)#.*", "", text, flags=re.MULTILINE)
+    for found in NAMED.finditer(text):
+        kind, name = str(found.lastgroup), found[str(found.lastgroup)]
+        rooms.add({"module": _room(name), "folder": name}.get(kind, kind))
+    return rooms
+
+
+def _room(module: str) -> str:
+    """The room of a module at the first level of the package; `page` is the built page."""
+    return {**FACES, "page": "web"}.get(module, module if module in LEVEL else "autodrive")
+
+
+@cache
+def room_arrows() -> frozenset[tuple[str, str]]:
+    """Pairs of rooms of the whole repository: a file of the first needs the second."""
+    pairs = {*arrows()}
+    for face, group in {"__init__": "autodrive", **FACES}.items():
+        for path in PACKAGE.glob(f"{face}.py*"):
+            pairs |= {(group, other) for other in groups_imported(path)}
+    for folder in ROOMS[ROOMS.index("autodrive") + 1 :]:
+        pairs |= {(folder, other) for path in _sources(folder) for other in rooms_named(path)}
+    return frozenset((room, other) for room, other in pairs if room != other)
+
+
+def _sources(folder: str) -> list[Path]:
+    """Program files of a folder beside `src`; those without a suffix are scripts and nodes."""
+    return [
+        path
+        for path in sorted((ROOT / folder).rglob("*"))
+        if path.is_file()
+        and path.suffix in {"", ".py", ".sh", *IMPORTS}
+        and not {"node_modules", "build", "dist"} & {*path.relative_to(ROOT).parts}
+    ]
 
 
 def import_graph() -> dict[str, set[str]]:

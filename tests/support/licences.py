@@ -44,7 +44,6 @@ EXTRAS = {
     "apsw": ("export", "any-OSI"),
     "scipy": ("campaigns", "BSD-3-Clause"),
     "attrs": ("rerun", "MIT"),
-    "backports-zstd": ("export", "PSF-2.0"),
     "lz4": ("export", "BSD-3-Clause"),
     "minari": ("export", "MIT"),
     "packaging": ("ray", "Apache-2.0 OR BSD-2-Clause"),
@@ -98,7 +97,7 @@ versions.
 
 EXTRAS_HEAD = """## Extras
 
-`pip install '.[EXTRA]'` adds these packages. The wheels of av also contain FFmpeg under
+`pip install -e '.[EXTRA]'` adds these packages. The wheels of av also contain FFmpeg under
 the LGPL, and x264 and x265 under the GPL; the simulator uses only the encoders SVT-AV1 and libvpx.
 
 """

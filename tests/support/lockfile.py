@@ -74,17 +74,19 @@ def packages() -> list[Package]:
     return tomllib.loads(LOCK.read_text(encoding="utf-8"))["package"]
 
 
-def needed(locked: list[Package], environment: dict[str, str] | None = None, *, dev: bool = False) -> list[Package]:
-    """The packages that the project needs in an environment (None: this one), with all its extras, without itself.
+def needed(
+    locked: list[Package], environment: dict[str, str] | None = None, *, extras: bool = True, dev: bool = False
+) -> list[Package]:
+    """The packages that the project needs in an environment (None: this one), without itself.
 
-    `dev` adds the dependency groups.
+    `extras` adds those of all extras, `dev` the dependency groups.
     """
     (project,) = (package for package in locked if package["name"] == PROJECT)
     wanted: list[tuple[Package, tuple[str, ...]]] = [
         (dependency, ())
         for group in (
             project.get("dependencies", []),
-            *project.get("optional-dependencies", {}).values(),
+            *(project.get("optional-dependencies", {}).values() if extras else ()),
             *(project.get("dev-dependencies", {}).values() if dev else ()),
         )
         for dependency in group

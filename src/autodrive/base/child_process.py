@@ -38,6 +38,11 @@ def start_module(module: str) -> subprocess.Popen[bytes]:
     return process
 
 
+def cpu_count() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
 def popen_options(platform: str = sys.platform) -> dict[str, Any]:
     """Options of `Popen` that differ between platforms.
 

@@ -79,10 +79,32 @@ def resolved(function: Function, *arguments: Any) -> Function:
     dispatcher: Any = function
     if not isinstance(dispatcher, Dispatcher):  # compilation is disabled
         return function
-    signature = tuple(numba.typeof(argument) for argument in arguments)
+    signature = signature_of(arguments)
+    if (wait := awaited.pop((dispatcher, signature), None)) is not None:
+        wait()
     dispatcher.compile(signature)
     compiled: Any = dispatcher.get_overload(signature)
     return compiled
+
+
+def signature_of(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The types of the arguments."""
+    return tuple(numba.typeof(argument) for argument in arguments)
+
+
+def must_compile(function: Any, signature: tuple[Any, ...]) -> bool:
+    """Whether a call with arguments of these types compiles code that the cache will hold."""
+    if not isinstance(function, Dispatcher):  # compilation is disabled
+        return False
+    dispatcher: Any = function
+    path = dispatcher._cache._path(signature, dispatcher.targetctx.codegen())
+    return path is not None and not path.exists()
+
+
+def show(function: str) -> None:
+    """Call what `compiling` was given: a function is compiled."""
+    for watcher in [*_watchers]:
+        watcher(function)
 
 
 @contextmanager
@@ -112,6 +134,8 @@ def announced() -> Iterator[None]:
         yield
 
 
+awaited: dict[tuple[Dispatcher, Any], Callable[[], object]] = {}
+"""Waits for another process that compiles a function for these types into the cache; see `compile_ahead`."""
 _watchers: list[Callable[[str], None]] = []
 """What the `compiling` blocks call."""
 announcements: list[str] = []

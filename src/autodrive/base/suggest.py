@@ -46,7 +46,7 @@ def suggest(word: str, known: list[str]) -> str:
     more = f" and {len(known) - 100} more" if len(known) > 100 else ""
     known = known[:100]
     text = f"Known: {', '.join(known) or 'none'}{more}."
-    same = [key for key in known if word.lower() in _MEANINGS.get(key, ())]
+    same = [key for key in known if word.lower() in (key.lower(), *_MEANINGS.get(key, ()))]
     close = same or difflib.get_close_matches(word, known, n=1)
     return f"{text} Did you mean '{close[0]}'?" if close else text
 
@@ -60,11 +60,12 @@ def check_keywords(name: str, given: Iterable[str], known: list[str]) -> None:
 
 def with_suggestions(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """The function, whose error for an unknown keyword argument says which there are."""
-    known = [*inspect.signature(function).parameters]
+    name = function.__qualname__.removesuffix(".__init__")
+    known = [one for one in inspect.signature(function).parameters if one != "self"]
 
     @functools.wraps(function)
     def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        check_keywords(function.__name__, kwargs, known)
+        check_keywords(name, kwargs, known)
         return function(*args, **kwargs)
 
     return checked

@@ -66,6 +66,9 @@ def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
 
     `also`: another kind, whose names the error lists too.
     """
+    if not isinstance(name, str | Path):
+        wanted = f"a name, such as '{names(kind)[0]}', or the path of a YAML file"
+        raise SpecError([f"a {kind} must be {wanted}, not {short(repr(name))}"])
     path = Path(name)
     if path.suffix in {".yaml", ".yml"}:
         if os.path.isfile(path):  # False also for a name that no file can have
@@ -74,8 +77,10 @@ def find(kind: Kind, name: str | Path, *, also: Kind | None = None) -> Path:
     included = _folder(kind) / f"{name}.yaml"
     if os.path.isfile(included):
         return included
-    known = names(kind) + (names(also) if also else [])
-    raise SpecError([f"{kind} '{short(str(name))}' is not known. {suggest(str(name), known)}"])
+    known = suggest(str(name), names(kind) + (names(also) if also else []))
+    if os.path.isfile(f"{name}.yaml"):
+        known += f" If you mean the file, write '{name}.yaml'."
+    raise SpecError([f"{kind} '{short(str(name))}' is not known. {known}"])
 
 
 class Source:
@@ -256,12 +261,22 @@ def _check_limits(text: str) -> None:
             of[0], of[1] = of[0] + size[0], max(of[1], size[1])
 
 
+_HINTS = (
+    ("tab character", "; indent with spaces, not with a tab"),
+    ("mapping values are not allowed", "; write 'key: value', with a space after the colon"),
+    ("did not find expected key", "; indent all keys of a mapping by the same number of spaces"),
+)
+"""Part of a problem of PyYAML, and what would be right."""
+
+
 def _yaml_error(error: Exception, text: str) -> str:
     """An error of PyYAML as 'invalid YAML (line n): what is wrong'."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if isinstance(error, yaml.MarkedYAMLError) and mark:
         what = " ".join(part for part in (error.context, error.problem) if part)
-        return f"invalid YAML (line {mark.line + 1}): {what}"
+        line = "".join(text.splitlines()[mark.line : mark.line + 1])
+        hints = _HINTS[:1] if line.lstrip(" ").startswith("\t") else [one for one in _HINTS if one[0] in what]
+        return f"invalid YAML (line {mark.line + 1}): {what}{''.join(hint for _, hint in hints)}"
     position = getattr(error, "position", 0)
     line = text.encode("utf-8", "replace").count(b"\n", 0, position) + 1
     return f"invalid YAML (line {line}): {getattr(error, 'reason', None) or error}"

@@ -14,8 +14,8 @@ from typing import Annotated, Any
 
 import typer
 
-from autodrive import __version__
 from autodrive.base.errors import AutodriveError
+from autodrive.base.version import __version__
 from autodrive.cli import browse, recordings, tracks
 from autodrive.cli.campaign import CampaignCommand, campaign
 from autodrive.cli.doctor import doctor

@@ -2,36 +2,18 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
 
 import typer
 
 if TYPE_CHECKING:
     from autodrive.base.yaml_files import Kind
 
-
-class Collection(StrEnum):
-    """What `list` can list."""
-
-    scenarios = "scenarios"
-    maps = "maps"
-    tracks = "tracks"
-    vehicles = "vehicles"
-    modules = "modules"
-    rulesets = "rulesets"
-
-
-class KindName(StrEnum):
-    """What a YAML file can describe."""
-
-    scenario = "scenario"
-    map = "map"
-    track = "track"
-    vehicle = "vehicle"
-    module = "module"
-    ruleset = "ruleset"
+Collection: TypeAlias = Literal["scenarios", "maps", "tracks", "vehicles", "modules", "rulesets"]
+"""What `list` can list."""
+KindName: TypeAlias = Literal["scenario", "map", "track", "vehicle", "module", "ruleset"]
+"""What a YAML file can describe: `Kind`, without its imports."""
 
 
 def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")]) -> None:
@@ -39,7 +21,7 @@ def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")
     from autodrive.base.yaml_files import titles
     from autodrive.cli.spec_files import SPECS
 
-    kind = cast("Kind", collection.value.removesuffix("s"))
+    kind = cast("Kind", collection.removesuffix("s"))
     for name, title in titles(kind, SPECS[kind]).items():
         typer.echo(f"{name:<24} {title}".rstrip())
 
@@ -67,26 +49,44 @@ def show(
     """Draw a map, track or module; print a vehicle, a scenario or the rules of a race as a table."""
     from autodrive.cli import spec_files
 
-    found = cast("Kind", kind.value) if kind else spec_files.kind_of_name(name)
+    found = kind or spec_files.kind_of_name(name)
     if yaml:
         from autodrive.base.yaml_files import find
 
         typer.echo(find(found, name).read_text(encoding="utf-8"), nl=False)
         return
-    if output is not None and found in {"vehicle", "ruleset"}:
-        raise typer.BadParameter(f"--output is for images of maps and modules; '{name}' is a {found}")
-    path = output or Path(f"{Path(name).stem}.png")
-    if path.suffix.lower() not in {".png", ".svg"}:
-        raise typer.BadParameter(f"--output must end in .png or .svg, not '{path.suffix}'")
+    rasters = occupancy or labels
+    for text, is_wrong in {
+        "--output is for images of maps and modules": output and found in {"vehicle", "ruleset"},
+        "--occupancy and --labels are for maps, modules and scenarios": rasters and found in {"vehicle", "ruleset"},
+        "--3d is not for rules": in_3d and found == "ruleset",
+    }.items():
+        if is_wrong:
+            raise typer.BadParameter(f"{text}; '{name}' is a {found}")
+    _check_suffix("--output", output, ".png", ".svg")
+    _check_suffix("--3d", in_3d, ".png")
+    _check_suffix("--labels", labels, ".png")
+    what = f"{found} '{Path(name).stem}'"
     if in_3d is not None:
-        _show_3d(found, name, in_3d, is_day=not night)
-    if occupancy is not None or labels is not None:
-        _write_rasters(found, name, occupancy, labels)
-    if output is None and not (in_3d is None and occupancy is None and labels is None):
+        from autodrive.cli.preview import render_preview
+
+        render_preview(found, name, in_3d, is_day=not night)
+        typer.echo(f"wrote {what} to {in_3d}")
+    if rasters:
+        from autodrive.scenario.maps import raster
+
+        map_ = spec_files.map_of(found, name)
+        if occupancy is not None:
+            typer.echo(f"wrote the occupancy grid of {what} to {raster.write_occupancy(map_, occupancy)}")
+        if labels is not None:
+            raster.write_labels(map_, labels)
+            typer.echo(f"wrote the labels of {what} to {labels}")
+    if output is None and (in_3d or rasters):
         return
     if found in {"map", "track", "module"} or output is not None:
+        path = output or Path(f"{Path(name).stem}.png")
         spec_files.draw(found, name, path)
-        typer.echo(f"wrote {found} '{Path(name).stem}' to {path}")
+        typer.echo(f"wrote {what} to {path}")
         if found == "module":
             for line in spec_files.size_and_ports(name):
                 typer.echo(line)
@@ -107,31 +107,12 @@ def check(
     """Check a scenario, map, track, vehicle or module and all files that it refers to; report all errors."""
     from autodrive.cli import spec_files
 
-    found, title = spec_files.check(name, cast("Kind | None", kind and kind.value))
+    found, title, warnings = spec_files.check(name, kind)
+    for warning in warnings:
+        typer.echo(f"autodrive: warning: {warning}", err=True)
     typer.echo(f"{name}: {found} '{title}' is valid")
 
 
-def _write_rasters(kind: Kind, name: str, folder: Path | None, labels: Path | None) -> None:
-    from autodrive.cli import spec_files
-
-    if kind in {"vehicle", "ruleset"}:
-        raise typer.BadParameter(f"--occupancy and --labels are for maps, modules and scenarios; '{name}' is a {kind}")
-    if labels is not None and labels.suffix.lower() != ".png":
-        raise typer.BadParameter(f"--labels must end in .png, not '{labels.suffix}'")
-    if folder is not None:
-        path = spec_files.write_occupancy(kind, name, folder)
-        typer.echo(f"wrote the occupancy grid of {kind} '{Path(name).stem}' to {path}")
-    if labels is not None:
-        spec_files.write_labels(kind, name, labels)
-        typer.echo(f"wrote the labels of {kind} '{Path(name).stem}' to {labels}")
-
-
-def _show_3d(kind: Kind, name: str, path: Path, *, is_day: bool) -> None:
-    from autodrive.cli.preview import render_preview
-
-    if kind == "ruleset":
-        raise typer.BadParameter(f"--3d is not for rules; '{name}' is a {kind}")
-    if path.suffix.lower() != ".png":
-        raise typer.BadParameter(f"--3d must end in .png, not '{path.suffix}'")
-    render_preview(kind, name, path, is_day=is_day)
-    typer.echo(f"wrote {kind} '{Path(name).stem}' to {path}")
+def _check_suffix(option: str, file: Path | None, *suffixes: str) -> None:
+    if file is not None and file.suffix.lower() not in suffixes:
+        raise typer.BadParameter(f"{option} must end in {' or '.join(suffixes)}, not '{file.suffix}'")

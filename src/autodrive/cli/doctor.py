@@ -19,6 +19,7 @@ from typing import NamedTuple
 import typer
 
 from autodrive.base.cache import PACKAGE
+from autodrive.base.child_process import cpu_count
 from autodrive.base.installation import DISTRIBUTION, checkout, mujoco_error, mujoco_fix, pip, version_of
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
@@ -26,6 +27,7 @@ CLIENT = "autodrive-client"
 """A part of `DISTRIBUTION`, for environments without a simulator."""
 
 _IMPORT_NAMES = {
+    "backports-zstd": "backports.zstd",
     "lazy-loader": "lazy_loader",
     "mujoco-core": "mujoco",
     "protobuf": "google.protobuf",
@@ -98,6 +100,7 @@ def packages() -> Iterator[Check]:
 def _applies(marker: str) -> bool:
     """Whether an environment marker of pyproject.toml is true here."""
     values = {"sys_platform": sys.platform, "platform_machine": platform.machine(), "extra": ""}
+    values["python_version"] = ".".join(platform.python_version_tuple()[:2])  # 3.11 to 3.14: texts compare as numbers
     return bool(eval(marker, {"__builtins__": {}}, values))  # markers of this form are Python expressions
 
 
@@ -169,8 +172,7 @@ def _opengl() -> Check:
 
 
 def _machine() -> Check:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Check("machine", True, f"{platform.system()} {platform.machine()}, {cores} cores")
+    return Check("machine", True, f"{platform.system()} {platform.machine()}, {cpu_count()} cores")
 
 
 def _page() -> Check:

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from autodrive.cli.options import RecordingFile
+
 
 def film(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")],
+    file: RecordingFile,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="The film: .mp4 (AV1), .webm (VP9) or .mkv (AV1).")
     ],

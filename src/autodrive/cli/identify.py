@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
+from autodrive.cli.options import RecordingOrLog
+
 
 def identify(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG", help="A recording (.mcap), or a log of AutoDRIVE's data recorder (.csv).")
-    ],
+    file: RecordingOrLog,
     vehicle: Annotated[str, typer.Option(metavar="NAME", help="Name or file of the vehicle whose parameters to fit.")],
     free: Annotated[
         str,

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, TypeAlias
 
 import typer
 
 from autodrive.base.errors import AutodriveError
 
-
-class Start(StrEnum):
-    """What `new` can write."""
-
-    vehicle = "vehicle"
-    map = "map"
-    scenario = "scenario"
-    driver = "driver"
-
+Start: TypeAlias = Literal["vehicle", "map", "scenario", "driver"]
+"""What `new` can write."""
 
 SCENARIO = """# A scenario: a map, vehicles at their start poses, boxes. All keys: docs/scenarios.md
 title: {name}
@@ -70,13 +62,10 @@ def new(
     from autodrive.base.cache import write_file
     from autodrive.base.yaml_files import find
 
-    path = Path(f"{name.removesuffix('.yaml').removesuffix('.py')}.{'py' if what is Start.driver else 'yaml'}")
+    suffix, use = ("py", "python") if what == "driver" else ("yaml", "autodrive check")
+    path = Path(f"{name.removesuffix('.yaml').removesuffix('.py')}.{suffix}")
     if path.exists():
         raise AutodriveError(f"the file exists; choose another name  ({path})")
-    if what is Start.vehicle:
-        text = find("vehicle", "nigel").read_text(encoding="utf-8")
-    else:
-        text = {"map": MAP, "scenario": SCENARIO}.get(what.value, DRIVER)
-        text = text if what is Start.driver else text.format(name=path.stem)
-    write_file(path, text)
-    typer.echo(f"wrote {path}. Next:  {'python' if what is Start.driver else 'autodrive check'} {path}")
+    texts = {"map": MAP.format(name=path.stem), "scenario": SCENARIO.format(name=path.stem), "driver": DRIVER}
+    write_file(path, texts.get(what) or find("vehicle", "nigel").read_text(encoding="utf-8"))
+    typer.echo(f"wrote {path}. Next:  {use} {path}")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from autodrive.cli.options import Headless, Noise, ResultsFolder, results_folder
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
@@ -24,15 +24,10 @@ def play(
     lockstep: Annotated[
         bool, typer.Option("--lockstep/--real-time", help="As fast as the machine can, instead of in real time.")
     ] = False,
-    noise: Annotated[
-        bool, typer.Option("--noise/--no-noise", help="LIDAR and IMU have the noise of their data sheets.")
-    ] = False,
+    noise: Noise = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results.  [default: race_DATE_TIME]"),
-    ] = None,
-    headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page.")] = False,
+    output: ResultsFolder = None,
+    headless: Headless = False,
     port: Annotated[
         int | None,
         typer.Option(min=0, max=65535, help=f"Port of the page, by default {PORT}; of the script {DEVKIT_PORT}."),
@@ -59,17 +54,22 @@ def play(
         options = RaceOptions(
             track,
             devkits=(),
-            teams=(Path(policy).stem,),
+            teams=(_team(Path(policy)),),
             rules="practice",
             laps=laps,
             has_realistic_sensors=noise,
             is_lockstep=lockstep,
             seed=seed,
-            output=output or Path(f"race_{datetime.now():%Y-%m-%d_%H-%M-%S}"),
+            output=results_folder(output),
             has_page=not headless,
             port=port,
         )
         show_race(options, lambda stop, display: race(chosen, options, stop=stop, observer=display))
+
+
+def _team(policy: Path) -> str:
+    """Name in the standings: that of the file; of `policy.npz`, which each training writes, that of its folder."""
+    return policy.absolute().parent.name if policy.stem == "policy" else policy.stem
 
 
 def _as_script(policy: Policy, port: int) -> None:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import logging
-import signal
+import time
 from collections.abc import Callable
-from datetime import datetime
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from autodrive.cli.options import Host, Port
+from autodrive.cli.options import Headless, Host, Noise, Port, Record, ResultsFolder, results_folder
 from autodrive.cli.run import address
+from autodrive.cli.stopping import StopSignals
 
 if TYPE_CHECKING:
     from autodrive.run.race import RaceOptions
-    from autodrive.run.runner import RunObserver, StopRequest
+    from autodrive.run.runner import Run, RunObserver, StopRequest
     from autodrive.world.racing.results import RaceResult
 
 
@@ -43,9 +42,7 @@ def race(
         int | None, typer.Option(min=1, max=1000, help="Laps that count.  [default: those of the rules]")
     ] = None,
     vehicle: Annotated[str, typer.Option(help="Name or file of the vehicles.")] = "roboracer",
-    noise: Annotated[
-        bool, typer.Option("--noise/--no-noise", help="LIDAR and IMU have the noise of their data sheets.")
-    ] = False,
+    noise: Noise = False,
     lockstep: Annotated[
         bool,
         typer.Option(
@@ -61,21 +58,15 @@ def race(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the results.  [default: race_DATE_TIME]"),
-    ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.mcap", help="Record the race in that file; see: autodrive replay --help."),
-    ] = None,
+    output: ResultsFolder = None,
+    record: Record = None,
     cameras: Annotated[
         bool, typer.Option("--cameras/--no-cameras", help="Render camera images; otherwise they are black.")
     ] = False,
     start_limit: Annotated[
         float, typer.Option(metavar="S", min=0.1, help="Wall time in which each script must answer first.")
     ] = 60.0,
-    headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page.")] = False,
+    headless: Headless = False,
     host: Host = "127.0.0.1",
     port: Port = None,
 ) -> None:
@@ -86,7 +77,6 @@ def race(
     from autodrive.run.race import RaceOptions
     from autodrive.run.race import race as run_race
 
-    now = datetime.now()
     options = RaceOptions(
         track=track,
         devkits=tuple(address(text) for text in devkit or ()),
@@ -100,7 +90,7 @@ def race(
         pace=pace,
         seed=seed,
         start_limit=start_limit,
-        output=output or Path(f"race_{now:%Y-%m-%d_%H-%M-%S}"),
+        output=results_folder(output),
         record=record,
         cameras=cameras,
         has_page=not headless,
@@ -112,25 +102,38 @@ def race(
 
 def show_race(options: RaceOptions, start: Callable[[StopRequest, RunObserver], RaceResult]) -> None:
     """Start a race, show its status until it has ended, and print the standings."""
-    from rich.console import Console
-
     from autodrive.cli.status import StatusDisplay
+    from autodrive.connect.bridge.script_process import close_all
     from autodrive.run.runner import StopRequest
 
-    console = Console(stderr=True, highlight=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[logging.StreamHandler()])
     stop = StopRequest()
+    begun: list[Run] = []
+    results: list[RaceResult] = []
 
-    def end(number: int, _: Any) -> None:
-        if stop.is_set():
+    def end(reason: str) -> None:
+        stop.set(reason)
+        if not begun:
             raise KeyboardInterrupt
-        stop.set(signal.Signals(number).name)
 
-    with console.status("loading the track") as line:
-        title = f"race on '{options.track}' by the rules '{options.rules}'"
-        display = StatusDisplay(console, line, title, opens_browser=True, on_start=lambda _: None)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, end)
+    def report() -> int:
+        """Of a race that still closes its connections."""
+        while begun and not results:
+            time.sleep(0.01)
+        close_all()
+        for result in results:
+            _report(result, options)
+        return 0 if begun else 130
+
+    title = f"race on '{options.track}' by the rules '{options.rules}'"
+    display = StatusDisplay("loading the track", title, on_start=begun.append, on_result=results.append)
+    with StopSignals(end, report) as signals, display:
+        signals.catch()
         result = start(stop, display)
+    _report(result, options)
+    signals.end()
+
+
+def _report(result: RaceResult, options: RaceOptions) -> None:
     typer.echo(result.to_markdown().rstrip())
     typer.echo(f"\nresults: {options.output}")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 from typer.core import TyperGroup
 
+from autodrive.cli.options import RecordingFile, RecordingOrLog
 from autodrive.protocol.devkit_profile import Side
 
 
@@ -24,22 +24,10 @@ class ExportGroup(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
-class FormatName(StrEnum):
-    """Formats of `autodrive export`."""
-
-    csv = "csv"
-    autodrive = "autodrive"
-    rosbag2 = "rosbag2"
-    rosbag1 = "rosbag1"
-    rerun = "rerun"
-    lerobot = "lerobot"
-    minari = "minari"
-
-
+FormatName: TypeAlias = Literal["csv", "autodrive", "rosbag2", "rosbag1", "rerun", "lerobot", "minari"]
+"""Formats of `autodrive export`."""
 OWN_SENSOR = re.compile(r"(?P<vehicle>\w+)/(?P<name>\w+)=(?P<file>.+\.py):(?P<kind>\w+)")
 """The value of an option `--sensor`."""
-
-FilePath = Annotated[Path, typer.Argument(metavar="FILE", help="A recording, as `autodrive run --record` writes it.")]
 
 
 def simulate_again(path: Path, sensors: Sequence[str] = ()) -> int:
@@ -64,7 +52,7 @@ def simulate_again(path: Path, sensors: Sequence[str] = ()) -> int:
 
 
 def export(
-    file: FilePath,
+    file: RecordingFile,
     to: Annotated[FormatName, typer.Option(help="Format.")],
     output: Annotated[
         Path | None,
@@ -90,14 +78,14 @@ def export(
     from autodrive.recording.exports.options import ExportOptions
 
     with open_recording(file) as recording:
-        path = write(recording, to.value, output, ExportOptions(vehicle, rate, start, end))
+        path = write(recording, to, output, ExportOptions(vehicle, rate, start, end))
         for problem in recording.problems:
             typer.echo(f"autodrive: {problem}", err=True)
-    typer.echo(f"wrote {FORMATS[to.value].title} to {path}")
+    typer.echo(f"wrote {FORMATS[to].title} to {path}")
 
 
 def plot(
-    file: FilePath,
+    file: RecordingFile,
     signals: Annotated[str, typer.Option(metavar="A,B", help="Names of signals, such as V1/velocity,V1/imu/euler.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="PNG or SVG file.  [default: FILE.png]")
@@ -114,9 +102,7 @@ def plot(
 
 
 def compare(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A recording (.mcap), or a log of AutoDRIVE's data recorder (.csv).")
-    ],
+    file: RecordingOrLog,
     scenario: Annotated[
         str | None,
         typer.Option(

@@ -5,49 +5,34 @@ from __future__ import annotations
 import dataclasses
 import logging
 import math
-import os
-import signal
-import sys
-import threading
-import time
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
-from autodrive.cli.options import Browser, Host, Port, Token
+from autodrive.cli.options import Browser, Headless, Host, Port, Record, Token
+from autodrive.cli.stopping import StopSignals
 from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
 from autodrive.protocol.ports import DEVKIT_PORT
 
 if TYPE_CHECKING:
-    from autodrive.run.options import DrivingMode, RunOptions
-    from autodrive.run.runner import Run, StopRequest
+    from autodrive.run.options import RunOptions
+    from autodrive.run.runner import Run
     from autodrive.run.summary import Summary
 
 
-class Mode(StrEnum):
-    """Whether a person or a script drives."""
-
-    manual = "manual"
-    autonomous = "autonomous"
-
-
-class Profile(StrEnum):
-    """Devkit generation."""
-
-    y2020 = "2020"
-    y2022 = "2022"
-    y2023 = "2023"
-    y2025 = "2025"
+DrivingMode: TypeAlias = Literal["manual", "autonomous"]
+"""Whether a person or a script drives."""
+Profile: TypeAlias = Literal["2020", "2022", "2023", "2025"]
+"""Devkit generation."""
 
 
 def run(
     scenario: Annotated[
         str, typer.Argument(help="Name of a scenario (see: autodrive list scenarios), or path of its YAML file.")
     ] = "mini_map",
-    headless: Annotated[bool, typer.Option("--headless", help="Do not serve the page; only print the status.")] = False,
+    headless: Headless = False,
     host: Host = "127.0.0.1",
     port: Port = None,
     token: Token = None,
@@ -85,7 +70,7 @@ def run(
         typer.Option(help="Handshake of the script's server; raw: the C++ devkit.  [default: detected]"),
     ] = None,
     mode: Annotated[
-        Mode | None,
+        DrivingMode | None,
         typer.Option(help="Whether a person or a script drives.  [default: autonomous with --devkit, else manual]"),
     ] = None,
     duration: Annotated[
@@ -101,10 +86,7 @@ def run(
     recordings: Annotated[
         Path, typer.Option(metavar="FOLDER", help="Folder for recordings that are started in the page.")
     ] = Path("recordings"),
-    record: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.mcap", help="Record the run in that file; see: autodrive replay --help."),
-    ] = None,
+    record: Record = None,
     record_last: Annotated[
         float | None,
         typer.Option(
@@ -142,43 +124,43 @@ def run(
     ] = 75,
 ) -> None:
     """Run a scenario until its duration is over, or until Ctrl-C."""
-    options: dict[str, Any] = {
-        "scenario": scenario,
-        "mode": cast("DrivingMode | None", mode and mode.value),
-        "duration": duration,
-        "speed": _speed(speed),
-        "seed": seed,
-        "devkit": address(devkit) if devkit else None,
-        "devkit_settings": DevkitSettings(
-            profile=devkit_profile and devkit_profile.value,
-            keys=devkit_keys,
-            lidar=devkit_lidar,
-            steering=devkit_steering,
-            feedback=devkit_feedback,
-            handshake=devkit_handshake,
-        ),
-        "summary": summary,
-        "recordings": recordings,
-        "record": record,
-        "record_last": record_last,
-        "cameras": cameras,
-        "is_lockstep": lockstep,
-        "camera_quality": camera_quality,
-        "image_size": size_of(image_size) if image_size else None,
-        "image_quality": image_quality,
-        "has_page": not headless,
-        "host": host,
-        "port": port,
-        "token": token,
-        "allowed_origins": tuple(allow_origin or ()),
-    }
     if record_last is not None and record is None:
         raise typer.BadParameter("--record-last needs --record FILE.mcap")
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter(f"--duration must be a number of seconds, not {duration}")
     from autodrive.run.options import RunOptions
 
-    _run(RunOptions(**options), opens_browser=browser)
+    options = RunOptions(
+        scenario=scenario,
+        mode=mode,
+        duration=duration,
+        speed=_speed(speed),
+        seed=seed,
+        devkit=address(devkit) if devkit else None,
+        devkit_settings=DevkitSettings(
+            profile=devkit_profile,
+            keys=devkit_keys,
+            lidar=devkit_lidar,
+            steering=devkit_steering,
+            feedback=devkit_feedback,
+            handshake=devkit_handshake,
+        ),
+        summary=summary,
+        recordings=recordings,
+        record=record,
+        record_last=record_last,
+        cameras=cameras,
+        is_lockstep=lockstep,
+        camera_quality=camera_quality,
+        image_size=size_of(image_size) if image_size else None,
+        image_quality=image_quality,
+        has_page=not headless,
+        host=host,
+        port=port,
+        token=token,
+        allowed_origins=tuple(allow_origin or ()),
+    )
+    _run(options, opens_browser=browser)
 
 
 def run_default() -> None:
@@ -189,7 +171,6 @@ def run_default() -> None:
 
 
 def _run(options: RunOptions, *, opens_browser: bool) -> None:
-    from rich.console import Console
     from rich.logging import RichHandler
 
     from autodrive.base.cache import check_writable
@@ -198,20 +179,23 @@ def _run(options: RunOptions, *, opens_browser: bool) -> None:
 
     if options.summary is not None:
         check_writable(options.summary)
-    console = Console(stderr=True, highlight=False)
-    handler = RichHandler(console=console, show_path=False) if console.is_terminal else logging.StreamHandler()
-    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler])
     stop = StopRequest()
-    with console.status("loading the world") as line, RunSignals(stop, options.summary) as signals:
-        display = StatusDisplay(
-            console,
-            line,
-            f"running '{options.scenario}', {options.driving_mode}",
-            opens_browser=opens_browser,
-            on_start=signals.catch,
-        )
+    runs: list[Run] = []
+
+    def begin(run: Run) -> None:
+        runs.append(run)
+        signals.catch()
+
+    title = f"running '{options.scenario}', {options.driving_mode}"
+    display = StatusDisplay("loading the world", title, opens_browser=opens_browser, on_start=begin)
+    handler = RichHandler(console=display.console, show_path=False) if display.console.is_terminal else None
+    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler or logging.StreamHandler()])
+    signals = StopSignals(stop.set, lambda: _report(runs[0].summary(stop.reason), options.summary))
+    with signals, display:
         summary = simulate(dataclasses.replace(options, summary=None), stop=stop, observer=display)
-    if code := _report(summary, options.summary):
+    code = _report(summary, options.summary)
+    signals.end(code)
+    if code:
         raise typer.Exit(code)
 
 
@@ -228,51 +212,6 @@ def _report(summary: Summary, path: Path | None) -> int:
     if path is not None:
         write_file(path, summary.to_json())
     return RECORDING_FAILED if summary.recording is not None and summary.recording.error else 0
-
-
-STOP_TIME = 1.5
-"""Time in which a run ends after a signal [s]; after that the process ends at once."""
-
-
-class RunSignals:
-    """From `catch` on, SIGINT and SIGTERM end the run with its summary; the second signal ends the process at once."""
-
-    def __init__(self, stop: StopRequest, summary: Path | None) -> None:
-        self._stop = stop
-        self._summary = summary
-        self._default: dict[int, Any] = {}
-        self._has_ended = False
-
-    def catch(self, run: Run) -> None:
-        """From now on, a signal ends this run."""
-        self._run = run
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._default[number] = signal.signal(number, self._end_run)
-
-    def _end_run(self, number: int, _: object) -> None:
-        if self._stop.is_set():
-            os._exit(128 + number)
-        self._stop.set(signal.Signals(number).name)
-        threading.Thread(target=self.end_process, name="autodrive-deadline", daemon=True).start()
-
-    def end_process(self) -> None:
-        """End the process after `STOP_TIME` if it still runs then. It does not wait for anything."""
-        time.sleep(STOP_TIME)
-        code = 0
-        try:
-            if not self._has_ended:
-                code = _report(self._run.summary(self._stop.reason), self._summary)
-                sys.stdout.flush()
-        finally:
-            os._exit(code)
-
-    def __enter__(self) -> RunSignals:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._has_ended = True
-        for number, handler in self._default.items():
-            signal.signal(number, handler)
 
 
 # -- values of options ------------------------------------------------------------------------------------------

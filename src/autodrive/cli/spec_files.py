@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from autodrive.base import yaml_files
-from autodrive.base.cache import make_folder, write_file
+from autodrive.base.cache import write_file
 from autodrive.base.errors import SpecError
-from autodrive.base.specs import Spec
+from autodrive.base.specs import Spec, joined
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_sensors_of
@@ -60,8 +60,8 @@ def kind_of_file(path: Path) -> Kind:
     return best[0]
 
 
-def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
-    """Check a named or other file and all files that it refers to; returns kind and title.
+def check(name: str, kind: Kind | None = None) -> tuple[Kind, str, list[str]]:
+    """Check a named or other file and all files that it refers to; returns kind, title and warnings.
 
     Raises `SpecError` with all errors, also of the valid parts of a file with errors.
     """
@@ -69,6 +69,7 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
     path = find(kind, name)
     source = yaml_files.source(path)
     spec, errors = yaml_files.readable(source, SPECS[kind])
+    warnings: list[str] = []
     try:
         if kind == "map":
             errors = []
@@ -82,16 +83,18 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str]:
         elif kind == "vehicle" and not errors:
             from autodrive.world.factory import compile_scenario
 
-            compile_scenario(ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(path))}))
+            compiled = compile_scenario(ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=str(path))}))
+            warnings = joined(compiled.warnings, {})
         elif isinstance(spec, ScenarioSpec):
             from autodrive.world.factory import compile_scenario
 
-            compile_scenario(described(with_sensors_of(spec, path.parent), source), is_strict=True)
+            descriptions = described(with_sensors_of(spec, path.parent), source)
+            warnings = joined(compile_scenario(descriptions).warnings, descriptions.lines)
     except SpecError as error:
         errors += error.errors
     if errors:
         raise SpecError(errors, str(path))
-    return kind, getattr(spec, "title", "")
+    return kind, getattr(spec, "title", ""), warnings
 
 
 def draw(kind: Kind, name: str, path: Path) -> None:
@@ -109,30 +112,15 @@ def draw(kind: Kind, name: str, path: Path) -> None:
         scenario = on_grid(scenario, map_)
         starts = [(vehicle.x, vehicle.y, vehicle.yaw) for vehicle in scenario.vehicles.values()]
     else:
-        map_ = _map(kind, name)
+        map_ = map_of(kind, name)
     if path.suffix.lower() == ".svg":
         write_file(path, to_svg(map_, overlays=["lanes"], starts=starts))
     else:
         to_png(map_, path, overlays=["lanes"], starts=starts)
 
 
-def write_occupancy(kind: Kind, name: str, folder: Path) -> Path:
-    """Write the occupancy grid of a map, module or scenario; returns its YAML file. Raises `SpecError`."""
-    from autodrive.scenario.maps import raster
-
-    map_ = _map(kind, name)
-    make_folder(folder)
-    return raster.write_occupancy(map_, folder)
-
-
-def write_labels(kind: Kind, name: str, path: Path) -> None:
-    """Write the semantic label image of a map, module or scenario as PNG. Raises `SpecError`."""
-    from autodrive.scenario.maps import raster
-
-    raster.write_labels(_map(kind, name), path)
-
-
-def _map(kind: Kind, name: str) -> Map:
+def map_of(kind: Kind, name: str) -> Map:
+    """A map, the map of a scenario, or one that has only a module. Raises `SpecError`."""
     from autodrive.scenario.maps.draw import module_alone
 
     if kind == "scenario":

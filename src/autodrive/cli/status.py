@@ -3,74 +3,114 @@
 from __future__ import annotations
 
 import math
+import threading
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import typer
+from rich.console import Console
 
 from autodrive.run.browser import has_screen, open_page, tunnel
 from autodrive.run.runner import Run, RunObserver
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.status import Status
-
     from autodrive.run.summary import CamerasSummary, Summary
+    from autodrive.world.racing.results import RaceResult
 
 CALLS_PER_LOG_LINE = 50
 """Without a terminal, the status is printed at every 50th call only: every ten seconds."""
-COMPILED_FUNCTIONS = 90
+SILENCE = 3.0
+"""Without a terminal, a start that takes long prints a line in this time [s]."""
+COMPILED_FUNCTIONS = 190
 """Approximate number of functions that the first start compiles; length of the progress bar."""
 
 
 class StatusDisplay(RunObserver):
-    """A status line, live on a terminal, otherwise printed every ten seconds; calls `on_start` before time starts."""
+    """A status line, live on a terminal, otherwise printed from time to time; calls `on_start` before time starts.
+
+    Use it as a context manager. `loading`: what goes on until the start; `title`: what is running.
+    """
 
     def __init__(
         self,
-        console: Console,
-        line: Status,
+        loading: str,
         title: str,
         *,
-        opens_browser: bool,
-        on_start: Callable[[Run], None],
+        opens_browser: bool = True,
+        on_start: Callable[[Run], None] = lambda _: None,
+        on_result: Callable[[RaceResult], None] = lambda _: None,
+        console: Console | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._console = console
-        self._line = line
+        self.console = console or Console(stderr=True, highlight=False)
+        self._line = self.console.status(loading)
+        self._loading = loading
         self._title = title
         self._opens_browser = opens_browser
         self._on_start = on_start
+        self._on_result = on_result
+        self._clock = clock
+        self._began = self._said = clock()
+        self._is_loaded = threading.Event()
         self._compiled = 0
         self._calls = 0
 
+    def __enter__(self) -> StatusDisplay:
+        self._line.start()
+        threading.Thread(target=self._narrate, name="autodrive-loading", daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_loaded.set()
+        self._line.stop()
+
+    def _narrate(self) -> None:
+        while not self._is_loaded.wait(0.25):
+            self.narrate()
+
+    def narrate(self) -> None:
+        """Say how far the start is."""
+        now = self._clock()
+        count = f"{self._compiled} of about {max(COMPILED_FUNCTIONS, self._compiled)} functions"
+        text = f"{f'compiling {count}' if self._compiled else self._loading}, {now - self._began:.0f} s"
+        if self.console.is_terminal:
+            filled = round(30 * min(1.0, self._compiled / COMPILED_FUNCTIONS))
+            self._line.update(f"{'█' * filled}{'░' * (30 - filled)} {text}" if self._compiled else text)
+        elif now - self._said >= SILENCE:
+            self._said = now
+            self.console.print(text)
+
     def compiled(self, function: str) -> None:  # noqa: D102
         if not self._compiled:
-            self._console.print("compiling the physics for this machine: 20 to 70 s, only at the first start")
+            self.console.print("compiling the physics for this machine: 20 to 70 s, only at the first start")
+            self._said = self._clock()
         self._compiled += 1
-        share = min(1.0, self._compiled / COMPILED_FUNCTIONS)
-        bar = "█" * round(30 * share) + "░" * (30 - round(30 * share))
-        self._line.update(f"{bar} {self._compiled}/{COMPILED_FUNCTIONS} {function}")
 
     def started(self, run: Run) -> None:  # noqa: D102
+        self._is_loaded.set()
         self._on_start(run)
         if self._compiled:
-            self._console.print(f"compiled {self._compiled} functions")
-        self._console.print(f"{self._title}; press Ctrl-C to stop")
+            self.console.print(f"compiled {self._compiled} functions in {self._clock() - self._began:.0f} s")
+        self.console.print(f"{self._title}; press Ctrl-C to stop")
         if run.link:
             self._print_link(run.link)
 
     def _print_link(self, link: str) -> None:
-        is_opened = self._opens_browser and self._console.is_terminal and has_screen() and open_page(link)
-        self._console.print(f"{'opened' if is_opened else 'open'} in a browser:  {link}", soft_wrap=True)
+        is_opened = self._opens_browser and self.console.is_terminal and has_screen() and open_page(link)
+        self.console.print(f"{'opened' if is_opened else 'open'} in a browser:  {link}", soft_wrap=True)
         if command := tunnel(link):
-            self._console.print(f"first, on your own machine, run:  {command}", soft_wrap=True)
+            self.console.print(f"first, on your own machine, run:  {command}", soft_wrap=True)
+
+    def decided(self, result: RaceResult) -> None:  # noqa: D102
+        self._on_result(result)
 
     def running(self, run: Run) -> None:  # noqa: D102
         self._calls += 1
-        if self._console.is_terminal:
+        if self.console.is_terminal:
             self._line.update(run.status())
         elif self._calls % CALLS_PER_LOG_LINE == 0:
-            self._console.print(run.status(), soft_wrap=True)
+            self.console.print(run.status(), soft_wrap=True)
 
 
 def print_summary(summary: Summary) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from autodrive.scenario.tracks.track import BarrierSpec
+    from autodrive.scenario.tracks.track import BarrierSpec, Track
 
 importing = typer.Typer(help="Import a file of another program.", no_args_is_help=True, add_completion=False)
 exporting = typer.Typer(help="Write a file for another program.", no_args_is_help=True, add_completion=False)
@@ -65,15 +65,8 @@ def import_track(
     track, warnings = importer.import_track(path, options)
     for warning in warnings:
         typer.echo(f"autodrive: warning: {warning}", err=True)
-    if race_line and track.race_line is None:
-        from autodrive.scenario.tracks.race_line import with_race_line
-
-        track = with_race_line(track)
-    file = output or Path(f"{track.name}.yaml")
-    track.save(file)
     pieces = sum(map(len, track.walls))
-    typer.echo(f"wrote {file}: {track.length:.1f} m, {len(track.walls)} walls of {pieces} pieces. Next:")
-    typer.echo(f"  autodrive show {file}")
+    _save(track, output, f", {len(track.walls)} walls of {pieces} pieces", has_race_line=race_line)
 
 
 @exporting.command("track")
@@ -120,13 +113,17 @@ def generate_track(
         barrier=_barrier(barrier, gap, duct_length),
         name=output.stem if output else "",
     )
-    if race_line:
-        from autodrive.scenario.tracks.race_line import with_race_line
+    _save(track, output, has_race_line=race_line)
 
+
+def _save(track: Track, output: Path | None, walls: str = "", *, has_race_line: bool) -> None:
+    from autodrive.scenario.tracks.race_line import with_race_line
+
+    if has_race_line and track.race_line is None:
         track = with_race_line(track)
     file = output or Path(f"{track.name}.yaml")
     track.save(file)
-    typer.echo(f"wrote {file}: {track.length:.1f} m. Next:  autodrive show {file}")
+    typer.echo(f"wrote {file}: {track.length:.1f} m{walls}. Next:\n  autodrive show {file}")
 
 
 def _barrier(kind: str, gap: float, length: float) -> BarrierSpec:

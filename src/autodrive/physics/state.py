@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
+from autodrive.base.errors import CommandError
+from autodrive.base.suggest import suggest
 from autodrive.physics.model import Model
 from autodrive.protocol.messages import WHEEL_NAMES
 
@@ -152,6 +154,8 @@ class VehicleView:
 
     def wheel(self, name: str) -> WheelView:
         """The view of one wheel, a name of `WHEEL_NAMES`."""
+        if name not in WHEEL_NAMES:
+            raise CommandError(f"wheel '{name}' is not known. {suggest(str(name), [*WHEEL_NAMES])}")
         return WheelView(self._state, 4 * self._index + WHEEL_NAMES.index(name))
 
 

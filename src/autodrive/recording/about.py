@@ -6,7 +6,7 @@ import importlib.metadata
 import platform
 import sys
 
-from autodrive import __version__
+from autodrive.base.version import __version__
 
 
 def about_here() -> dict[str, str]:

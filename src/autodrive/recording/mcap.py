@@ -14,6 +14,7 @@ import bisect
 import contextlib
 import os
 import struct
+import sys
 import threading
 import zlib
 from collections import OrderedDict
@@ -21,13 +22,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol, overload
+from typing import BinaryIO, NamedTuple, overload
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
 from autodrive.recording.errors import RecordingError
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -178,8 +183,6 @@ class Writer:
 
     def __init__(self, file: BinaryIO, start: int) -> None:
         self._file = file
-        self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
-        self._compress_packed = zstandard.ZstdCompressor(level=PACKED_LEVEL).compress
         self._offset = start
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
@@ -215,8 +218,7 @@ class Writer:
         """Write a chunk with its indexes, and pass all to the operating system."""
         if not chunk.data:
             return
-        compress = self._compress_packed if 2 * chunk.packed > len(chunk.data) else self._compress
-        data = compress(chunk.data)
+        data = zstd.compress(chunk.data, PACKED_LEVEL if 2 * chunk.packed > len(chunk.data) else LEVEL)
         head = _CHUNK_HEAD.pack(chunk.start, chunk.end, len(chunk.data), zlib.crc32(chunk.data))
         record = _record(CHUNK, head + _text("zstd") + struct.pack("<Q", len(data)), data)
         places: list[tuple[int, int]] = []
@@ -581,10 +583,10 @@ def _decompressed(compression: str, data: bytes, size: int) -> bytes:
     """At most `size` bytes, whatever the data are."""
     if compression == "zstd":
         try:
-            if zstandard.frame_content_size(data) not in {-1, size}:  # -1: the data do not say
+            if zstd.get_frame_info(data).decompressed_size not in {None, size}:  # None: the data do not say
                 raise _CutOffError(f": it does not unpack to {size} bytes")
-            return zstandard.ZstdDecompressor().decompress(data, max_output_size=size) if size else b""
-        except (zstandard.ZstdError, MemoryError) as error:
+            return zstd.ZstdDecompressor().decompress(data, size) if size else b""
+        except (zstd.ZstdError, MemoryError) as error:
             raise _CutOffError(f": {error}") from None
     if compression:
         raise RecordingError(f"the compression '{compression}' of a chunk is not known; known: zstd")
@@ -725,18 +727,10 @@ class _File:
         return found
 
 
-class _Bytes(Protocol):
-    """`bytes` or a `_File`."""
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, part: slice, /) -> bytes: ...
-
-
 class _Cursor:
     """Reads values one after the other between two places."""
 
-    def __init__(self, data: _Bytes, at: int, end: int) -> None:
+    def __init__(self, data: bytes | _File, at: int, end: int) -> None:
         self._data = data
         self.at = at
         self.end = min(end, len(data))

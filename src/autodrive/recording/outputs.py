@@ -10,9 +10,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from autodrive import __version__
 from autodrive.base.cache import growing_file, make_folder, new_file
 from autodrive.base.errors import AutodriveError
+from autodrive.base.version import __version__
 from autodrive.recording import mcap, records
 from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS

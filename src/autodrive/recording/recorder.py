@@ -25,6 +25,7 @@ from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioR
 from autodrive.scenario.files import files_of
 from autodrive.world.observer import Request, Restored
 from autodrive.world.simulation import Simulation
+from autodrive.world.simulation.checks import check_world
 
 if TYPE_CHECKING:
     from autodrive.world import World
@@ -44,12 +45,12 @@ STATUS_PERIOD = NANOSECONDS
 class Recorder:
     """Records a World or a Simulation into an MCAP file, from now until `close` or the end of a `with` block.
 
-    ```python
-    world = autodrive.make("mini_map")
-    with Recorder("drive.mcap", world):
-        for _ in range(100):
-            world.step({"V1": Command(throttle=0.5)})
-    ```
+    For example::
+
+        world = autodrive.make("mini_map")
+        with Recorder("drive.mcap", world):
+            for _ in range(100):
+                world.step({"V1": Command(throttle=0.5)})
 
     `frame_rate` of Frames in simulated time [Hz]; None: each tick. `image_rate` of images of each camera; None: each
     image. `last`: keep only that many seconds in memory, and write them to a new file at each collision and `save`.
@@ -79,6 +80,7 @@ class Recorder:
 
         `encoder`: shared with other receivers of the images. `status`: state of the connection to a devkit script.
         """
+        check_world(source, "Recorder")
         self.path = Path(path)
         self.error = ""
         """Why the recording ended early; empty if it did not."""

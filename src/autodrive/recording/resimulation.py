@@ -21,7 +21,7 @@ from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.descriptions import Descriptions
 from autodrive.scenario.files import described
 from autodrive.world import OwnSensor, World
-from autodrive.world.factory import make
+from autodrive.world.factory import new_world
 from autodrive.world.observer import Request, ResetTo, Restored, SensorAdded, SetPoses
 from autodrive.world.simulation import Simulation
 
@@ -142,7 +142,7 @@ class _Again:
         spec = self._changed(given)
         if spec.tick != given.tick:
             raise RecordingError(f"the scenario has a tick of {spec.tick} s; that of the recording is {given.tick} s")
-        world = make(described(spec, known=known))
+        world = new_world(described(spec, known=known))
         if known is None:  # the World of an edit takes over the sensors of the one before
             for vehicle, names in self._scenario.own_sensors.items():
                 for name in names:

@@ -12,7 +12,7 @@ from autodrive.graphics.render.quality import quality as checked_quality
 from autodrive.run.summary import CamerasSummary, ImageCount
 from autodrive.world import World
 from autodrive.world.cameras import process_cameras
-from autodrive.world.factory import make
+from autodrive.world.factory import new_world
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import CameraImage, Frame
@@ -37,10 +37,10 @@ def world_with_cameras(
     checked_quality(quality, "")
     if draws_in_tick:
         try:
-            world = make(scenario, cameras=quality)
+            world = new_world(scenario, cameras=quality)
         except GlUnavailable as error:
             log.warning("%s", error)
-            return make(scenario), CameraMonitor(str(error))
+            return new_world(scenario), CameraMonitor(str(error))
         return world, CameraMonitor()
     processes: list[ProcessCameras] = []
 
@@ -48,7 +48,7 @@ def world_with_cameras(
         processes.append(process_cameras(compiled, quality, is_wanted=is_wanted))
         return processes[0]
 
-    world = make(scenario, cameras=start_process)
+    world = new_world(scenario, cameras=start_process)
     return world, CameraMonitor(process=processes[0]) if processes else None
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import autodrive
 from autodrive.base.cache import check_writable, make_folder
 from autodrive.base.errors import AutodriveError
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED, Pace
+from autodrive.base.version import __version__
 from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.flow_control import RESEND_DELAY
@@ -245,7 +245,7 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
         grid.wait_for_scripts(options.start_limit, stop)
         _drive(grid, recorder, options, stop, observer, run)
         result = RaceResult(
-            version=autodrive.__version__,
+            version=__version__,
             track=track.name,
             length=track.length,
             rules=options.rules,
@@ -260,8 +260,9 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
             recording=str(options.record or ""),
             digests=digests,
         )
-    if options.output is not None:
-        write_results(options.output, result, recorder, track)
+        if options.output is not None:
+            write_results(options.output, result, recorder, track)
+        observer.decided(result)
     return result
 
 

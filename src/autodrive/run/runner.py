@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 from autodrive.base.cache import check_writable, write_file
+from autodrive.base.errors import CommandError
 from autodrive.base.jit import compiling
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.files import built_page
@@ -21,12 +22,15 @@ from autodrive.run.world_loader import WorldLoader
 from autodrive.world.simulation import Simulation
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from autodrive.connect.server.server import Server
     from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.protocol.devkit import Images, ImageSizes
     from autodrive.protocol.messages import Frame
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.recording import Recorder
+    from autodrive.world.racing.results import RaceResult
 
 Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
 """Why clients may not have an operation or Drive now; empty if they may."""
@@ -61,11 +65,13 @@ class StopRequest:
 class Run:
     """A run in progress."""
 
+    options: RunOptions
     simulation: Simulation
     loader: WorldLoader
-    bridge: DevkitBridge
-    server: Server | None
     odometer: Odometer
+    bridge: DevkitBridge
+    encoder: JpegEncoder | None
+    server: Server | None = None
     recorder: Recorder | None = None
 
     @property
@@ -118,6 +124,9 @@ class RunObserver:
     def running(self, run: Run) -> None:
         """Called every `REFRESH_INTERVAL`."""
 
+    def decided(self, result: RaceResult) -> None:
+        """A race is over, and its results are written; its connections are still open."""
+
 
 def simulate(
     options: RunOptions | None = None, *, stop: StopRequest | None = None, observer: RunObserver | None = None
@@ -128,6 +137,8 @@ def simulate(
     another thread ends the run. Several runs in one process may follow each other. Raises `AutodriveError`, for example
     for an unknown scenario or a port that is in use.
     """
+    if not isinstance(options, RunOptions | None):
+        raise CommandError(f"simulate() needs RunOptions, such as RunOptions('plane'), not {options!r}")
     options, stop, observer = options or RunOptions(), stop or StopRequest(), observer or RunObserver()
     if options.summary is not None:
         check_writable(options.summary)  # before a long run, not after it
@@ -173,34 +184,32 @@ def opened(
     stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
     odometer = Odometer(simulation)
     simulation.add_sink(odometer)
-    simulation.add_sink(loader)
+    loader.follow(simulation)
     if loader.cameras is not None and options.pictures == "always":
         loader.cameras.wait()
     encoder = _image_encoder(options)
     make_bridges = make_grid or (lambda *_: ([_bridge(simulation, options, encoder)], lambda _: ""))
     bridges, refusal = make_bridges(simulation, encoder)
-    bridge = bridges[0]
-    loader.render_while_connected(bridge)
+    run = Run(options, simulation, loader, odometer, bridges[0], encoder)
+    loader.render_while_connected(run.bridge)
     recordings = ClientRecordings(
         simulation,
         options.recordings,
         scenario=lambda: loader.scenario,
         encoder=encoder,
-        bridge=lambda: bridge.status,
+        bridge=lambda: run.bridge.status,
     )
     stack.callback(recordings.stop_now)
-    server = (
-        _page_server(simulation, loader, options, bridge, encoder, recordings, refusal) if options.has_page else None
-    )
-    recorder = _recorder(simulation, loader, options, bridge, encoder)
-    if recorder is not None:
-        stack.enter_context(recorder)
+    if options.has_page:
+        run.server = _page_server(run, recordings, refusal)
+    if options.record is not None:
+        run.recorder = stack.enter_context(_recorder(run, options.record))
     stack.callback(simulation.stop)
-    if server is not None:
-        stack.enter_context(server)
+    if run.server is not None:
+        stack.enter_context(run.server)
     for one in bridges:
         stack.callback(one.close)
-    return Run(simulation, loader, bridge, server, odometer, recorder)
+    return run
 
 
 def _image_encoder(options: RunOptions) -> JpegEncoder | None:
@@ -235,25 +244,17 @@ def images_by(encoder: JpegEncoder | None) -> Callable[[Frame, float], Images] |
     return partial(images_of, encoder=encoder)
 
 
-def _recorder(
-    simulation: Simulation,
-    loader: WorldLoader,
-    options: RunOptions,
-    bridge: DevkitBridge,
-    encoder: JpegEncoder | None,
-) -> Recorder | None:
-    if options.record is None:
-        return None
+def _recorder(run: Run, path: Path) -> Recorder:
     from autodrive.recording import Recorder
 
     return Recorder(
-        options.record,
-        simulation,
-        name=lambda: loader.scenario,
-        last=options.record_last,
-        encoder=encoder,
-        image_quality=options.image_quality,
-        status=lambda: bridge.status,
+        path,
+        run.simulation,
+        name=lambda: run.loader.scenario,
+        last=run.options.record_last,
+        encoder=run.encoder,
+        image_quality=run.options.image_quality,
+        status=lambda: run.bridge.status,
     )
 
 
@@ -272,29 +273,22 @@ def _vehicle_profile(simulation: Simulation) -> str | None:
     return next((spec.devkit_profile for spec in specs if spec.devkit_profile), None)
 
 
-def _page_server(
-    simulation: Simulation,
-    loader: WorldLoader,
-    options: RunOptions,
-    bridge: DevkitBridge,
-    encoder: JpegEncoder | None,
-    recordings: ClientRecordings,
-    refusal: Refusal,
-) -> Server:
+def _page_server(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Server:
     """The server of the page and of the native protocol, which is not started yet."""
     from autodrive.connect.server.served import Served, scene_renderer_factory
     from autodrive.connect.server.server import Server
 
+    loader = run.loader
     served = Served(
-        simulation,
+        run.simulation,
         loader.scenery,
-        bridge=bridge,
+        bridge=run.bridge,
         scenarios=loader.scenarios,
-        jpeg_encoder=encoder,
+        jpeg_encoder=run.encoder,
         recording=recordings,
         cameras_error=lambda: loader.cameras_error,
         want_pictures=loader.set_viewed,
-        renderer_factory=scene_renderer_factory(options.camera_quality),
+        renderer_factory=scene_renderer_factory(run.options.camera_quality),
         refusal=refusal,
     )
-    return Server(served, options, page=built_page())
+    return Server(served, run.options, page=built_page())

@@ -7,8 +7,8 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-import autodrive
 from autodrive.base.transforms import euler_from_quaternion
+from autodrive.base.version import __version__
 from autodrive.protocol.messages import Collision, Frame, Pose
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def run_summary(
     wall_time = simulation.running_time
     spec = simulation.world.spec
     return Summary(
-        version=autodrive.__version__,
+        version=__version__,
         scenario=scenario,
         map=spec.map,
         seed=spec.seed,

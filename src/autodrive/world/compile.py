@@ -28,12 +28,12 @@ from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlaceme
 from autodrive.scenario.descriptions import Specs
 from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map
 from autodrive.scenario.maps.mjcf import world_mjcf
-from autodrive.scenario.maps.placing import Solid, overlaps
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
 from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.scenario.vehicles.stability import is_stable, longest_substep
+from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings
 from autodrive.world.racing import Race
 
 
@@ -68,14 +68,12 @@ class CompiledScenario:
     """None if the scenario has none."""
     owners: list[str]
     """Name of the vehicle, box or fixed object of each of the engine's geoms."""
+    warnings: list[Problem]
+    """Probable mistakes that can be simulated."""
 
 
-def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
-    """Compiles a scenario. Raises `SpecProblems` with all problems.
-
-    `is_strict`: also for probable mistakes that a run accepts: vehicles outside the walls, and boxes that overlap other
-    objects.
-    """
+def compile_specs(specs: Specs) -> CompiledScenario:
+    """Compiles a scenario. Raises `SpecProblems` with all problems."""
     spec = specs.scenario
     map_, vehicles, problems = _load(specs)
     if map_ is None:
@@ -86,14 +84,14 @@ def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
     boxes, unknown_boxes = _boxes(spec, map_)
     race, wrong_race = _race(specs, map_)
     twice = _names_used_twice(spec, map_, boxes)
-    problems += [*wrong_sensors, *wrong_own_sensors, *unknown_boxes, *wrong_race, *twice]
-    if is_strict:
-        problems = [*_vehicles_outside(spec, map_), *_overlapping_boxes(spec, map_, boxes), *problems]
+    problems = [*overlapping_boxes(spec, map_, boxes), *problems, *wrong_sensors, *wrong_own_sensors]
+    problems += [*unknown_boxes, *wrong_race, *twice]
+    warnings = placement_warnings(spec, map_, vehicles, boxes)
     if len(boxes) > MAX_BOXES:
         text = f": {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
         problems.append((_at("boxes"), text))
     if twice or len(boxes) > MAX_BOXES or not vehicles:  # without an engine, overlaps are not known
-        raise SpecProblems(problems)
+        raise _refusal(problems, warnings)
     bodies = [
         vehicle_mjcf(name, vehicle, spec.vehicles[name].x, spec.vehicles[name].y, spec.vehicles[name].yaw)
         for name, vehicle in vehicles.items()
@@ -102,10 +100,13 @@ def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
         engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity))
     except EngineError as error:
         place = _at("boxes" if spec.boxes else "vehicles")
-        raise SpecProblems([*problems, (place, f": {error}. Many bodies at the same place?")]) from None
-    problems += _overlapping_vehicles(vehicles, engine) + _unstable_vehicles(vehicles, spec)
+        problems.append((place, f": {error}. Many bodies at the same place?"))
+        raise _refusal(problems, warnings) from None
+    owners = [name.split("/")[0] for name in engine.geom_names]
+    overlapping = [(owners[a], owners[b]) for a, b in engine.overlapping()]
+    problems += overlapping_vehicles(vehicles, overlapping) + _unstable_vehicles(vehicles, spec)
     if problems:
-        raise SpecProblems(problems)
+        raise _refusal(problems, warnings)
     geoms = engine.geoms()
     body_vehicle = {engine.body(name)[0]: i for i, name in enumerate(vehicles)}
     shapes = _shapes(geoms, body_vehicle)
@@ -161,8 +162,13 @@ def compile_specs(specs: Specs, *, is_strict: bool = False) -> CompiledScenario:
         objects=objects,
         boxes=boxes,
         race=race,
-        owners=_owners(engine),
+        owners=owners,
+        warnings=warnings,
     )
+
+
+def _refusal(problems: list[Problem], warnings: list[Problem]) -> SpecProblems:
+    return SpecProblems([*problems, *(("warning: ", *one) for one in warnings)])
 
 
 def set_factors(
@@ -259,25 +265,6 @@ def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Proble
     return map_, vehicles, problems
 
 
-def _owners(engine: Engine) -> list[str]:
-    """Name of the object of each geom."""
-    return [name.split("/")[0] for name in engine.geom_names]
-
-
-def _overlapping_vehicles(vehicles: dict[str, VehicleSpec], engine: Engine) -> list[Problem]:
-    """A problem for each vehicle that overlaps another object."""
-    owners = _owners(engine)
-    pairs = {tuple(sorted((owners[a], owners[b]))) for a, b in engine.overlapping()}
-    return [
-        (
-            _at("vehicles", [name for name in pair if name in vehicles][-1]),
-            f": '{pair[0]}' and '{pair[1]}' overlap at the start; move one of them",
-        )
-        for pair in sorted(pairs)
-        if set(pair) & set(vehicles)
-    ]
-
-
 def _unstable_vehicles(vehicles: dict[str, VehicleSpec], spec: ScenarioSpec) -> list[Problem]:
     """A problem for each vehicle whose springs and dampers are not stable with the substep of the scenario."""
     return [
@@ -289,25 +276,6 @@ def _unstable_vehicles(vehicles: dict[str, VehicleSpec], spec: ScenarioSpec) -> 
         for name, vehicle in vehicles.items()
         if not is_stable(vehicle, spec.substep)
     ]
-
-
-def _vehicles_outside(spec: ScenarioSpec, map_: Map) -> list[Problem]:
-    """A problem for each vehicle outside the walls that enclose the roads of the map."""
-    return [
-        (_at("vehicles", name), f": {outside}")
-        for name, vehicle in spec.vehicles.items()
-        if (outside := map_.outside(vehicle.x, vehicle.y))
-    ]
-
-
-def _overlapping_boxes(spec: ScenarioSpec, map_: Map, boxes: list[BoxPlacement]) -> list[Problem]:
-    """A problem for each box of the scenario that overlaps a box or a fixed object."""
-    own = [box for box in boxes if box.name in spec.boxes]
-    solids: list[Solid] = [
-        (Place("scenario", ("boxes", box.name), f"box '{box.name}'"), box.plan, *box.span) for box in own
-    ]
-    solids += [(f"'{one.name}'", one.plan, *one.span) for one in (*boxes, *map_.statics) if one.name not in spec.boxes]
-    return overlaps(solids, len(own))
 
 
 def _boxes(spec: ScenarioSpec, map_: Map) -> tuple[list[BoxPlacement], list[Problem]]:

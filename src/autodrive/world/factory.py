@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +40,24 @@ def make(
 
     `engine`: "auto" calls the contact engine only while something may touch; "always" calls it in every substep, which
     is slower and differs in the last bits only.
+
+    What is probably a mistake, such as a vehicle outside the walls, is a warning of Python.
     """
+    descriptions = scenario if isinstance(scenario, Descriptions) else read_scenario(scenario)
+    world = new_world(descriptions, seed, cameras=cameras, engine=engine)
+    for text in joined(world.warnings, descriptions.lines):
+        warnings.warn(text, stacklevel=3)  # where `make` is called: `with_suggestions` is between
+    return world
+
+
+def new_world(
+    scenario: str | Path | ScenarioSpec | Descriptions = DEFAULT,
+    seed: int | None = None,
+    *,
+    cameras: bool | str | Callable[[CompiledScenario], CameraBackend] = False,
+    engine: Literal["auto", "always"] = "auto",
+) -> World:
+    """As `make`, for callers that show `World.warnings` in another way."""
     descriptions = scenario if isinstance(scenario, Descriptions) else read_scenario(scenario)
     if seed is not None:
         check_seed(seed)
@@ -50,16 +68,11 @@ def make(
         return World(compiled, _camera_backend(compiled, cameras), engine=engine)
 
 
-def compile_scenario(
-    scenario: str | Path | ScenarioSpec | Descriptions, *, is_strict: bool = False
-) -> CompiledScenario:
-    """Read a scenario (name, file or Spec) and compile it. Raises `SpecError` with all errors and their places.
-
-    `is_strict`: see `compile_specs`.
-    """
+def compile_scenario(scenario: str | Path | ScenarioSpec | Descriptions) -> CompiledScenario:
+    """Read a scenario (name, file or Spec) and compile it. Raises `SpecError` with all errors and their places."""
     descriptions = scenario if isinstance(scenario, Descriptions) else read_scenario(scenario)
     try:
-        return compile_specs(with_own_sensors(descriptions.specs), is_strict=is_strict)
+        return compile_specs(with_own_sensors(descriptions.specs))
     except SpecProblems as error:
         raise SpecError(joined(error.problems, descriptions.lines), descriptions.path) from None
 

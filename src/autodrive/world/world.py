@@ -94,6 +94,8 @@ class World(OneThread):
         self.vehicle_names = list(compiled.vehicles)
         self.boxes = dict(zip(compiled.objects, compiled.boxes, strict=True))
         """The movable objects of a Frame, as they were placed."""
+        self.warnings = compiled.warnings
+        """Probable mistakes in the scenario, as parts of their texts; see `autodrive.base.specs.joined`."""
         self.tick_duration = compiled.spec.tick
         self._seed = compiled.spec.seed
         self._start: Floats = compiled.engine.start
@@ -113,6 +115,7 @@ class World(OneThread):
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
         c, controls = compiled, self._controls
+        c.sensors.compile_ahead()  # beside `advance`, which takes as long to compile
         self._advance = resolved(
             advance,
             c.model,
@@ -315,6 +318,7 @@ class World(OneThread):
         self._start = compiled.engine.start
         self.spec = compiled.spec
         self.boxes = dict(zip(compiled.objects, compiled.boxes, strict=True))
+        self.warnings = compiled.warnings
 
     @by_one_thread
     def set_factors(self, factors: Mapping[str, Mapping[str, float]]) -> None:
@@ -411,6 +415,9 @@ class World(OneThread):
         i = self._controls.index(vehicle)
         if self.race is None:
             raise CommandError(f"vehicle '{vehicle}' cannot retire: the scenario has no race")
+        check_flag(is_disqualified, f"is_disqualified of vehicle '{vehicle}'")
+        if not isinstance(reason, str):
+            raise CommandError(f"the reason to retire vehicle '{vehicle}' must be a text, not {reprlib.repr(reason)}")
         if self.race.status(i) in (RaceStatus.WAITING, RaceStatus.RACING):
             status = RaceStatus.DISQUALIFIED if is_disqualified else RaceStatus.RETIRED
             event, moves = self.race.end(i, status, reason, self.time, self.compiled.state.vehicle_position)

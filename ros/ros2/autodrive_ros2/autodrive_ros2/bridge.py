@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from autodrive.base.errors import AutodriveError
+from autodrive import AutodriveError
 from autodrive.ros import Bridge, Message, Subscription, Topic
 from autodrive_ros2.messages import build, message_type
 from autodrive_ros2.parameters import declare

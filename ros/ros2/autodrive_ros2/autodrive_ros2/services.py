@@ -12,7 +12,7 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
-from autodrive.base.errors import AutodriveError
+from autodrive import AutodriveError
 from autodrive.base.transforms import rotate
 from autodrive.protocol.messages import Frame, LoadScenario, Pause, Pose, Reset, Resume, Step, Teleport
 from autodrive.ros import Bridge, Time

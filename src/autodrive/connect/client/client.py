@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError, CommandError
+from autodrive.base.suggest import with_suggestions
 from autodrive.connect.client.client_socket import Address
 from autodrive.connect.client.connection import Connection
 from autodrive.connect.client.view import View
@@ -72,6 +73,7 @@ class Client:
     for an answer, at the next call.
     """
 
+    @with_suggestions
     def __init__(
         self,
         address: str = f"127.0.0.1:{PORT}",

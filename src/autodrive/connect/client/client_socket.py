@@ -48,13 +48,13 @@ class Address:
     @staticmethod
     def of(text: str, token: str | None = None) -> Address:
         """'127.0.0.1:8730', 'lab-pc', 'http://host:port/?token=...', also of a proxy ('https://hub/user/proxy/8730/')."""
-        has_scheme = "://" in text
         try:
+            has_scheme = "://" in text
             parts = urlsplit(text if has_scheme else f"http://{text}")
             host, port = parts.hostname, parts.port
-        except ValueError:
+        except (ValueError, TypeError):
             host = port = None
-            parts = urlsplit("")
+            has_scheme, parts = False, urlsplit("")
         if not host or parts.scheme not in {"http", "https", "ws", "wss"}:
             raise AutodriveError(
                 f"'{text}' is not the address of a simulator; use '127.0.0.1:{PORT}' or the link that it prints"

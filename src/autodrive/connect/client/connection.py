@@ -200,7 +200,7 @@ class Connection:
     def _connected(self) -> ClientSocket:
         """The open socket; reconnects, and waits until a simulator listens again."""
         if self.is_closed:
-            raise AutodriveError("this Client was closed")
+            raise AutodriveError("this Client was closed: make a new one")
         end = time.monotonic() + self.patience
         while self._socket is None:
             try:

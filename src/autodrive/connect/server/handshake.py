@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 import msgspec
 
-from autodrive import __version__
 from autodrive.base.errors import AutodriveError
+from autodrive.base.version import __version__
 from autodrive.protocol.codec import decode_client, encode
 from autodrive.protocol.native import PROTOCOL, ClientMessage, Error, Hello
 

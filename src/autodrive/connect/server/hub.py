@@ -7,9 +7,9 @@ import contextlib
 import math
 from typing import Any
 
-from autodrive import __version__
 from autodrive.base.errors import AutodriveError
 from autodrive.base.log_throttle import LogThrottle
+from autodrive.base.version import __version__
 from autodrive.connect.server.bridge_control import BridgeControl
 from autodrive.connect.server.broadcast import Broadcast
 from autodrive.connect.server.connected_client import ConnectedClient
@@ -62,6 +62,7 @@ class Hub:
             self._leases,
             self._bridge,
             self.broadcast.remote_views,
+            prepare_scene=self.broadcast.prepare,
             on_change=self._send_status_soon,
             clock=self.now,
         )

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
-import autodrive
 from autodrive.base.cache import PACKAGE, cache_folder, sources
 from autodrive.base.python_files import FUNCTION
+from autodrive.base.version import __version__
 from autodrive.experiments.campaigns import parameters
 from autodrive.experiments.campaigns.campaign import Campaign, Run
 from autodrive.experiments.campaigns.runner import Result
@@ -20,6 +20,8 @@ from autodrive.scenario.files import files_of
 
 ROWS = cache_folder("campaigns").with_name("campaigns") / "rows.sqlite"
 """The rows of all campaigns of this user."""
+KEPT = ("metrics", "end", "time", "digest")
+"""Of a result."""
 
 
 class RunKeys:
@@ -61,19 +63,14 @@ class RowCache:
         found = self._rows.execute("SELECT row FROM rows WHERE key = ?", (key,)).fetchone()
         if found is None:
             return None
-        row = json.loads(found[0])
-        return Result(number, row["metrics"], row["end"], row["time"])
+        return Result(number, **json.loads(found[0]))
 
     def add(self, rows: Iterable[tuple[str, Result]]) -> None:
         """Keep results; those with an error are not kept."""
         with self._rows:
             self._rows.executemany(
                 "INSERT OR REPLACE INTO rows VALUES (?, ?)",
-                [
-                    (key, json.dumps({"metrics": one.metrics, "end": one.end, "time": one.time}))
-                    for key, one in rows
-                    if not one.error
-                ],
+                [(key, json.dumps({name: getattr(one, name) for name in KEPT})) for key, one in rows if not one.error],
             )
 
     def close(self) -> None:
@@ -98,7 +95,7 @@ def own_files(campaign: Campaign) -> set[Path]:
 
 def versions() -> tuple[str, ...]:
     """Versions of the packages that decide results; the last one is the hash of the sources of this package."""
-    return autodrive.__version__, version("mujoco-core"), version("numpy"), _package()
+    return __version__, version("mujoco-core"), version("numpy"), _package()
 
 
 def _package() -> str:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import autodrive
 from autodrive.base.svg_plot import scale, text
+from autodrive.base.version import __version__
 from autodrive.experiments.campaigns.campaign import Campaign
 from autodrive.experiments.campaigns.statistics import SEED_CHANGES_NOTHING, wilson
 
@@ -54,7 +54,7 @@ def report(campaign: Campaign, table: Columns, numbers: dict[str, Any]) -> str:
         _metrics(campaign, numbers),
         _worst(campaign, table),
         _plots(campaign, table),
-        f"<p>AutoDRIVE Simulator {autodrive.__version__}</p></body></html>\n",
+        f"<p>AutoDRIVE Simulator {__version__}</p></body></html>\n",
     ]
     return "\n".join(parts)
 

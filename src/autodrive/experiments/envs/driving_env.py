@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.errors import EngineError
+from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
 from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of
@@ -24,6 +25,7 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 20.0}  # noqa: RUF012
 
+    @with_suggestions
     def __init__(
         self,
         task: str = "lane_keeping",

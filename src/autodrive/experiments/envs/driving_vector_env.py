@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
-from autodrive.base.suggest import suggest
+from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of
@@ -26,6 +26,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
+    @with_suggestions
     def __init__(
         self,
         num_envs: int = 1,

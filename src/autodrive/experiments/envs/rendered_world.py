@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
 from autodrive.protocol.messages import Command, Frame
 from autodrive.world.factory import make
@@ -50,6 +51,7 @@ class RenderedWorld:
         self.step_duration = scenario.tick * settings.frame_skip
         """[s]."""
         self.world = make(scenario, cameras=self._cameras if has_camera else False)
+        self._is_closed = False
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
         self._open = ExitStack()
@@ -59,11 +61,13 @@ class RenderedWorld:
 
     def reset(self, seed: int, poses: Mapping[str, Ground]) -> Frame:
         """Start an episode."""
+        self._check_open()
         self._due = time.monotonic()
         return self.world.reset(seed, poses=poses)
 
     def step(self, commands: Mapping[str, Command]) -> Frame:
         """Run the ticks of one action. Raises `EngineError` if the physics became unstable."""
+        self._check_open()
         if self._simulation is None:
             for _ in range(self._settings.frame_skip):
                 self.world.step(commands)
@@ -91,7 +95,12 @@ class RenderedWorld:
 
     def close(self) -> None:
         """Stop the page, and free the renderers."""
+        self._is_closed = True
         self._open.close()
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise CommandError("this environment is closed: make a new one")
 
     def _cameras(self, compiled: CompiledScenario) -> CameraBackend:
         """The front cameras, with small images: one for each step."""

@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
+from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.conditions import Conditions, Drive, Range
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.settings import Action
@@ -33,6 +34,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     `latency`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
     """
 
+    @with_suggestions
     def __init__(
         self,
         num_envs: int = 1,

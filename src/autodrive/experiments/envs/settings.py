@@ -81,7 +81,8 @@ def commands_of(actions: Any, settings: Settings, count: int) -> NDArray[Any]:
     kinds = "iu" if settings.action == "discrete" else "fiu"
     if given.dtype.kind not in kinds or given.shape not in (shape, shape[1:] if count == 1 else shape):
         number = "whole numbers" if settings.action == "discrete" else "throttle and steering as numbers"
-        raise CommandError(f"actions must be {number} of the shape {shape}, not {_described(given)}")
+        wanted = (2,) if shape == (1, 2) else shape
+        raise CommandError(f"actions must be {number} of the shape {wanted}, not {_described(given)}")
     if settings.action == "continuous":
         return given.reshape(shape)
     if not ((given >= 0) & (given < len(CHOICES))).all():

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.experiments.identification.drive import Drive, IdentificationError
 from autodrive.experiments.identification.parameters import VehicleFile
-from autodrive.physics.sensors.settings import SensorSettings
-from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch import BatchWorld
 

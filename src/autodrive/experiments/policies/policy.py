@@ -108,20 +108,21 @@ class Policy:
         raise SpecError([f"policy '{name[:80]}' is not known. {suggest(name, known)} Or give an .npz file"])
 
     @classmethod
-    def load(cls, file: Path) -> Policy:
+    def load(cls, file: str | Path) -> Policy:
         """Read a file. Raises `SpecError` if it is missing or no policy."""
         try:
-            arrays = _arrays(file)
+            arrays = _arrays(Path(file))
             about = json.loads(str(arrays["about"]))
             count = sum(name.startswith("weight_") for name in arrays)
             layers = tuple((_real(arrays[f"weight_{k}"]), _real(arrays[f"bias_{k}"])) for k in range(count))
             if about["format"] != FORMAT:
                 raise ValueError(f"its format is {about['format']!r}; this version reads {FORMAT}")
+            low, high = _numbers(about["throttle"])
             return cls(
                 task=str(about["task"]),
                 inputs=tuple(map(str, about["inputs"])),
                 scale=_numbers(about["scale"]),
-                throttle=_pair(about["throttle"]),
+                throttle=(low, high),
                 layers=layers,
                 training=dict(about["training"]),
             )
@@ -166,8 +167,3 @@ def _numbers(values: Sequence[Any]) -> tuple[float, ...]:
     if not all(map(math.isfinite, numbers)):
         raise ValueError("a number in it is not finite")
     return numbers
-
-
-def _pair(values: Sequence[Any]) -> tuple[float, float]:
-    low, high = _numbers(values)
-    return low, high

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.envs.time_trial import TimeTrial
-from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command, VehicleFrame
-from autodrive.scenario import RaceSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
 from autodrive.world.compile import on_grid
 from autodrive.world.factory import make

@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import read_only_copy
+from autodrive.base.compile_ahead import compile_ahead
 from autodrive.base.jit import resolved
 from autodrive.physics.model import Shapes
 from autodrive.physics.sensors.catalog import CHANNELS, SENSORS, VALUES
@@ -73,6 +74,10 @@ class SensorSuite:
         """See `set_noise_factors`."""
         self._times = [list(NEVER) for _ in vehicles]
         """Of the latest readings; see `ReadingColumns.time`."""
+
+    def compile_ahead(self) -> None:
+        """Start to compile the sampling in a process of its own, if that is necessary."""
+        compile_ahead(sample, 0, 0, self._substeps, *self._arguments, self._tables)
 
     def set_noise_factors(self, factors: Sequence[float]) -> None:
         """Multiply the noise of each vehicle, from the next reset on."""

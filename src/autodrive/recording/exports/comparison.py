@@ -27,7 +27,7 @@ from autodrive.recording.exports.recorder_layout import DriveLog
 from autodrive.recording.plot import check_suffix, write_panels
 from autodrive.recording.resimulation import simulated_again
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
-from autodrive.world.factory import make
+from autodrive.world.factory import new_world
 
 SIGNALS = ("x", "y", "heading", "speed", "yaw rate")
 """Signals of a drive [m, m, rad, m/s, rad/s]."""
@@ -150,7 +150,7 @@ def compare_log(log: DriveLog, scenario: str | Path | ScenarioSpec | None = None
     else:
         spec = scenario if isinstance(scenario, ScenarioSpec) else load_scenario(scenario)
     name = next(iter(spec.vehicles))
-    world = make(with_type(spec, name, type_))
+    world = new_world(with_type(spec, name, type_))
     vehicle = world.vehicle_specs[name]
     limit, lever = vehicle.steering.limit, vehicle.sensors.ips.mount.position
     heading = float(log.euler[0, 2])

@@ -23,7 +23,7 @@ from autodrive.recording.replay.overview import Overview
 from autodrive.recording.replay.player import Player, Stage
 from autodrive.recording.replay.tape import Tape
 from autodrive.world.cameras import process_cameras
-from autodrive.world.factory import make
+from autodrive.world.factory import new_world
 from autodrive.world.scene_files import SceneFiles
 
 if TYPE_CHECKING:
@@ -144,11 +144,11 @@ class _Stages:
 
     def _made(self, spec: ScenarioSpec) -> Stage:
         if self._tape.contains_images:
-            return Stage(make(spec))
+            return Stage(new_world(spec))
         drawn: list[ProcessCameras] = []
 
         def start(compiled: CompiledScenario) -> ProcessCameras:
             drawn.append(process_cameras(compiled, self._quality, is_wanted=False))
             return drawn[0]
 
-        return Stage(make(spec, cameras=start), drawn[0] if drawn else None)
+        return Stage(new_world(spec, cameras=start), drawn[0] if drawn else None)

@@ -69,9 +69,7 @@ def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]
     for name, width in strips if not road.is_empty and map_.track is None else ():
         strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * tolerance)
         add(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))
-    for surface in map_.surfaces:
-        if surface.kind == "lawn":
-            add("lawn", Label.LAWN, surface.geometry)
+    add("lawn", Label.LAWN, map_.lawn)
     add("floor", Label.GROUND, shapely.box(*floor_extent(map_)))
     return found
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 import shapely
 
-from autodrive.base.cache import write_file
+from autodrive.base.cache import make_folder, write_file
 from autodrive.base.png import encode_png
 from autodrive.physics.model import CYLINDER
 from autodrive.protocol.labels import Label
@@ -75,6 +75,7 @@ def occupancy(map_: Map, resolution: float = 0.01, *, free: Free = "ground") -> 
 
 def write_occupancy(map_: Map, folder: Path, resolution: float = 0.01, *, free: Free = "ground") -> Path:
     """Write NAME.png and NAME.yaml for map_server of ROS; returns the path of the YAML file."""
+    make_folder(folder)
     write_file(folder / f"{map_.name}.png", encode_png(occupancy(map_, resolution, free=free)))
     x, y = map_.bounds[:2]
     path = folder / f"{map_.name}.yaml"

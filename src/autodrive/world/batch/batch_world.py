@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
@@ -15,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from autodrive.base.arrays import Floats, Integers
+from autodrive.base.child_process import cpu_count
 from autodrive.base.errors import CommandError
 from autodrive.base.jit import resolved
-from autodrive.base.suggest import suggest
+from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.physics.model import Table
 from autodrive.physics.sensors.tables import most_rays, reset_noise, sensor_tables
@@ -50,6 +50,7 @@ class BatchWorld(OneThread):
     All sensors have readings, but the cameras. The result does not depend on the number of threads.
     """
 
+    @with_suggestions
     def __init__(
         self,
         scenario: str | Path | ScenarioSpec = DEFAULT,
@@ -64,6 +65,7 @@ class BatchWorld(OneThread):
         `scenario` and `engine`: see `autodrive.make`. Raises `SpecError`, and `CommandError` for other arguments.
         """
         super().__init__()
+        self._is_closed = False
         check_seed(seed)
         for name, value in (("n", n), ("threads", threads)):
             if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
@@ -100,7 +102,7 @@ class BatchWorld(OneThread):
         self._specs = {
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
         }
-        count = min(threads or _processors(), math.ceil(n / BLOCK))
+        count = min(threads or cpu_count(), math.ceil(n / BLOCK))
         self._block = max(BLOCK, n // (BLOCKS * count))
         engines = [c.engine, *(c.engine.copy() for _ in range(count - 1))]
         self._threads = [new_thread(c, one, rays) for one in engines]
@@ -124,6 +126,7 @@ class BatchWorld(OneThread):
         `commands` has the shape (n, v, 2); greater values are limited. Raises `CommandError` for another shape, or a
         value that is not finite; nothing has moved then.
         """
+        self._check_open()
         values = self._checked_commands(commands)
         if isinstance(ticks, bool) or not isinstance(ticks, int) or ticks < 1:
             raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
@@ -166,6 +169,7 @@ class BatchWorld(OneThread):
 
         Raises `CommandError` for wrong values, and for poses that let two bodies overlap; nothing has changed then.
         """
+        self._check_open()
         chosen = self._checked_worlds(worlds)
         new_seeds = self._checked_seeds(seeds, chosen)
         given = {"mass": mass, "grip": grip, "noise": noise}
@@ -191,9 +195,14 @@ class BatchWorld(OneThread):
         return self._show()
 
     def close(self) -> None:
-        """End the threads."""
+        """End the threads; no step can follow."""
+        self._is_closed = True
         if self._pool is not None:
             self._pool.shutdown()
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise CommandError("these worlds are closed: make a new BatchWorld or environment")
 
     # -- parts of a step -----------------------------------------------------------------------------------------
 
@@ -416,8 +425,3 @@ class BatchWorld(OneThread):
         for k, row in zip(chosen.tolist(), qpos, strict=True):
             for one, other in overlapping(self.compiled, row):
                 raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
-
-
-def _processors() -> int:
-    """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

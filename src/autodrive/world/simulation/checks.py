@@ -65,6 +65,12 @@ def check_vehicle(vehicle: str, frame: Frame) -> None:
         raise CommandError(f"vehicle '{vehicle}' is not known. {suggest(str(vehicle), list(frame.vehicles))}")
 
 
+def check_world(world: object, user: str) -> None:
+    """Raises `CommandError` for what is no World, such as the name of a scenario."""
+    if not hasattr(world, "frame"):
+        raise CommandError(f"a {user} needs a World, such as autodrive.make('plane'), not {world!r}")
+
+
 def check_speed(speed: float | None) -> None:
     """Raises `CommandError` unless it is a number of simulated seconds per wall second, or None."""
     if speed is not None and not (is_number(speed) and MIN_SPEED <= speed <= MAX_SPEED):

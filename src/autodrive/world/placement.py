@@ -1,0 +1,96 @@
+"""Checks where a scenario places its vehicles and boxes, for `check`, `run`, `make` and edits alike.
+
+What overlaps is an error: the engine would throw it apart. What only is probably a mistake is a warning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import shapely
+
+from autodrive.base.specs import Place, Problem
+from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.maps.map import BoxPlacement, Map
+from autodrive.scenario.maps.placing import Solid, overlaps
+from autodrive.scenario.vehicles.spec import VehicleSpec
+
+SMALL = 0.5
+"""Share of the size of a vehicle; colliders that reach over less of it are reported."""
+
+
+def overlapping_vehicles(vehicles: Mapping[str, VehicleSpec], pairs: Sequence[tuple[str, str]]) -> list[Problem]:
+    """A problem for each vehicle that overlaps another object; `pairs`: the names of the objects that overlap."""
+    return [
+        (
+            Place("scenario", ("vehicles", [name for name in pair if name in vehicles][-1])),
+            f": '{pair[0]}' and '{pair[1]}' overlap at the start; move one of them",
+        )
+        for pair in sorted({(min(pair), max(pair)) for pair in pairs})
+        if set(pair) & set(vehicles)
+    ]
+
+
+def overlapping_boxes(spec: ScenarioSpec, map_: Map, boxes: Sequence[BoxPlacement]) -> list[Problem]:
+    """A problem for each box of the scenario that overlaps a box or a fixed object."""
+    own = [box for box in boxes if box.name in spec.boxes]
+    if not own:
+        return []
+    others = [one for one in (*boxes, *map_.statics) if one.name not in spec.boxes]
+    solids: list[Solid] = [(_at("boxes", box.name), box.plan, *box.span) for box in own]
+    solids += [(f"'{one.name}'", one.plan, *one.span) for one in others]
+    return overlaps(solids, len(own))
+
+
+def placement_warnings(
+    spec: ScenarioSpec, map_: Map, vehicles: Mapping[str, VehicleSpec], boxes: Sequence[BoxPlacement]
+) -> list[Problem]:
+    """A problem for each vehicle or box outside the walls, and for each vehicle with too small colliders."""
+    places = {name: _at("vehicles", name) for name in spec.vehicles} | {name: _at("boxes", name) for name in spec.boxes}
+    positions = {name: (one.x, one.y) for name, one in spec.vehicles.items()}
+    positions |= {box.name: box.position[:2] for box in boxes}
+    return [
+        *(
+            (places.get(name, f"box '{name}'"), outside)
+            for name, position in positions.items()
+            if (outside := _outside(map_, *position))
+        ),
+        *((places[name], small) for name, vehicle in vehicles.items() if (small := _too_small(vehicle))),
+    ]
+
+
+def warnings_about(name: str, warnings: Sequence[Problem]) -> list[Problem]:
+    """Those that concern a vehicle or box of the scenario."""
+    return [one for one in warnings if any(isinstance(part, Place) and part.location[-1] == name for part in one)]
+
+
+def _at(key: str, name: str) -> Place:
+    return Place("scenario", (key, name), name if key == "vehicles" else f"box '{name}'")
+
+
+def _outside(map_: Map, x: float, y: float) -> str:
+    """Says that a place [m] is outside the walls that enclose the roads; empty if it is not."""
+    if map_.enclosure is None or map_.enclosure.covers(shapely.Point(x, y)):
+        return ""
+    x0, y0, x1, y1 = map_.enclosure.bounds
+    text = f" at ({x:g}, {y:g}) is outside the walls of map '{map_.name}'"
+    if x0 <= x <= x1 and y0 <= y <= y1:  # in the middle of a ring
+        return text
+    return f"{text}, which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m"
+
+
+def _too_small(vehicle: VehicleSpec) -> str:
+    """Says that the colliders of a vehicle reach over a small part of its size; empty if they do not."""
+    wheel = np.array([vehicle.wheels.radius, vehicle.wheels.width / 2.0, vehicle.wheels.radius])
+    boxes = [(one.position, np.array(one.size) / 2.0) for one in (*vehicle.platforms, vehicle.lidar_collider)]
+    boxes += [(hub, wheel) for hub in vehicle.hubs]
+    middles, halves = np.array([middle for middle, _ in boxes]), np.array([half for _, half in boxes])
+    reach = (middles + halves).max(axis=0) - (middles - halves).min(axis=0)
+    if (reach >= SMALL * np.array(vehicle.size)).all():
+        return ""
+    reached, size = (" x ".join(f"{length:.3g}" for length in lengths) for lengths in (reach, vehicle.size))
+    return (
+        f": the wheels and colliders of '{vehicle.title}' reach over {reached} m, but its size is {size} m: other "
+        "objects pass into its body; make 'platforms' or 'size' fit"
+    )
