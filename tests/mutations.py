@@ -1,14 +1,11 @@
 """Mutation test, run on demand: seeded faults in six areas of the package, and which of them the tests find.
 
-    python -m tests.mutations draw --tree BASE [--present TREE]   draws them from the source at the baseline
-    python -m tests.mutations run --tree BASE                     tests each one; goes on where it stopped
-    python -m tests.mutations run --tree TREE --results FILE      the same with other source and tests
+    python -m tests.mutations run --tree TREE --results FILE      tests each one; goes on where it stopped
     python -m tests.mutations table --results FILE                compares the results with those of the baseline
 
 A mutation is a statement of a function and its changed form. It is found again by the name of the function and the
-statement, whatever the file. `draw --present` replaces those that have no place in that tree by the next of the same
-area. The mutations and their results at the baseline are in `mutations.json`. TREE and BASE are checkouts that nobody
-edits, with their own .venv (scripts/setup --dev).
+statement, whatever the file. The mutations, which were drawn at random, and their results at the baseline are in
+`mutations.json`. TREE is a checkout that nobody edits, with its own .venv (scripts/setup --dev).
 """
 
 from __future__ import annotations
@@ -21,35 +18,21 @@ import functools
 import itertools
 import json
 import os
-import random
 import re
 import shutil
 import signal
 import subprocess
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 FILE = Path(__file__).with_suffix(".json")
-SEED = 27
 EACH = 12
 """Mutations in an area."""
 PACKAGE = Path("src/autodrive")
-AREAS = {
-    "tick": "world/*.py physics/*.py referee.py controls.py frames.py compile.py actuators/*.py batch/tick.py",
-    "sensors": "sensors/*.py",
-    "bridge": "bridge/*.py protocol/devkit*.py",
-    "server": "server/*.py",
-    "recording": "recording/*.py",
-    "campaigns": "campaigns/*.py",
-}
-"""Files of each area at the baseline."""
-KINDS = ("sign", "off by one", "swapped argument", "removed line", "changed constant")
+AREAS = ("tick", "sensors", "bridge", "server", "recording", "campaigns")
 MESSAGES = re.compile("debug|info|warning|error|exception|warn|print")
 """Functions whose calls stay: they write texts for people."""
-SYMMETRIC = re.compile("min(imum)?|max(imum)?|hypot|(is|all)close|array_equal|isinstance|issubclass")
-"""Functions whose arguments are not swapped."""
-NEXT = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt}
 QUICK = "not browser and not toolchain and not process and not wall_clock and not slow"
 ALL = ("-n", "2", "-m", QUICK, "tests")
 
@@ -75,7 +58,6 @@ class Statement(NamedTuple):
     """A statement, and its text, at `lines[first:last]` of a file."""
 
     path: Path
-    node: ast.stmt
     text: str
     first: int
     last: int
@@ -86,100 +68,6 @@ class Result(NamedTuple):
 
     by: str | None = None
     error: str = ""
-
-
-# -- the draw -------------------------------------------------------------------------------------------------------
-
-
-def draw(base: Path, present: Path) -> list[Mutation]:
-    """The first mutations of each area that have a place in the present tree, the areas in turn."""
-    areas = []
-    for area, patterns in AREAS.items():
-        files = {path for pattern in patterns.split() for path in (base / PACKAGE).glob(pattern)}
-        candidates = [one for path in sorted(files) for one in _candidates(area, path, base)]
-        random_kinds = [[one for one in candidates if one.kind == kind] for kind in KINDS]
-        generator = random.Random(f"{SEED} {area}")
-        for kind in random_kinds:
-            generator.shuffle(kind)
-        of_functions: dict[tuple[str, str], Mutation] = {}  # one for each function, the kinds in turn
-        for one in itertools.chain(*itertools.zip_longest(*random_kinds)):
-            if one is not None:
-                of_functions.setdefault((one.file, one.function), one)
-        areas.append(itertools.islice((one for one in of_functions.values() if place(one, present)), EACH))
-    return [one for row in zip(*areas, strict=True) for one in row]
-
-
-def _candidates(area: str, path: Path, base: Path) -> Iterator[Mutation]:
-    for function, statements in _functions(path):
-        for at, one in enumerate(statements):
-            nth = [other.text for other in statements[:at]].count(one.text)
-            for kind, after in changes(one.node):
-                if after != one.text and function.rpartition(".")[2] not in ("__repr__", "__str__"):
-                    yield Mutation(area, kind, path.relative_to(base).as_posix(), function, one.text, after, nth)
-
-
-def changes(statement: ast.stmt) -> Iterator[tuple[str, str]]:
-    """Kind and changed text of each mutation of a statement."""
-    match statement:
-        case ast.Expr(value=ast.Call()) | ast.Raise() | ast.Continue() | ast.Break() | ast.AugAssign():
-            yield "removed line", "pass"
-        case ast.Assign(targets=[ast.Attribute() | ast.Subscript(), *_]):
-            yield "removed line", "pass"
-        case _:
-            pass
-    for kind, node, field, value in _changed_fields(statement):
-        original = getattr(node, field)
-        setattr(node, field, value)
-        yield kind, _text(statement)
-        setattr(node, field, original)
-
-
-def _changed_fields(statement: ast.stmt) -> Iterator[tuple[str, ast.AST, str, Any]]:
-    keys = set()
-    for node in (statement, *_expressions(statement)):
-        match node:
-            case ast.AugAssign(op=ast.Add() | ast.Sub()) if not _is_sequence(node.value):
-                yield "sign", node, "op", NEXT[type(node.op)]()
-            case ast.BinOp(op=ast.Add() | ast.Sub()) if not (_is_sequence(node.left) or _is_sequence(node.right)):
-                yield "sign", node, "op", NEXT[type(node.op)]()
-            case ast.UnaryOp(op=ast.USub()):
-                yield "sign", node, "op", ast.UAdd()
-            case ast.Compare(ops=[operator]) if type(operator) in NEXT:
-                yield "off by one", node, "ops", [NEXT[type(operator)]()]
-            case ast.Subscript(slice=ast.Constant(value=str())):
-                keys.add(node.slice)  # another key would be found at once
-            case ast.Constant(value=bool(value)):
-                yield "changed constant", node, "value", not value
-            case ast.Constant(value=int(value)):
-                yield "off by one", node, "value", value + 1
-            case ast.Constant(value=float(value)):
-                yield "changed constant", node, "value", value * 1.5 or 1.0
-            case ast.Constant(value=str(value)) if value.isidentifier() and node not in keys:
-                yield "changed constant", node, "value", f"{value}_"
-            case ast.Call(args=given) if not SYMMETRIC.fullmatch(_name(node.func)):
-                for at, pair in enumerate(itertools.pairwise(given)):
-                    if not any(isinstance(one, ast.Starred) for one in pair):
-                        yield "swapped argument", node, "args", [*given[:at], *reversed(pair), *given[at + 2 :]]
-            case _:
-                pass
-
-
-def _expressions(node: ast.AST) -> Iterator[ast.AST]:
-    """Those of a statement itself, without annotations and texts for people."""
-    for name, value in ast.iter_fields(node):
-        if isinstance(node, ast.stmt) and name in ("annotation", "body", "orelse", "exc"):
-            continue
-        for child in value if isinstance(value, list) else [value]:
-            is_part = isinstance(child, ast.expr | ast.comprehension | ast.keyword | ast.withitem)
-            if is_part and not isinstance(child, ast.JoinedStr):
-                yield child
-                yield from _expressions(child)
-
-
-def _is_sequence(node: ast.AST) -> bool:
-    """Texts and lists have a sum, but no difference."""
-    is_text = isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
-    return is_text or isinstance(node, ast.JoinedStr | ast.List | ast.Tuple | ast.ListComp)
 
 
 # -- the place in a tree --------------------------------------------------------------------------------------------
@@ -230,7 +118,7 @@ def _statements(path: Path, body: list[ast.stmt]) -> Iterator[Statement]:
         if not isinstance(one, ast.Try | ast.Match):
             last = one.body[0].lineno - 1 if isinstance(one, Compound) else one.end_lineno or one.lineno
             if last >= one.lineno:
-                yield Statement(path, one, _text(one), one.lineno - 1, last)
+                yield Statement(path, _text(one), one.lineno - 1, last)
 
 
 def _text(statement: ast.stmt) -> str:
@@ -431,17 +319,13 @@ def print_table(file: Path) -> None:
 def main() -> None:
     """The commands in the first lines of this file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("command", choices=["draw", "run", "table"])
+    parser.add_argument("command", choices=["run", "table"])
     parser.add_argument("--tree", type=Path, default=Path())
-    parser.add_argument("--present", type=Path, help="draw only what has a place in this checkout, too")
     parser.add_argument("--results", type=Path, default=FILE)
     parser.add_argument("--limit", type=float, default=900.0, help="time for one run of the tests [s]")
     given = parser.parse_args()
     tree, file = given.tree.resolve(), given.results.resolve()
-    if given.command == "draw":
-        known = read(FILE) if FILE.exists() else {}
-        write(FILE, {one: known.get(one) for one in draw(tree, (given.present or tree).resolve())})
-    elif given.command == "run":
+    if given.command == "run":
         run(tree, file, given.limit)
     else:
         print_table(file)

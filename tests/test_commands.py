@@ -12,9 +12,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
+from autodrive.cli.app import app
 from tests.support.waiting import LIMIT
 from tests.test_documentation import DOCUMENTS, ROOT, blocks
 
@@ -45,6 +48,22 @@ def commands(path: Path) -> list[str]:
     text = "\n".join(text.replace("\\\n", " ") for language, text in blocks(path) if language == "sh")
     lines = (line.partition(" #")[0].strip() for line in text.splitlines())
     return [line for line in lines if line and not line.startswith("#")]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_a_command_that_does_not_run_here_exists_with_its_options(path: Path) -> None:
+    known: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
+    for line in (one for one in commands(path) if not runs_here(one)):
+        program, *words = re.split(r"&&|\|\||;|\|", line)[0].split()
+        if program == "scripts/run" and words:
+            program = "autodrive"
+        if program.removeprefix(".venv/bin/") == "autodrive" and words:
+            inner = getattr(known[words[0]], "commands", {}).get(words[1] if words[1:] else "", known[words[0]])
+            options = {option for one in inner.params for option in (*one.opts, *one.secondary_opts)} | {"--help"}
+            assert {word for word in words if word.startswith("--")} <= options, line
+        for word in (program, *words):
+            is_file = re.match("(scripts|examples|benchmarks)/[^*]+$", word)
+            assert not is_file or (ROOT / word).exists(), line
 
 
 def runs_here(command: str) -> bool:

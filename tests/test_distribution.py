@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import importlib.util
 import re
@@ -23,6 +22,7 @@ from autodrive.base.cache import PACKAGE
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from tests.connect.client.conftest import bare
+from tests.support.layers import imports
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src/autodrive"
@@ -135,25 +135,9 @@ def client_files() -> Iterator[Path]:
         yield from sorted(path.rglob("*.py")) if path.is_dir() else [path] if path.suffix == ".py" else []
 
 
-def imported(path: Path) -> set[str]:
-    """Modules that a file imports at run time, also inside functions; `a.b` for `from a import b`."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    typing_only = {
-        inner
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-        for part in node.body
-        for inner in ast.walk(part)
-    }
-    names: set[str] = set()
-    for node in ast.walk(tree):
-        if node in typing_only:
-            continue
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
+def imported_at_run_time(path: Path) -> set[str]:
+    """`a.b` for `from a import b`."""
+    return {name for name, is_typing in imports(path) if not is_typing}
 
 
 def test_the_client_distribution_contains_all_that_it_imports() -> None:
@@ -161,7 +145,9 @@ def test_the_client_distribution_contains_all_that_it_imports() -> None:
     modules = tuple(f"autodrive.{name}." for name in [*parts, *autodrive.__all__])
     for path in client_files():
         missing = {
-            name for name in imported(path) if name.startswith("autodrive.") and not f"{name}.".startswith(modules)
+            name
+            for name in imported_at_run_time(path)
+            if name.startswith("autodrive.") and not f"{name}.".startswith(modules)
         }
         assert not missing, f"{path.relative_to(SOURCE)} imports {missing}: add them to clients/python/pyproject.toml"
 
@@ -172,7 +158,7 @@ def test_the_client_distribution_requires_all_that_it_imports() -> None:
     }
     optional = {"numba"}  # transforms.py compiles its functions if it is installed
     for path in client_files():
-        packages = {name.split(".")[0] for name in imported(path)} - sys.stdlib_module_names - {"autodrive"}
+        packages = {name.split(".")[0] for name in imported_at_run_time(path)} - sys.stdlib_module_names - {"autodrive"}
         assert packages <= required | optional, path.relative_to(SOURCE)
 
 

@@ -11,7 +11,6 @@ import yaml
 import autodrive.devkit
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.camera_imperfections import PRESETS
-from autodrive.protocol.messages import CameraImage
 from autodrive.scenario import load_scenario
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle
@@ -22,6 +21,13 @@ DOCS = Path(__file__).parent.parent / "docs"
 
 def examples(document: str) -> list[str]:
     return re.findall(r"```yaml\n(.*?)```", (DOCS / document).read_text(), flags=re.DOTALL)
+
+
+def run(document: str) -> dict[str, Any]:
+    """The names of the first Python program of a document, after it has run."""
+    names: dict[str, Any] = {}
+    exec(re.findall(r"```python\n(.*?)```", (DOCS / document).read_text(), flags=re.DOTALL)[0], names)
+    return names
 
 
 def sensors(text: str) -> dict[str, Any]:
@@ -42,9 +48,7 @@ def test_scenario_of_the_document_runs(tmp_path: Path) -> None:
 
 
 def test_the_scenario_made_in_python_is_like_that_of_the_file() -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "scenarios.md").read_text(), flags=re.DOTALL)
-    names: dict[str, Any] = {}
-    exec(code, names)
+    names = run("scenarios.md")
     assert list(names["world"].frame.vehicles) == ["V1", "V2"]
     assert names["world"].frame.objects["crate"].pose.position[:2] == pytest.approx([0.5, 1.7])
 
@@ -95,9 +99,7 @@ def test_drive_and_tyres_of_the_document_fit_the_race_cars(tmp_path: Path) -> No
 
 
 def test_the_race_of_the_document_drives() -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "race_car.md").read_text(), flags=re.DOTALL)
-    names: dict[str, Any] = {}
-    exec(code, names)
+    names = run("race_car.md")
     car = names["frame"].vehicles["V1"]
     assert car.speed > 4.5
     assert len(car.lidar.ranges) == 1080
@@ -119,19 +121,14 @@ def test_table_of_pinholes_is_right(fit: str, vertical: str, horizontal: str, fx
 
 
 def test_the_camera_program_of_the_document_runs(gl: str) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "vehicle.md").read_text(), flags=re.DOTALL)
-    names: dict[str, object] = {}
-    exec(code, names)
-    image = names["image"]
-    assert isinstance(image, CameraImage)
-    assert image.rgb.shape == (480, 640, 3)
+    names = run("vehicle.md")
+    assert names["image"].rgb.shape == (480, 640, 3)
 
 
 def test_the_devkit_program_of_the_document_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    code, *_ = re.findall(r"```python\n(.*?)```", (DOCS / "python.md").read_text(), flags=re.DOTALL)
     given: list[Any] = []
     monkeypatch.setattr(autodrive.devkit, "drive", lambda step, *things: given.extend((step, *things)))
-    exec(code, {})
+    run("python.md")
     step, nigel = given
     nigel.parse_data({"V1 LIDAR Range Array": "0.2 3.0"})
     step()

@@ -6,12 +6,8 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
-
-from autodrive.cli.app import app
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(
@@ -51,32 +47,10 @@ RUN_BY = {
     "tracks.md": {"python": "tests/scenario/tracks/test_document.py", "yaml": "tests/scenario/tracks/test_document.py"},
     "vehicle.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
 }
-"""Document -> language of its blocks -> the test that runs them. Blocks for a shell are checked below."""
+"""Document -> language of its blocks -> the test that runs them. tests/test_commands.py has those for a shell."""
 
 NOT_RUN = {"text", ""}
 """Languages of blocks that show output."""
-
-FOREIGN = (
-    "ip",
-    "ray",
-    "export",
-    "sudo",
-    "apt-get",
-    "pip",
-    "cmake",
-    "ssh",
-    "colcon",
-    "rosdep",
-    "roslaunch",
-    "ros2",
-    "mkdir",
-    "cd",
-    ".",
-    "python",
-    "python3",
-    "pre-commit",
-)
-"""Programs of others that a shell block may call: they are not run here."""
 
 
 def blocks(path: Path) -> list[tuple[str, str]]:
@@ -113,43 +87,6 @@ def test_every_block_of_code_is_run_by_a_test() -> None:
             test = RUN_BY.get(path.name, {}).get(language)
             assert test is not None, f"no test runs the {language} of {path.relative_to(ROOT)}"
             assert path.stem in (ROOT / test).read_text(encoding="utf-8"), f"{test} does not name {path.name}"
-
-
-def test_commands_in_the_documents_exist() -> None:
-    commands: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
-    for path in DOCUMENTS:
-        for language, text in blocks(path):
-            for line in text.replace("\\\n", " ").splitlines() if language == "sh" else ():
-                for command in re.split(r"&&|\|\||;|\|", line.partition(" #")[0].removeprefix("#")):
-                    check_command(command.split(), commands, path)
-
-
-def check_command(words: list[str], commands: dict[str, Any], path: Path) -> None:
-    """A script is there; `autodrive` has that command with these options."""
-    if not words or words[0].startswith("#"):
-        return
-    where = f"{path.relative_to(ROOT)}: {' '.join(words)}"
-    program = words[0]
-    if program == "scripts/run" and len(words) > 1:
-        program, words = "autodrive", ["autodrive", *words[1:]]
-    if program.removeprefix(".venv/bin/") == "autodrive":
-        assert len(words) == 1 or words[1] in commands, where
-        command = commands[words[1]] if len(words) > 1 else None
-        if len(words) > 2:
-            command = getattr(command, "commands", {}).get(words[2], command)
-        options = {
-            option
-            for parameter in (command.params if command is not None else ())
-            for option in (*parameter.opts, *parameter.secondary_opts)
-        }
-        assert {word for word in words if word.startswith("--")} <= options | {"--help"}, where
-    elif program.startswith("scripts/"):
-        assert (ROOT / program).is_file(), where
-    elif program.startswith((".venv", "build/")):
-        for word in words[1:]:
-            assert not word.startswith(("examples/", "benchmarks/")) or (ROOT / word).is_file(), where
-    else:
-        assert program.rpartition("bin/")[2] in FOREIGN, where
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Mutations: which are made, and where they are found again."""
+"""Mutations: where they are found again."""
 
 import ast
 from collections import Counter
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutations import AREAS, EACH, FILE, PACKAGE, Mutation, changes, failures, mutated, place, read
+from tests.mutations import AREAS, EACH, FILE, PACKAGE, Mutation, failures, mutated, place, read
 
 BEFORE = """
 class Wheel:
@@ -28,27 +28,6 @@ def write(tree: Path, file: str, source: str) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(source)
     return path
-
-
-@pytest.mark.parametrize(
-    ("statement", "kind", "after"),
-    [
-        ("x = a + b", "sign", "x = a - b"),
-        ("x -= b", "sign", "x += b"),
-        ("while a < b: pass", "off by one", "while a <= b:"),
-        ("x = a[1]", "off by one", "x = a[2]"),
-        ("f(a, b)", "swapped argument", "f(b, a)"),
-        ("self.a = b", "removed line", "pass"),
-        ("x = 2.0", "changed constant", "x = 3.0"),
-    ],
-)
-def test_each_kind_of_mutation_is_made(statement: str, kind: str, after: str) -> None:
-    assert (kind, after) in list(changes(ast.parse(statement).body[0]))
-
-
-@pytest.mark.parametrize("statement", ["raise ValueError(f'{a} is not {1 + 2}')", "x: Literal[1]", "x = 'a b' + c"])
-def test_texts_for_people_and_annotations_stay(statement: str) -> None:
-    assert [one for one in changes(ast.parse(statement).body[0]) if one[1] != "pass"] == []
 
 
 @pytest.mark.parametrize(

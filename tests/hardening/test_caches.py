@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from autodrive.base import jit
-from tests.support.hardening import cases, fill, small_disk
+from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
 
 
@@ -94,19 +94,6 @@ def test_a_file_that_cannot_be_read_is_one_line(file: Path, caplog: pytest.LogCa
     assert is_compiled()
     (line,) = caplog.messages
     assert "cannot be read" in line
-
-
-def test_on_a_full_disk_functions_are_compiled_with_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: list[str], caplog: pytest.LogCaptureFixture
-) -> None:
-    with small_disk(tmp_path) as disk:
-        fill(disk / "full")
-        monkeypatch.setattr(jit, "CACHE", disk)
-        assert is_compiled()
-        assert is_compiled()
-        (line,) = caplog.messages
-        assert "No space left on device" in line
-        assert [path.name for path in disk.iterdir()] == ["full"]
 
 
 START = """

@@ -7,9 +7,8 @@ import io
 import json
 import random
 import re
+import shutil
 import struct
-import subprocess
-import sys
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -20,11 +19,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from autodrive.base.errors import SpecError
+import autodrive
+from autodrive import Command
+from autodrive.base.errors import AutodriveError, SpecError
 from autodrive.base.png import encode_png
+from autodrive.experiments.campaigns import Campaign
 from autodrive.experiments.policies import Policy
+from autodrive.recording import Recorder
+from autodrive.recording.replay.tape import Tape
+from autodrive.scenario.tracks.importer import import_track
+from tests.support.command_line import python
 from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
+
+CAMPAIGN = Path(__file__).parents[2] / "examples" / "campaign" / "start_pose.yaml"
 
 # -- tracks ---------------------------------------------------------------------------------------------------------
 
@@ -120,10 +128,8 @@ def test_a_hostile_map_is_imported_or_refused_in_little_time_and_memory(tmp_path
         (tmp_path / name).write_bytes(data)
         paths.append(tmp_path / f"map_{number}.yaml")
         paths[-1].write_text(f"image: {name}\nresolution: {resolution:.1e}\norigin: [0.0, 0.0, 0.0]\n")
-    program = [sys.executable, "-c", PROGRAM, *map(str, paths)]
-    done = subprocess.run(program, check=False, capture_output=True, text=True, timeout=4.0 * LIMIT)
-    assert done.returncode == 0, done.stderr
-    for (name, (_, _, message)), line in zip(MAPS.items(), done.stdout.splitlines(), strict=True):
+    lines = python("-c", PROGRAM, *paths, limit=4.0 * LIMIT).splitlines()
+    for (name, (_, _, message)), line in zip(MAPS.items(), lines, strict=True):
         text, seconds, megabytes = json.loads(line)
         print(f"{name}: {seconds:.1f} s, {megabytes:.0f} MB, {text}")
         assert re.search(message, text) if message else text == "", name
@@ -211,15 +217,53 @@ def test_a_hostile_policy_is_refused_in_one_line(attack: str, tmp_path: Path) ->
     assert len(str(error.value)) < 1000
 
 
+# -- changed bytes ----------------------------------------------------------------------------------------------------
+
+
+def recorded(file: Path) -> None:
+    world = autodrive.make("plane")
+    with Recorder(file, world, has_meshes=False):
+        for _ in range(30):
+            world.step({"V1": Command(0.5)})
+
+
+def replayed(file: Path) -> None:
+    """All that the page shows of a recording."""
+    with Tape(file) as tape:
+        for time in (0.0, 0.1, 0.2, 0.3, 1.0):
+            tape.frame_at(time)
+            tape.scenario_at(time)
+
+
+KINDS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object], int]] = {
+    "policy.npz": (lambda file: file.write_bytes(policy()), Policy.load, 100),
+    "replay.mcap": (recorded, replayed, 20),
+    "campaign.yaml": (lambda file: shutil.copy(CAMPAIGN, file), Campaign.load, 10),
+    "track.png": (
+        lambda file: (
+            file.write_bytes(encode_png(ring(100, 100))),
+            file.with_suffix(".yaml").write_text("image: track.png\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\n"),
+        ),
+        lambda file: import_track(file.with_suffix(".yaml")),
+        5,
+    ),
+}
+"""How a file is made and read, and how often in a case."""
+
+
 @pytest.mark.parametrize("seed", range(cases(3, 100)))
-def test_a_policy_with_changed_bytes_is_read_or_refused(seed: int, tmp_path: Path) -> None:
-    """The central directory, headers, compressed data and checksums."""
+@pytest.mark.parametrize("name", KINDS)
+def test_a_file_with_changed_bytes_is_read_or_refused(name: str, seed: int, tmp_path: Path) -> None:
+    """Of a policy and a recording also the directory, headers, compressed data and checksums."""
     rng = random.Random(seed)
-    file, whole = tmp_path / "policy.npz", policy()
-    for _ in range(100):
+    file = tmp_path / name
+    make, read, times = KINDS[name]
+    make(file)
+    whole = file.read_bytes()
+    for _ in range(times):
         data = bytearray(whole)
         for _ in range(rng.randrange(1, 4)):
             data[rng.randrange(len(data))] = rng.randrange(256)
         file.write_bytes(data)
-        with contextlib.suppress(SpecError):
-            Policy.load(file)
+        with contextlib.suppress(AutodriveError):
+            read(file)

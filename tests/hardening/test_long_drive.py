@@ -6,14 +6,13 @@ AUTODRIVE_HARDENING=long drives 24 simulated hours in one World, and an hour in 
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.support import long_drive
+from tests.support.command_line import python
 from tests.support.hardening import cases
 from tests.support.long_drive import SCENARIOS
 
@@ -27,12 +26,8 @@ GROWTH = 1.05
 
 def driven(scenario: str, hours: float) -> dict[str, Any]:
     """The drive in a process of its own, whose memory is that of one World."""
-    command = [sys.executable, "-m", "tests.support.long_drive", scenario, str(hours)]
-    root = Path(__file__).parents[2]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=root)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    return json.loads(done.stdout.splitlines()[-1])
+    words = ("-W", "error", "-m", "tests.support.long_drive", scenario, hours)
+    return json.loads(python(*words, limit=1e5, cwd=Path(__file__).parents[2]).splitlines()[-1])
 
 
 @pytest.mark.parametrize("scenario", HOURS)

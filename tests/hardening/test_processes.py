@@ -25,8 +25,7 @@ from autodrive.world.cameras import process_cameras
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.simulation import Simulation
 from tests.support.cars import car_file, small_images
-from tests.support.hardening import cases
-from tests.support.long_drive import resident
+from tests.support.hardening import cases, memory, open_files
 from tests.support.waiting import LIMIT, is_alive, wait_until
 
 pytestmark = pytest.mark.process
@@ -59,7 +58,7 @@ def resources() -> dict[str, object]:
     ]
     return {
         "threads": len(os.listdir("/proc/self/task")),
-        "descriptors": len(os.listdir("/proc/self/fd")),
+        "descriptors": open_files(),
         "children": len(children),
     }
 
@@ -74,14 +73,14 @@ def _parent(process: Path) -> int:
 def attack(instance: Callable[[], int]) -> None:
     """Use and kill instances; what remains is what remained after the first two."""
     kills = instance() + instance()
-    before, memory = resources(), resident()
+    before, used = resources(), memory()
     for _ in range(INSTANCES - 2):
         kills += instance()
-        print(f"{kills} kills, {resident():.0f} MB", flush=True)
+        print(f"{kills} kills, {memory():.0f} MB", flush=True)
     wait_until(lambda: resources() == before)
-    print(f"{kills} kills; {before}; {memory:.0f} MB, then {resident():.0f} MB")
+    print(f"{kills} kills; {before}; {used:.0f} MB, then {memory():.0f} MB")
     assert kills == INSTANCES * (RESTARTS + 1)
-    assert resident() < 1.05 * memory
+    assert memory() < 1.05 * used
 
 
 def lines(caplog: pytest.LogCaptureFixture, module: str) -> list[str]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import struct
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +15,7 @@ import autodrive
 from autodrive import Command
 from autodrive.recording import Recorder, mcap, outputs
 from autodrive.recording import open as open_recording
+from tests.support.command_line import python
 from tests.support.forger import (
     MESSAGE_INDEX,
     METADATA,
@@ -211,16 +210,9 @@ def test_a_hostile_recording_takes_little_memory_and_time_or_is_refused(small: P
         attack(forger, content)
         paths.append(tmp_path / f"{number}.mcap")
         forger.write(paths[-1])
-    done = subprocess.run(
-        [sys.executable, "-c", OPEN, str(small), *map(str, paths)],
-        check=False,
-        capture_output=True,
-        text=True,
-        timeout=3 * LIMIT,
-    )
-    print(done.stdout)
-    assert done.returncode == 0, done.stderr[-3000:]
-    for (name, (_, refusal)), line in zip(FILES.items(), done.stdout.splitlines(), strict=True):
+    output = python("-c", OPEN, small, *paths, limit=3 * LIMIT)
+    print(output)
+    for (name, (_, refusal)), line in zip(FILES.items(), output.splitlines(), strict=True):
         memory, seconds, text = line.split(" ", 2)
         assert float(memory) < MEMORY_LIMIT, f"{name}: {line}"
         assert float(seconds) < CPU_LIMIT, f"{name}: {line}"
@@ -249,11 +241,8 @@ with Tape(Path(path)) as tape:
 @pytest.mark.process
 def test_a_file_that_is_cut_off_while_it_is_replayed_is_a_sentence(long: Path) -> None:
     """A reader that maps the file into its memory is killed by the system."""
-    done = subprocess.run(
-        [sys.executable, "-c", CUT, str(long)], check=False, capture_output=True, text=True, timeout=LIMIT
-    )
-    assert done.returncode == 0, (done.returncode, done.stderr)
-    assert re.search(r"the chunk at byte \d+ is damaged: the file has become shorter since it was opened", done.stdout)
+    printed = python("-c", CUT, long)
+    assert re.search(r"the chunk at byte \d+ is damaged: the file has become shorter since it was opened", printed)
 
 
 def test_a_recording_that_is_made_again_leaves_its_readers_the_old_one(long: Path) -> None:

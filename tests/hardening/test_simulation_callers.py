@@ -12,29 +12,23 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
-    RuleBasedStateMachine,
-    initialize,
     invariant,
     precondition,
     rule,
-    run_state_machine_as_test,
 )
 
 import autodrive
-from autodrive.base.errors import AutodriveError, EngineError
 from autodrive.protocol import messages
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.descriptions import Descriptions
 from autodrive.world import Snapshot, World
 from autodrive.world.simulation import Simulation
-from tests.hardening.test_callers import COMMANDS, FLAGS, NAMES, NUMBERS, QUATERNIONS, SEEDS, VECTORS
+from tests.hardening.test_callers import COMMANDS, FLAGS, NAMES, NUMBERS, QUATERNIONS, SEEDS, VECTORS, Caller, attack
 from tests.support.cars import car_file, small_images
-from tests.support.frames import digest
-from tests.support.hardening import Calls, cases
+from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
 
 STEPS = 50
@@ -85,16 +79,29 @@ class Running(NamedTuple):
     simulation: Simulation
     saved: list[Snapshot]
 
+    @property
+    def frame(self) -> Frame:
+        return self.simulation.frame
+
+    def step(self) -> Frame:
+        return self.simulation.request(messages.Step()).result(LIMIT)
+
+    def reset(self) -> None:
+        self.simulation.request(messages.Reset()).result(LIMIT)
+
+    def close(self) -> None:
+        self.simulation.stop()
+        self.simulation.world.close()
+
 
 Call = Callable[[Running], object]
 
 
-class Operator(RuleBasedStateMachine):
-    """Requests and calls of a Simulation; those that it accepts are kept, and made again in a fresh one at the end."""
+class Operator(Caller):
+    """Requests and calls of a Simulation."""
 
     car = ""
     has_cameras = False
-    calls = Calls()
 
     def started(self) -> Running:
         def load(scenario: str | ScenarioSpec | Descriptions) -> World:
@@ -105,35 +112,6 @@ class Operator(RuleBasedStateMachine):
         simulation = Simulation(world, is_paused=True, speed=None, load=load, pause_on_error=True)
         simulation.start()
         return Running(simulation, [])
-
-    @initialize()
-    def start(self) -> None:
-        self.running = self.started()
-        self.accepted: list[Call] = []
-
-    def call(self, made: Call) -> None:
-        """Make a call; a refused one changes nothing, and an unstable physics pauses until a reset."""
-        self.calls.count += 1
-        simulation = self.running.simulation
-        before, refusal = digest(simulation.frame), None
-        try:
-            made(self.running)
-        except EngineError:
-
-            def broken(running: Running) -> None:
-                with pytest.raises(EngineError):
-                    made(running)
-                running.simulation.request(messages.Reset()).result(LIMIT)
-
-            simulation.request(messages.Reset()).result(LIMIT)
-            self.accepted.append(broken)
-        except AutodriveError as error:
-            refusal = str(error)
-        else:
-            self.accepted.append(made)
-        if refusal is not None:
-            assert refusal
-            assert digest(simulation.frame) == before, refusal
 
     @rule(request=REQUESTS, is_here=st.booleans())
     def request(self, request: Any, is_here: bool) -> None:
@@ -156,11 +134,11 @@ class Operator(RuleBasedStateMachine):
     def save(self) -> None:
         self.call(lambda running: running.saved.append(running.simulation.world.save()))
 
-    @precondition(lambda self: self.running.saved)
+    @precondition(lambda self: self.subject.saved)
     @rule(data=st.data(), is_pickled=st.booleans())
     def restore(self, data: st.DataObject, is_pickled: bool) -> None:
         """Of this world, or of one before an edit, which may be refused."""
-        number = data.draw(st.integers(0, len(self.running.saved) - 1))
+        number = data.draw(st.integers(0, len(self.subject.saved) - 1))
 
         def made(running: Running) -> None:
             saved = running.saved[number]
@@ -170,47 +148,18 @@ class Operator(RuleBasedStateMachine):
 
     @invariant()
     def is_running(self) -> None:
-        assert self.running.simulation.is_running
-        assert self.running.simulation.is_paused
-
-    def teardown(self) -> None:
-        """The same bits as a simulation that has got the accepted calls only, now and later."""
-        fresh = self.started()
-        both = self.running, fresh
-        for made in self.accepted:
-            made(fresh)
-        for _ in range(3):
-            first, second = (one.simulation.request(messages.Step()).result(LIMIT) for one in both)
-            assert digest(first) == digest(second)
-        for one in both:
-            one.simulation.stop()
-            one.simulation.world.close()
-
-
-def attack(car: str, examples: int, *, has_cameras: bool) -> None:
-    class Attack(Operator):
-        calls = Calls()
-
-    Attack.car, Attack.has_cameras = car, has_cameras
-    run_state_machine_as_test(
-        Attack,
-        settings=settings(
-            max_examples=examples,
-            stateful_step_count=STEPS,
-            deadline=None,
-            suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-        ),
-    )
-    print(f"{Attack.calls.count} calls")
-    assert Attack.calls.count >= examples * STEPS // 2
+        assert self.subject.simulation.is_running
+        assert self.subject.simulation.is_paused
 
 
 def test_any_calls_in_any_order(tmp_path: Path) -> None:
-    attack(car_file(tmp_path, {}), EXAMPLES, has_cameras=False)
+    Operator.car, Operator.has_cameras = car_file(tmp_path, {}), False
+    attack(Operator, EXAMPLES)
 
 
 def test_any_calls_in_any_order_with_cameras(tmp_path: Path, gl: str) -> None:
-    attack(car_file(tmp_path, small_images(48, 36)), WITH_CAMERAS, has_cameras=True)
+    Operator.car, Operator.has_cameras = car_file(tmp_path, small_images(48, 36)), True
+    attack(Operator, WITH_CAMERAS)
 
 
 @pytest.mark.parametrize(

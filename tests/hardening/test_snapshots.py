@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +16,8 @@ from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import Snapshot, World
+from tests.support.command_line import python
 from tests.support.frames import digest, digests
-from tests.support.waiting import LIMIT
 from tests.world.test_world import arrays
 
 SPEC = ScenarioSpec(
@@ -109,14 +107,10 @@ def test_a_snapshot_of_another_process_has_the_same_future(tmp_path: Path) -> No
         "import pickle, sys\nfrom tests.hardening.test_snapshots import driven\n"
         "pickle.dump(driven().save(), open(sys.argv[1], 'wb'))\n"
     )
-    root = Path(__file__).parents[2]
-    file = str(tmp_path / "snapshot")
-    done = subprocess.run(
-        [sys.executable, "-c", code, file], check=False, capture_output=True, text=True, timeout=LIMIT, cwd=root
-    )
-    assert done.returncode == 0, done.stderr
+    file = tmp_path / "snapshot"
+    python("-c", code, file, cwd=Path(__file__).parents[2])
     world, other = driven(), autodrive.make(SPEC)
-    saved: Snapshot = pickle.loads(Path(file).read_bytes())
+    saved: Snapshot = pickle.loads(file.read_bytes())
     other.restore(saved)
     assert digests(world, 30, drive) == digests(other, 30, drive)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
 from collections.abc import Callable
 
@@ -15,6 +13,7 @@ from autodrive.base.errors import WorldInUseError
 from autodrive.protocol.messages import Command, Frame
 from autodrive.scenario import ScenarioSpec
 from autodrive.world import World
+from tests.support.command_line import python
 from tests.support.frames import digest, digests
 from tests.support.waiting import LIMIT
 
@@ -115,8 +114,7 @@ def test_four_threads_in_one_world_end_with_errors_and_the_world_still_steps() -
         "assert len(done) + len(refused) == 8000\n"
         "assert world.step().tick == len(done) + 1\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, timeout=LIMIT)
-    assert done.returncode == 0, done.stderr
+    python("-c", code)
 
 
 def _drive(frame: Frame) -> dict[str, Command]:

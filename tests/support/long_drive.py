@@ -21,6 +21,7 @@ from autodrive.protocol.messages import Collision, Command, Headlights, Indicato
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
 from autodrive.world import Snapshot, World
 from tests.support.frames import bytes_of
+from tests.support.hardening import memory, open_files
 
 SCENARIOS = {
     "day": ScenarioSpec(
@@ -118,28 +119,22 @@ class LongDrive:
         return hashlib.sha256(b"|".join(parts)).hexdigest()
 
 
-def resident() -> float:
-    """Memory of this process [MB]."""
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1e3
-
-
 def driven(scenario: str, hours: float, parts: int = 20) -> dict[str, Any]:
     """What a drive in that scenario gives: counts, memory after each part, the digest of its end."""
     start = time.process_time()
     drive = LongDrive(SCENARIOS[scenario])
-    memory = []
+    used = []
     for part in range(parts):
         drive.drive(3600.0 * hours / parts)
-        memory.append(resident())
-        print(json.dumps({"part": part + 1, "of": parts, "memory": memory[-1], **drive.counts}), flush=True)
+        used.append(memory())
+        print(json.dumps({"part": part + 1, "of": parts, "memory": used[-1], **drive.counts}), flush=True)
     return {
         "scenario": scenario,
         "hours": hours,
         **drive.counts,
-        "memory": memory,
+        "memory": used,
         "threads": len(list(Path("/proc/self/task").iterdir())),
-        "descriptors": len(list(Path("/proc/self/fd").iterdir())),
+        "descriptors": open_files(),
         "digest": drive.digest(),
         "processor time": time.process_time() - start,
     }

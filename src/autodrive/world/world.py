@@ -415,6 +415,9 @@ class World(OneThread):
         i = self._controls.index(vehicle)
         if self.race is None:
             raise CommandError(f"vehicle '{vehicle}' cannot retire: the scenario has no race")
+        check_flag(is_disqualified, f"is_disqualified of vehicle '{vehicle}'")
+        if not isinstance(reason, str):
+            raise CommandError(f"the reason to retire vehicle '{vehicle}' must be a text, not {reprlib.repr(reason)}")
         if self.race.status(i) in (RaceStatus.WAITING, RaceStatus.RACING):
             status = RaceStatus.DISQUALIFIED if is_disqualified else RaceStatus.RETIRED
             event, moves = self.race.end(i, status, reason, self.time, self.compiled.state.vehicle_position)

@@ -74,19 +74,6 @@ def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
         assert equal(one.step(actions), two.step(actions))
 
 
-@pytest.mark.parametrize("id_", TASKS)
-def test_reset_equals_fresh_worlds_in_every_bit(id_: str) -> None:
-    used, fresh = vector_env(id_, 4), vector_env(id_, 4)
-    used.action_space.seed(1)
-    used.reset(seed=1)
-    for _ in range(20):
-        used.step(used.action_space.sample())
-    assert equal(used.reset(seed=8), fresh.reset(seed=8))
-    for _ in range(5):
-        actions = used.action_space.sample()
-        assert equal(used.step(actions), fresh.step(actions))
-
-
 def test_what_was_returned_is_not_written_again() -> None:
     envs = vector_env("NigelNavigation-v0", 3)
     returned = [envs.reset(seed=1)]
@@ -127,19 +114,6 @@ def test_an_unstable_world_ends_its_episode_only() -> None:
     assert observations in envs.observation_space
     envs.step(np.zeros((3, 2), np.float32))
     assert envs.step(np.zeros((3, 2), np.float32))[0] in envs.observation_space
-
-
-@pytest.mark.parametrize(
-    ("settings", "error"),
-    [
-        ({"render_mode": "rgb_array"}, "render_mode 'rgb_array': a vector environment draws no images for people"),
-        ({"autoreset_mode": "SAMESTEP"}, "autoreset_mode: 'SAMESTEP' is not known.*Did you mean 'SAME_STEP'"),
-        ({"observation": "lidra"}, "Did you mean 'lidar'"),
-    ],
-)
-def test_a_wrong_setting_is_named(settings: dict[str, Any], error: str) -> None:
-    with pytest.raises(SpecError, match=error):
-        vector_env("NigelParking-v0", 2, **settings)
 
 
 def test_a_wrong_number_of_seeds_is_named() -> None:

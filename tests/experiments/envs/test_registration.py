@@ -31,6 +31,7 @@ print([type(one).__name__ for one in sys.meta_path if type(one).__module__ == "a
     assert run(code) == f"{[*IDS, ROBORACER]}\n['_FormerPaths']"
 
 
+ENVS = ("", ".envs", ".envs.registration")
 WITHOUT_GYMNASIUM = """
 import importlib.util, sys, autodrive
 sys.path[:] = [path for path in sys.path if "site-packages" not in path]
@@ -53,7 +54,7 @@ except ModuleNotFoundError as error:
         ),
         pytest.param(
             "import sys, gymnasium, autodrive; print([n for n in sys.modules if n.startswith('autodrive.')])",
-            f"{[f'autodrive.experiments{part}' for part in ('', '.envs', '.envs.registration')]}",
+            f"{[f'autodrive.{one}' for one in ('base', 'base.version', *(f'experiments{of}' for of in ENVS))]}",
             id="registration imports nothing of the simulator",
         ),
         pytest.param(WITHOUT_GYMNASIUM, "None\nNo module named 'gymnasium'", id="without gymnasium it fails as always"),

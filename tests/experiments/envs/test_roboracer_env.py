@@ -155,23 +155,6 @@ def test_a_length_that_does_not_fit_is_drawn_again() -> None:
     assert 43.0 < tracks.length[0] < 69.0
 
 
-@pytest.mark.parametrize(
-    ("settings", "error"),
-    [
-        ({"friction": 0.0}, "friction: must be a number from 0.01 to 10"),
-        ({"latency": (0.3, 0.1)}, "latency: .* the lesser one first"),
-        ({"mass": (1, 2, 3)}, "mass: "),
-        ({"track_radius": 0.1}, "track_radius: must be a number from 0.6 to 4"),
-        ({"track_radius": (1.2, 0.8)}, "track_radius: .* the lesser one first"),
-        ({"tracks": 0}, "tracks: must be a whole number from 1 to 32, not 0"),
-        ({"render_mode": "human"}, "render_mode: 'human' is not known. Known: rgb_array"),
-    ],
-)
-def test_a_wrong_setting_is_named(settings: dict[str, Any], error: str) -> None:
-    with pytest.raises(SpecError, match=error):
-        RoboRacerEnv(**settings)
-
-
 def test_an_image_of_the_front_camera_is_rendered(gl: str) -> None:
     env = made(render_mode="rgb_array")
     env.reset(seed=1)

@@ -88,11 +88,8 @@ def changed(file: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]]
         (lambda about, arrays: about.pop("inputs"), "is not a policy: 'inputs'"),
         (lambda about, arrays: about.update(scale=[1.0]), "57 inputs needs as many scales, not 1"),
         (lambda about, arrays: about.update(throttle=[0.0]), "is not a policy"),
-        (lambda about, arrays: about.update(scale=[float("nan")] * 57), "not finite"),
         (lambda about, arrays: arrays.pop("weight_2"), "two outputs, throttle and steering, not 16"),
-        (lambda about, arrays: arrays["bias_1"].fill(np.inf), "layer 1 of the policy has numbers that are not finite"),
         (lambda about, arrays: arrays.update(weight_1=np.zeros((16, 3))), r"shape \(16, 3\)"),
-        (lambda about, arrays: arrays.update(weight_0=np.array(["a"])), "is not a policy"),
     ],
 )
 def test_a_wrong_file_is_one_line(

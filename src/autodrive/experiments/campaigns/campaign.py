@@ -7,7 +7,7 @@ import re
 import signal
 import threading
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -124,7 +124,8 @@ class Campaign:
         problems = [*_problems(spec, folder)]
         campaign = None
         try:
-            descriptions = read_scenario(_found(spec.scenario, folder))
+            is_file = Path(spec.scenario).suffix in {".yaml", ".yml"}
+            descriptions = read_scenario(str(folder / spec.scenario) if is_file else spec.scenario)
             campaign = cls(spec, descriptions, folder, path.stem, path)
             if spec.vehicle and spec.vehicle not in campaign.scenario.vehicles:
                 problems.append((("vehicle",), suggest(spec.vehicle, list(campaign.scenario.vehicles))))
@@ -167,6 +168,11 @@ class Campaign:
     def criterion(self) -> Expression | None:
         """The pass criterion; None if there is none."""
         return Expression(self.spec.pass_, self.metric_names) if self.spec.pass_ else None
+
+    def keeps_recording(self, metrics: Mapping[str, float], error: str = "") -> bool:
+        """Whether the recording of a run with that result is kept."""
+        has_failed = bool(error) or (self.criterion is not None and not self.criterion.holds(metrics))
+        return self.spec.record == "all" or (self.spec.record == "failures" and has_failed)
 
     def __len__(self) -> int:
         """Number of runs."""
@@ -239,11 +245,6 @@ def error_text(error: BaseException, folder: Path) -> str:
         if Path(place.filename).absolute().is_relative_to(folder.absolute())
     ]
     return f"{text}  ({Path(places[-1].filename).name}, line {places[-1].lineno})" if places else text
-
-
-def _found(name: str, folder: Path) -> str:
-    """A file beside the campaign, or a name."""
-    return str(folder / name) if Path(name).suffix in {".yaml", ".yml"} else name
 
 
 def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | int, ...], str]]:

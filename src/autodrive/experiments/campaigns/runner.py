@@ -60,7 +60,7 @@ class Runner:
             world = self.world(run.values)
             started()
             result = self._drive(run, world)
-            if run.recording and self._is_recorded(result):
+            if run.recording and self.campaign.keeps_recording(result.metrics, result.error):
                 result = self._drive(run, world, Path(run.recording))
         except AutodriveError as error:
             return Result(run.number, error=str(error).replace("\n", " "))
@@ -71,11 +71,6 @@ class Runner:
         for world in self._worlds.values():
             world.close()
         self._worlds.clear()
-
-    def _is_recorded(self, result: Result) -> bool:
-        wanted, criterion = self.campaign.spec.record, self.campaign.criterion
-        has_failed = bool(result.error) or (criterion is not None and not criterion.holds(result.metrics))
-        return wanted == "all" or (wanted == "failures" and has_failed)
 
     def world(self, values: Mapping[str, Value]) -> World:
         """The compiled world for these values; poses and factors are set by `_drive`."""
@@ -123,7 +118,8 @@ class Runner:
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a driver must not end the campaign, whatever it raises
-                result = Result(run.number, time=world.time, error=_reason(error, self.campaign.folder))
+                reason = str(error) if isinstance(error, DriverError) else error_text(error, self.campaign.folder)
+                result = Result(run.number, time=world.time, error=reason)
         return replace(result, recording=str(recording)) if recording else result
 
     def _frames(self, run: Run, world: World, scene: Scene, frame: Frame, stack: contextlib.ExitStack) -> Result:
@@ -161,16 +157,8 @@ class Runner:
 
     def _ended(self, frame: Frame) -> str:
         """The event that ends the run, if any."""
-        names = self.campaign.spec.stop.events
-        vehicle = self.campaign.vehicle
-        return next(
-            (
-                type(event).__name__
-                for event in frame.events
-                if type(event).__name__ in names and event.vehicle == vehicle
-            ),
-            "",
-        )
+        own = (type(event).__name__ for event in frame.events if event.vehicle == self.campaign.vehicle)
+        return next((name for name in own if name in self.campaign.spec.stop.events), "")
 
     def _driver(self, arguments: dict[str, Value]) -> Driver:
         if policy := self.campaign.policy:
@@ -199,7 +187,3 @@ def _digest(frame: Frame, *results: object) -> int:
     data = b"".join(part.tobytes() for pose in poses for part in (pose.position, pose.orientation))
     data += repr((frame.time, *results)).encode()
     return int.from_bytes(hashlib.blake2b(data, digest_size=8).digest(), signed=True)
-
-
-def _reason(error: BaseException, folder: Path) -> str:
-    return str(error) if isinstance(error, DriverError) else error_text(error, folder)

@@ -118,7 +118,7 @@ def run_campaign(
             else:
                 result = None if cache is None else cache.get(key, run.number)
             file = folder / "recordings" / recording_name(run.number)
-            if result is None or not _is_recorded(campaign, result):
+            if result is None or not campaign.keeps_recording(result.metrics):
                 return result
             return replace(result, recording=file.name) if file.is_file() else None
 
@@ -222,9 +222,3 @@ def _result(row: dict[str, Any], campaign: Campaign) -> Result:
     nan = float("nan")
     metrics = {name: nan if row.get(name) is None else row[name] for name in campaign.metric_names}
     return Result(row["run"], metrics, row["end"], row["time"], row["digest"])
-
-
-def _is_recorded(campaign: Campaign, result: Result) -> bool:
-    """Whether there must be a recording of it."""
-    wanted, criterion = campaign.spec.record, campaign.criterion
-    return wanted == "all" or (wanted == "failures" and criterion is not None and not criterion.holds(result.metrics))

@@ -79,8 +79,4 @@ def _metric(values: Floats) -> dict[str, Any]:
         return {"runs": 0}
     low, high = mean_interval(values)
     numbers = {"mean": np.mean(values), "low": low, "high": high, "min": values.min(), "max": values.max()}
-    return {"runs": len(values), **{name: _or_none(float(one)) for name, one in numbers.items()}}
-
-
-def _or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return {"runs": len(values), **{name: float(one) if math.isfinite(one) else None for name, one in numbers.items()}}

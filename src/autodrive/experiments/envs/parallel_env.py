@@ -14,6 +14,7 @@ from pettingzoo import ParallelEnv
 
 from autodrive.base.errors import EngineError, SpecError
 from autodrive.base.suggest import with_suggestions
+from autodrive.experiments.envs.conditions import whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
@@ -107,8 +108,8 @@ class Cars(ParallelEnv[str, Any, Any]):
 
 def checked_cars(cars: int) -> int:
     """The number of cars. Raises `SpecError`."""
-    if isinstance(cars, bool) or not isinstance(cars, int) or not FEWEST <= cars <= MOST:
-        raise SpecError([f"cars: must be a whole number from {FEWEST} to {MOST}, not {cars!r}"])
+    if errors := whole_number_errors({"cars": (cars, FEWEST, MOST)}):
+        raise SpecError(errors)
     return cars
 
 

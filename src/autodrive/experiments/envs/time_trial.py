@@ -16,7 +16,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
 from autodrive.experiments.envs import path
-from autodrive.experiments.envs.conditions import Range, is_range
+from autodrive.experiments.envs.conditions import Range, range_errors, whole_number_errors
 from autodrive.experiments.envs.path import follow, look_ahead
 from autodrive.experiments.envs.race_tracks import SPACING, RaceTracks
 from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
@@ -79,24 +79,16 @@ class TimeTrial(Task):
 
         Raises `SpecError`.
         """
-        wrong = {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
-        errors = [
-            f"{name}: must be a whole number from {least} to {most}, not {given!r}"
-            for name, (given, least, most) in wrong.items()
-            if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= most
-        ]
-        ranges = {
+        errors = whole_number_errors(
+            {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
+        )
+        ranges: dict[str, tuple[object, float, float]] = {
             "track_width": (width, LEAST_WIDTH, MOST_WIDTH),
             "track_length": (length, LEAST_LENGTH, MOST_LENGTH),
         }
         if radius is not None:
             ranges["track_radius"] = radius, LEAST_RADIUS, MOST_RADIUS
-        errors += [
-            f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {given!r}"
-            for name, (given, least, most) in ranges.items()
-            if not is_range(given, least, most)
-        ]
-        if errors:
+        if errors := errors + range_errors(ranges):
             raise SpecError(errors)
         curves = None if radius is None else _ends(radius)
         self.tracks = RaceTracks(tracks, track_seed, _ends(width), _ends(length), curves)

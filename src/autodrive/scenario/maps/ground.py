@@ -49,7 +49,8 @@ class Region:
 
 def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]:
     """All regions of a map. `tolerance`: largest distance of a simplified edge from the original [m]."""
-    road = shapely.simplify(map_.drivable, tolerance)
+    # without the precision of the polygon, which a copy in another process does not have: the bits are the same in both
+    road = shapely.simplify(shapely.set_precision(map_.drivable, 0.0), tolerance)
     open_ends = _open_ends(map_)
     found: list[Region] = []
     taken: BaseGeometry = shapely.Polygon()
