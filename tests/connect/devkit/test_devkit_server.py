@@ -7,6 +7,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from unittest.mock import Mock
 
 import pytest
 from websockets.sync.client import ClientConnection, connect
@@ -99,6 +100,11 @@ def test_an_exception_of_the_script_ends_the_loop_and_is_raised() -> None:
             simulator.send(bridge_message(a="1"))
             with pytest.raises(ZeroDivisionError):
                 loop.result(LIMIT)
+
+
+def test_ctrl_c_ends_the_loop_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Server, "wait", Mock(side_effect=KeyboardInterrupt))
+    drive(int, Nigel("V1"), port=0)
 
 
 def test_a_browser_gets_an_explanation(echo: Server) -> None:

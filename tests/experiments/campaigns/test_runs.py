@@ -271,7 +271,7 @@ def test_ctrl_c_keeps_what_is_done_and_the_command_goes_on(
     assert 0 < done <= 20
     assert json.loads((folder / "summary.json").read_text())["rows"] == done
     assert f"{done} of 2000 runs" in ended.stdout
-    assert "the same command goes on" in ended.stdout
+    assert "the same command continues" in ended.stdout
 
 
 def test_ctrl_c_keeps_rows_of_an_earlier_campaign_that_it_had_not_come_to(campaign: Make, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@
 - Reward of a step: s (1 - |d| / w) with the distance s along the centre line in the step [m], the distance d of the
   centre of the rear axle from the centre line [m] and half the width of the lane, w = 0.15 m; -1 if the episode ends.
 - End: |d| > w, more than 90 degrees off the direction of the lane, or a collision.
-- Success: a whole lap of 18.5 m; the episode goes on.
+- Success: a whole lap of 18.5 m; the episode continues.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 - Start: at rest on one of the tracks, anywhere, up to 0.1 m beside its centre line and up to 0.2 rad off its direction.
 - Reward of a step: the distance along the centre line in the step [m]; -5 if the episode ends by a collision.
 - End: a collision, or more than 90 degrees off the direction of the track.
-- Success: a whole lap; the episode goes on.
+- Success: a whole lap; the episode continues.
 """
 
 from __future__ import annotations
