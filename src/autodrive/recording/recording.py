@@ -197,9 +197,13 @@ class Recording:
         with tempfile.TemporaryDirectory(prefix="autodrive-") as folder:
             yield _written(record or self.scenario, Path(folder))
 
-    @cached_property
+    @property
     def vehicles(self) -> tuple[str, ...]:
         """Names of the vehicles of the first Frame."""
+        return self._vehicles
+
+    @cached_property
+    def _vehicles(self) -> tuple[str, ...]:
         return tuple(self.frame_at(self.start).vehicles)
 
     def cameras(self, vehicle: str) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.campaigns.scene import Scene
 from autodrive.protocol.messages import Collision, Frame, LapCompleted, OffRoad
 
-T = TypeVar("T", Collision, OffRoad, LapCompleted)
+T = TypeVar("T", bound=Collision | OffRoad | LapCompleted)
 
 PERIOD = 0.05
 """Time between two samples of a metric that is too slow for each tick [s]."""

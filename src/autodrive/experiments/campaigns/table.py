@@ -248,9 +248,8 @@ def schema(campaign: Campaign) -> pyarrow.Schema:
     """Names and types of the columns."""
     import pyarrow as pa  # noqa: PLC0415  an extra
 
-    types = dict.fromkeys(("run", "sample", "seed", "digest"), pa.int64()) | dict.fromkeys(
-        ("margin", "time"), pa.float64()
-    )
+    types: dict[str, Any] = dict.fromkeys(("run", "sample", "seed", "digest"), pa.int64())
+    types |= dict.fromkeys(("margin", "time"), pa.float64())
     of = {float: pa.float64(), int: pa.int64(), bool: pa.bool_(), str: pa.string()}
     fields = [(name, types.get(name, pa.string())) for name in FIRST]
     fields += [(name, pa.float64()) for name in campaign.metric_names]

@@ -60,21 +60,23 @@ class CarReadings(NamedTuple):
         objects = [one.pose.position for one in frame.objects.values()]
         scans = [car.lidar for car in cars if car.lidar is not None]
         assert len(scans) == len(cars), "every car of these scenarios has a LIDAR"
-        return cls(
+        of_cars: list[Any] = [np.array([getattr(car, name) for car in cars]) for name in cls._fields[3:7]]
+        values: list[Any] = [
             np.full(len(cars), frame.time),
             np.array([car.pose.position for car in cars]),
             np.array([car.pose.orientation for car in cars]),
-            *(np.array([getattr(car, name) for car in cars]) for name in cls._fields[3:7]),
+            *of_cars,
             np.array([scan.time for scan in scans]),
             np.array([scan.ranges for scan in scans]),
             np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
-        )
+        ]
+        return cls._make(values)
 
     @classmethod
     def of_batch(cls, readings: Readings) -> CarReadings:
         """The first car of each world; views, which the next step of the batch overwrites."""
         cars: list[Any] = [getattr(readings, name)[:, 0] for name in cls._fields[1:9]]
-        return cls(readings.time, *cars, readings.object_pose[:, :, :3])
+        return cls._make([readings.time, *cars, readings.object_pose[:, :, :3]])
 
     @classmethod
     def of_first_world(cls, readings: Readings) -> CarReadings:
@@ -82,7 +84,7 @@ class CarReadings(NamedTuple):
         cars: list[Any] = [getattr(readings, name)[0] for name in cls._fields[1:9]]
         count = readings.position.shape[1]
         time, objects = np.full(count, readings.time[0]), np.repeat(readings.object_pose[:1, :, :3], count, axis=0)
-        return cls(time, *cars, objects)
+        return cls._make([time, *cars, objects])
 
     def rows(self, rows: NDArray[np.intp]) -> CarReadings:
         """The readings of some of the cars."""
