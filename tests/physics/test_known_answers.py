@@ -263,10 +263,11 @@ def test_the_limit_of_the_angular_velocity_leaves_the_momentum(world_with: World
 
 def test_car_climbs_a_plank_that_leans_on_a_box(world_with: WorldWith) -> None:
     pitch = -0.06  # nose up [rad]
-    plank = BoxSpec(x=1.0, y=0.0, z=0.034, size=(1.0, 0.4, 0.004), mass=1.0)
+    plank = BoxSpec(x=1.0, y=0.0, z=0.1, size=(1.0, 0.4, 0.004), mass=1.0)  # level, it would be in the post
     post = BoxSpec(x=1.40, y=0.0, size=(0.05, 0.4, 0.045), mass=5.0)
     world = world_with(changes=ROLLS_FREELY, boxes={"plank": plank, "post": post})
     qpos = world.compiled.objects["plank"]
+    world.compiled.state.qpos[qpos + 2] -= 0.066
     world.compiled.state.qpos[qpos + 3 : qpos + 7] = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
     observe(world.compiled.model, world.compiled.state)
     drive(world, 1.0)
