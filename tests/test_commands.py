@@ -23,23 +23,29 @@ from tests.test_documentation import DOCUMENTS, ROOT, blocks
 
 NOT_RUN_HERE = {
     r"(sudo apt-get|pip|python3 -m venv|simulator/bin/pip|pre-commit) ": "changes the machine or the environment",
-    r"\. ": "changes the shell",
-    r"ip ": "needs root and changes the network",
-    r"(ssh|ray|export|rosdep|colcon|ros2|mkdir|cmake) ": "a program that this project does not ship",
-    r"scripts/": "scripts/test runs it, or it runs scripts/test",
-    r"\.venv-devkit": "tests/connect/bridge runs it",
-    r"python (examples/|first_lap.py|my_script.py)": "tests/connect/devkit and tests/experiments run it",
+    r"(\.|export) ": "changes the shell",
+    r"(ip|ssh) ": "needs root or another machine",
+    r"ray ": "starts a cluster; tests/experiments/campaigns/test_ray.py starts one",
+    r"(mkdir|rosdep|colcon|ros2) ": "needs ROS 2 as its distributions install it; scripts/ros2 does the same here",
+    r"cmake ": "builds for minutes what scripts/cpp also builds; tests/clients uses it",
+    r"scripts/run": "installs what scripts/test has installed, and starts `autodrive`, as tests/cli does",
+    r"scripts/(test|setup)": "is scripts/test, or a step of it",
+    r"scripts/(ros1|generate-messages)": "tests/connect/ros and tests/protocol run it",
+    r"\.venv-devkit": "tests/connect/bridge runs the program",
+    r"python (first_lap|my_script|examples/python)": "runs for ever; tests/connect/devkit runs the program",
+    r"python examples/learning": "learns for minutes; tests/experiments/policies runs the program with few steps",
     r"python -m tests.support": "writes a file of the repository; a test compares the file",
-    r"autodrive campaign ": "takes minutes; tests/experiments/campaigns runs it",
+    r"autodrive campaign ": "takes minutes; tests/experiments/campaigns runs it with fewer runs",
     r"autodrive identify ": "takes minutes; tests/experiments/identification runs it",
-    r"autodrive (race|play) ": "needs a script; tests/world/racing and tests/experiments/policies run it",
-    r"autodrive .*(0\.0\.0\.0|lab\.example|USER)": "opens this machine to others; tests/cli runs it",
+    r"autodrive race .*--devkit|autodrive play .*--port": "waits for the other one; tests/world/racing runs both",
+    r"autodrive play runs/": "needs a trained policy; tests/experiments/policies trains and plays one",
+    r"autodrive run --host 0\.0\.0\.0": "opens this machine to others; tests/connect/server does so for one test",
     r"autodrive (import track|compare \"V1 Log)": "needs a file of the user; the tests of the format run it",
-    r"autodrive (film|export recording|replay|plot|compare) ": "needs a recording; tests/recording runs it",
+    r"autodrive (film|replay) (lap|recordings/)": "needs a recording with cameras; tests/recording runs it",
 }
 """Pattern of the beginning of a command -> why it does not run here."""
 
-LASTING = re.compile(r"autodrive run (?!.*--duration)")
+LASTING = re.compile(r"autodrive (run (?!.*--duration)|race|play (?!.*--headless))")
 """A command that runs until Ctrl-C."""
 
 

@@ -89,7 +89,13 @@ def make_without(monkeypatch: pytest.MonkeyPatch, missing: str, name: str = "mak
 def test_the_dependencies_that_the_client_leaves_out_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     root = Path(__file__).parents[1]
     simulator, client = (dependencies(root / file) for file in ("pyproject.toml", "clients/python/pyproject.toml"))
-    import_names = {"mujoco-core": "mujoco", "protobuf": "google", "pyyaml": "yaml", "resvg-py": "resvg_py"}
+    import_names = {
+        "backports-zstd": "backports",
+        "mujoco-core": "mujoco",
+        "protobuf": "google",
+        "pyyaml": "yaml",
+        "resvg-py": "resvg_py",
+    }
     for name in simulator - client:
         with pytest.raises(ImportError, match=r"autodrive\.make needs the simulator"):
             make_without(monkeypatch, import_names.get(name, name))

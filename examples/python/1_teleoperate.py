@@ -46,7 +46,6 @@ before = termios.tcgetattr(sys.stdin)
 tty.setcbreak(sys.stdin)  # keys arrive without Enter
 try:
     drive(step, nigel, port=PORT)
-except KeyboardInterrupt:
-    print()
 finally:
+    print()
     termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

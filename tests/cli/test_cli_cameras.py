@@ -65,12 +65,6 @@ def test_in_lockstep_no_image_is_missing(gl: str, tmp_path: Path) -> None:
     assert summary["cameras"]["images"]["V1"]["front"]["count"] == 0.3 * RATE + 1  # with those at 0 and 0.3 s
 
 
-def test_without_cameras_the_output_does_not_mention_them(tmp_path: Path) -> None:
-    summary, text, messages = summary_of(tmp_path, "mini_map", "--duration", "0.1", "--speed", "max")
-    assert summary["cameras"] is None
-    assert "camera" not in text + messages
-
-
 @pytest.mark.process
 @pytest.mark.parametrize("how", ["--lockstep", "--no-lockstep"])
 def test_without_opengl_a_run_continues_and_one_line_names_the_packages(how: str, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import re
 import signal
@@ -40,7 +39,7 @@ from autodrive.protocol.native import (
 )
 from autodrive.run import Run, RunObserver, RunOptions, StopRequest, Summary, simulate
 from autodrive.run.browser import has_screen, tunnel
-from tests.support.command_line import Started, call, refused
+from tests.support.command_line import Started, refused
 from tests.support.waiting import LIMIT, wait_until
 
 needs_page = pytest.mark.skipif(
@@ -179,13 +178,6 @@ def test_a_requested_port_in_use_is_an_error(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         assert f"port {port} of 127.0.0.1 is in use" in refused("run", "plane", "--port", str(port))
-
-
-def test_headless_serves_no_page(tmp_path: Path) -> None:
-    done = call("run", "plane", "--headless", "--duration", "0.1", "--speed", "max", "--summary", tmp_path / "s.json")
-    assert done.returncode == 0
-    assert json.loads((tmp_path / "s.json").read_text())["page"] is None
-    assert "browser" not in done.stdout + done.stderr
 
 
 @pytest.mark.parametrize(

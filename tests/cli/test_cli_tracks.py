@@ -92,7 +92,7 @@ def test_a_centre_line_becomes_a_track_between_walls_or_ducts(tmp_path: Path) ->
         (("import", "track", "line.csv", "--tolerance", "0"), "Invalid value for '--tolerance'"),
         (("import", "track", "line.csv"), "width"),
         (("import", "track", "words.csv"), "words.csv"),
-        (("import", "track", "picture.png"), "picture.png"),
+        (("import", "track", "picture.png"), "'picture.png' is not a track: expected a folder"),
     ],
 )
 def test_bad_input_is_refused_with_one_line_and_writes_nothing(

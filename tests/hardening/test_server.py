@@ -26,8 +26,9 @@ from autodrive.connect.server.frame_queue import FrameQueue, FrameUpdate
 from autodrive.connect.server.requests import Requests
 from autodrive.connect.server.served import PageOptions, Served, scene_renderer_factory
 from autodrive.connect.server.server import Server
-from autodrive.protocol.messages import Collision, SetSpeed
+from autodrive.protocol.messages import AddBox, Collision, SetSpeed
 from autodrive.world import World
+from autodrive.world.scene_files import SceneFiles
 from tests.support.attackers import frame
 from tests.support.native_clients import native_client, pack, raw, scene_files
 from tests.support.waiting import LIMIT, free_port, wait_until
@@ -41,10 +42,13 @@ def simulation() -> Simulation:
 
 
 @contextlib.contextmanager
-def served(simulation: Simulation) -> Iterator[Server]:
+def served(
+    simulation: Simulation,
+    files: Callable[[World], SceneFiles] = scene_files,
+    scenarios: tuple[str, ...] = ("plane",),
+) -> Iterator[Server]:
     bridge = DevkitBridge(simulation)
-    scenarios = {"plane": "Plane"}
-    everything = Served(simulation, scene_files, scenarios=scenarios, bridge=bridge)
+    everything = Served(simulation, files, scenarios={name: name.title() for name in scenarios}, bridge=bridge)
     with Server(everything, PageOptions(port=free_port())) as server:
         yield server
     bridge.close()
@@ -167,6 +171,60 @@ def test_the_simulation_gets_one_request_of_all_clients_at_a_time(
         wait_until(lambda: len(received) == 20)
         assert len(posted) == 1, "the one that is executed; no other one waits"
         is_free.set()
+
+
+@pytest.mark.parametrize("part", ["world", "scene"])
+@pytest.mark.parametrize("scenario", ["mini_map", "tiny_town"])
+def test_frames_go_on_while_scenarios_are_loaded_and_the_newest_request_answers_all(
+    scenario: str, part: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_free, loads, received = threading.Event(), [], []
+    scenarios = ("plane", "two_cars", "mini_map", "tiny_town")
+    execute = Requests.execute
+    monkeypatch.setattr(Requests, "execute", lambda *words: (received.append(words[2].operation), execute(*words))[1])
+
+    def load(name: Any) -> World:
+        loads.append(name)
+        assert part == "scene" or is_free.wait(LIMIT)
+        return autodrive.make(name)
+
+    def files(world: World) -> SceneFiles:
+        assert part == "world" or not loads or is_free.wait(LIMIT)
+        return scene_files(world)
+
+    simulation = Simulation(autodrive.make(scenario), load=load)
+    with simulation, served(simulation, files, scenarios) as server, contextlib.ExitStack() as stack:
+        viewer, *flood = (stack.enter_context(native_client(server)) for _ in range(6))
+        viewer.until("Frame")
+        ids = [flood[0].begin("LoadScenario", name=scenario)]
+        wait_until(lambda: loads)
+        ids += [one.begin("LoadScenario", name=name) for one, name in zip(flood[1:], scenarios, strict=True)]
+        wait_until(lambda: len(received) == 5)
+        first = viewer.until("Frame")["tick"]
+        viewer.until(lambda message: message["type"] == "Frame" and message["tick"] >= first + 100)
+        is_free.set()
+        for one, id in zip(flood, ids, strict=True):
+            assert one.answer(id)["type"] == "Response"
+    assert loads == [scenario, received[-1].name]
+    assert simulation.world.spec.map == {"two_cars": "plane"}.get(loads[-1], loads[-1])
+
+
+def test_a_world_that_is_edited_again_while_its_scene_is_loaded_is_seen() -> None:
+    """Otherwise a program that edits without a pause would leave the viewers of the page without a Frame."""
+    edits = 5
+
+    def files(world: World) -> SceneFiles:
+        if len(world.boxes) < edits:
+            name = f"box_{len(world.boxes)}"
+            simulation.request(AddBox(name, 1.0, 0.5 * len(world.boxes))).result(LIMIT)
+        return scene_files(world)
+
+    simulation = Simulation(autodrive.make("plane"), is_paused=True, load=autodrive.make)
+    with simulation, served(simulation, files) as server, native_client(server) as viewer:
+        seen = {len(viewer.until("Frame")["objects"])}
+        while max(seen) < edits:
+            seen.add(len(viewer.until("Frame")["objects"]))
+    assert len(seen) > 2, f"of the {edits + 1} worlds, only those with {seen} boxes were seen"
 
 
 def test_many_refused_requests_end_the_connection(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -54,7 +54,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
     """A simulator with all parts of `autodrive run`."""
     loader = WorldLoader(RunOptions(scenario="plane"))
     simulation = Simulation(loader.load("plane"), load=loader.load)
-    simulation.add_sink(loader)
+    loader.follow(simulation)
     encoder = JpegEncoder()
     with ExitStack() as stack:
         stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the world at the end, not the present one

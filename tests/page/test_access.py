@@ -4,17 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import Any
 
 import pytest
 
 from autodrive.protocol.messages import Pause, Resume
-from tests.support.page import PageServer, Tab
+from tests.support.page import PageServer, Tab, box, overlap
 
 CONTROLS = 'button, input, select, summary, textarea, a[href], [tabindex="0"]'
 VISIBLE = f"""() => [...document.querySelectorAll('{CONTROLS}')]
     .filter((control) => control.checkVisibility() && !control.disabled && control.tabIndex >= 0)"""
 """The controls that can be used now."""
+
+WRONG_TARGETS = f"""(least) => ({VISIBLE})().flatMap((control) => {{
+    control.scrollIntoView({{ block: 'center' }})
+    const target = (least && control.labels?.[0]) || control
+    const box = target.getBoundingClientRect()
+    const top = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)
+    const isOnTop = top && [target, control.labels?.[0]].some((one) => one?.contains(top) || top.contains(one ?? null))
+    const isInside = box.left >= 0 && box.right <= innerWidth && box.top >= 0 && box.bottom <= innerHeight
+    const isLarge = box.width >= least && box.height >= least
+    const name = control.dataset.testid || control.getAttribute('aria-label') || control.textContent
+    const found = {{ name, isOnTop, isInside, left: box.left, top: box.top, width: box.width, height: box.height }}
+    return isOnTop && isInside && isLarge ? [] : [JSON.stringify(found)]
+}})"""
+
+
+def wrong_targets(tab: Tab, least: float = 0) -> list[str]:
+    """The controls that are covered, outside of the screen or smaller than that, with their labels [px]."""
+    return tab.page.evaluate(WRONG_TARGETS, least)
+
 
 CARDS = ("isMapOpen", "isLogOpen")
 
@@ -91,22 +109,11 @@ def test_every_control_can_be_reached_and_panels_do_not_overlap(panels: Tab) -> 
     for width, height in ((1920, 1080), (1280, 720), (1024, 768)):
         panels.page.set_viewport_size({"width": width, "height": height})
         panels.page.evaluate("() => new Promise((done) => setTimeout(done))")
-        hidden = panels.page.evaluate(
-            f"""() => ({VISIBLE})().filter((control) => {{
-                control.scrollIntoView({{ block: 'center' }})
-                const box = control.getBoundingClientRect()
-                const top = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)
-                const isOnTop = top && (control.contains(top) || top.contains(control)
-                    || control.labels?.[0]?.contains(top))
-                return !(isOnTop && box.left >= 0 && box.right <= innerWidth && box.top >= 0
-                    && box.bottom <= innerHeight)
-            }}).map((control) => control.outerHTML.slice(0, 120))"""
-        )
-        assert hidden == []
-        boxes: dict[str, Any] = {name: panels.get(name).bounding_box() for name in ("menu", "hud", "minimap", "log")}
-        boxes["toolbar"] = panels.page.locator(".toolbar").bounding_box()
-        for (name, a), (other, b) in combinations(boxes.items(), 2):
-            is_beside = a["x"] + a["width"] <= b["x"] or b["x"] + b["width"] <= a["x"]
-            is_above = a["y"] + a["height"] <= b["y"] or b["y"] + b["height"] <= a["y"]
-            assert is_beside or is_above, f"{name} and {other} overlap at {width} x {height}"
+        assert wrong_targets(panels) == []
+        cards = {name: panels.get(name) for name in ("menu", "hud", "minimap", "log")}
+        cards["toolbar"] = panels.page.locator(".toolbar")
+        for (name, one), (other, another) in combinations(cards.items(), 2):
+            assert not overlap(one, another), f"{name} and {other} overlap at {width} x {height}"
         assert panels.page.evaluate("() => document.documentElement.scrollWidth") <= width
+        text = box(panels.get("log").locator("td").last)
+        assert text["right"] - text["left"] > 170, f"the text of the log is a few words wide at {width} x {height}"

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import re
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from autodrive.protocol.messages import Pause
-from autodrive.recording.replay import Replay, ReplayOptions
+from autodrive.recording.replay import Replay
+from tests.page.test_replay import drive, replay
 from tests.page.test_screens import SHOW_CARDS
-from tests.recording.conftest import Drive, drive
 from tests.support.page import ROOT, NewTab, PageServer, Tab
 
-__all__ = ["drive"]
+__all__ = ["drive", "replay"]
 
 SIZES = {"screen": (1280, 720), "phone": (390, 844)}
 
@@ -28,12 +26,6 @@ def axe() -> str:
     """The program, from the npm packages of the tests."""
     subprocess.run([ROOT / "scripts" / "page", "--install"], check=True, cwd=ROOT, timeout=300)
     return (ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js").read_text()
-
-
-@pytest.fixture
-def replay(built: Path, drive: Drive) -> Iterator[Replay]:
-    with Replay(drive.path, ReplayOptions(is_paused=True, port=0)) as running:
-        yield running
 
 
 def check(tab: Tab, axe: str, state: str) -> None:
@@ -85,6 +77,7 @@ def test_a_lost_server_is_named_in_a_whole_sentence_and_what_is_shown_is_marked_
     with plane.with_token("open-sesame-0123") as server:
         tab = new_tab(size=(1280, 720), expects="WebSocket").open(f"{server.url}&quality=low#hud=1")
         tab.wait_until(lambda: tab.get("hud").count() == 1)
+        tab.wait_for_image()  # the scene is loaded
     tab.wait_until(lambda: tab.get("banner").is_visible())
     assert re.search(r"The page tries to connect again\. The image and the HUD are those of 00:0", tab.text("banner"))
     line = tab.get("banner").locator("span")
@@ -106,6 +99,8 @@ def test_keys_of_the_help_fit_their_caps(plane: PageServer, tab: Tab) -> None:
             }).map((dt) => dt.textContent)"""
         )
         assert too_wide == []
+        lefts = "() => [...document.querySelectorAll('.help-body dd')].map((dd) => dd.getBoundingClientRect().left)"
+        assert len(set(tab.page.evaluate(lefts))) == (2 if size[0] > 640 else 1), "columns"
         tab.page.keyboard.press("?")
 
 

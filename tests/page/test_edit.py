@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -9,10 +10,11 @@ import pytest
 import autodrive
 from autodrive.base.transforms import euler_from_quaternion
 from autodrive.protocol.messages import Pause, Resume, Step
+from tests.page.test_access import wrong_targets
 from tests.page.test_driving import yaw
-from tests.page.test_screens import MIN_CONTRAST, MIN_TEXT, SHOW_CARDS, TEXTS, WRONG_TARGETS, overlap
+from tests.page.test_screens import MIN_CONTRAST, MIN_TARGET, MIN_TEXT, SHOW_CARDS, TEXTS
 from tests.support.command_line import call
-from tests.support.page import NewTab, PageServer, Tab
+from tests.support.page import NewTab, PageServer, Tab, box, overlap, touch
 
 
 def opened(server: PageServer, new_tab: NewTab, *, touch: bool = False) -> Tab:
@@ -134,8 +136,10 @@ def test_a_place_outside_the_walls_is_shown_with_a_warning_and_a_refused_one_lea
     editing.wait_until(lambda: is_seen(50.0, 0.0))
     editing.get("edit-selection").select_option("barrier_1")
     editing.wait_until(lambda: editing.value("store.selection.value") == "barrier_1")
-    box = mini_map.frame.objects["barrier_1"].pose.position
-    editing.wait_until(lambda: is_seen(box[0], box[1]))
+    barrier = mini_map.frame.objects["barrier_1"].pose.position
+    editing.wait_until(lambda: is_seen(barrier[0], barrier[1]))
+    # also in the field that has the focus
+    editing.wait_until(lambda: float(x.input_value()) == pytest.approx(barrier[0], abs=1e-3))
     editing.get("edit-selection").select_option("V1")
     for value, problem in (("1e9", "X must be at most 10000."), ("", "A position and a heading are numbers.")):
         x.fill(value)
@@ -191,14 +195,7 @@ def test_the_rate_of_a_sensor_is_that_of_its_scans(plane: PageServer, editing: T
 def test_a_finger_drags_a_vehicle_and_the_map_moves_beside_it(plane: PageServer, new_tab: NewTab) -> None:
     editing = opened(plane, new_tab, touch=True)
     start, end = on_screen(editing, 0.07, 0.0), on_screen(editing, 0.07, 0.4)
-    touch = editing.page.context.new_cdp_session(editing.page)
-
-    def send(kind: str, *points: list[float]) -> None:
-        touch.send(
-            "Input.dispatchTouchEvent",
-            {"type": kind, "touchPoints": [{"x": x, "y": y} for x, y in points]},
-        )
-
+    send = partial(touch, editing.page.context.new_cdp_session(editing.page))
     send("touchStart", start)
     for share in (0.3, 0.6, 1.0):
         send("touchMove", [a + share * (b - a) for a, b in zip(start, end, strict=True)])
@@ -221,10 +218,11 @@ def test_all_controls_of_edit_mode_are_reached_on_a_touch_screen(
     tab.click("edit-button")
     tab.wait_until(lambda: tab.get("edit-bar").is_visible())
     assert tab.get("edit").is_visible() == (size[0] > 719)
-    assert tab.page.evaluate(WRONG_TARGETS) == []
+    assert wrong_targets(tab, MIN_TARGET) == []
+    assert size[0] <= 719 or box(tab.get("edit-bar"))["bottom"] - box(tab.get("edit-bar"))["top"] < 70, "two rows"
     tab.click("edit-details")
     tab.wait_until(lambda: tab.get("edit").is_visible() == (size[0] <= 719))
-    assert tab.page.evaluate(WRONG_TARGETS) == []
+    assert wrong_targets(tab, MIN_TARGET) == []
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (800, 600)], ids=lambda size: "x".join(map(str, size)))

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.support.page import NewTab, PageServer, Tab
+from tests.support.page import NewTab, PageServer, Tab, box
 
 
 def test_the_first_visit_shows_hints_and_both_panels_on_a_wide_screen(plane: PageServer, new_tab: NewTab) -> None:
@@ -59,8 +59,7 @@ def test_the_python_program_that_is_copied_drives(plane: PageServer, new_tab: Ne
         assert f"host:=127.0.0.1 port:={port} token:=open-sesame-0123" in snippet(tab, "ROS 1")
         assert f"-p host:=127.0.0.1 -p port:={port} -p token:=open-sesame-0123" in snippet(tab, "ROS 2")
         compile(snippet(tab, "Devkit"), "devkit.py", "exec")
-        dialog = tab.get("connect-dialog").bounding_box()
-        assert dialog is not None
-        assert dialog["x"] >= 0
-        assert dialog["x"] + dialog["width"] <= 390
+        dialog = box(tab.get("connect-dialog"))
+        assert dialog["left"] >= 0
+        assert dialog["right"] <= 390
         tab.click("connect-close")

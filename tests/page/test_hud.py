@@ -11,13 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, Pause, SetSceneLight, Step
-from tests.support.page import PageServer, Tab
-
-COLOURS = """(canvas) => {
-    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)
-    return new Set(new Uint32Array(data.buffer)).size
-}"""
-"""Number of colours of a canvas."""
+from tests.page.test_view import COLOURS
+from tests.support.page import PageServer, Tab, box
 
 GRID = """(canvas) => {
     const small = Object.assign(document.createElement('canvas'), { width: 8, height: 6 })
@@ -79,9 +74,9 @@ def test_rows_and_lamps_show_the_frame(paused: Frame, tab: Tab) -> None:
         tab.wait_for_text("hud-lidar", text)
         tab.page.wait_for_timeout(300)  # it does not turn on
         assert tab.text("hud-lidar") == text
-    box = tab.get("hud-polar").bounding_box()
-    assert box is not None
-    tab.page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 0.5 * box["height"])  # to the right
+    plot = box(tab.get("hud-polar"))
+    middle = 0.5 * (plot["top"] + plot["bottom"])
+    tab.page.mouse.click(0.2 * plot["left"] + 0.8 * plot["right"], middle)  # to the right
     assert tab.get("hud-bearing").input_value() == "-90"
     nearest = scan.ranges[np.isfinite(scan.ranges)].min()
     assert numbers(tab.text("hud-nearest"))[0] == pytest.approx(nearest, abs=0.0051)

@@ -51,17 +51,6 @@ def test_time_controls(plane: PageServer, tab: Tab) -> None:
         tab.wait_until(lambda button=button: button.get_attribute("aria-pressed") == "true")
 
 
-def test_view_controls(plane: PageServer, tab: Tab) -> None:
-    tab.show("menu")
-    tab.click("camera")
-    assert tab.text("camera-status") == "Bird's Eye"
-    colours = {}
-    for theme in ("Light", "Dark", "System"):
-        tab.get("theme").get_by_role("button", name=theme).click()
-        colours[theme] = tab.get("menu").evaluate("(menu) => getComputedStyle(menu).backgroundColor")
-    assert colours["Light"] != colours["Dark"]
-
-
 def test_another_scenario_and_another_vehicle(plane: PageServer, tab: Tab) -> None:
     tab.show("menu")
     tab.get("scenario").select_option("two_cars")

@@ -14,7 +14,7 @@ from autodrive.protocol.messages import Teleport
 from autodrive.recording.replay import Replay, ReplayOptions
 from tests.page.test_view import COLOURS
 from tests.recording.conftest import Drive, drive
-from tests.support.page import NewTab, PageServer, Tab
+from tests.support.page import NewTab, PageServer, Tab, box
 
 __all__ = ["drive"]
 
@@ -55,9 +55,9 @@ def test_the_timeline_shows_any_time_and_all_viewers_see_it(replay: Replay, driv
     assert tab.text("timeline-time").startswith("00:00:00.00 / 00:00:0")
 
     # a click on the track: its ends have a margin of 48 px
-    box = tab.get("timeline").bounding_box()
-    assert box is not None
-    tab.page.mouse.click(box["x"] + 48 + 0.25 * (box["width"] - 96), box["y"] + box["height"] - 10)
+    track = box(tab.get("timeline"))
+    width = track["right"] - track["left"] - 96
+    tab.page.mouse.click(track["left"] + 48 + 0.25 * width, track["bottom"] - 10)
     for each in (tab, other):
         each.wait_until(lambda each=each: position(each) == pytest.approx(0.25 * duration, abs=0.01))
         each.wait_until(lambda each=each: each.value("store.frame.value.tick") == int(100 * position(each) + 1e-6))
@@ -112,11 +112,7 @@ def test_commands_are_refused_with_a_sentence_and_the_plot_has_the_whole_run(rep
     canvas = tab.get("run-plot").locator("canvas")
     tab.wait_until(lambda: canvas.count() == 1 and canvas.evaluate(COLOURS) > 20)
     # nothing covers the timeline, and the panels end above it
-    top = tab.get("timeline-bar").bounding_box()
-    menu = tab.get("menu").bounding_box()
-    assert top is not None
-    assert menu is not None
-    assert menu["y"] + menu["height"] <= top["y"]
+    assert box(tab.get("menu"))["bottom"] <= box(tab.get("timeline-bar"))["top"]
 
 
 def test_the_page_records_the_simulation_and_keeps_its_last_seconds(two_cars: PageServer, tab: Tab) -> None:

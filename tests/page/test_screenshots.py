@@ -1,4 +1,4 @@
-"""Screenshots of all cameras by day and at night, and of the panels, in test-artefacts/page."""
+"""Screenshots of all cameras by day and at night, in test-artefacts/page."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ QUALITY = os.environ.get("PAGE_PICTURES", "low")
 """Quality of the screenshots; 'high' also uses a full-size window and takes minutes with software rendering."""
 
 SIZE = (1920, 1080) if QUALITY != "low" else (480, 270)
-SIZE_OF_PANELS = (1920, 1080) if QUALITY != "low" else (800, 450)
-"""On a narrower window only one of the panels is open."""
 
 
 def screenshot(tab: Tab, name: str) -> float:
@@ -44,8 +42,3 @@ def test_each_camera_shows_day_and_night(mini_map: PageServer, new_tab: NewTab) 
             tab.page.keyboard.press("c")
     for camera, (day, night) in brightness.items():
         assert night < 0.7 * day, camera
-    tab.page.set_viewport_size({"width": SIZE_OF_PANELS[0], "height": SIZE_OF_PANELS[1]})
-    tab.show("menu", "hud")
-    for theme in ("Light", "Dark"):
-        tab.get("theme").get_by_role("button", name=theme).click()
-        tab.page.screenshot(path=FOLDER / f"menu-and-hud-{theme.lower()}.png", animations="disabled")

@@ -11,7 +11,7 @@ import pytest
 
 from autodrive.base.png import decode_png
 from autodrive.protocol.messages import Pause
-from tests.support.page import NewTab, PageServer, Tab
+from tests.support.page import NewTab, PageServer, Tab, box
 
 IMAGES = """() => new Promise((done) =>
     requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))))"""
@@ -117,9 +117,8 @@ def test_vehicles_differ_by_label_and_colour(two_cars: PageServer, new_tab: NewT
         tab.wait_until(lambda: length_on_screen(tab) > 0)
         assert tab.page.locator(".vehicle-labels .viewed").all_text_contents() == [name]
         # the label is above the vehicle, which is in the middle of the image
-        box = tab.page.locator(".vehicle-labels .viewed").bounding_box()
-        assert box is not None
-        assert abs(box["x"] + box["width"] / 2 - 320) < 40
+        label = box(tab.page.locator(".vehicle-labels .viewed"))
+        assert abs(label["left"] + label["right"] - 640) < 80
         patch = tab.pixels()[235:246, 310:331].reshape(-1, 3)
         hues.append(patch.mean(0) / patch.mean())
     blue, orange = hues

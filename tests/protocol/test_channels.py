@@ -61,7 +61,7 @@ def test_names_are_unique() -> None:
     for names in (
         [channel.name for channel in CHANNELS],
         [signal.name for signal in SIGNALS],
-        [row.id for signal in SIGNALS for row in signal.hud],
+        [signal.hud.id for signal in SIGNALS if signal.hud],
         [plot.id for signal in SIGNALS for plot in signal.plots],
         [topic.name for channel in CHANNELS for topic in channel.topics],
     ):

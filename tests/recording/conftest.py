@@ -12,6 +12,7 @@ import autodrive
 from autodrive import Command, Frame, Indicators
 from autodrive.recording import Recorder, Recording
 from autodrive.recording import open as open_recording
+from autodrive.recording.replay.tape import Tape
 
 
 @dataclass
@@ -45,4 +46,10 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Drive:
 @pytest.fixture
 def recording(drive: Drive) -> Iterator[Recording]:
     with open_recording(drive.path) as opened:
+        yield opened
+
+
+@pytest.fixture
+def tape(drive: Drive) -> Iterator[Tape]:
+    with Tape(drive.path) as opened:
         yield opened

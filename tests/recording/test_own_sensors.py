@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +9,13 @@ import pytest
 
 import autodrive
 from autodrive import Command, Frame, Simulation
-from autodrive.cli.app import main
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import AddBox
 from autodrive.recording import Recorder, RecordingError
 from autodrive.recording import open as open_recording
 from autodrive.recording.plot import plot
 from autodrive.recording.resimulation import resimulate
+from tests.support.command_line import call
 from tests.support.radar import Radar, radar_scenario
 
 SENSORS = {"V1": {"radar": Radar, "late": Radar}}
@@ -106,17 +105,10 @@ def test_a_recording_does_not_run_the_code_of_a_sensor(drive: tuple[Path, list[F
             resimulate(recording)
 
 
-def test_the_command_takes_the_classes_of_sensors(
-    drive: tuple[Path, list[Frame]], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_takes_the_classes_of_sensors(drive: tuple[Path, list[Frame]]) -> None:
     path, _ = drive
     file = path.with_name("my_radar.py")
     sensors = [f"--sensor=V1/{name}={file}:Radar" for name in ("radar", "late")]
-    monkeypatch.setattr(sys, "argv", ["autodrive", "replay", str(path), "--resimulate", *sensors])
-    with pytest.raises(SystemExit) as result:
-        main()
-    assert (result.value.code, capsys.readouterr().out.splitlines()[-1]) == (0, "identical")
-    monkeypatch.setattr(sys, "argv", ["autodrive", "replay", str(path), "--resimulate", "--sensor=V1/radar"])
-    with pytest.raises(SystemExit):
-        main()
-    assert "V1/NAME=FILE.py:CLASS" in capsys.readouterr().err
+    done = call("replay", path, "--resimulate", *sensors)
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "identical")
+    assert "V1/NAME=FILE.py:CLASS" in call("replay", path, "--resimulate", "--sensor=V1/radar").stderr

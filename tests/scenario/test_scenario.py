@@ -1,7 +1,6 @@
 """Scenarios: contents, and errors of invalid ones."""
 
 import math
-from pathlib import Path
 
 import pytest
 
@@ -16,6 +15,7 @@ from autodrive.scenario.maps.map import load_map
 @pytest.mark.parametrize("name", names("scenario"))
 def test_every_included_scenario_runs(name: str) -> None:
     world = autodrive.make(name)
+    assert world.warnings == []
     frame = world.frame
     for _ in range(20):
         frame = world.step()
@@ -88,37 +88,16 @@ def test_unknown_map_and_vehicles_are_reported_together() -> None:
     assert caught.value.errors[1].startswith("vehicles.V1.type: ")
 
 
-def test_vehicles_that_overlap_are_reported() -> None:
-    spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=0.1)})
-    with pytest.raises(SpecError, match="'V1' and 'V2' overlap at the start"):
-        autodrive.make(spec)
-
-
-def test_a_vehicle_in_a_wall_is_reported() -> None:
-    spec = ScenarioSpec(map="tiny_town", vehicles={"V1": VehiclePlacement(x=4.95)})
-    with pytest.raises(SpecError, match=r"'(V1|wall.*)' and '(V1|wall.*)' overlap"):
-        autodrive.make(spec)
-
-
 def test_a_duplicate_name_is_reported() -> None:
     spec = ScenarioSpec(map="mini_map", boxes={"pile_1": BoxSpec(x=0.0, y=0.15)})
     with pytest.raises(SpecError, match="the name 'pile_1' is used twice"):
         autodrive.make(spec)
 
 
-def test_a_scenario_can_be_given_as_a_file(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
-    file.write_text("map: mini_map\nvehicles:\n  V1: {x: 0.2}\nscene_light: false\n")
-    frame = autodrive.make(file).frame
-    assert not frame.scene_light
-    assert frame.vehicles["V1"].pose.position[0] == pytest.approx(0.2)
-
-
-def test_realistic_sensors_have_errors_and_ideal_ones_have_none() -> None:
-    spec = ScenarioSpec(
-        map="mini_map",
-        vehicles={"V1": VehiclePlacement(), "V2": VehiclePlacement(x=1.0, has_realistic_sensors=True)},
-    )
+@pytest.mark.parametrize("vehicle", names("vehicle"))
+def test_realistic_sensors_have_errors_and_ideal_ones_have_none(vehicle: str) -> None:
+    real_one = VehiclePlacement(type=vehicle, x=2.0, has_realistic_sensors=True)
+    spec = ScenarioSpec(vehicles={"V1": VehiclePlacement(), "V2": real_one})
     world = autodrive.make(spec)
     readings = []
     for _ in range(50):
@@ -127,13 +106,6 @@ def test_realistic_sensors_have_errors_and_ideal_ones_have_none() -> None:
     ideal, real = zip(*readings, strict=True)
     assert max(map(abs, ideal)) < 1e-9
     assert len(set(real)) > 10  # each reading has its own noise, rounded to the resolution
-
-
-@pytest.mark.parametrize("vehicle", names("vehicle"))
-def test_each_vehicle_can_have_realistic_sensors(vehicle: str) -> None:
-    spec = ScenarioSpec(map="plane", vehicles={"V1": VehiclePlacement(type=vehicle, has_realistic_sensors=True)})
-    world = autodrive.make(spec)
-    assert len({float(world.step().vehicles["V1"].imu.angular_velocity[2]) for _ in range(50)}) > 10
 
 
 @pytest.mark.parametrize("name", ["", 'q"<&', "a/b", "two words"])

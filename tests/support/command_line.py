@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest import mock
 
-from autodrive.cli import main, run
+from autodrive.cli import main
+from autodrive.cli.stopping import StopSignals
 from tests.support.waiting import LIMIT, wait_until
 
 AUTODRIVE = [sys.executable, "-c", "from autodrive.cli import main; main()"]
@@ -77,7 +78,7 @@ def call(*arguments: str | Path, cwd: Path | None = None, stderr: io.StringIO | 
 def interrupted_when(condition: Callable[[], object]) -> Iterator[None]:
     """Sends Ctrl-C to this process, in which `call` runs the command `run`, once the condition is true.
 
-    Without the thread that ends the process some time after a signal: other tests need the process.
+    The process does not end after the signal: other tests need it.
     """
     errors: list[AssertionError] = []
 
@@ -91,7 +92,7 @@ def interrupted_when(condition: Callable[[], object]) -> Iterator[None]:
     thread = threading.Thread(target=watch)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have started the tests without it
     try:
-        with mock.patch.object(run.RunSignals, "end_process"):
+        with mock.patch.multiple(StopSignals, end=mock.DEFAULT, end_late=mock.DEFAULT):
             thread.start()
             yield
             thread.join()

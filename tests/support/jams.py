@@ -48,6 +48,7 @@ class Energy:
         self._mass, self._centre = engine.body_mass[bodies], engine.body_ipos[bodies]
         axes = np.array([rotation_from_quaternion(q) for q in engine.body_iquat[bodies]]).reshape(-1, 3, 3)
         self._inertia = np.einsum("bij,bj,bkj->bik", axes, engine.body_inertia[bodies], axes)
+        self._moved = np.cross(np.eye(3), self._centre[:, None]).swapaxes(1, 2)  # velocity of the centre by a turn
         self._cars = slice(len(bodies) - len(c.vehicles), None)
         self.tread_work = self.motor_work = 0.0
         """Since the start [J]: of all treads, and of those that push."""
@@ -66,7 +67,7 @@ class Energy:
         q, v = c.state.qpos[self._qpos], c.state.qvel[self._dof]
         rotation = np.array(rotation_from_quaternion(tuple(q[:, 3:].T))).T.reshape(-1, 3, 3)
         turn = v[:, 3:]
-        velocity = v[:, :3] + np.einsum("bij,bj->bi", rotation, np.cross(turn, self._centre))
+        velocity = v[:, :3] + np.einsum("bij,bjk,bk->bi", rotation, self._moved, turn)
         speed = np.sqrt((velocity * velocity).sum(axis=1))
         kinetic = 0.5 * float(self._mass @ speed**2 + np.einsum("bi,bij,bj->", turn, self._inertia, turn))
         height = q[:, 2] + np.einsum("bj,bj->b", rotation[:, 2], self._centre)
@@ -75,20 +76,25 @@ class Energy:
         return kinetic, kinetic + weight + springs - self.tread_work, float(speed[self._cars].max())
 
     def _springs(self, upright: np.ndarray, height: np.ndarray, rotation: np.ndarray) -> float:
-        """Energy of springs and stops of all wheels."""
+        """Energy of springs and stops of all wheels.
+
+        What they can give back: the ground's force is the load times the cosine of the inclination, on a way that is
+        shorter than the travel of the wheel by the same factor (`upright`).
+        """
         c = self.compiled
         wheels, compression = c.model.wheels, c.state.wheel_compression
         high, stiffness = wheels["compression_max"], wheels["stiffness"]
-        static = wheels["sprung_mass"] * c.model.gravity
+        static = wheels["sprung_mass"] * c.model.gravity * upright
         free = np.maximum(-static / stiffness, -wheels["droop_max"])
         travel = np.clip(compression, free, high)
-        spring = static * (travel - free) + 0.5 * stiffness * (travel**2 - free**2)
+        spring = upright**2 * (static * (travel - free) + 0.5 * stiffness * (travel**2 - free**2))
         hub = height + np.einsum("wj,wj->w", np.repeat(rotation[self._cars, 2], 4, axis=0), wheels["hub"])
         rim = wheels["radius"] * np.abs(upright) - high * upright - hub
         is_upright = upright > 0.1
         depth = np.maximum(0.0, np.where(is_upright, upright * (compression - high), rim))
-        stop = 0.5 * wheels["bump_stiffness"] * depth**2 + np.where(is_upright, static + stiffness * high, 0.0) * depth
-        return float((np.where(is_upright, spring, 0.0) + stop).sum())
+        stop = 0.5 * wheels["bump_stiffness"] * depth**2
+        full = upright * (static + stiffness * high) * depth
+        return float((np.where(is_upright, spring + full, 0.0) + stop).sum())
 
 
 def jam(vehicle: str, seed: int, folder: Path) -> Jam:

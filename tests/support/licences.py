@@ -47,7 +47,7 @@ EXTRAS = {
     "lz4": ("export", "BSD-3-Clause"),
     "minari": ("export", "MIT"),
     "packaging": ("ray", "Apache-2.0 OR BSD-2-Clause"),
-    "pillow": ("rerun", "MIT-CMU"),
+    "pillow": ("export", "MIT-CMU"),
     "psutil": ("rerun", "BSD-3-Clause"),
     "pyarrow": ("export", "Apache-2.0"),
     "ruamel-yaml": ("export", "MIT"),

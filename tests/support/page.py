@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, ConsoleMessage, Locator, Page, Request, ViewportSize
+from playwright.sync_api import Browser, CDPSession, ConsoleMessage, Locator, Page, Request, ViewportSize
 
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.server import Server
@@ -175,6 +175,25 @@ class Tab:
 
     def _on_request(self, request: Request) -> None:
         self.requests.append(request.url)
+
+
+def box(locator: Locator) -> dict[str, float]:
+    """Left, top, right and bottom of what is shown [px]."""
+    found = locator.bounding_box()
+    assert found is not None
+    x, y = found["x"], found["y"]
+    return {"left": x, "top": y, "right": x + found["width"], "bottom": y + found["height"]}
+
+
+def overlap(one: Locator, other: Locator) -> bool:
+    a, b = box(one), box(other)
+    return a["left"] < b["right"] and b["left"] < a["right"] and a["top"] < b["bottom"] and b["top"] < a["bottom"]
+
+
+def touch(tools: CDPSession, kind: str, *points: Sequence[float]) -> None:
+    """A touch event of real fingers."""
+    touch_points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]
+    tools.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touch_points})
 
 
 class NewTab(Protocol):

@@ -162,6 +162,8 @@ describe('the menu', () => {
     const { socket } = page()
     socket.receive({ ...sceneOf(['V1'], 'my_file'), title: 'My own' })
     expect(get<HTMLSelectElement>('scenario').selectedOptions[0].textContent).toBe('My own')
+    socket.receive({ ...sceneOf(['V1'], '/home/me/my_race.yaml'), title: '' })
+    expect(get<HTMLSelectElement>('scenario').selectedOptions[0].textContent).toBe('my_race')
   })
 
   test('quality and scan are chosen', () => {

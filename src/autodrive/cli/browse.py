@@ -110,7 +110,8 @@ def check(
     found, title, warnings = spec_files.check(name, kind)
     for warning in warnings:
         typer.echo(f"autodrive: warning: {warning}", err=True)
-    typer.echo(f"{name}: {found} '{title}' is valid")
+    titled = f" '{title}'" if title else ""
+    typer.echo(f"{name}: {found}{titled} is valid")
 
 
 def _check_suffix(option: str, file: Path | None, *suffixes: str) -> None:

@@ -48,7 +48,7 @@ def campaign(
             "--output",
             "-o",
             metavar="FOLDER",
-            help="Folder of the results; one with results goes on.  [default: FILE_results]",
+            help="Folder of the results; a campaign in it is continued.  [default: FILE_results]",
         ),
     ] = None,
     cache: Annotated[
@@ -64,7 +64,7 @@ def campaign(
 ) -> None:
     """Run a scenario many times, with other parameters and seeds.
 
-    Writes table.parquet, summary.json and report.html. Ctrl-C keeps what is done; the same command goes on.
+    Writes table.parquet, summary.json and report.html. Ctrl-C keeps the finished runs; the same command continues.
     """
     from autodrive.experiments.campaigns.campaign import Campaign
 
@@ -145,7 +145,7 @@ def _print(loaded: Campaign, outcome: Outcome) -> None:
         typer.echo(f"first error: {numbers['first_error']}")
     typer.echo(f"results: {outcome.folder}")
     if not outcome.is_complete:
-        typer.echo(f"stopped; the same command goes on with the {numbers['runs'] - numbers['rows']} other runs")
+        typer.echo(f"stopped; the same command continues with the {numbers['runs'] - numbers['rows']} other runs")
 
 
 def _replay(loaded: Campaign, number: int, output: Path | None) -> None:

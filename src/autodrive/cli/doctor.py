@@ -27,6 +27,7 @@ CLIENT = "autodrive-client"
 """A part of `DISTRIBUTION`, for environments without a simulator."""
 
 _IMPORT_NAMES = {
+    "backports-zstd": "backports.zstd",
     "lazy-loader": "lazy_loader",
     "mujoco-core": "mujoco",
     "protobuf": "google.protobuf",
@@ -99,6 +100,7 @@ def packages() -> Iterator[Check]:
 def _applies(marker: str) -> bool:
     """Whether an environment marker of pyproject.toml is true here."""
     values = {"sys_platform": sys.platform, "platform_machine": platform.machine(), "extra": ""}
+    values["python_version"] = ".".join(platform.python_version_tuple()[:2])  # 3.11 to 3.14: texts compare as numbers
     return bool(eval(marker, {"__builtins__": {}}, values))  # markers of this form are Python expressions
 
 

@@ -54,7 +54,7 @@ def play(
         options = RaceOptions(
             track,
             devkits=(),
-            teams=(Path(policy).stem,),
+            teams=(_team(Path(policy)),),
             rules="practice",
             laps=laps,
             has_realistic_sensors=noise,
@@ -65,6 +65,11 @@ def play(
             port=port,
         )
         show_race(options, lambda stop, display: race(chosen, options, stop=stop, observer=display))
+
+
+def _team(policy: Path) -> str:
+    """Name in the standings: that of the file; of `policy.npz`, which each training writes, that of its folder."""
+    return policy.absolute().parent.name if policy.stem == "policy" else policy.stem
 
 
 def _as_script(policy: Policy, port: int) -> None:

@@ -35,6 +35,8 @@ SIZE = 1600, 1000
 """Size of the image [pixels]; it is rendered at twice this size and scaled down, for smooth edges."""
 NIGHT_LIGHTS = Lights(Headlights.LOW, Indicators.HAZARD, TailLights.BRIGHT, True, True, False)
 """Lamps of all vehicles in an image at night."""
+DUSK = 17.8 * 3600.0
+"""Time of day of the image of a vehicle at night [s]: its own lamps do not light it."""
 FIELD_OF_VIEW_DEG = 28.0
 """Vertical [degree]; narrow, for little perspective distortion."""
 
@@ -56,6 +58,8 @@ def render_preview(kind: Kind, name: str, path: Path, *, is_day: bool = True) ->
     state.header["is_day"] = is_day
     if not is_day:
         state.switch_lamps(NIGHT_LIGHTS)
+        if kind == "vehicle":
+            state.header["time_of_day"] = DUSK
     view = viewpoint.view(2 * SIZE[0], 2 * SIZE[1])
     with Renderer(scene, "gpu") as renderer:
         write_file(path, encode_png(_halved(renderer.draw(state, [view])[0].rgba[..., :3])))

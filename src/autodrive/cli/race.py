@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import logging
-import signal
+import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from autodrive.cli.options import Headless, Host, Noise, Port, Record, ResultsFolder, results_folder
 from autodrive.cli.run import address
+from autodrive.cli.stopping import StopSignals
 
 if TYPE_CHECKING:
     from autodrive.run.race import RaceOptions
-    from autodrive.run.runner import RunObserver, StopRequest
+    from autodrive.run.runner import Run, RunObserver, StopRequest
     from autodrive.world.racing.results import RaceResult
 
 
@@ -102,20 +103,37 @@ def race(
 def show_race(options: RaceOptions, start: Callable[[StopRequest, RunObserver], RaceResult]) -> None:
     """Start a race, show its status until it has ended, and print the standings."""
     from autodrive.cli.status import StatusDisplay
+    from autodrive.connect.bridge.script_process import close_all
     from autodrive.run.runner import StopRequest
 
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[logging.StreamHandler()])
     stop = StopRequest()
+    begun: list[Run] = []
+    results: list[RaceResult] = []
 
-    def end(number: int, _: Any) -> None:
-        if stop.is_set():
+    def end(reason: str) -> None:
+        stop.set(reason)
+        if not begun:
             raise KeyboardInterrupt
-        stop.set(signal.Signals(number).name)
+
+    def report() -> int:
+        """Of a race that still closes its connections."""
+        while begun and not results:
+            time.sleep(0.01)
+        close_all()
+        for result in results:
+            _report(result, options)
+        return 0 if begun else 130
 
     title = f"race on '{options.track}' by the rules '{options.rules}'"
-    with StatusDisplay("loading the track", title) as display:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, end)
+    display = StatusDisplay("loading the track", title, on_start=begun.append, on_result=results.append)
+    with StopSignals(end, report) as signals, display:
+        signals.catch()
         result = start(stop, display)
+    _report(result, options)
+    signals.end()
+
+
+def _report(result: RaceResult, options: RaceOptions) -> None:
     typer.echo(result.to_markdown().rstrip())
     typer.echo(f"\nresults: {options.output}")

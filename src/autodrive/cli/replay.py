@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from autodrive.cli.options import Browser, Host, Port, RecordingFile, Token
+from autodrive.cli.stopping import StopSignals
 
 if TYPE_CHECKING:
     from autodrive.recording.replay import Replay
@@ -53,8 +53,7 @@ def replay(
     stop = threading.Event()
 
     def started(replay: Replay) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: stop.set())
+        signals.catch()
         for problem in replay.tape.problems:
             typer.echo(f"autodrive: {problem}", err=True)
         url = replay.server.url
@@ -66,4 +65,6 @@ def replay(
             open_page(url)
 
     options = ReplayOptions(speed, paused, camera_quality, host=host, port=port, token=token)
-    show(file, options, stop=stop, on_start=started)
+    with StopSignals(lambda _: stop.set()) as signals:
+        show(file, options, stop=stop, on_start=started)
+    signals.end()

@@ -5,24 +5,20 @@ from __future__ import annotations
 import dataclasses
 import logging
 import math
-import os
-import signal
-import sys
-import threading
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
 
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.cli.options import Browser, Headless, Host, Port, Record, Token
+from autodrive.cli.stopping import StopSignals
 from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
 from autodrive.protocol.ports import DEVKIT_PORT
 
 if TYPE_CHECKING:
     from autodrive.run.options import RunOptions
-    from autodrive.run.runner import Run, StopRequest
+    from autodrive.run.runner import Run
     from autodrive.run.summary import Summary
 
 
@@ -184,14 +180,22 @@ def _run(options: RunOptions, *, opens_browser: bool) -> None:
     if options.summary is not None:
         check_writable(options.summary)
     stop = StopRequest()
+    runs: list[Run] = []
+
+    def begin(run: Run) -> None:
+        runs.append(run)
+        signals.catch()
+
     title = f"running '{options.scenario}', {options.driving_mode}"
-    signals = RunSignals(stop, options.summary)
-    display = StatusDisplay("loading the world", title, opens_browser=opens_browser, on_start=signals.catch)
+    display = StatusDisplay("loading the world", title, opens_browser=opens_browser, on_start=begin)
     handler = RichHandler(console=display.console, show_path=False) if display.console.is_terminal else None
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[handler or logging.StreamHandler()])
-    with display, signals:
+    signals = StopSignals(stop.set, lambda: _report(runs[0].summary(stop.reason), options.summary))
+    with signals, display:
         summary = simulate(dataclasses.replace(options, summary=None), stop=stop, observer=display)
-    if code := _report(summary, options.summary):
+    code = _report(summary, options.summary)
+    signals.end(code)
+    if code:
         raise typer.Exit(code)
 
 
@@ -208,51 +212,6 @@ def _report(summary: Summary, path: Path | None) -> int:
     if path is not None:
         write_file(path, summary.to_json())
     return RECORDING_FAILED if summary.recording is not None and summary.recording.error else 0
-
-
-STOP_TIME = 1.5
-"""Time in which a run ends after a signal [s]; after that the process ends at once."""
-
-
-class RunSignals:
-    """From `catch` on, SIGINT and SIGTERM end the run with its summary; the second signal ends the process at once."""
-
-    def __init__(self, stop: StopRequest, summary: Path | None) -> None:
-        self._stop = stop
-        self._summary = summary
-        self._default: dict[int, Any] = {}
-        self._has_ended = False
-
-    def catch(self, run: Run) -> None:
-        """From now on, a signal ends this run."""
-        self._run = run
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._default[number] = signal.signal(number, self._end_run)
-
-    def _end_run(self, number: int, _: object) -> None:
-        if self._stop.is_set():
-            os._exit(128 + number)
-        self._stop.set(signal.Signals(number).name)
-        threading.Thread(target=self.end_process, name="autodrive-deadline", daemon=True).start()
-
-    def end_process(self) -> None:
-        """End the process after `STOP_TIME` if it still runs then. It does not wait for anything."""
-        time.sleep(STOP_TIME)
-        code = 0
-        try:
-            if not self._has_ended:
-                code = _report(self._run.summary(self._stop.reason), self._summary)
-                sys.stdout.flush()
-        finally:
-            os._exit(code)
-
-    def __enter__(self) -> RunSignals:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._has_ended = True
-        for number, handler in self._default.items():
-            signal.signal(number, handler)
 
 
 # -- values of options ------------------------------------------------------------------------------------------

@@ -16,10 +16,11 @@ from autodrive.run.runner import Run, RunObserver
 
 if TYPE_CHECKING:
     from autodrive.run.summary import CamerasSummary, Summary
+    from autodrive.world.racing.results import RaceResult
 
 CALLS_PER_LOG_LINE = 50
 """Without a terminal, the status is printed at every 50th call only: every ten seconds."""
-SILENCE = 4.0
+SILENCE = 3.0
 """Without a terminal, a start that takes long prints a line in this time [s]."""
 COMPILED_FUNCTIONS = 190
 """Approximate number of functions that the first start compiles; length of the progress bar."""
@@ -38,6 +39,7 @@ class StatusDisplay(RunObserver):
         *,
         opens_browser: bool = True,
         on_start: Callable[[Run], None] = lambda _: None,
+        on_result: Callable[[RaceResult], None] = lambda _: None,
         console: Console | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -47,6 +49,7 @@ class StatusDisplay(RunObserver):
         self._title = title
         self._opens_browser = opens_browser
         self._on_start = on_start
+        self._on_result = on_result
         self._clock = clock
         self._began = self._said = clock()
         self._is_loaded = threading.Event()
@@ -63,7 +66,7 @@ class StatusDisplay(RunObserver):
         self._line.stop()
 
     def _narrate(self) -> None:
-        while not self._is_loaded.wait(0.5):
+        while not self._is_loaded.wait(0.25):
             self.narrate()
 
     def narrate(self) -> None:
@@ -98,6 +101,9 @@ class StatusDisplay(RunObserver):
         self.console.print(f"{'opened' if is_opened else 'open'} in a browser:  {link}", soft_wrap=True)
         if command := tunnel(link):
             self.console.print(f"first, on your own machine, run:  {command}", soft_wrap=True)
+
+    def decided(self, result: RaceResult) -> None:  # noqa: D102
+        self._on_result(result)
 
     def running(self, run: Run) -> None:  # noqa: D102
         self._calls += 1

@@ -104,7 +104,7 @@ class Signal:
     """Names of the elements of an array; none for a scalar and for an array without a fixed size."""
     size: str = ""
     """Name of the size of an array whose size depends on the Spec, for example 'rays'."""
-    hud: tuple[HudRow, ...] = ()
+    hud: HudRow | None = None
     plots: tuple[Plot, ...] = ()
 
     @property
@@ -192,110 +192,87 @@ XYZ = ("x", "y", "z")
 WXYZ = ("w", "x", "y", "z")
 
 
-def _by_wheel(id_: str, group: str, label: str, span: float) -> tuple[Plot, ...]:
+def _channel(*signals: Signal, rate: str = EACH_TICK, topics: tuple[RosTopic, ...] = ()) -> Channel:
+    """The channel of signals, whose names begin with its name."""
+    return Channel(signals[0].name.partition(".")[0], signals, rate, topics)
+
+
+def _plots(group: str, ids: Sequence[str], labels: Sequence[str], *spans: float) -> tuple[Plot, ...]:
+    """A curve for each element."""
     return tuple(
-        Plot(f"{id_}-{i}", group, f"{label} {wheel}", span, element=i)
-        for i, wheel in enumerate(("FL", "FR", "RL", "RR"))
+        Plot(id_, group, label, span, element=i)
+        for i, (id_, label, span) in enumerate(zip(ids, labels, spans, strict=True))
     )
 
 
-def _axes(ids: tuple[str, ...], labels: tuple[str, ...], span: tuple[float, ...]) -> tuple[Plot, ...]:
-    return tuple(
-        Plot(id_, "IMU and IPS", label, height, element=i)
-        for i, (id_, label, height) in enumerate(zip(ids, labels, span, strict=True))
-    )
+def _of_wheels(
+    name: str, text: str, unit: str = "", plot: tuple[str, str, str, float] | None = None, hud: HudRow | None = None
+) -> Signal:
+    """A signal with an element for each wheel; `plot`: id, group, label and span of its curves."""
+    plots: tuple[Plot, ...] = ()
+    if plot:
+        id_, group, label, span = plot
+        labels = [f"{label} {wheel}" for wheel in ("FL", "FR", "RL", "RR")]
+        plots = _plots(group, [f"{id_}-{i}" for i in range(4)], labels, *(4 * [span]))
+    return Signal(f"wheels.{name}", text, unit, elements=WHEEL_NAMES, hud=hud, plots=plots)
 
 
 CHANNELS: tuple[Channel, ...] = (
-    Channel(
-        "pose",
-        (
-            Signal("pose.position", "true position of the rear axle centre", "m", "map", XYZ),
-            Signal("pose.orientation", "true orientation, quaternion", "", "map", WXYZ),
-        ),
+    _channel(
+        Signal("pose.position", "true position of the rear axle centre", "m", "map", XYZ),
+        Signal("pose.orientation", "true orientation, quaternion", "", "map", WXYZ),
     ),
-    Channel(
-        "velocity",
-        (
-            Signal(
-                "velocity",
-                "true velocity of the rear axle centre",
-                "m/s",
-                "base_link",
-                XYZ,
-                hud=(
-                    HudRow("speed", "Speed", "Magnitude of the forward velocity at the rear axle centre", "magnitude"),
-                ),
-                plots=(
-                    Plot("speed", "Vehicle", "Speed", 0.1),
-                    Plot("side-speed", "Vehicle", "Side speed", 0.1, element=1),
-                ),
-            ),
+    _channel(
+        Signal(
+            "velocity",
+            "true velocity of the rear axle centre",
+            "m/s",
+            "base_link",
+            XYZ,
+            hud=HudRow("speed", "Speed", "Magnitude of the forward velocity at the rear axle centre", "magnitude"),
+            plots=_plots("Vehicle", ("speed", "side-speed"), ("Speed", "Side speed"), 0.1, 0.1),
         ),
         topics=(RosTopic("speed", "std_msgs/Float32", "absolute value of the forward speed [m/s]"),),
     ),
-    Channel(
-        "angular_velocity",
-        (Signal("angular_velocity", "true angular velocity", "rad/s", "base_link", XYZ),),
-    ),
-    Channel(
-        "throttle",
-        (
-            Signal(
-                "throttle",
-                "throttle feedback, -1 to 1",
-                hud=(
-                    HudRow(
-                        "throttle",
-                        "Throttle",
-                        "Magnitude; the bar extends to the left in reverse",
-                        "magnitude",
-                        unit="%",
-                        scale=100.0,
-                    ),
-                ),
-                plots=(Plot("throttle", "Vehicle", "Throttle", 20.0, unit="%", scale=100.0),),
+    _channel(Signal("angular_velocity", "true angular velocity", "rad/s", "base_link", XYZ)),
+    _channel(
+        Signal(
+            "throttle",
+            "throttle feedback, -1 to 1",
+            hud=HudRow(
+                "throttle", "Throttle", "Magnitude; the bar extends to the left in reverse", "magnitude", "%", 100.0
             ),
+            plots=(Plot("throttle", "Vehicle", "Throttle", 20.0, unit="%", scale=100.0),),
         ),
         topics=(RosTopic("throttle", "std_msgs/Float32", "throttle feedback, -1 to 1", league="allowed"),),
     ),
-    Channel(
-        "steering",
-        (
-            Signal(
+    _channel(
+        Signal(
+            "steering",
+            "angle of the steering actuator, left turns positive",
+            "rad",
+            hud=HudRow(
                 "steering",
-                "angle of the steering actuator, left turns positive",
-                "rad",
-                hud=(
-                    HudRow(
-                        "steering",
-                        "Steering",
-                        "Left is positive, as in messages; the arrow and the bar point to the side of the turn",
-                        "turn",
-                    ),
-                ),
-                plots=(Plot("steering", "Vehicle", "Steering", 0.2),),
+                "Steering",
+                "Left is positive, as in messages; the arrow and the bar point to the side of the turn",
+                "turn",
             ),
+            plots=(Plot("steering", "Vehicle", "Steering", 0.2),),
         ),
         # sign: 'left' or 'right'; it depends on the devkit profile, and so does the name of the topic
         topics=(RosTopic("steering", "std_msgs/Float32", "steering angle [rad], positive {sign}", league="allowed"),),
     ),
-    Channel(
-        "encoders",
-        (
-            Signal("encoders.time", "time of the sample", "s"),
-            Signal(
-                "encoders.ticks",
-                "counts of the rear encoders since the reset",
-                elements=("left", "right"),
-                hud=(
-                    HudRow(
-                        "encoders", "Encoder Ticks", "Ticks of the left and right rear wheel", "list", section="sensors"
-                    ),
-                ),
+    _channel(
+        Signal("encoders.time", "time of the sample", "s"),
+        Signal(
+            "encoders.ticks",
+            "counts of the rear encoders since the reset",
+            elements=("left", "right"),
+            hud=HudRow(
+                "encoders", "Encoder Ticks", "Ticks of the left and right rear wheel", "list", section="sensors"
             ),
-            Signal("encoders.angles", "angles of the rear encoders since the reset", "rad", elements=("left", "right")),
         ),
+        Signal("encoders.angles", "angles of the rear encoders since the reset", "rad", elements=("left", "right")),
         rate="sensors.encoders.rate",
         topics=tuple(
             RosTopic(
@@ -304,81 +281,73 @@ CHANNELS: tuple[Channel, ...] = (
             for side in ("left", "right")
         ),
     ),
-    Channel(
-        "ips",
-        (
-            Signal("ips.time", "time of the sample", "s"),
-            Signal(
-                "ips.position",
-                "position of the rear axle centre by the indoor positioning system",
-                "m",
-                "map",
-                XYZ,
-                hud=(HudRow("position", "Position", "IPS: x, y, z of the rear axle centre in the map", "vector"),),
-                plots=_axes(("x", "y", "z"), ("Position x", "Position y", "Position z"), (0.2, 0.2, 0.02)),
-            ),
+    _channel(
+        Signal("ips.time", "time of the sample", "s"),
+        Signal(
+            "ips.position",
+            "position of the rear axle centre by the indoor positioning system",
+            "m",
+            "map",
+            XYZ,
+            hud=HudRow("position", "Position", "IPS: x, y, z of the rear axle centre in the map", "vector"),
+            plots=_plots("IMU and IPS", XYZ, ("Position x", "Position y", "Position z"), 0.2, 0.2, 0.02),
         ),
         rate="sensors.ips.rate",
         topics=(RosTopic("ips", "geometry_msgs/Point", "position in map [m]", league="restricted"),),
     ),
-    Channel(
-        "imu",
-        (
-            Signal("imu.time", "time of the sample", "s"),
-            Signal("imu.orientation", "orientation of the IMU, quaternion", "", "map", WXYZ),
-            Signal(
-                "imu.euler",
-                "roll, pitch, yaw of the IMU, -π to π",
-                "rad",
-                "map",
-                ("roll", "pitch", "yaw"),
-                hud=(
-                    HudRow(
-                        "orientation",
-                        "Orientation",
-                        "IMU: roll, pitch, yaw in (-π, π]; x forward, y left, z up",
-                        "vector",
-                    ),
-                ),
-                plots=_axes(("roll", "pitch", "yaw"), ("Roll", "Pitch", "Yaw"), (0.02, 0.02, 0.2)),
+    _channel(
+        Signal("imu.time", "time of the sample", "s"),
+        Signal("imu.orientation", "orientation of the IMU, quaternion", "", "map", WXYZ),
+        Signal(
+            "imu.euler",
+            "roll, pitch, yaw of the IMU, -π to π",
+            "rad",
+            "map",
+            ("roll", "pitch", "yaw"),
+            hud=HudRow(
+                "orientation",
+                "Orientation",
+                "IMU: roll, pitch, yaw in (-π, π]; x forward, y left, z up",
+                "vector",
             ),
-            Signal(
-                "imu.angular_velocity",
-                "angular velocity in the axes of the IMU",
-                "rad/s",
-                "imu",
-                XYZ,
-                hud=(
-                    HudRow(
-                        "angular-velocity",
-                        "Angular velocity",
-                        "IMU: about x, y, z of the sensor; left turns are positive",
-                        "vector",
-                    ),
-                ),
-                plots=_axes(
-                    ("roll-rate", "pitch-rate", "yaw-rate"), ("Roll rate", "Pitch rate", "Yaw rate"), (0.2, 0.2, 0.2)
-                ),
+            plots=_plots("IMU and IPS", ("roll", "pitch", "yaw"), ("Roll", "Pitch", "Yaw"), 0.02, 0.02, 0.2),
+        ),
+        Signal(
+            "imu.angular_velocity",
+            "angular velocity in the axes of the IMU",
+            "rad/s",
+            "imu",
+            XYZ,
+            hud=HudRow(
+                "angular-velocity",
+                "Angular velocity",
+                "IMU: about x, y, z of the sensor; left turns are positive",
+                "vector",
             ),
-            Signal(
-                "imu.linear_acceleration",
-                "acceleration in the axes of the IMU, without gravity unless the Spec asks for it",
-                "m/s²",
-                "imu",
-                XYZ,
-                hud=(
-                    HudRow(
-                        "linear-acceleration",
-                        "Linear acceleration",
-                        "IMU: along x, y, z of the sensor, without gravity unless the vehicle asks for it",
-                        "vector",
-                    ),
-                ),
-                plots=_axes(
-                    ("acceleration-x", "acceleration-y", "acceleration-z"),
-                    ("Accel. x", "Accel. y", "Accel. z"),
-                    (0.5, 0.5, 0.5),
-                ),
+            plots=_plots(
+                "IMU and IPS",
+                ("roll-rate", "pitch-rate", "yaw-rate"),
+                ("Roll rate", "Pitch rate", "Yaw rate"),
+                *(0.2, 0.2, 0.2),
+            ),
+        ),
+        Signal(
+            "imu.linear_acceleration",
+            "acceleration in the axes of the IMU, without gravity unless the Spec asks for it",
+            "m/s²",
+            "imu",
+            XYZ,
+            hud=HudRow(
+                "linear-acceleration",
+                "Linear acceleration",
+                "IMU: along x, y, z of the sensor, without gravity unless the vehicle asks for it",
+                "vector",
+            ),
+            plots=_plots(
+                "IMU and IPS",
+                [f"acceleration-{axis}" for axis in XYZ],
+                [f"Accel. {axis}" for axis in XYZ],
+                *(0.5, 0.5, 0.5),
             ),
         ),
         rate="sensors.imu.rate",
@@ -390,31 +359,26 @@ CHANNELS: tuple[Channel, ...] = (
             RosTopic("imu/data_raw", "sensor_msgs/Imu", "same as imu without the orientation", "sensor"),
         ),
     ),
-    Channel(
-        "lidar",
-        (
-            Signal("lidar.time", "time of the last ray of the scan", "s"),
-            Signal(
-                "lidar.ranges",
-                "ranges; REP 117: -inf is nearer than range_min, +inf is farther than range_max",
-                "m",
+    _channel(
+        Signal("lidar.time", "time of the last ray of the scan", "s"),
+        Signal(
+            "lidar.ranges",
+            "ranges; REP 117: -inf is nearer than range_min, +inf is farther than range_max",
+            "m",
+            "lidar",
+            size="rays",
+            hud=HudRow(
                 "lidar",
-                size="rays",
-                hud=(
-                    HudRow(
-                        "lidar",
-                        "LIDAR Measurement",
-                        'Range at the bearing below; "inf" without a return, a dash outside the field of view',
-                        "beam",
-                    ),
-                ),
-                plots=(
-                    Plot("nearest", "LIDAR", "Nearest", 0.2, reduction="nearest"),
-                    Plot("measurement", "LIDAR", "Measurement", 0.2, reduction="beam"),
-                ),
+                "LIDAR Measurement",
+                'Range at the bearing below; "inf" without a return, a dash outside the field of view',
+                "beam",
             ),
-            Signal("lidar.intensities", "intensities of the returns", "", "lidar", size="rays"),
+            plots=(
+                Plot("nearest", "LIDAR", "Nearest", 0.2, reduction="nearest"),
+                Plot("measurement", "LIDAR", "Measurement", 0.2, reduction="beam"),
+            ),
         ),
+        Signal("lidar.intensities", "intensities of the returns", "", "lidar", size="rays"),
         rate="sensors.lidar.rate",
         topics=(
             RosTopic(
@@ -423,97 +387,63 @@ CHANNELS: tuple[Channel, ...] = (
             RosTopic("scan", "sensor_msgs/LaserScan", "same as lidar, name of REP 138", "sensor"),
         ),
     ),
-    Channel(
-        "range",
-        (
-            Signal("range.time", "time of the sample", "s"),
-            Signal(
-                "range.range",
-                "distance to the nearest thing in the cone; REP 117: -inf is nearer than range_min, +inf is farther "
-                "than range_max",
-                "m",
-                "range",
-                hud=(HudRow("range", "Range", "Nearest thing in the cone of the range sensor", section="sensors"),),
-                plots=(Plot("range", "Range sensor", "Range", 0.2),),
-            ),
+    _channel(
+        Signal("range.time", "time of the sample", "s"),
+        Signal(
+            "range.range",
+            "distance to the nearest thing in the cone; REP 117: -inf is nearer than range_min, +inf is farther "
+            "than range_max",
+            "m",
+            "range",
+            hud=HudRow("range", "Range", "Nearest thing in the cone of the range sensor", section="sensors"),
+            plots=(Plot("range", "Range sensor", "Range", 0.2),),
         ),
         rate="sensors.range.rate",
         topics=(RosTopic("range", "sensor_msgs/Range", "distance to the nearest thing in the cone [m]", "sensor"),),
     ),
-    Channel(
-        "lights",
-        (
-            Signal("lights.headlights", "0 off, 1 low beam, 2 high beam"),
-            Signal("lights.indicators", "0 off, 1 left, 2 right, 3 hazard"),
-            Signal("lights.tail_lights", "0 off, 1 partial, 2 bright"),
-            Signal("lights.left_indicator", "whether the left indicator is lit"),
-            Signal("lights.right_indicator", "whether the right indicator is lit"),
-            Signal("lights.reverse_lights", "whether the reverse lights are lit"),
-        ),
+    _channel(
+        Signal("lights.headlights", "0 off, 1 low beam, 2 high beam"),
+        Signal("lights.indicators", "0 off, 1 left, 2 right, 3 hazard"),
+        Signal("lights.tail_lights", "0 off, 1 partial, 2 bright"),
+        Signal("lights.left_indicator", "whether the left indicator is lit"),
+        Signal("lights.right_indicator", "whether the right indicator is lit"),
+        Signal("lights.reverse_lights", "whether the reverse lights are lit"),
         topics=(RosTopic("lights", "autodrive_msgs/Lights", "state of the lamps"),),
     ),
-    Channel(
-        "wheels",
-        (
-            Signal("wheels.steering_angle", "true steering angles", "rad", elements=WHEEL_NAMES),
-            Signal("wheels.rotation_angle", "true rotation angles", "rad", elements=WHEEL_NAMES),
-            Signal(
-                "wheels.slip_ratio",
-                "true slip ratios",
-                elements=WHEEL_NAMES,
-                plots=_by_wheel("slip-ratio", "Slip ratio", "Slip ratio", 0.1),
-            ),
-            Signal(
-                "wheels.slip_angle",
-                "true slip angles",
-                "rad",
-                elements=WHEEL_NAMES,
-                plots=_by_wheel("slip-angle", "Slip angle", "Slip angle", 0.02),
-            ),
-            Signal(
-                "wheels.normal_load",
-                "true normal loads",
-                "N",
-                elements=WHEEL_NAMES,
-                plots=_by_wheel("load", "Normal load", "Load", 1.0),
-            ),
-            Signal(
-                "wheels.angular_velocity",
-                "true angular velocities",
-                "rad/s",
-                elements=WHEEL_NAMES,
-                hud=(HudRow("gear", "Gear", "D: drive, R: reverse (from the speed of the rear wheels)", "gear"),),
-                plots=_by_wheel("spin", "Wheel speed", "Wheel", 1.0),
-            ),
-            Signal(
-                "wheels.compression",
-                "true compression of the suspension, 0 at the target position",
-                "m",
-                elements=WHEEL_NAMES,
-                plots=_by_wheel("compression", "Compression of the suspension", "Spring", 0.001),
-            ),
+    _channel(
+        _of_wheels("steering_angle", "true steering angles", "rad"),
+        _of_wheels("rotation_angle", "true rotation angles", "rad"),
+        _of_wheels("slip_ratio", "true slip ratios", "", ("slip-ratio", "Slip ratio", "Slip ratio", 0.1)),
+        _of_wheels("slip_angle", "true slip angles", "rad", ("slip-angle", "Slip angle", "Slip angle", 0.02)),
+        _of_wheels("normal_load", "true normal loads", "N", ("load", "Normal load", "Load", 1.0)),
+        _of_wheels(
+            "angular_velocity",
+            "true angular velocities",
+            "rad/s",
+            ("spin", "Wheel speed", "Wheel", 1.0),
+            HudRow("gear", "Gear", "D: drive, R: reverse (from the speed of the rear wheels)", "gear"),
+        ),
+        _of_wheels(
+            "compression",
+            "true compression of the suspension, 0 at the target position",
+            "m",
+            ("compression", "Compression of the suspension", "Spring", 0.001),
         ),
         topics=(RosTopic("wheels", "autodrive_msgs/WheelStates", "true slip, load and compression of the wheels"),),
     ),
-    Channel(
-        "is_autonomous",
-        (
-            Signal(
-                "is_autonomous",
-                "driving mode: a script drives (true) or a person (false)",
-                hud=(HudRow("mode", "Driving Mode", "Manual: a person drives. Autonomous: a script drives", "mode"),),
-            ),
+    _channel(
+        Signal(
+            "is_autonomous",
+            "driving mode: a script drives (true) or a person (false)",
+            hud=HudRow("mode", "Driving Mode", "Manual: a person drives. Autonomous: a script drives", "mode"),
         ),
     ),
-    Channel(
-        "collision_count",
-        (
-            Signal(
-                "collision_count",
-                "collisions since the reset",
-                hud=(HudRow("collisions", "Collisions", decimals=0),),
-                plots=(Plot("collisions", "Vehicle", "Collisions", 1.0),),
-            ),
+    _channel(
+        Signal(
+            "collision_count",
+            "collisions since the reset",
+            hud=HudRow("collisions", "Collisions", decimals=0),
+            plots=(Plot("collisions", "Vehicle", "Collisions", 1.0),),
         ),
         topics=(
             RosTopic(
@@ -525,53 +455,50 @@ CHANNELS: tuple[Channel, ...] = (
             ),
         ),
     ),
-    Channel(
-        "race",
-        (
-            Signal("race.status", "0 waits for the start, 1 races, 2 finished, 3 disqualified, 4 retired"),
-            Signal(
-                "race.lap_count",
-                "completed laps",
-                hud=(HudRow("race-lap", "Lap", "Completed laps, and those of the race with its warm-up laps", "lap"),),
-            ),
-            Signal("race.lap_total", "laps of the race with its warm-up laps, 0 without limit"),
-            Signal(
-                "race.lap_time",
-                "time in the present lap",
-                "s",
-                hud=(HudRow("race-lap-time", "Lap Time", "Time in the present lap", "time"),),
-            ),
-            Signal(
-                "race.last_lap_time",
-                "time of the last lap, 0 before there is one",
-                "s",
-                hud=(HudRow("race-last-lap", "Last Lap", "", "time"),),
-            ),
-            Signal(
-                "race.best_lap_time",
-                "best time of a lap that counts, 0 before there is one",
-                "s",
-                hud=(HudRow("race-best-lap", "Best Lap", "Best of the laps that count", "time"),),
-            ),
-            Signal(
-                "race.race_time",
-                "time of the laps that count, so far, without penalties",
-                "s",
-                hud=(HudRow("race-time", "Race Time", "Time of the laps that count, without penalties", "time"),),
-            ),
-            Signal(
-                "race.penalty",
-                "sum of the time penalties",
-                "s",
-                hud=(HudRow("race-penalty", "Penalties", "Added to the race time by the rules", decimals=0),),
-            ),
-            Signal("race.collision_count", "collisions that the rules count"),
-            Signal("race.checkpoint", "checkpoints passed in this lap"),
-            Signal("race.distance", "distance along the track since the start line", "m"),
-            Signal("race.rank", "place in the race, from 1"),
-            Signal("race.gap", "time behind the first vehicle", "s"),
-            Signal("race.is_wrong_way", "whether it drives against the direction of the track"),
+    _channel(
+        Signal("race.status", "0 waits for the start, 1 races, 2 finished, 3 disqualified, 4 retired"),
+        Signal(
+            "race.lap_count",
+            "completed laps",
+            hud=HudRow("race-lap", "Lap", "Completed laps, and those of the race with its warm-up laps", "lap"),
         ),
+        Signal("race.lap_total", "laps of the race with its warm-up laps, 0 without limit"),
+        Signal(
+            "race.lap_time",
+            "time in the present lap",
+            "s",
+            hud=HudRow("race-lap-time", "Lap Time", "Time in the present lap", "time"),
+        ),
+        Signal(
+            "race.last_lap_time",
+            "time of the last lap, 0 before there is one",
+            "s",
+            hud=HudRow("race-last-lap", "Last Lap", "", "time"),
+        ),
+        Signal(
+            "race.best_lap_time",
+            "best time of a lap that counts, 0 before there is one",
+            "s",
+            hud=HudRow("race-best-lap", "Best Lap", "Best of the laps that count", "time"),
+        ),
+        Signal(
+            "race.race_time",
+            "time of the laps that count, so far, without penalties",
+            "s",
+            hud=HudRow("race-time", "Race Time", "Time of the laps that count, without penalties", "time"),
+        ),
+        Signal(
+            "race.penalty",
+            "sum of the time penalties",
+            "s",
+            hud=HudRow("race-penalty", "Penalties", "Added to the race time by the rules", decimals=0),
+        ),
+        Signal("race.collision_count", "collisions that the rules count"),
+        Signal("race.checkpoint", "checkpoints passed in this lap"),
+        Signal("race.distance", "distance along the track since the start line", "m"),
+        Signal("race.rank", "place in the race, from 1"),
+        Signal("race.gap", "time behind the first vehicle", "s"),
+        Signal("race.is_wrong_way", "whether it drives against the direction of the track"),
         topics=tuple(
             RosTopic(name, f"std_msgs/{kind}", f"{text} of a race", league="restricted", signal=f"race.{name}")
             for name, kind, text in (

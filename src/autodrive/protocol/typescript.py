@@ -105,8 +105,8 @@ def _comment(of: type) -> str:
 
 def signal_tables() -> str:
     """The registry of signals as the page needs it: `channels.ts`."""
-    rows = [_hud_row(signal, row) for signal in channels.SIGNALS for row in signal.hud]
-    plots = [_plot(signal, plot) for signal in channels.SIGNALS for plot in signal.plots]
+    rows = [_row(signal, signal.hud) for signal in channels.SIGNALS if signal.hud]
+    plots = [_row(signal, plot) for signal in channels.SIGNALS for plot in signal.plots]
     parts = [
         "// Generated from src/autodrive/protocol/channels.py by scripts/generate-messages: change the signals there.",
         _interface_of_row("HudRow", HudRow, "A row of the HUD that shows a signal."),
@@ -117,22 +117,10 @@ def signal_tables() -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _hud_row(signal: Signal, row: HudRow) -> dict[str, Any]:
-    values = {name: getattr(row, name) for name in _members_of_row(HudRow)}
-    return {"id": row.id} | values | {"unit": _unit(signal, row.unit), **_source(signal)}
-
-
-def _plot(signal: Signal, plot: Plot) -> dict[str, Any]:
-    values = {name: getattr(plot, name) for name in _members_of_row(Plot)}
-    return {"id": plot.id} | values | {"unit": _unit(signal, plot.unit), **_source(signal)}
-
-
-def _source(signal: Signal) -> dict[str, Any]:
-    return {"signal": signal.name, "optional": signal.is_optional}
-
-
-def _unit(signal: Signal, own: str | None) -> str:
-    return signal.unit if own is None else own
+def _row(signal: Signal, row: HudRow | Plot) -> dict[str, Any]:
+    values = {name: getattr(row, name) for name in ("id", *_members_of_row(type(row)))}
+    unit = signal.unit if row.unit is None else row.unit
+    return values | {"unit": unit, "signal": signal.name, "optional": signal.is_optional}
 
 
 def _members_of_row(of: type[HudRow | Plot]) -> list[str]:

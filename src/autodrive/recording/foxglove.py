@@ -119,42 +119,15 @@ class FrameTransforms(msgspec.Struct, frozen=True, gc=False):
     transforms: tuple[FrameTransform, ...]
 
 
-wire.NAMES |= {
-    "Timestamp": "google.protobuf.Timestamp",
-    "FoxglovePose": "foxglove.Pose",
-    **{
-        kind.__name__: f"foxglove.{kind.__name__}"
-        for kind in (
-            Vector3,
-            Quaternion,
-            LaserScan,
-            CompressedImage,
-            CameraCalibration,
-            FrameTransform,
-            FrameTransforms,
-        )
-    },
-}
+_OURS = (Vector3, Quaternion, LaserScan, CompressedImage, CameraCalibration, FrameTransform, FrameTransforms)
+wire.NAMES |= {kind.__name__: f"foxglove.{kind.__name__}" for kind in _OURS}
+wire.NAMES |= {"Timestamp": "google.protobuf.Timestamp", "FoxglovePose": "foxglove.Pose"}
 wire.PUBLISHED |= {
-    "foxglove.LaserScan": {
-        name: 101 + i
-        for i, name in enumerate(
-            (
-                *("time", "angle_min", "angle_increment", "range_min", "range_max", "scan_rate", "scan_time"),
-                "time_increment",
-            )
-        )
-    },
+    "foxglove.LaserScan": {name: 101 + i for i, name in enumerate(LaserScan.__struct_fields__[7:])},
     "foxglove.CompressedImage": {"frame_id": 4, "data": 2, "format": 3, "time": 101, "pose": 102, "intrinsics": 103},
     "foxglove.CameraCalibration": {
         "frame_id": 9,
-        "width": 2,
-        "height": 3,
-        "distortion_model": 4,
-        "D": 5,
-        "K": 6,
-        "R": 7,
-        "P": 8,
+        **{name: i for i, name in enumerate(CameraCalibration.__struct_fields__[1:8], 2)},
     },
 }
 

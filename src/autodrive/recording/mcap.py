@@ -22,7 +22,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol, overload
+from typing import BinaryIO, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -727,18 +727,10 @@ class _File:
         return found
 
 
-class _Bytes(Protocol):
-    """`bytes` or a `_File`."""
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, part: slice, /) -> bytes: ...
-
-
 class _Cursor:
     """Reads values one after the other between two places."""
 
-    def __init__(self, data: _Bytes, at: int, end: int) -> None:
+    def __init__(self, data: bytes | _File, at: int, end: int) -> None:
         self._data = data
         self.at = at
         self.end = min(end, len(data))

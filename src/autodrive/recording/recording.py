@@ -26,7 +26,7 @@ from autodrive.recording.errors import RecordingError
 from autodrive.recording.foxglove import NANOSECONDS, CompressedImage, LaserScan, lidar_scan
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, States, StatusRecord
 from autodrive.recording.signals import Signals
-from autodrive.recording.wire import Message, Schemas, pool_of
+from autodrive.recording.wire import Message, pool_of
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.files import write_to
 
@@ -75,8 +75,7 @@ class Recording:
             self._file.close()
             raise
         self._ids = {channel.topic: channel.id for channel in self._file.channels.values()}
-        self._topics = {channel.id: channel.topic for channel in self._file.channels.values()}
-        schemas = self._schemas()
+        schemas = {one.name: pool_of(one.data) for one in self._file.schemas.values() if one.encoding == "protobuf"}
         self._states = States(schemas)
         self.scan_message = Message(LaserScan, schemas=schemas)
         self._image = Message(CompressedImage, schemas=schemas, max_size=mcap.MAX_CHUNK)
@@ -100,10 +99,6 @@ class Recording:
                 f"the recording is of AutoDRIVE {version} in format {format_}; "
                 f"this version reads formats up to {records.FORMAT}: install a newer version  ({self.path})"
             )
-
-    def _schemas(self) -> Schemas:
-        schemas = self._file.schemas.values()
-        return {one.name: pool_of(one.data) for one in schemas if one.encoding == "protobuf"}
 
     def close(self) -> None:
         """Close the file."""
@@ -133,12 +128,12 @@ class Recording:
     @cached_property
     def start(self) -> float:
         """Time of the first Frame [s]: 0, but for the recording of the last seconds before an event."""
-        return self._edge(range(len(self._file.chunks)), 0)[0] / NANOSECONDS
+        return self._edge(0)[0] / NANOSECONDS
 
     @cached_property
     def end(self) -> float:
         """Time of the last Frame [s]."""
-        return self._edge(range(len(self._file.chunks) - 1, -1, -1), -1)[0] / NANOSECONDS
+        return self._edge(-1)[0] / NANOSECONDS
 
     @property
     def duration(self) -> float:
@@ -148,16 +143,17 @@ class Recording:
     @cached_property
     def start_tick(self) -> int:
         """Tick of the first Frame; 0 if the recording began with the run."""
-        return self._edge(range(len(self._file.chunks)), 0)[1]
+        return self._edge(0)[1]
 
     @cached_property
     def end_tick(self) -> int:
         """Tick of the last Frame; a reset sets ticks back."""
-        return self._edge(range(len(self._file.chunks) - 1, -1, -1), -1)[1]
+        return self._edge(-1)[1]
 
-    def _edge(self, chunks: range, which: int) -> tuple[int, int]:
-        """Time [ns] and tick of the first or last Frame."""
-        for _, messages, found in self._search(self._frame_channel, chunks):
+    def _edge(self, which: int) -> tuple[int, int]:
+        """Time [ns] and tick of the Frame with that number: 0, the first one, or -1, the last one."""
+        chunks = range(len(self._file.chunks))
+        for _, messages, found in self._search(self._frame_channel, chunks[:: 1 if which == 0 else -1]):
             message = messages[int(found[which])]
             return message.log_time, self._states.decode_frame(message.data)["tick"]
         self._no_frames()
@@ -201,13 +197,9 @@ class Recording:
         with tempfile.TemporaryDirectory(prefix="autodrive-") as folder:
             yield _written(record or self.scenario, Path(folder))
 
-    @property
+    @cached_property
     def vehicles(self) -> tuple[str, ...]:
         """Names of the vehicles of the first Frame."""
-        return self._vehicles
-
-    @cached_property
-    def _vehicles(self) -> tuple[str, ...]:
         return tuple(self.frame_at(self.start).vehicles)
 
     def cameras(self, vehicle: str) -> tuple[str, ...]:

@@ -260,8 +260,9 @@ def race(options: RaceOptions, *, stop: StopRequest | None = None, observer: Run
             recording=str(options.record or ""),
             digests=digests,
         )
-    if options.output is not None:
-        write_results(options.output, result, recorder, track)
+        if options.output is not None:
+            write_results(options.output, result, recorder, track)
+        observer.decided(result)
     return result
 
 

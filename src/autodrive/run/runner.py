@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.recording import Recorder
+    from autodrive.world.racing.results import RaceResult
 
 Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
 """Why clients may not have an operation or Drive now; empty if they may."""
@@ -123,6 +124,9 @@ class RunObserver:
     def running(self, run: Run) -> None:
         """Called every `REFRESH_INTERVAL`."""
 
+    def decided(self, result: RaceResult) -> None:
+        """A race is over, and its results are written; its connections are still open."""
+
 
 def simulate(
     options: RunOptions | None = None, *, stop: StopRequest | None = None, observer: RunObserver | None = None
@@ -180,7 +184,7 @@ def opened(
     stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the current world may be another by then
     odometer = Odometer(simulation)
     simulation.add_sink(odometer)
-    simulation.add_sink(loader)
+    loader.follow(simulation)
     if loader.cameras is not None and options.pictures == "always":
         loader.cameras.wait()
     encoder = _image_encoder(options)

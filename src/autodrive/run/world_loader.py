@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from autodrive.run.summary import CamerasSummary
     from autodrive.world import World
     from autodrive.world.scene_files import SceneFiles
+    from autodrive.world.simulation import Simulation
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +39,10 @@ class WorldLoader:
         self.scenario = options.scenario
         self.cameras: CameraMonitor | None = None
         self._options = options
-        self._names: WeakKeyDictionary[World, str] = WeakKeyDictionary()
+        self._made: WeakKeyDictionary[World, tuple[str, CameraMonitor | None, bool]] = WeakKeyDictionary()
+        """Scenario and cameras of each world, and whether an edit made it."""
+        self._simulation: Simulation | None = None
+        self._world: World | None = None
         self._bridge: DevkitBridge | None = None
         self._is_viewed = False
         self._tick_duration = 0.0
@@ -47,7 +51,8 @@ class WorldLoader:
     def load(self, scenario: str | Descriptions) -> World:
         """Make the world of a scenario and compile all that it runs. Raises `AutodriveError`.
 
-        A name is loaded with the options of the run; Descriptions are those of the current scenario after an edit.
+        A name is loaded with the options of the run; Descriptions are those of the current scenario after an edit. The
+        first world is the current one at once, others with their first Frame.
         """
         is_edited = isinstance(scenario, Descriptions)
         name = self.scenario if is_edited else scenario
@@ -58,17 +63,28 @@ class WorldLoader:
         if not is_edited:  # the answer to an edit has them
             for text in joined(world.warnings, {}):
                 log.warning("warning: %s", text)
-        self._names[world] = name
-        self.scenario, self.cameras = name, cameras
+        self._made[world] = name, cameras, is_edited
+        if self._world is None:
+            self._begin(world)
+        return world
+
+    def follow(self, simulation: Simulation) -> None:
+        """The current world is that of this simulation, from its next Frame on."""
+        self._simulation = simulation
+        simulation.add_sink(self)
+
+    def _begin(self, world: World) -> None:
+        """That world is the current one; the count of ticks and images goes on after an edit."""
+        self.scenario, self.cameras, is_edited = self._made[world]
+        self._world = world
         if not is_edited:
             self._tick_duration, self._ticks = world.tick_duration, 0
-        return world
 
     def scenery(self, world: World) -> SceneFiles:
         """The scene files of a world that this loader made."""
         from autodrive.world.scene_files import SceneFiles
 
-        return SceneFiles.of(world, self._names[world])
+        return SceneFiles.of(world, self._made[world][0])
 
     @property
     def scenarios(self) -> dict[str, str]:
@@ -87,6 +103,9 @@ class WorldLoader:
 
     def publish(self, frame: Frame) -> None:
         """Count ticks and images of the current world."""
+        assert self._simulation is not None
+        if (world := self._simulation.world) is not self._world:
+            self._begin(world)
         self._ticks += frame.tick != self._tick
         self._tick = frame.tick
         self._update_cameras()

@@ -74,10 +74,10 @@ def _outside(map_: Map, x: float, y: float) -> str:
     if map_.enclosure is None or map_.enclosure.covers(shapely.Point(x, y)):
         return ""
     x0, y0, x1, y1 = map_.enclosure.bounds
-    return (
-        f" at ({x:g}, {y:g}) is outside the walls of map '{map_.name}', "
-        f"which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m"
-    )
+    text = f" at ({x:g}, {y:g}) is outside the walls of map '{map_.name}'"
+    if x0 <= x <= x1 and y0 <= y <= y1:  # in the middle of a ring
+        return text
+    return f"{text}, which enclose x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m"
 
 
 def _too_small(vehicle: VehicleSpec) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import hypot
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor, noise_presets
 from autodrive.protocol.messages import Pose
 from autodrive.protocol.native import Lamp, Plan, Scene, SensorScene, VehicleScene
+from autodrive.scenario import MAX_BOXES
 from autodrive.scenario.maps.draw import drawn_bounds, to_svg
 
 if TYPE_CHECKING:
@@ -55,7 +57,7 @@ class SceneFiles:
                 name: _vehicle(spec, world.spec.vehicles[name].type, world.sensors[name], files)
                 for name, spec in world.vehicle_specs.items()
             },
-            objects={name: files.url("box", box.size) for name, box in world.boxes.items()},
+            objects={name: files.add(*_box(box.size)) for name, box in world.boxes.items()},
             light_table=light_table(),
             scene_cameras=scene_cameras(),
             object_sizes={name: box.size for name, box in world.boxes.items()},
@@ -70,7 +72,10 @@ class _Files:
 
     def url(self, kind: store.Kind, of: Any) -> str:
         """Address of the file, relative to the page."""
-        name, data = store.file(kind, of)
+        return self.add(*store.file(kind, of))
+
+    def add(self, name: str, data: bytes) -> str:
+        """Add a file; its address."""
         self.content[name] = data
         return f"{FOLDER}/{name}"
 
@@ -80,6 +85,12 @@ class _Files:
         name = f"plan-{hashlib.sha256(svg).hexdigest()[:16]}.svg"
         self.content[name] = svg
         return Plan(f"{FOLDER}/{name}", drawn_bounds(map_))
+
+
+@lru_cache(2 * MAX_BOXES)
+def _box(size: tuple[float, float, float]) -> tuple[str, bytes]:
+    """Kept in memory: each edit makes a new Scene with all the boxes of the last one."""
+    return store.file("box", size)
 
 
 def _plan(map_: Map) -> bytes:

@@ -10,6 +10,8 @@ import re
 import socket
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,12 +26,13 @@ from autodrive.protocol.devkit import black_image
 from autodrive.protocol.devkit_profile import DevkitSettings, Side
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Operation, Pause, Reset, SetDrivingMode
 from autodrive.world import World
-from autodrive.world.simulation.control import Publisher
+from autodrive.world.simulation.control import Control, Publisher
 from tests.connect.bridge.conftest import peer
 from tests.support.waiting import LIMIT, free_port, wait_until
 
 FULL_THROTTLE = {"V1 Throttle": "1.000000", "V1 Steering": "0.000000", "V1 Headlights": "1", "V1 Indicators": "0"}
 """As the C++ devkit writes numbers."""
+HANDSHAKE = '0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000,"maxPayload":1000000}'
 
 
 def bridge_messages(caplog: pytest.LogCaptureFixture) -> list[str]:
@@ -59,14 +62,34 @@ def checked(text: str) -> dict[str, str]:
     return data
 
 
-def cpp_devkit(connection: ServerConnection) -> None:
-    """Sends nothing on connect and answers each telemetry message: no handshake, no pings."""
-    for _ in telemetry_in(connection):
-        connection.send(packet(FULL_THROTTLE))
+@dataclass
+class Script:
+    """Like the C++ devkit: sends nothing on connect and answers each telemetry message: no handshake, no pings.
+
+    The answers are `commands`, or those of the number of messages received.
+    """
+
+    commands: Mapping[str, object] | Callable[[int], Mapping[str, object]] = field(default_factory=FULL_THROTTLE.copy)
+    received: list[dict[str, str]] = field(default_factory=list)
+
+    def __call__(self, connection: ServerConnection) -> None:
+        for data in telemetry_in(connection):
+            self.received.append(data)
+            commands = self.commands if isinstance(self.commands, Mapping) else self.commands(len(self.received))
+            connection.send(packet(commands))
+
+
+@contextlib.contextmanager
+def bridged(
+    simulation: Control, talk: Callable[[ServerConnection], None] | None = None, **options: Any
+) -> Iterator[DevkitBridge]:
+    """A bridge that is connected to a server with that conversation; None: a Script with full throttle."""
+    with peer(talk or Script()) as port, DevkitBridge(simulation, port=port, **options) as bridge:
+        yield bridge
 
 
 def test_the_raw_dialect_drives_the_car(simulation: Simulation) -> None:
-    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation) as bridge:
         wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
         assert bridge.status == "connected"
         assert bridge.counters.dialect is Dialect.RAW
@@ -76,7 +99,7 @@ def test_the_raw_dialect_drives_the_car(simulation: Simulation) -> None:
 
 
 def test_a_fast_server_gets_one_telemetry_a_tick_and_no_more(simulation: Simulation) -> None:
-    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation) as bridge:
         wait_until(lambda: bridge.counters.telemetry_sent > 10)
         sent, ticks = bridge.counters.telemetry_sent, simulation.ticks
         wait_until(lambda: simulation.ticks >= ticks + 50)
@@ -88,15 +111,11 @@ def test_the_state_is_sent_again_to_a_silent_server_with_one_warning(
     simulation: Simulation, caplog: pytest.LogCaptureFixture
 ) -> None:
     received: list[dict[str, str]] = []
-
-    def silent(connection: ServerConnection) -> None:
-        received.extend(telemetry_in(connection))
-
-    with peer(silent) as port, DevkitBridge(simulation, port=port) as bridge:
-        wait_until(lambda: bridge.counters.resends == 2)
+    with bridged(simulation, lambda it: received.extend(telemetry_in(it)), resend_delay=0.02) as bridge:
+        wait_until(lambda: bridge.counters.resends >= 2)
     assert len([line for line in caplog.messages if "the script sends no commands" in line]) == 1
     # it has sent no packet: a C++ devkit, which reads no gzip
-    assert [data["V1 LIDAR Range Array"][:4] for data in received] == ["inf "] * 3
+    assert {data["V1 LIDAR Range Array"][:4] for data in received} == {"inf "}
 
 
 @contextlib.contextmanager
@@ -104,7 +123,7 @@ def engine_io_4(talk: Callable[[ServerConnection, dict[str, str]], None]) -> Ite
     """A server of python-socketio 5 that calls `talk` with each telemetry message; its port."""
 
     def serve(connection: ServerConnection) -> None:
-        connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000,"maxPayload":1000000}')
+        connection.send(HANDSHAKE)
         connection.send('40{"sid":"y"}')
         for text in connection:
             if event := re.fullmatch(r"42\d*(\[.*)", str(text), re.DOTALL):
@@ -126,7 +145,7 @@ def test_a_server_that_never_admits_the_client_drives(simulation: Simulation) ->
                 checked(str(text))
                 connection.send(packet(FULL_THROTTLE))
 
-    with peer(by_hand) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation, by_hand) as bridge:
         wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
         assert bridge.counters.dialect is Dialect.ENGINE_IO_3
     assert {"40", "42["} <= set(packets) <= {"40", "42[", "41", "1"}  # no number: no acknowledgement is asked for
@@ -134,7 +153,7 @@ def test_a_server_that_never_admits_the_client_drives(simulation: Simulation) ->
 
 def test_a_server_that_admits_late_gets_the_state_again_at_once(simulation: Simulation) -> None:
     def late(connection: ServerConnection) -> None:
-        connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000,"maxPayload":1000000}')
+        connection.send(HANDSHAKE)
         texts = map(str, connection)
         assert next(texts) == "40"
         assert next(texts).startswith('42["Bridge"')  # which a server of Engine.IO 4 does not read before
@@ -143,43 +162,35 @@ def test_a_server_that_admits_late_gets_the_state_again_at_once(simulation: Simu
             if text.startswith("42"):
                 connection.send(packet(FULL_THROTTLE))
 
-    with peer(late) as port, DevkitBridge(simulation, port=port, resend_delay=10 * LIMIT) as bridge:
+    with bridged(simulation, late, resend_delay=10 * LIMIT) as bridge:
         wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
         assert (bridge.counters.dialect, bridge.counters.connections) == (Dialect.ENGINE_IO_4, 1)
 
 
 @pytest.mark.parametrize(
-    ("settings", "formats"),
+    ("settings", "patience", "formats"),
     [
-        (DevkitSettings(), ["inf ", "H4sI", "inf "]),
-        (DevkitSettings(profile="2025"), ["H4sI", "inf ", "H4sI"]),
-        (DevkitSettings(profile="2025", lidar="text"), ["inf "] * 3),
+        (DevkitSettings(), 0.0, ["inf ", "H4sI", "inf "]),
+        (DevkitSettings(profile="2025"), 0.0, ["H4sI", "inf ", "H4sI"]),
+        (DevkitSettings(profile="2025", lidar="text"), 0.0, ["inf "] * 3),
+        (DevkitSettings(), 10 * LIMIT, ["inf "] * 3),  # a slow first answer does not change the format
     ],
 )
 def test_a_script_that_does_not_answer_gets_the_scan_in_another_format(
-    simulation: Simulation, settings: DevkitSettings, formats: list[str], monkeypatch: pytest.MonkeyPatch
+    simulation: Simulation,
+    settings: DevkitSettings,
+    patience: float,
+    formats: list[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("autodrive.connect.bridge.flow_control.PATIENCE", 0.0)
+    monkeypatch.setattr("autodrive.connect.bridge.flow_control.PATIENCE", patience)
     received: list[str] = []
     with (
         engine_io_4(lambda _, data: received.append(data["V1 LIDAR Range Array"][:4])) as port,
-        DevkitBridge(simulation, port=port, settings=settings),
+        DevkitBridge(simulation, port=port, settings=settings, resend_delay=0.02),
     ):
         wait_until(lambda: len(received) >= 3)
     assert received[:3] == formats
-
-
-def test_a_slow_first_answer_does_not_change_the_format_of_scans(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("autodrive.connect.bridge.flow_control.PATIENCE", 10 * LIMIT)
-    received: list[str] = []
-    with (
-        engine_io_4(lambda _, data: received.append(data["V1 LIDAR Range Array"][:4])) as port,
-        DevkitBridge(simulation, port=port, resend_delay=0.02),
-    ):
-        wait_until(lambda: len(received) >= 4)
-    assert set(received) == {"inf "}
 
 
 OLD, NEW = {"V1 Throttle": "0", "V1 Headlights": "0"}, {"V1 Throttle": "0", "V1 Reset": "False"}
@@ -205,7 +216,10 @@ def test_scans_have_the_format_that_the_commands_imply(
         received.append(data["V1 LIDAR Range Array"][:4])
         connection.send(packet(commands))
 
-    with engine_io_4(answer) as port, DevkitBridge(simulation, port=port, settings=settings) as bridge:
+    with (
+        engine_io_4(answer) as port,
+        DevkitBridge(simulation, port=port, settings=settings, resend_delay=0.05) as bridge,
+    ):
         wait_until(lambda: len(received) > 5)
         devkit = bridge.counters.devkit
     assert "" not in received
@@ -220,7 +234,7 @@ def test_the_next_connection_begins_with_the_format_of_the_last_one(simulation: 
         received[-1].append(data["V1 LIDAR Range Array"][:4])
         connection.send(packet(NEW))
 
-    with DevkitBridge(simulation, port=free_port()) as bridge:
+    with DevkitBridge(simulation, port=free_port(), resend_delay=0.3) as bridge:
         for _ in range(2):
             received.append([])
             with engine_io_4(answer) as port:
@@ -232,19 +246,12 @@ def test_the_next_connection_begins_with_the_format_of_the_last_one(simulation: 
 
 def test_the_first_message_has_a_scan_and_its_rate_also_after_a_reset(simulation: Simulation) -> None:
     simulation.request(Pause()).result(LIMIT)
-    received: list[dict[str, str]] = []
-
-    def answer(connection: ServerConnection) -> None:
-        for data in telemetry_in(connection):
-            received.append(data)
-            connection.send(packet(OLD))
-
     simulation.request(Reset()).result(LIMIT)
-    with peer(answer) as port, DevkitBridge(simulation, port=port):
-        wait_until(lambda: received)
+    with bridged(simulation, script := Script(OLD)):
+        wait_until(lambda: script.received)
         simulation.request(Reset()).result(LIMIT)
-        wait_until(lambda: len(received) > 2)
-    for data in received:
+        wait_until(lambda: len(script.received) > 2)
+    for data in script.received:
         assert float(data["V1 LIDAR Scan Rate"]) == 7.0
         assert len(data["V1 LIDAR Range Array"].split()) == len(data["V1 LIDAR Intensity Array"].split()) == 360
 
@@ -266,18 +273,12 @@ def test_a_server_that_never_clears_its_buffer_reads_every_message(simulation: S
 
     noise = np.random.default_rng(1)
 
+    cameras = [("V1", "front"), ("V1", "rear")]
+
     def images(frame: Frame, _: float) -> dict[tuple[str, str], bytes]:
-        return {
-            ("V1", camera): b"\xff\xd8" + noise.bytes(1000 + frame.tick * 7919 % 30000) for camera in ("front", "rear")
-        }
+        return {key: b"\xff\xd8" + noise.bytes(1000 + frame.tick * 7919 % 30000) for key in cameras}
 
-    def image_sizes() -> dict[tuple[str, str], tuple[int, int]]:
-        return dict.fromkeys([("V1", "front"), ("V1", "rear")], (640, 480))
-
-    with (
-        peer(unclean) as port,
-        DevkitBridge(simulation, port=port, images=images, image_sizes=image_sizes) as bridge,
-    ):
+    with bridged(simulation, unclean, images=images, image_sizes=lambda: dict.fromkeys(cameras, (640, 480))) as bridge:
         wait_until(lambda: len(sizes) > 20)
         assert bridge.counters.connections == 1
     assert len(set(sizes)) == 1
@@ -295,7 +296,7 @@ def test_no_frame_mask_contains_the_end_of_a_message(simulation: Simulation, mon
         return masks[-1]
 
     monkeypatch.setattr("websockets.frames.secrets.token_bytes", token_bytes)
-    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 5)
         assert len(masks) >= 2 * bridge.counters.telemetry_sent  # each frame was made twice
 
@@ -308,14 +309,10 @@ def test_a_script_sets_the_time_of_day_and_places_the_vehicle(
     pose = {"PosX": "3", "PosY": "4", "PosZ": "0.5", "RotX": "0", "RotY": "0", "RotZ": "0", "RotW": "1"}
     orders = environment | {f"V1 {key}": text for key, text in {"CoSim": "1", **pose}.items()}
 
-    def placing(connection: ServerConnection) -> None:
-        for _ in telemetry_in(connection):
-            connection.send(packet(orders))
-
     def position() -> list[float]:
         return simulation.frame.vehicles["V1"].pose.position.tolist()
 
-    with peer(placing) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation, Script(orders)) as bridge:
         wait_until(lambda: position() == [3.0, 4.0, 0.5])
         wait_until(lambda: simulation.frame.time_of_day == 22 * 3600.0)
         assert not simulation.frame.scene_light
@@ -329,7 +326,7 @@ def test_a_script_sets_the_time_of_day_and_places_the_vehicle(
 
 
 def test_ambiguous_keys_are_reported(simulation: Simulation) -> None:
-    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 3)
         counters = bridge.counters
     assert counters.devkit == (
@@ -338,7 +335,7 @@ def test_ambiguous_keys_are_reported(simulation: Simulation) -> None:
     )
     assert "--devkit-profile 2022" in counters.note
     settings = DevkitSettings(profile="2022")
-    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port, settings=settings) as bridge:
+    with bridged(simulation, settings=settings) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 3)
         assert bridge.counters.note == ""
         assert "devkit 2022 (chosen)" in bridge.counters.devkit
@@ -347,19 +344,15 @@ def test_ambiguous_keys_are_reported(simulation: Simulation) -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_the_side_of_a_positive_command_can_be_chosen(simulation: Simulation, side: Side, sign: float) -> None:
-    def turning(connection: ServerConnection) -> None:
-        for _ in telemetry_in(connection):
-            connection.send(packet({"V1 Throttle": "0.0", "V1 Steering": "1"}))
-
     settings = DevkitSettings(steering=side)
-    with peer(turning) as port, DevkitBridge(simulation, port=port, settings=settings):
+    with bridged(simulation, Script({"V1 Throttle": "0.0", "V1 Steering": "1"}), settings=settings):
         wait_until(lambda: sign * simulation.frame.vehicles["V1"].steering > 0.1)
 
 
 def test_while_the_simulation_is_paused_the_script_still_gets_the_state(
     simulation: Simulation, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation, resend_delay=0.1) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 3)
         simulation.request(Pause()).result(LIMIT)
         wait_until(lambda: bridge.counters.resends >= 2)
@@ -369,33 +362,22 @@ def test_while_the_simulation_is_paused_the_script_still_gets_the_state(
 def test_an_invalid_packet_is_counted_with_one_warning(
     simulation: Simulation, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def sends_invalid_packets(connection: ServerConnection) -> None:
-        for nonsense in [
-            "hello",
-            b"\x00\xff",
-            "42[",
-            '42["Bridge"]',
-            '42["Other",{}]',
-            '42["Bridge",[]]',
-            "0",
-            "9" * 5000,
-        ]:
-            connection.send(nonsense)
-        cpp_devkit(connection)
+    invalid = ["hello", b"\x00\xff", "42[", '42["Bridge"]', '42["Other",{}]', '42["Bridge",[]]', "0", "9" * 5000]
 
-    with peer(sends_invalid_packets) as port, DevkitBridge(simulation, port=port) as bridge:
+    def sends_invalid_packets(connection: ServerConnection) -> None:
+        for nonsense in invalid:
+            connection.send(nonsense)
+        Script()(connection)
+
+    with bridged(simulation, sends_invalid_packets) as bridge:
         wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
-        assert bridge.counters.bad_packets == 8
-        assert bridge.counters.connections == 1
+        assert (bridge.counters.bad_packets, bridge.counters.connections) == (len(invalid), 1)
     assert len(bridge_messages(caplog)) == 1
 
 
 def test_refused_values_are_counted_with_one_warning(simulation: Simulation, caplog: pytest.LogCaptureFixture) -> None:
-    def sends_invalid_values(connection: ServerConnection) -> None:
-        for _ in telemetry_in(connection):
-            connection.send(packet(FULL_THROTTLE | {"V1 Steering": "nan", "V7 Throttle": "1"}))
-
-    with peer(sends_invalid_values) as port, DevkitBridge(simulation, port=port) as bridge:
+    script = Script(FULL_THROTTLE | {"V1 Steering": "nan", "V7 Throttle": "1"})
+    with bridged(simulation, script) as bridge:
         wait_until(lambda: bridge.counters.refused_values >= 20)
         wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
     assert len(bridge_messages(caplog)) == 1
@@ -409,7 +391,7 @@ def test_a_flood_of_commands_does_not_stop_the_simulation_and_is_not_answered_in
         for i in itertools.count():
             connection.send(packet(FULL_THROTTLE | {"V1 Throttle": f"{(i % 100) / 100}"}))
 
-    with peer(flood) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation, flood) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 10)
         ticks = simulation.ticks
         wait_until(lambda: bridge.counters.commands_received > 5000)
@@ -424,14 +406,13 @@ def test_the_bridge_reconnects_after_a_break_within_a_websocket_frame(simulation
         visits.append(1)
         if len(visits) < 3:
             connection.recv()
-            connection.socket.sendall(
-                b"\x81\x7e\x04\x00only a few of 1024 bytes"
-            )  # RFC 6455: text frame, 16-bit length
+            # RFC 6455: text frame, 16-bit length
+            connection.socket.sendall(b"\x81\x7e\x04\x00only a few of 1024 bytes")
             connection.socket.shutdown(socket.SHUT_RDWR)
         else:
-            cpp_devkit(connection)
+            Script()(connection)
 
-    with peer(breaking) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation, breaking) as bridge:
         wait_until(lambda: simulation.frame.vehicles["V1"].speed > 0.1)
         assert bridge.counters.reconnects == 2
 
@@ -457,13 +438,13 @@ def test_a_server_that_comes_up_late_is_found(simulation: Simulation, caplog: py
     port = free_port()
     with DevkitBridge(simulation, port=port) as bridge:
         wait_until(lambda: "trying again" in caplog.text)
-        with peer(cpp_devkit, port):
+        with peer(Script(), port):
             wait_until(lambda: bridge.counters.commands_received > 3)
         assert bridge.counters.reconnects == 0
 
 
 def test_host_and_port_can_be_changed_while_running(simulation: Simulation) -> None:
-    with peer(cpp_devkit) as first, peer(cpp_devkit) as second, DevkitBridge(simulation, port=first) as bridge:
+    with peer(Script()) as first, peer(Script()) as second, DevkitBridge(simulation, port=first) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 3)
         bridge.connect("localhost", second)
         assert bridge.address == f"localhost:{second}"
@@ -489,20 +470,14 @@ def test_close_sends_the_close_packets(simulation: Simulation, monkeypatch: pyte
 
 def test_in_manual_mode_telemetry_is_sent_and_commands_are_ignored(simulation: Simulation) -> None:
     simulation.request(SetDrivingMode("V1", is_autonomous=False)).result(LIMIT)
-    with peer(cpp_devkit) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 30)
         assert simulation.frame.vehicles["V1"].throttle == 0.0
 
 
 @pytest.mark.parametrize("key", ["V1 Reset", "Reset"])
 def test_a_held_reset_resets_once(simulation: Simulation, key: str) -> None:
-    steps = itertools.count()
-
-    def resetting(connection: ServerConnection) -> None:
-        for _ in telemetry_in(connection):
-            is_held = 50 <= next(steps) < 60
-            connection.send(packet({"V1 Throttle": "1", key: str(is_held)}))
-
+    script = Script(lambda number: {"V1 Throttle": "1", key: str(50 < number <= 60)})
     resets: list[float] = []
 
     class Watch:
@@ -514,18 +489,15 @@ def test_a_held_reset_resets_once(simulation: Simulation, key: str) -> None:
             self.before = frame.time
 
     simulation.add_sink(Watch())
-    with peer(resetting) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation, script) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 80)
         assert bridge.counters.profile == "2025"
     assert len(resets) == 1
 
 
 def test_keys_without_effect_are_logged_once(simulation: Simulation, caplog: pytest.LogCaptureFixture) -> None:
-    def braking(connection: ServerConnection) -> None:
-        for number, _ in enumerate(telemetry_in(connection)):
-            connection.send(packet({"V1 Throttle": "0", "V1 Brake": "1", **({"V1 Horn\n": "1"} if number > 5 else {})}))
-
-    with peer(braking) as port, DevkitBridge(simulation, port=port) as bridge:
+    script = Script(lambda number: {"V1 Throttle": "0", "V1 Brake": "1", **({"V1 Horn\n": "1"} if number > 5 else {})})
+    with bridged(simulation, script) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 20)
     ignored = [line for line in bridge_messages(caplog) if "without effect" in line]
     assert ignored == [
@@ -554,76 +526,46 @@ def with_image(frame: Frame) -> Frame:
     return replace(frame, vehicles={"V1": replace(vehicle, cameras={"front": image})})
 
 
-def first_image(connection: ServerConnection, received: list[str]) -> None:
-    for data in telemetry_in(connection):
-        received.append(data["V1 Front Camera Image"])
-        connection.send(packet(FULL_THROTTLE))
-
-
 @pytest.mark.parametrize("is_late", [False, True])
 def test_the_first_message_waits_for_the_images(
     one_world: World, monkeypatch: pytest.MonkeyPatch, is_late: bool
 ) -> None:
     monkeypatch.setattr("autodrive.connect.bridge.session.IMAGE_WAIT", 0.1 if is_late else 10 * LIMIT)
-    shown, received = Shown(one_world.reset(0)), list[str]()
-    with (
-        peer(lambda connection: first_image(connection, received)) as port,
-        DevkitBridge(
-            shown,
-            port=port,
-            images=lambda frame, _: {("V1", "front"): b"image"} if frame.vehicles["V1"].cameras else {},
-            image_sizes=lambda: {("V1", "front"): (8, 8)},
-        ) as bridge,
-    ):
+    shown, script = Shown(one_world.reset(0)), Script()
+    images: dict[str, Any] = {
+        "images": lambda frame, _: {("V1", "front"): b"image"} if frame.vehicles["V1"].cameras else {},
+        "image_sizes": lambda: {("V1", "front"): (8, 8)},
+    }
+    with bridged(shown, script, **images) as bridge:
         wait_until(lambda: bridge.status == "connected")
         if is_late:
-            wait_until(lambda: len(received) > 0)
+            wait_until(lambda: script.received)
         shown.publish(with_image(shown.frame))
-        wait_until(lambda: len(received) > 0)
-    assert (received[0] == black_image(8, 8)) is is_late
+        wait_until(lambda: script.received)
+    assert (script.received[0]["V1 Front Camera Image"] == black_image(8, 8)) is is_late
 
 
 def test_images_that_make_a_message_too_long_are_omitted(simulation: Simulation) -> None:
-    received: list[dict[str, str]] = []
-
-    def listening(connection: ServerConnection) -> None:
-        for data in telemetry_in(connection):
-            received.append(data)
-            connection.send(packet(FULL_THROTTLE))
-
     too_large = {("V1", "front"): b"\xff\xd8" + bytes(10**6)}
     sizes = dict.fromkeys([("V1", "front"), ("V1", "rear")], (64, 48))
-    with (
-        peer(listening) as port,
-        DevkitBridge(simulation, port=port, images=lambda *_: too_large, image_sizes=lambda: sizes) as bridge,
-    ):
-        wait_until(lambda: len(received) > 10)
+    script = Script()
+    with bridged(simulation, script, images=lambda *_: too_large, image_sizes=lambda: sizes) as bridge:
+        wait_until(lambda: len(script.received) > 10)
         assert bridge.counters.oversized == 0
-    assert all(
-        data["V1 Front Camera Image"] == data["V1 Rear Camera Image"] == black_image(64, 48) for data in received
-    )
+    shown = {data[f"V1 {side} Camera Image"] for data in script.received for side in ("Front", "Rear")}
+    assert shown == {black_image(64, 48)}
 
 
 def test_image_quality_is_reduced_until_the_message_fits(
     simulation: Simulation, caplog: pytest.LogCaptureFixture
 ) -> None:
-    received: list[dict[str, str]] = []
-
-    def listening(connection: ServerConnection) -> None:
-        for data in telemetry_in(connection):
-            received.append(data)
-            connection.send(packet(FULL_THROTTLE))
-
     def images(_: Frame, share: float) -> dict[tuple[str, str], bytes]:
         return {("V1", "front"): b"\xff\xd8" + bytes(round(1.5e6 * share))}  # base64: 2 MB at full quality
 
-    with (
-        peer(listening) as port,
-        DevkitBridge(simulation, port=port, settings=DevkitSettings(profile="2025"), images=images) as bridge,
-    ):
-        wait_until(lambda: len(received) > 10)
+    with bridged(simulation, script := Script(), settings=DevkitSettings(profile="2025"), images=images) as bridge:
+        wait_until(lambda: len(script.received) > 10)
         assert bridge.counters.oversized == 0
-    sizes = {len(base64.b64decode(data["V1 Front Camera Image"])) for data in received}
+    sizes = {len(base64.b64decode(data["V1 Front Camera Image"])) for data in script.received}
     assert sizes == {2 + round(1.5e6 * 0.45)}  # 0.9 MB in base64; 0.7 would be 1.4
     assert len([line for line in caplog.messages if "images are sent at 45% of their quality" in line]) == 1
 
@@ -634,13 +576,13 @@ def test_a_message_above_the_limit_of_the_server_is_never_sent(
     received: list[str] = []
 
     def small(connection: ServerConnection) -> None:
-        connection.send('0{"sid":"x","upgrades":[],"pingTimeout":20000,"pingInterval":25000,"maxPayload":2000}')
+        connection.send(HANDSHAKE.replace("1000000", "2000"))
         for text in connection:
             received.append(str(text))
             if text == "40":
                 connection.send('40{"sid":"y"}')
 
-    with peer(small) as port, DevkitBridge(simulation, port=port) as bridge:
+    with bridged(simulation, small, resend_delay=0.02) as bridge:
         wait_until(lambda: bridge.counters.oversized >= 2)
         assert bridge.counters.telemetry_sent == 0
     assert received == ["40", "41", "1"]
@@ -648,20 +590,11 @@ def test_a_message_above_the_limit_of_the_server_is_never_sent(
 
 
 def test_a_given_profile_is_used_from_the_first_message(simulation: Simulation) -> None:
-    received: list[dict[str, str]] = []
-
-    def listening(connection: ServerConnection) -> None:
-        for data in telemetry_in(connection):
-            received.append(data)
-            connection.send(packet({"V1 Throttle": "1", "V1 Reset": "False"}))
-
-    with (
-        peer(listening) as port,
-        DevkitBridge(simulation, port=port, settings=DevkitSettings(profile="2020")) as bridge,
-    ):
-        wait_until(lambda: len(received) > 3)
+    script = Script({"V1 Throttle": "1", "V1 Reset": "False"})
+    with bridged(simulation, script, settings=DevkitSettings(profile="2020")) as bridge:
+        wait_until(lambda: len(script.received) > 3)
         assert bridge.counters.profile == "2020"
-    assert all("Throttle" in data and "V1 Throttle" not in data for data in received)
+    assert all("Throttle" in data and "V1 Throttle" not in data for data in script.received)
 
 
 @pytest.mark.parametrize(

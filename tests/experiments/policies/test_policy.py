@@ -88,11 +88,8 @@ def changed(file: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]]
         (lambda about, arrays: about.pop("inputs"), "is not a policy: 'inputs'"),
         (lambda about, arrays: about.update(scale=[1.0]), "57 inputs needs as many scales, not 1"),
         (lambda about, arrays: about.update(throttle=[0.0]), "is not a policy"),
-        (lambda about, arrays: about.update(scale=[float("nan")] * 57), "not finite"),
         (lambda about, arrays: arrays.pop("weight_2"), "two outputs, throttle and steering, not 16"),
-        (lambda about, arrays: arrays["bias_1"].fill(np.inf), "layer 1 of the policy has numbers that are not finite"),
         (lambda about, arrays: arrays.update(weight_1=np.zeros((16, 3))), r"shape \(16, 3\)"),
-        (lambda about, arrays: arrays.update(weight_0=np.array(["a"])), "is not a policy"),
     ],
 )
 def test_a_wrong_file_is_one_line(
@@ -172,10 +169,14 @@ def test_an_unknown_policy_is_refused_with_those_that_there_are() -> None:
 
 @pytest.mark.process
 def test_the_command_plays_in_a_race_and_as_a_devkit_script(tmp_path: Path) -> None:
-    arguments = ("play", "race", "practice", "--laps", "1", "--lockstep", "--headless", "-o", "result")
-    done = call(*arguments, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "| 1 | race |" in done.stdout
+    for policy, name in (("mine/policy.npz", "mine"), ("race", "race")):  # each training writes a `policy.npz`
+        if policy != name:
+            (tmp_path / name).mkdir()
+            Policy.find("race").save(tmp_path / policy)
+        arguments = ("play", policy, "practice", "--laps", "1", "--lockstep", "--headless", "-o", "result")
+        done = call(*arguments, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert f"| 1 | {name} |" in done.stdout
     played = json.loads((tmp_path / "result" / "result.json").read_text())
     with Server(responder(Policy.find("race")), port=0) as server:
         options = RaceOptions("practice", (("127.0.0.1", server.port),), rules="practice", laps=1)

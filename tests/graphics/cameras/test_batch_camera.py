@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import autodrive
-from autodrive.base.arrays import Floats
 from autodrive.base.errors import AutodriveError
 from autodrive.graphics.cameras.rig import CameraArray
 from autodrive.graphics.render import batch_renderer
@@ -36,37 +37,26 @@ PLACES = [
 ]
 
 
-@dataclass(frozen=True)
-class States:
-    """Some worlds, one row for each."""
-
-    position: Floats
-    orientation: Floats
-    throttle: Floats
-    wheel_steering_angle: Floats
-    wheel_rotation_angle: Floats
-    wheel_angular_velocity: Floats
-    wheel_compression: Floats
-    object_pose: Floats
-
-    def rows(self, numbers: Sequence[int]) -> States:
-        return replace(self, **{field.name: getattr(self, field.name)[list(numbers)] for field in fields(self)})
-
-
-def states_of(frames: Sequence[Frame]) -> States:
+def states_of(frames: Sequence[Frame]) -> Any:
+    """What `BatchCamera.render` reads of some worlds, one row for each."""
     vehicles = [list(frame.vehicles.values()) for frame in frames]
     wheels = {
         f"wheel_{name}": np.array([[getattr(one.wheels, name) for one in row] for row in vehicles])
         for name in ("steering_angle", "rotation_angle", "angular_velocity", "compression")
     }
     poses = [[np.concatenate([o.pose.position, o.pose.orientation]) for o in f.objects.values()] for f in frames]
-    return States(
+    return SimpleNamespace(
         position=np.array([[one.pose.position for one in row] for row in vehicles]),
         orientation=np.array([[one.pose.orientation for one in row] for row in vehicles]),
         throttle=np.array([[one.throttle for one in row] for row in vehicles]),
         object_pose=np.array(poses).reshape(len(frames), -1, 7),
         **wheels,
     )
+
+
+def rows(states: Any, numbers: Sequence[int]) -> Any:
+    """A copy of some worlds."""
+    return SimpleNamespace(**{name: column[list(numbers)] for name, column in vars(states).items()})
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +120,7 @@ def driven(
 
 
 @pytest.fixture(scope="module")
-def day(world: World, single: SingleCameras) -> tuple[States, NDArray[np.uint8]]:
+def day(world: World, single: SingleCameras) -> tuple[Any, NDArray[np.uint8]]:
     """States of a World, and what its front camera shows in each."""
     frames = driven(world)
     return states_of(frames), single.images(frames, "front")
@@ -147,9 +137,7 @@ def assert_alike(images: NDArray[np.uint8], expected: NDArray[np.uint8]) -> None
     assert difference.mean() < 0.02
 
 
-def test_images_equal_those_of_a_single_world_by_day(
-    camera: BatchCamera, day: tuple[States, NDArray[np.uint8]]
-) -> None:
+def test_images_equal_those_of_a_single_world_by_day(camera: BatchCamera, day: tuple[Any, NDArray[np.uint8]]) -> None:
     states, expected = day
     images = camera.render(states)
     assert_alike(images, expected)
@@ -186,59 +174,54 @@ def test_edges_are_smoothed_as_in_a_single_world(world: World, compiled: Compile
 
 
 def test_an_image_does_not_depend_on_the_other_worlds_nor_on_its_place(
-    camera: BatchCamera, day: tuple[States, NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
+    camera: BatchCamera, day: tuple[Any, NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To the bit; with parts of 7 states and 3 images in flight, so that both are exceeded."""
     monkeypatch.setattr(batch_renderer, "PART", 7)
     monkeypatch.setattr(batch_renderer, "RING", 3)
     many = [i % len(PLACES) for i in range(17)]
-    states = day[0].rows(many)
-    position, boxes = states.position.copy(), states.object_pose.copy()
-    position[:, 0, 0] += 0.003 * np.arange(17)  # no two worlds are equal
-    boxes[::4, -1, :2] += 0.1  # the box stands elsewhere in some of them
-    states = replace(states, position=position, object_pose=boxes)
+    states = rows(day[0], many)
+    states.position[:, 0, 0] += 0.003 * np.arange(17)  # no two worlds are equal
+    states.object_pose[::4, -1, :2] += 0.1  # the box stands elsewhere in some of them
     images = camera.render(states)
     assert len({image.tobytes() for image in images}) == 17
     backwards = list(range(16, -1, -1))
-    assert np.array_equal(camera.render(states.rows(backwards)), images[backwards])
+    assert np.array_equal(camera.render(rows(states, backwards)), images[backwards])
     for i in (0, 6, 7, 16):
-        assert np.array_equal(camera.render(states.rows([i]))[0], images[i])
+        assert np.array_equal(camera.render(rows(states, [i]))[0], images[i])
 
 
 def test_shadows_of_moved_boxes_are_those_of_a_new_renderer(
-    camera: BatchCamera, compiled: CompiledScenario, day: tuple[States, NDArray[np.uint8]]
+    camera: BatchCamera, compiled: CompiledScenario, day: tuple[Any, NDArray[np.uint8]]
 ) -> None:
     """Only a part of the shadow map is drawn again."""
-    states = day[0].rows([0, 0, 0])
-    boxes = states.object_pose.copy()
-    boxes[1, -1, :2], boxes[2, -1, :2] = (0.45, 0.2), (0.5, -0.2)
-    states = replace(states, object_pose=boxes)
+    states = rows(day[0], [0, 0, 0])
+    states.object_pose[1, -1, :2], states.object_pose[2, -1, :2] = (0.45, 0.2), (0.5, -0.2)
     images = camera.render(states)
     assert len({image.tobytes() for image in images}) == 3
     for i in (1, 2):
         fresh = BatchCamera(compiled, "V1", "front", size=SIZE)
-        assert np.array_equal(fresh.render(states.rows([i]))[0], images[i])
+        assert np.array_equal(fresh.render(rows(states, [i]))[0], images[i])
         fresh.close()
 
 
 def test_a_world_that_has_diverged_does_not_disturb_the_others(
-    camera: BatchCamera, day: tuple[States, NDArray[np.uint8]]
+    camera: BatchCamera, day: tuple[Any, NDArray[np.uint8]]
 ) -> None:
-    states = day[0].rows([0, 1, 2])
+    states = rows(day[0], [0, 1, 2])
     expected = camera.render(states)
-    broken = {field.name: getattr(states, field.name).copy() for field in fields(states)}
-    for column in broken.values():
+    for column in vars(states).values():
         column[1] = np.nan
-    images = camera.render(States(**broken))
+    images = camera.render(states)
     assert np.array_equal(images[[0, 2]], expected[[0, 2]])
 
 
 def test_images_have_any_size_and_no_worlds_give_none(
-    gl: str, compiled: CompiledScenario, day: tuple[States, NDArray[np.uint8]]
+    gl: str, compiled: CompiledScenario, day: tuple[Any, NDArray[np.uint8]]
 ) -> None:
     wide = BatchCamera(compiled, "V2", "front", size=(33, 7))
-    assert wide.render(day[0].rows([0, 1])).shape == (2, 7, 33, 3)
-    assert wide.render(day[0].rows([])).shape == (0, 7, 33, 3)
+    assert wide.render(rows(day[0], [0, 1])).shape == (2, 7, 33, 3)
+    assert wide.render(rows(day[0], [])).shape == (0, 7, 33, 3)
     assert (wide.intrinsics.width, wide.intrinsics.height) == (33, 7)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive.graphics.cameras import render_process
 from autodrive.graphics.cameras.process_cameras import RATE_WINDOW, ProcessCameras
 from autodrive.graphics.cameras.render_process import RESTARTS
 from autodrive.protocol.messages import CameraImage, Command, SetSceneLight, Teleport
@@ -19,19 +18,11 @@ from autodrive.world import World
 from autodrive.world.cameras import camera_rig
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.simulation import Simulation
+from tests.graphics.cameras.conftest import Clock, messages, stopped
+from tests.support.frames import bytes_of
 from tests.support.waiting import LIMIT, is_alive, wait_until
 
 pytestmark = pytest.mark.process
-
-
-class Clock:
-    """Wall time that a test sets."""
-
-    def __init__(self) -> None:
-        self.time = 100.0
-
-    def __call__(self) -> float:
-        return self.time
 
 
 def made(car: str, *, is_wanted: bool = True, clock: Clock | None = None) -> tuple[World, ProcessCameras]:
@@ -83,14 +74,7 @@ def test_its_images_equal_those_drawn_in_the_tick(world: World) -> None:
     exact = autodrive.make(world.spec, cameras=True)
     for name, image in captured(world).items():
         expected = exact.frame.vehicles["V1"].cameras[name]
-        np.testing.assert_array_equal(image.rgba, expected.rgba)
-        np.testing.assert_array_equal(image.pose.position, expected.pose.position)
-        np.testing.assert_array_equal(image.pose.orientation, expected.pose.orientation)
-        assert image.intrinsics == expected.intrinsics
-        for array, other in ((image.depth, expected.depth), (image.labels, expected.labels)):
-            assert (array is None) == (other is None)
-            if array is not None and other is not None:
-                np.testing.assert_array_equal(array, other)
+        assert list(bytes_of(image)) == list(bytes_of(expected))
         assert not image.rgba.flags.writeable
 
 
@@ -98,13 +82,10 @@ def test_ticks_do_not_wait_for_images(world: World, cameras: ProcessCameras) -> 
     """While the worker is stopped, ticks continue with the old images, which are never overwritten."""
     old = captured(world)["front"]
     before = old.rgba.copy()
-    os.kill(cameras.process.pid, signal.SIGSTOP)
-    try:
+    with stopped(cameras.process):
         for _ in range(50):
             world.step({"V1": Command(throttle=1.0)})
         assert world.frame.vehicles["V1"].cameras["front"] is old
-    finally:
-        os.kill(cameras.process.pid, signal.SIGCONT)
 
     def has_new() -> bool:
         world.step({"V1": Command(throttle=1.0)})
@@ -135,14 +116,11 @@ def test_statistics_count_over_their_window(running: tuple[World, ProcessCameras
 
 def test_a_reset_discards_the_images_being_drawn(world: World, cameras: ProcessCameras) -> None:
     captured(world)
-    os.kill(cameras.process.pid, signal.SIGSTOP)
-    try:
+    with stopped(cameras.process):
         for _ in range(30):
             world.step()
         world.reset()
         assert world.frame.vehicles["V1"].cameras == {}
-    finally:
-        os.kill(cameras.process.pid, signal.SIGCONT)
     assert all(image.time == 0.0 for image in captured(world).values())
 
 
@@ -233,8 +211,3 @@ def test_closing_at_once_leaves_no_process(gl: str, car: str) -> None:
     world.close()
     assert cameras.process.pid == 0
     assert not is_alive(pid)
-
-
-def messages(caplog: pytest.LogCaptureFixture) -> list[str]:
-    """What the camera process logged; other loggers may warn about a busy machine."""
-    return [record.message for record in caplog.records if record.name == render_process.__name__]

@@ -1,5 +1,6 @@
 """Meshes of maps, against the polygons of which they are made."""
 
+import pickle
 from collections import Counter
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import shapely
 
 from autodrive.base import yaml_files
+from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.meshes.map import box_asset, map_asset
 from autodrive.protocol.labels import Label
 from autodrive.scenario.maps.draw import module_alone
@@ -131,6 +133,11 @@ def test_solids_look_as_large_as_they_are_hit_or_smaller(name):
 
 def test_town_is_cheap_to_draw():
     assert map_asset(load_map("tiny_town")).triangle_count("full") < 15_000
+
+
+def test_a_map_has_the_same_mesh_in_another_process():
+    map_ = load_map("mini_map")
+    assert write_glb(map_asset(map_)) == write_glb(map_asset(pickle.loads(pickle.dumps(map_))))
 
 
 def test_construction_box_has_its_size():

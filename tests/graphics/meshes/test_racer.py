@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import Any
@@ -16,24 +15,14 @@ from autodrive.graphics.assets.asset import Asset, Detail
 from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.meshes.vehicle_paint import linear
 from autodrive.physics.actuators.lights import LAMPS
-from autodrive.protocol.messages import WHEEL_NAMES
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
 from autodrive.world.factory import compile_scenario
-from tests.graphics.meshes.test_vehicle import Floats, car, corners, places
+from tests.graphics.meshes.test_vehicle import RACERS, car, corners
 
 pytestmark = pytest.mark.slow
 
-CARS = ("roboracer", "roboracer_f1tenth")
-each_car = pytest.mark.parametrize("name", CARS)
-
-
-@each_car
-def test_each_level_of_detail_keeps_its_budget(name: str) -> None:
-    asset = car(name)
-    assert 25_000 <= asset.triangle_count("full") <= 35_000
-    assert 5_000 <= asset.triangle_count("reduced") <= 8_000
-    assert 100 <= asset.triangle_count("shadow") < 1_000
+each_car = pytest.mark.parametrize("name", RACERS)
 
 
 @each_car
@@ -51,42 +40,6 @@ def test_the_car_is_as_large_as_its_spec_says_and_stands_on_its_wheels(name: str
     window = parts["lidar_head"][..., 2]
     assert window.min() < spec.sensors.lidar.mount.position[2] < window.max()
     assert sum(part.startswith("lamp_") for part in parts) == len(LAMPS)
-
-
-@each_car
-def test_its_wheels_steer_and_spin(name: str) -> None:
-    spec = load_vehicle(name)
-    at = places(car(name), {"spin_rear_left": 0.1, "steering_front_left": 0.3, "compression_front_right": 0.01})
-    assert (at["wheel_rear_left"][0] @ (0.0, 0.0, 1.0))[0] == pytest.approx(math.sin(0.1))
-    assert (at["wheel_front_left"][0] @ (1.0, 0.0, 0.0))[1] == pytest.approx(math.sin(0.3))
-    assert at["wheel_front_right"][1] == pytest.approx(np.add(spec.hubs[1], (0.0, 0.0, 0.01)))
-    for wheel, hub in zip(WHEEL_NAMES, spec.hubs, strict=True):
-        points = corners(car(name), "full")[f"wheel_{wheel}"].reshape(-1, 3) - hub
-        assert np.hypot(points[:, 0], points[:, 2]).max() == pytest.approx(spec.wheels.radius, abs=0.001)
-
-
-@each_car
-@pytest.mark.parametrize("steering", [-1.0, 0.0, 1.0])
-def test_no_part_of_the_body_is_in_a_tyre(name: str, steering: float) -> None:
-    spec = load_vehicle(name)
-    lock = steering * spec.steering.limit
-    angles = {
-        f"steering_front_{side}": math.atan2(
-            math.tan(lock), 1.0 - way * 0.5 * spec.track * math.tan(lock) / spec.wheelbase
-        )
-        for side, way in (("left", 1.0), ("right", -1.0))
-    }
-    body = corners(car(name), "full")["body"]
-    t = np.linspace(0.0, 1.0, 9)[:, None, None, None]
-    points: Floats = ((1.0 - t) * body + t * np.roll(body, 1, axis=1)).reshape(-1, 3)
-    for wheel in WHEEL_NAMES:
-        rotation, position = places(car(name), angles)[f"wheel_{wheel}"]
-        own = (points - position) @ rotation
-        distance = np.hypot(own[:, 0], own[:, 2])
-        # the arms and shafts end inside the rim
-        is_in = (distance > 0.7 * spec.wheels.radius) & (distance < spec.wheels.radius)
-        is_in &= np.abs(own[:, 1]) < 0.5 * spec.wheels.width
-        assert not is_in.any(), points[is_in][:5]
 
 
 @each_car

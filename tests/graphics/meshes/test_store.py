@@ -42,7 +42,7 @@ def test_an_asset_is_built_once_and_then_read_unchanged(folder: Path) -> None:
     assert build.count == 1
     assert_same(built, example())
     assert_same(built, read, texture_tolerance=1e-9)  # textures are equal, too
-    assert [path.name for path in folder.iterdir()] == ["example.glb"]
+    assert [path.name for path in folder.iterdir()] == ["example.glb.msgpack"]
 
 
 @pytest.mark.parametrize("other", [(1.0, 2.5), (2.0, 1.0), [1.0, 2.0], (1.0, (2.0,)), "(1.0, 2.0)"])

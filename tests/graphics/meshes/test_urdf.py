@@ -207,13 +207,12 @@ def test_materials_are_those_of_the_simulator_in_srgb(robot: ElementTree.Element
 
 
 def test_colliders_are_those_of_the_spec(robot: ElementTree.Element, spec: VehicleSpec) -> None:
-    boxes = robot.findall("link[@name='base_link']/collision")
-    assert [numbers(one.find("origin").attrib["xyz"]) for one in boxes] == [  # type: ignore[union-attr]
-        list(one.position) for one in (*spec.platforms, spec.lidar_collider)
+    boxes = [
+        [numbers(one.find(path).attrib[name]) for path, name in (("origin", "xyz"), ("geometry/box", "size"))]  # type: ignore[union-attr]
+        for one in robot.findall("link[@name='base_link']/collision")
     ]
-    assert [numbers(one.find("geometry/box").attrib["size"]) for one in boxes] == [  # type: ignore[union-attr]
-        list(one.size) for one in (*spec.platforms, spec.lidar_collider)
-    ]
+    colliders = (*spec.platforms, spec.lidar_collider)
+    assert boxes == [[list(one.position), list(one.size)] for one in colliders]
     for link in robot.iterfind("link"):
         if link.attrib["name"].endswith("_wheel"):
             cylinder = link.find("collision/geometry/cylinder")
@@ -249,7 +248,6 @@ def test_the_command_line_writes_the_package_of_a_custom_car(spec: VehicleSpec, 
     robot = ElementTree.fromstring(text)
     assert robot.attrib["name"] == "wide"
     assert poses(text)["rear_left_wheel"][1, 3] == 0.1
-    meshes = [mesh.attrib["filename"] for mesh in robot.iterfind("link/visual/geometry/mesh")]
-    assert all(
-        (tmp_path / "package" / name.removeprefix("package://autodrive_description/")).is_file() for name in meshes
-    )
+    for mesh in robot.iterfind("link/visual/geometry/mesh"):
+        name = mesh.attrib["filename"].removeprefix("package://autodrive_description/")
+        assert (tmp_path / "package" / name).is_file()

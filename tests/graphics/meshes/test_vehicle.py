@@ -21,6 +21,7 @@ pytestmark = pytest.mark.slow
 
 Floats = NDArray[np.float64]
 NIGEL = load_vehicle("nigel")
+RACERS = ("roboracer", "roboracer_f1tenth")
 
 
 @cache
@@ -73,12 +74,17 @@ def reach(asset: Asset, name: str, detail: Detail = "full") -> Floats:
     return np.ptp(corners(asset, detail)[name].reshape(-1, 3), axis=0)
 
 
-@pytest.mark.parametrize("name", ["nigel", "nigel_2023"])
-def test_each_level_of_detail_keeps_its_budget(name: str) -> None:
-    asset = car(name)
-    assert 35_000 <= asset.triangle_count("full") <= 45_000
-    assert 7_000 <= asset.triangle_count("reduced") <= 9_000
-    assert 100 <= asset.triangle_count("shadow") < 1_000
+@pytest.mark.parametrize(
+    ("names", "full", "reduced"),
+    [(("nigel", "nigel_2023"), (35_000, 45_000), (7_000, 9_000)), (RACERS, (25_000, 35_000), (5_000, 8_000))],
+)
+def test_each_level_of_detail_keeps_its_budget(
+    names: tuple[str, ...], full: tuple[int, int], reduced: tuple[int, int]
+) -> None:
+    limits: dict[Detail, tuple[int, int]] = {"full": full, "reduced": reduced, "shadow": (100, 1_000)}
+    for name in names:
+        for detail, (least, most) in limits.items():
+            assert least <= car(name).triangle_count(detail) <= most, (name, detail)
 
 
 @pytest.mark.parametrize("detail", ["full", "reduced"])
@@ -98,20 +104,22 @@ def test_the_car_is_as_large_as_its_spec_says(detail: Detail) -> None:
 
 
 @pytest.mark.parametrize("detail", ["full", "reduced", "shadow"])
-@pytest.mark.parametrize("wheel", WHEEL_NAMES)
-def test_wheels_have_the_radius_width_and_place_of_the_spec(wheel: str, detail: Detail) -> None:
-    points = corners(car(), detail)[f"wheel_{wheel}"].reshape(-1, 3) - NIGEL.hubs[WHEEL_NAMES.index(wheel)]
-    radius = np.hypot(points[:, 0], points[:, 2]).max()
-    assert radius == pytest.approx(NIGEL.wheels.radius, abs=0.0003)
-    assert np.ptp(points[:, 1]) == pytest.approx(NIGEL.wheels.width, abs=0.001)
-    assert points[:, 1].max() + points[:, 1].min() == pytest.approx(0.0, abs=0.001)
+@pytest.mark.parametrize("name", ["nigel", *RACERS])
+def test_wheels_have_the_radius_width_and_place_of_the_spec(name: str, detail: Detail) -> None:
+    spec = load_vehicle(name)
+    for wheel, hub in zip(WHEEL_NAMES, spec.hubs, strict=True):
+        points = corners(car(name), detail)[f"wheel_{wheel}"].reshape(-1, 3) - hub
+        assert np.hypot(points[:, 0], points[:, 2]).max() == pytest.approx(spec.wheels.radius, abs=0.001)
+        assert np.ptp(points[:, 1]) == pytest.approx(spec.wheels.width, abs=0.001)
+        assert points[:, 1].max() + points[:, 1].min() == pytest.approx(0.0, abs=0.001)
 
 
-def test_wheels_go_up_when_compressed_and_forward_when_they_roll() -> None:
-    at = places(car(), {"compression_rear_left": 0.004, "spin_rear_left": 0.1, "steering_front_left": 0.3})
+@pytest.mark.parametrize("name", ["nigel", *RACERS])
+def test_wheels_go_up_when_compressed_and_forward_when_they_roll(name: str) -> None:
+    at = places(car(name), {"compression_rear_left": 0.004, "spin_rear_left": 0.1, "steering_front_left": 0.3})
     rotation, position = at["wheel_rear_left"]
-    assert position == pytest.approx(np.add(NIGEL.hubs[2], (0.0, 0.0, 0.004)))
-    assert (rotation @ (0.0, 0.0, 1.0))[0] > 0.0  # the top goes ahead
+    assert position == pytest.approx(np.add(load_vehicle(name).hubs[2], (0.0, 0.0, 0.004)))
+    assert (rotation @ (0.0, 0.0, 1.0))[0] == pytest.approx(math.sin(0.1))  # the top goes ahead
     assert (at["wheel_front_left"][0] @ (1.0, 0.0, 0.0))[1] == pytest.approx(math.sin(0.3))  # to the left
 
 
@@ -186,23 +194,25 @@ def steering_of(wheelbase: float) -> Asset:
     return Asset("steering", tuple(AssetNode(n.name, n.parent, n.position, joint=n.joint) for n in asset.nodes))
 
 
-@pytest.mark.parametrize("steering", [-1.0, 1.0])
-def test_no_part_of_the_body_is_in_a_turned_wheel(steering: float) -> None:
-    lock = math.radians(NIGEL.steering.limit_deg)
+@pytest.mark.parametrize("name", ["nigel", *RACERS])
+@pytest.mark.parametrize("steering", [-1.0, 0.0, 1.0])
+def test_no_part_of_the_body_is_in_a_wheel(name: str, steering: float) -> None:
+    spec = load_vehicle(name)
+    tangent = math.tan(steering * spec.steering.limit)
     angles = {
-        f"steering_front_{side}": math.atan2(
-            steering * math.tan(lock), 1.0 - way * steering * 0.5 * NIGEL.track * math.tan(lock) / NIGEL.wheelbase
-        )
+        f"steering_front_{side}": math.atan2(tangent, 1.0 - way * 0.5 * spec.track * tangent / spec.wheelbase)
         for side, way in (("left", 1.0), ("right", -1.0))
     }
-    body = corners(car(), "full")["body"]
-    # three more points of each edge, so that long triangles do not slip through
-    t = np.linspace(0.0, 1.0, 5)[:, None, None, None]
+    body = corners(car(name), "full")["body"]
+    # more points of each edge, so that long triangles do not slip through
+    t = np.linspace(0.0, 1.0, 9)[:, None, None, None]
     points = ((1.0 - t) * body + t * np.roll(body, 1, axis=1)).reshape(-1, 3)
-    for side in ("left", "right"):
-        rotation, position = places(car(), angles)[f"wheel_front_{side}"]
+    inner = 0.7 if name in RACERS else 0.0  # arms and shafts of a racer end inside the rim
+    for wheel in WHEEL_NAMES if name in RACERS else WHEEL_NAMES[:2]:
+        rotation, position = places(car(name), angles)[f"wheel_{wheel}"]
         own = (points - position) @ rotation
-        is_in = (np.hypot(own[:, 0], own[:, 2]) < NIGEL.wheels.radius) & (np.abs(own[:, 1]) < 0.5 * NIGEL.wheels.width)
+        distance = np.hypot(own[:, 0], own[:, 2]) / spec.wheels.radius
+        is_in = (distance >= inner) & (distance < 1.0) & (np.abs(own[:, 1]) < 0.5 * spec.wheels.width)
         assert not is_in.any(), points[is_in][:5]
 
 

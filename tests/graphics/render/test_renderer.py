@@ -15,9 +15,11 @@ from autodrive.base.errors import AutodriveError
 from autodrive.base.transforms import quaternion_from_euler
 from autodrive.graphics.assets.asset import Asset, Material
 from autodrive.graphics.render.look import DAY, sun_at
+from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.graphics.render.scene import RenderScene, rigid
 from autodrive.physics.actuators.lights import LAMPS
+from autodrive.physics.sensors.camera_view import View
 from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import CameraIntrinsics
 from tests.support.scenes import (
@@ -38,12 +40,32 @@ from tests.support.scenes import (
 
 pytestmark = needs_gl
 
-SIDES = ("left", "right")
 QUALITIES = ("software", "software-fxaa", "gpu")
 
 
-def luminance(rgba: np.ndarray) -> np.ndarray:
-    return rgba[..., :3].astype(float) @ (0.2126, 0.7152, 0.0722)
+BEAMS = ("head", "high_beam")
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+FLOOR = node("floor", ground(-6, -6, 6, 6), casts=False)
+DOWN = view(0.0, 0.0, 3.0, pitch_deg=90.0, own=pinhole(400, 400, 60.0))
+"""Looks down from 3 m; x of the map is up in the image, y to the left."""
+
+
+def shown(renderer: Renderer, state: RenderState, look: View) -> np.ndarray:
+    """Luminance of each pixel of a view, 0 to 255."""
+    return renderer.draw(state, [look])[0].rgba[..., :3].astype(float) @ LUMINANCE
+
+
+def on_floor(seen: np.ndarray, x: float, y: float) -> float:
+    """Of an image of `DOWN`, at a place of the map."""
+    k = DOWN.intrinsics
+    return float(seen[int(k.cy - k.fy * x / 3.0), int(k.cx - k.fx * y / 3.0)])
+
+
+def lit_by(*lamps: str, n: int = 1) -> RenderState:
+    """Cars at night with these lamps of both sides."""
+    state = render_state(n, is_day=False)
+    state.vehicles["lamps"][:, [LAMPS.index(f"{lamp}_{side}") for lamp in lamps for side in ("left", "right")]] = 1.0
+    return state
 
 
 def rays(own: CameraIntrinsics) -> np.ndarray:
@@ -65,7 +87,7 @@ def test_the_corners_of_a_marker_are_where_they_project(quality: str) -> None:
     ]
     look = view(0.1, 0.05, 0.5, yaw_deg=3.0, pitch_deg=28.0, own=pinhole(640, 480, 50.0))
     with Renderer(scene(node("marker", marker, *around, casts=False)), quality) as renderer:
-        seen = luminance(renderer.draw(render_state(), [look])[0].rgba) > 60.0
+        seen = shown(renderer, render_state(), look) > 60.0
     optical = np.linalg.inv(rigid(look.position, look.orientation))
     points = (optical[:3, :3] @ np.column_stack([corners, np.zeros(4)]).T).T + optical[:3, 3]
     k = look.intrinsics
@@ -112,40 +134,26 @@ def test_the_shadow_of_a_box_points_away_from_the_sun(quality: str) -> None:
     height = 0.5
     tower = box((0.0, 0.0, height / 2), (0.1, 0.1, height), GREY, Label.BLOCK)
     sun = np.array(DAY.sun_direction)
-    own = pinhole(400, 400, 60.0)
-    look = view(0.0, 0.0, 3.0, pitch_deg=90.0, own=own)
-    with Renderer(scene(node("floor", ground(-4, -4, 4, 4), casts=False), node("tower", tower)), quality) as renderer:
-        seen = luminance(renderer.draw(render_state(), [look])[0].rgba)
-
-    def brightness(x: float, y: float) -> float:
-        """Of the ground there: the camera looks down; x of the map is up in the image, y to the left."""
-        u, v = own.cx - own.fx * y / 3.0, own.cy - own.fy * x / 3.0
-        return float(seen[int(v), int(u)])
-
+    with Renderer(scene(FLOOR, node("tower", tower)), quality) as renderer:
+        seen = shown(renderer, render_state(), DOWN)
     away = -sun[:2] / np.linalg.norm(sun[:2])
     reach = height * np.linalg.norm(sun[:2]) / sun[2]
-    lit = brightness(*(-1.0 * away))
+    lit = on_floor(seen, *-away)
     for share in (0.4, 0.6, 0.8):
-        assert brightness(*(share * reach * away)) < 0.7 * lit
-    assert brightness(*((reach + 0.15) * away)) == pytest.approx(lit, rel=0.02)
+        assert on_floor(seen, *(share * reach * away)) < 0.7 * lit
+    assert on_floor(seen, *((reach + 0.15) * away)) == pytest.approx(lit, rel=0.02)
 
 
 def test_shadows_follow_the_time_of_day() -> None:
     """In the morning, at noon and in the afternoon; the shadow map of the towers is rendered again."""
     tower = box((0.0, 0.0, 0.25), (0.1, 0.1, 0.5), GREY, Label.BLOCK)
-    own = pinhole(400, 400, 60.0)
-    look = view(0.0, 0.0, 3.0, pitch_deg=90.0, own=own)
     places = {hour: np.array(sun_at(3600.0 * hour)) for hour in (9, 12, 15)}
-    world = scene(node("floor", ground(-4, -4, 4, 4), casts=False), node("tower", tower))
-    with Renderer(world, "software") as renderer:
-        for hour in (9, 12, 15):
+    with Renderer(scene(FLOOR, node("tower", tower)), "software") as renderer:
+        for hour in places:
             now = render_state()
             now.header["time_of_day"] = 3600.0 * hour
-            seen = luminance(renderer.draw(now, [look])[0].rgba)
-            shade = {}
-            for other, sun in places.items():
-                x, y = -0.5 * 0.5 * sun[:2] / sun[2]
-                shade[other] = seen[int(own.cy - own.fy * x / 3.0), int(own.cx - own.fx * y / 3.0)]
+            seen = shown(renderer, now, DOWN)
+            shade = {other: on_floor(seen, *(-0.25 * sun[:2] / sun[2])) for other, sun in places.items()}
             assert min(shade, key=shade.__getitem__) == hour
             assert sorted(shade.values())[1] > 1.3 * shade[hour]
 
@@ -153,31 +161,27 @@ def test_shadows_follow_the_time_of_day() -> None:
 @pytest.mark.parametrize("quality", QUALITIES)
 def test_the_shadow_of_a_vehicle_moves_with_it(quality: str) -> None:
     away = -np.array(DAY.sun_direction[:2]) / DAY.sun_direction[2]
-    own = pinhole(400, 400, 60.0)
-    look = view(0.5, 0.0, 3.0, pitch_deg=90.0, own=own)
-    with Renderer(scene(node("floor", ground(-4, -4, 4, 4), casts=False), vehicles=1), quality) as renderer:
+    with Renderer(scene(FLOOR, vehicles=1), quality) as renderer:
         for x in (0.0, 0.7):
             now = render_state(1)
             now.vehicles["position"][0] = x, 0.0, 0.0
-            seen = luminance(renderer.draw(now, [look])[0].rgba)
-            place = np.array([x + 0.08, 0.0]) + 0.085 * away  # shadow of the far edge of the roof
-            edge = place + 0.05 * away / np.linalg.norm(away)
-            u, v = own.cx - own.fx * edge[1] / 3.0, own.cy - own.fy * (edge[0] - 0.5) / 3.0
-            lit = seen[int(own.cy - own.fy * (-0.4) / 3.0), int(own.cx - own.fx * 1.0 / 3.0)]
-            assert seen[int(v), int(u)] < 0.75 * lit, x
+            seen = shown(renderer, now, DOWN)
+            edge = np.array([x + 0.08, 0.0]) + 0.085 * away  # shadow of the far edge of the roof
+            edge += 0.05 * away / np.linalg.norm(away)
+            assert on_floor(seen, *edge) < 0.75 * on_floor(seen, 0.1, -1.0), x
 
 
 @pytest.mark.parametrize("is_day", [True, False])
 @pytest.mark.parametrize("quality", QUALITIES)
 def test_a_vehicle_darkens_the_road_beside_it_and_not_the_wall_above_it(quality: str, is_day: bool) -> None:
     wall = box((0.0, 0.09, 0.2), (4.0, 0.02, 0.4), GREY, Label.WALL)  # 1 cm beside the car, which is 0.09 m high
-    world = scene(node("floor", ground(-4, -4, 4, 4), casts=False), node("wall", wall), vehicles=1)
+    world = scene(FLOOR, node("wall", wall), vehicles=1)
     look = view(0.08, -1.5, 0.25, yaw_deg=90.0)
     with Renderer(world, quality) as renderer:
-        beside = luminance(renderer.draw(render_state(1, is_day=is_day), [look])[0].rgba)
+        beside = shown(renderer, render_state(1, is_day=is_day), look)
         away = render_state(1, is_day=is_day)
         away.vehicles["position"][0] = 3.0, 0.0, 0.0
-        alone = luminance(renderer.draw(away, [look])[0].rgba)
+        alone = shown(renderer, away, look)
 
     def row(height: float) -> int:
         return int(120 + look.intrinsics.fy * (0.25 - height) / 1.58)
@@ -190,14 +194,11 @@ def test_a_vehicle_darkens_the_road_beside_it_and_not_the_wall_above_it(quality:
 
 @pytest.mark.parametrize("quality", QUALITIES)
 def test_night_is_dark_but_not_black_and_headlights_light_the_road(quality: str) -> None:
-    world = scene(node("floor", ground(-6, -6, 6, 6), casts=False), vehicles=1)
     look = view(0.2, 0.0, 0.15, pitch_deg=12.0)
-    with Renderer(world, quality) as renderer:
-        day = luminance(renderer.draw(render_state(1), [look])[0].rgba)
-        night = luminance(renderer.draw(render_state(1, is_day=False), [look])[0].rgba)
-        lit = render_state(1, is_day=False)
-        lit.vehicles["lamps"][0, [LAMPS.index("head_left"), LAMPS.index("head_right")]] = 1.0
-        lamps = luminance(renderer.draw(lit, [look])[0].rgba)
+    with Renderer(scene(FLOOR, vehicles=1), quality) as renderer:
+        day, night, lamps = (
+            shown(renderer, state, look) for state in (render_state(1), render_state(1, is_day=False), lit_by("head"))
+        )
     road = slice(150, 240)
     assert 2.0 < night[road].mean() < 0.35 * day[road].mean()
     assert lamps[road, 140:180].mean() > 3.0 * night[road, 140:180].mean()
@@ -207,24 +208,18 @@ def test_night_is_dark_but_not_black_and_headlights_light_the_road(quality: str)
 def test_headlights_cast_shadows(quality: str) -> None:
     """The high beam is lit together with the low beam: the difference is its own light."""
     post = box((1.0, 0.0, 0.1), (0.1, 0.3, 0.2), GREY, Label.BLOCK)
-    walls = {
-        side: node(side, box((2.0, 1.0 * k, 0.1), (0.1, 0.4, 0.2), GREY, Label.WALL))
-        for side, k in (("l", 1), ("r", -1))
-    }
-    middle = node("m", box((2.0, 0.0, 0.1), (0.1, 0.3, 0.2), GREY, Label.WALL))
+    places = {"l": 1.0, "m": 0.0, "r": -1.0}
+    walls = [
+        node(name, box((2.0, y, 0.1), (0.1, 0.4 if y else 0.3, 0.2), GREY, Label.WALL)) for name, y in places.items()
+    ]
     look = view(0.0, 0.0, 1.2, pitch_deg=30.0)
     images = []
-    for static in ([*walls.values(), middle], [*walls.values(), middle, node("post", post)]):
-        floor = node("floor", ground(-6, -6, 6, 6), casts=False)
-        with Renderer(scene(floor, *static, vehicles=1), quality) as renderer:
-            shown = []
-            for lamps in (("head",), ("head", "high_beam")):
-                lit = render_state(1, is_day=False)
-                lit.vehicles["lamps"][0, [LAMPS.index(f"{lamp}_{side}") for lamp in lamps for side in SIDES]] = 1.0
-                image = renderer.draw(lit, [look], labels=True)[0]
-                shown.append(luminance(image.rgba))
-            assert image.labels is not None
-            images.append(({"head": shown[0], "high_beam": shown[1] - shown[0]}, image.labels))
+    for static in (walls, [*walls, node("post", post)]):
+        with Renderer(scene(FLOOR, *static, vehicles=1), quality) as renderer:
+            low, both = (renderer.draw(lit_by(*lamps), [look], labels=True)[0] for lamps in (("head",), BEAMS))
+        head = low.rgba[..., :3].astype(float) @ LUMINANCE
+        assert both.labels is not None
+        images.append(({"head": head, "high_beam": both.rgba[..., :3].astype(float) @ LUMINANCE - head}, both.labels))
     (free_by_beam, _), (hidden_by_beam, labels) = images
     for beam, least in (("head", 40.0), ("high_beam", 15.0)):  # the night without lamps is darker
         free, hidden = free_by_beam[beam], hidden_by_beam[beam]
@@ -250,18 +245,18 @@ def test_each_lamp_glows_alone() -> None:
     k = look.intrinsics
     world = RenderScene(Asset("nothing", ()), [Asset("car", nodes)], [], [lights()])
     with Renderer(world) as renderer:
-        dark = luminance(renderer.draw(render_state(1, is_day=False), [look])[0].rgba)
+        dark = shown(renderer, render_state(1, is_day=False), look)
         for i in range(len(LAMPS)):
             lit = render_state(1, is_day=False)
             lit.vehicles["lamps"][0, i] = 1.0
-            seen = luminance(renderer.draw(lit, [look])[0].rgba)
+            seen = shown(renderer, lit, look)
             columns = [round(k.cx - k.fx * y / (x + 0.9 - 0.01)) for x, y, _ in places]
             brighter = [seen[120, u] - dark[120, u] > 100.0 for u in columns]
             assert brighter == [j == i for j in range(len(LAMPS))], LAMPS[i]
 
 
 def test_the_same_state_gives_the_same_bytes_in_another_renderer_too() -> None:
-    world = scene(node("floor", ground(-6, -6, 6, 6), casts=False), vehicles=2)
+    world = scene(FLOOR, vehicles=2)
     now = render_state(2, is_day=False)
     now.vehicles["position"][1] = 0.8, 0.1, 0.0
     now.vehicles["lamps"][:] = 1.0
@@ -276,7 +271,7 @@ def test_the_same_state_gives_the_same_bytes_in_another_renderer_too() -> None:
 
 def test_images_are_in_the_order_of_the_views_and_are_not_reused() -> None:
     looks = [view(0, 0, 1, own=pinhole(*size)) for size in ((64, 48), (32, 40), (64, 48), (10, 10))]
-    with Renderer(scene(node("floor", ground(-6, -6, 6, 6), casts=False))) as renderer:
+    with Renderer(scene(FLOOR)) as renderer:
         images = renderer.draw(render_state(), looks)
         kept = [p.rgba.copy() for p in images]
         renderer.draw(render_state(is_day=False), looks)
@@ -288,7 +283,7 @@ def test_images_are_in_the_order_of_the_views_and_are_not_reused() -> None:
 def test_a_moved_object_is_at_its_new_place_and_its_old_shadow_is_gone() -> None:
     crate = thing("crate", box((0, 0, 0), (0.2, 0.2, 0.2), WHITE, Label.BOX))
     look = view(0.0, 0.0, 3.0, pitch_deg=90.0)
-    world = scene(node("floor", ground(-4, -4, 4, 4), casts=False), objects=(crate,))
+    world = scene(FLOOR, objects=(crate,))
     with Renderer(world) as renderer:
         images = []
         for x in (-0.5, 0.5):
@@ -308,7 +303,7 @@ def test_an_empty_scene_shows_the_sky() -> None:
         image = renderer.draw(render_state(), [view(0, 0, 1, pitch_deg=-30)], depth=True, labels=True)[0]
     assert image.depth is not None
     assert np.isinf(image.depth).all()
-    assert luminance(image.rgba).min() > 50
+    assert (image.rgba[..., :3] @ LUMINANCE).min() > 50
 
 
 def test_an_unknown_quality_is_an_error() -> None:
@@ -340,7 +335,7 @@ def test_many_frames_leak_no_memory() -> None:
         gc.collect()
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
-    world = scene(node("floor", ground(-6, -6, 6, 6), casts=False), vehicles=1)
+    world = scene(FLOOR, vehicles=1)
     look = view(0.2, 0.0, 0.15, pitch_deg=12.0, own=pinhole(64, 48))
     with Renderer(world) as renderer:
         for _ in range(50):

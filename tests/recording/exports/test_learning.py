@@ -47,17 +47,24 @@ def test_lerobot_layout_is_complete(lap: Recording, tmp_path: Path) -> None:
     assert np.abs(frames[-1].astype(int) - image.astype(int)).mean() < 8.0  # of 255: the video is compressed again
 
 
-def test_a_minari_dataset_has_a_relative_path_too(
+def test_minari_loads_the_dataset_from_absolute_and_relative_paths(
     lap: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "lap.mcap").symlink_to(lap.path)
     monkeypatch.chdir(tmp_path)
+    Path("lap.mcap").symlink_to(lap.path)
     with open_recording("lap.mcap") as recording:
         assert export(recording, "minari") == Path("lap_minari")
         export(recording, "minari", "drives/lap")
-    for folder, name in (("lap_minari", "lap-minari"), ("drives/lap", "lap")):
+    export(lap, "minari", tmp_path / "drives" / "absolute", ExportOptions(rate=20.0))
+    for folder, name in (("lap_minari", "lap-minari"), ("drives/lap", "lap"), ("drives/absolute", "absolute")):
         monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / folder))
-        assert minari.load_dataset(f"autodrive/{name}-v0").total_steps == 20
+        dataset = minari.load_dataset(f"autodrive/{name}-v0")
+        assert (dataset.total_episodes, dataset.total_steps) == (1, 20)
+        (episode,) = dataset.iterate_episodes()
+        assert episode.observations.shape == (21, len(STATE))
+        assert episode.actions.shape == (20, len(ACTION))
+        np.testing.assert_array_equal(episode.observations[:, 3], lap["V1/velocity"][::5, 0].astype(np.float32))
+        assert episode.truncations[-1]
 
 
 def test_a_failed_export_names_the_file(lap: Recording, tmp_path: Path) -> None:
@@ -67,18 +74,6 @@ def test_a_failed_export_names_the_file(lap: Recording, tmp_path: Path) -> None:
     folder /= "y" * (4095 - len(str(folder)) - 8)  # the folder can have this path, a file in it cannot
     with pytest.raises(RecordingError, match=r"^cannot write: File name too long  \(.*/y+/[\w.]+\)$"):
         export(lap, "csv", folder)
-
-
-def test_minari_loads_the_dataset(lap: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = export(lap, "minari", tmp_path / "drives", ExportOptions(rate=20.0))
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
-    dataset = minari.load_dataset("autodrive/drives-v0")
-    assert (dataset.total_episodes, dataset.total_steps) == (1, 20)
-    (episode,) = dataset.iterate_episodes()
-    assert episode.observations.shape == (21, len(STATE))
-    assert episode.actions.shape == (20, len(ACTION))
-    np.testing.assert_array_equal(episode.observations[:, 3], lap["V1/velocity"][::5, 0].astype(np.float32))
-    assert episode.truncations[-1]
 
 
 @pytest.mark.process

@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import av
 import numpy as np
@@ -20,17 +18,8 @@ from autodrive.recording.film.film import image_times
 from autodrive.recording.film.overlay import with_overlay
 from autodrive.recording.film.video import CODECS, Video
 from autodrive.recording.replay.tape import Tape
-from tests.recording.conftest import drive
-
-__all__ = ["drive"]
 
 SMALL = (320, 180)
-
-
-@pytest.fixture
-def tape(drive: Any) -> Iterator[Tape]:
-    with Tape(drive.path) as opened:
-        yield opened
 
 
 def read(path: Path) -> tuple[str, float, list[NDArray[np.uint8]]]:

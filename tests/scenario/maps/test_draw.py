@@ -10,7 +10,7 @@ import shapely
 
 from autodrive.base import yaml_files
 from autodrive.scenario.maps.draw import OVERLAYS, module_alone, to_png, to_svg
-from autodrive.scenario.maps.icons import icon_svg
+from autodrive.scenario.maps.icons import icon
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.props import PropKind, Sign
 
@@ -74,7 +74,8 @@ def test_every_module_can_be_drawn_alone(name, tmp_path):
 @pytest.mark.parametrize("kind", [*get_args(Sign), "traffic_light"])
 def test_every_sign_has_a_face(kind):
     assert kind in {name for group in get_args(PropKind) for name in (get_args(group) or (group,))}
-    assert png_size(resvg_py.svg_to_bytes(svg_string=icon_svg(kind, 64))) == (64, 64)
+    svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-.5 -.5 1 1" width="64" height="64">{icon(kind)}</svg>'
+    assert png_size(resvg_py.svg_to_bytes(svg_string=svg)) == (64, 64)
 
 
 def test_title_of_a_map_cannot_break_its_drawing(tmp_path):

@@ -44,35 +44,29 @@ def test_poses_without_a_path_are_an_error(end):
 def square():
     """Four lanes round a square of 1 m, left about, and a detour of 3 m that replaces the first."""
     corners = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    quarter = math.pi / 2.0
-    pieces = [
-        Piece(f"side_{i}", corners[[i, (i + 1) % 4]], (i * quarter, i * quarter), i, (i + 1) % 4) for i in range(4)
-    ]
+    pieces = [Piece(f"side_{i}", corners[[i, (i + 1) % 4]], i, (i + 1) % 4) for i in range(4)]
     detour = np.array([(0.0, 0.0), (0.0, -1.0), (1.0, -1.0), (1.0, 0.0)])
-    pieces.append(Piece("detour", detour, (-quarter, quarter), 0, 1))
+    pieces.append(Piece("detour", detour, 0, 1))
     return lane_graph(pieces)
 
 
 def test_lanes_follow_each_other_where_end_and_start_are_the_same_node():
     graph = square()
     assert [lane.successors for lane in graph.lanes] == [(1,), (2,), (3,), (0, 4), (1,)]
-    assert graph.nodes.shape == (4, 3)
 
 
-def test_route_is_the_shortest_and_loop_comes_back():
+def test_loop_is_the_shortest_that_comes_back():
     graph = square()
-    assert graph.route(3, 1) == (3, 0, 1)
-    assert graph.route(2, 2) == (2,)
+    assert graph.loop(3) == (3, 0, 1, 2)
     assert graph.loop(0) == (0, 1, 2, 3)
     assert graph.loop(4) == (4, 1, 2, 3)
     assert [graph.length(loop) for loop in graph.loops()] == [4.0, 6.0]
 
 
-def test_a_lane_with_an_open_end_has_no_loop_and_no_route():
+def test_a_lane_with_an_open_end_has_no_loop():
     one, other = np.array([(0.0, 0.0), (1.0, 0.0)]), np.array([(5.0, 0.0), (6.0, 0.0)])
-    graph = lane_graph([Piece("a", one, (0.0, 0.0), 0, 1), Piece("b", other, (0.0, 0.0), 2, 3)])
+    graph = lane_graph([Piece("a", one, 0, 1), Piece("b", other, 2, 3)])
     assert graph.loop(0) is None
-    assert graph.route(0, 1) is None
     assert graph.loops() == ()
 
 

@@ -84,7 +84,7 @@ def test_lawn_of_tiny_town_is_as_large_as_the_tiles_of_the_original():
 @pytest.mark.parametrize("name", TOWNS)
 def test_lawn_and_road_fill_the_town_without_overlap(name):
     map_ = load_map(name)
-    lawn, road = (surface.geometry for surface in map_.surfaces)
+    lawn, road = map_.lawn, map_.drivable
     whole = next(one.footprint for one in map_.modules if one.module.name == "lawn")
     assert lawn.intersection(road).area < 1e-9
     assert lawn.area + road.area == pytest.approx(whole.area, abs=1e-6)  # the union's grid is a micrometre

@@ -108,13 +108,14 @@ def test_every_shipped_track_is_a_map_with_a_free_lane_between_its_barriers() ->
 
 def test_vehicles_start_on_the_grid_unless_they_have_a_pose() -> None:
     track = Track.load("practice")
-    vehicles = {"V1": VehiclePlacement(), "V2": VehiclePlacement(), "V3": VehiclePlacement(x=3.0, y=-3.4)}
+    x, y, _ = track.pose_at(10.0)
+    vehicles = {"V1": VehiclePlacement(), "V2": VehiclePlacement(), "V3": VehiclePlacement(x=x, y=y)}
     scenario = autodrive.Scenario(map="practice", vehicles=vehicles)
     frame = autodrive.make(scenario).frame
     places = [track.project(*frame.vehicles[name].pose.position[:2]) for name in ("V1", "V2")]
     assert [s for s, _ in places] == pytest.approx([track.length - 0.5, track.length - 1.3], abs=1e-3)
     assert [lateral for _, lateral in places] == pytest.approx([0.3, -0.3], abs=1e-3)
-    assert frame.vehicles["V3"].pose.position[:2] == pytest.approx([3.0, -3.4])
+    assert frame.vehicles["V3"].pose.position[:2] == pytest.approx([x, y])
 
 
 def test_lidar_sees_the_barriers_at_their_distance() -> None:

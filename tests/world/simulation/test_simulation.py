@@ -14,9 +14,11 @@ import pytest
 import autodrive
 from autodrive import Command, CommandError, EngineError, Frame, Simulation, SpecError
 from autodrive.protocol.messages import (
+    AddBox,
     Headlights,
     LoadScenario,
     Pause,
+    Place,
     Reset,
     Resume,
     SetDrivingMode,
@@ -304,6 +306,38 @@ def test_a_scenario_that_cannot_be_loaded_leaves_the_world_as_it_is(world: World
             simulation.request(LoadScenario("nix")).result(LIMIT)
         assert simulation.request(Step(3)).result(LIMIT).tick == 3
         assert simulation.world is world
+
+
+def test_a_world_is_prepared_while_time_goes_on_and_starts_with_its_request() -> None:
+    made: list[World] = []
+    with Simulation(
+        autodrive.make("plane"), speed=None, load=lambda name: (made.append(autodrive.make(name)), made[-1])[1]
+    ) as simulation:
+        for name in ("two_cars", "mini_map"):
+            prepared = simulation.prepare(name)
+            assert simulation.frame.vehicles.keys() == {"V1"}
+        simulation.request(LoadScenario("mini_map")).result(LIMIT)
+        assert simulation.world is prepared is made[1]
+        with pytest.raises(SpecError, match="scenario 'nix' is not known"):
+            simulation.prepare("nix")
+        simulation.request(LoadScenario("two_cars")).result(LIMIT)
+        assert simulation.world is made[2], "the first World of this name was replaced before"
+
+
+@pytest.mark.parametrize("edit", [Place("V1", 1e6, 0.0), AddBox("box", 0.0, 0.0)], ids=["refused", "overlap"])
+def test_requests_that_follow_each_other_at_once_leave_a_tick_between(world: World, edit: Place | AddBox) -> None:
+    count = itertools.count(1)
+    simulation = Simulation(world, speed=None, load=autodrive.make)
+    before = simulation.ticks
+
+    def ask(_: object = None) -> None:
+        if next(count) < 20:
+            simulation.request(edit).add_done_callback(ask)
+
+    ask()
+    simulation.run(5 * world.tick_duration)
+    assert simulation.ticks == before + 5
+    assert next(count) == 7, "the first request, and one for each tick"
 
 
 def test_a_simulation_of_one_world_loads_no_other(simulation: Simulation) -> None:

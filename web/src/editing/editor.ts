@@ -2,12 +2,10 @@
 import { type Actions, sentence } from '../actions'
 import type { Frame, Pose, ServerOperation, SetSensor } from '../messages'
 import { Observable } from '../observable'
+import { stem } from '../scenario_title'
 import type { Placement, Store } from '../store'
 import { extentOf, middleOf, poseOf } from './outline'
 import { saveText } from './save_text'
-
-/** The name of a file without its folder and ending. */
-const STEM = /^.*[/\\]|\.ya?ml$/g
 
 /** Length, width, height [m] and mass [kg] of a new box. */
 export interface BoxShape {
@@ -147,7 +145,7 @@ export class Editor {
   async save(title: string, name: string): Promise<boolean> {
     const text = await this.actions.textOf({ type: 'SaveScenario', title })
     if (text === null) return false
-    saveText(`${name.replace(STEM, '')}.yaml`, text, 'application/yaml')
+    saveText(`${stem(name)}.yaml`, text, 'application/yaml')
     this.store.hasUnsavedEdits.value = false
     return true
   }
@@ -155,7 +153,7 @@ export class Editor {
   /** Name of the file of the edited scenario, without its ending. */
   get fileName(): string {
     const name = this.store.scene.value?.scenario ?? 'scenario'
-    return `${name.replace(STEM, '')}_edited`.replace('_edited_edited', '_edited')
+    return `${stem(name)}_edited`.replace('_edited_edited', '_edited')
   }
 
   /** Requests an edit; shows what the simulator says about it, and returns whether it was made. */

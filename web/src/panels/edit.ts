@@ -150,7 +150,8 @@ function selection(store: Store, editor: Editor): HTMLElement {
     }
   }
 
-  for (const observable of [store.frame, store.selection, store.preview]) observable.watch(() => show(false))
+  for (const observable of [store.frame, store.preview]) observable.watch(() => show(false))
+  store.selection.watch(() => show(true))
   const hint = h('p', { class: 'edit-hint' })
   setText(hint, 'Drag a vehicle or a box. Turn it at its handle. Keys: arrows, [ and ]; with Shift in small steps.')
   return section('Selected', select, labelled('x [m]', x), labelled('y [m]', y), labelled('Heading [°]', yaw), hint)

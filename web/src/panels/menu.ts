@@ -3,6 +3,7 @@
 import type { Actions } from '../actions'
 import { sentence } from '../actions'
 import type { Connection } from '../connection'
+import { scenarioTitle } from '../scenario_title'
 import type { Quality, Store } from '../store'
 import { bridge } from './bridge'
 import { h, setText } from './element'
@@ -170,7 +171,9 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
   }
 
   async function mayDiscard(): Promise<boolean> {
-    const text = `The edits of “${store.scene.value?.title}” are not saved. Another scenario discards them.`
+    const scene = store.scene.value
+    const title = scene ? scenarioTitle(scene.scenario, scene.title) : ''
+    const text = `The edits of “${title}” are not saved. Another scenario discards them.`
     const answer = await ask(
       'discard-dialog',
       'Unsaved edits',
@@ -186,7 +189,7 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
   async function load(name: string): Promise<void> {
     isLoading = select.disabled = true
     showText(error, '')
-    showText(note, `Loading ${store.welcome.value?.scenarios[name] ?? name}…`)
+    showText(note, `Loading ${scenarioTitle(name, store.welcome.value?.scenarios[name] ?? '')}…`)
     try {
       await connection.request({ type: 'LoadScenario', name })
     } catch (reason) {
@@ -198,9 +201,9 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
 
   function show(): void {
     const scene = store.scene.value
-    const known = store.welcome.value?.scenarios ?? {}
-    const isKnown = !scene || scene.scenario in known
-    setOptions(select, isKnown ? known : { [scene.scenario]: scene.title, ...known })
+    const titles = { ...(scene && { [scene.scenario]: scene.title }), ...store.welcome.value?.scenarios }
+    const shown = Object.entries(titles).map(([name, title]) => [name, scenarioTitle(name, title)])
+    setOptions(select, Object.fromEntries(shown))
     if (isLoading) return
     if (scene) select.value = scene.scenario
     const activity = store.status.value?.note

@@ -1,5 +1,6 @@
 // The dialog that saves the edited scenario: its title and the name of its file.
 import type { Editor } from '../editing/editor'
+import { scenarioTitle } from '../scenario_title'
 import type { Store } from '../store'
 import { h } from './element'
 import { ask } from './question'
@@ -9,7 +10,8 @@ const EDITED = ' (edited)'
 
 /** Asks for title and name, then downloads the file; returns whether it was saved. */
 export async function saveScenario(store: Store, editor: Editor): Promise<boolean> {
-  const before = store.scene.value?.title ?? ''
+  const scene = store.scene.value
+  const before = scene ? scenarioTitle(scene.scenario, scene.title) : ''
   const limits = { required: true, maxlength: 200, autocomplete: 'off' }
   const value = before.endsWith(EDITED) ? before : `${before}${EDITED}`
   const title = h('input', { type: 'text', testid: 'save-title', value, ...limits })

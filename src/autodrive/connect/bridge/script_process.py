@@ -13,6 +13,8 @@ from typing import IO
 from autodrive.base.child_process import environment
 from autodrive.base.errors import AutodriveError
 
+_running: set[ScriptProcess] = set()
+
 
 class ScriptProcess:
     """Runs `command`, in which '{port}' is a free port of this machine, in `folder`; what it prints goes to `output`.
@@ -34,6 +36,7 @@ class ScriptProcess:
             )
         except OSError as error:
             raise AutodriveError(f"the script cannot be started: {error.strerror}: {line[0]}") from None
+        _running.add(self)
 
     @property
     def end(self) -> str:
@@ -48,6 +51,13 @@ class ScriptProcess:
         """End the script."""
         self._process.kill()
         self._process.wait()
+        _running.discard(self)
+
+
+def close_all() -> None:
+    """End all scripts, for a process that ends without closing them."""
+    for script in list(_running):
+        script.close()
 
 
 def digest(command: str, folder: Path) -> str:

@@ -5,6 +5,7 @@ Socket.IO over WebSocket in the dialect of the original devkits (Engine.IO 3), w
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import re
@@ -66,7 +67,7 @@ def drive(step: Callable[[], object], *things: Device, host: str = "127.0.0.1", 
         step()
         return {key: text for thing in things for key, text in thing.generate_commands().items()}
 
-    with Server(respond, host=host, port=port) as server:
+    with Server(respond, host=host, port=port) as server, contextlib.suppress(KeyboardInterrupt):
         server.wait()
 
 

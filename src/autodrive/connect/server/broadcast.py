@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
     from autodrive.connect.server.served import Served
     from autodrive.world import World
+    from autodrive.world.scene_files import SceneFiles
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +45,7 @@ class Broadcast:
         self._scene_files_now: dict[str, File] = {}
         self._held: list[FrameUpdate | Completion] = []
         self._world: World | None = None
+        self._prepared: tuple[World, SceneFiles] | None = None
         self._loading: asyncio.Task[None] | None = None
         self._is_retry_pending = False
 
@@ -60,6 +62,10 @@ class Broadcast:
         if self._loading is not None:
             self._loading.cancel()
         await self.remote_views.close()
+
+    def prepare(self, world: World) -> None:
+        """Load the scene files of a World before its first Frame; called in another thread."""
+        self._prepared = world, self._scene_files(world)
 
     def offer_latest(self, client: ConnectedClient) -> None:
         """Offer the latest Frame to a client that is new or has changed its subscription."""
@@ -79,10 +85,14 @@ class Broadcast:
                 self._send(item)
 
     def _hold(self, item: FrameUpdate | Completion) -> None:
-        """Keep an item for later; of consecutive updates only the last is kept."""
-        if isinstance(item, FrameUpdate) and self._held and isinstance(before := self._held[-1], FrameUpdate):
-            events = (*before.events, *item.events) if before.world is item.world else item.events
-            self._held[-1] = FrameUpdate(item.world, item.frame, events[-MAX_EVENTS:])
+        """Keep an item for later: of consecutive updates the last of the World that is being loaded, and the last."""
+        before = self._held[-1] if self._held else None
+        if not (isinstance(item, FrameUpdate) and isinstance(before, FrameUpdate)):
+            self._held.append(item)
+        elif before.world is item.world:
+            self._held[-1] = FrameUpdate(item.world, item.frame, (*before.events, *item.events)[-MAX_EVENTS:])
+        elif len(self._held) > 1:
+            self._held[-1] = item
         else:
             self._held.append(item)
 
@@ -108,7 +118,11 @@ class Broadcast:
         self.note = "preparing the scene"
         self._on_change()
         try:
-            loaded = await asyncio.to_thread(self._scene_files, world)
+            made_of, loaded = self._prepared or (None, None)
+            if loaded is None or made_of is not world:
+                loaded = await asyncio.to_thread(self._scene_files, world)
+            else:
+                self._prepared = None
             new = immutable_files(loaded.files, "scene")
             self.files = self._scene_files_now | new  # a client may still be loading the previous scene
             self._scene_files_now = new

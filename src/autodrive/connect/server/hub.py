@@ -62,6 +62,7 @@ class Hub:
             self._leases,
             self._bridge,
             self.broadcast.remote_views,
+            prepare_scene=self.broadcast.prepare,
             on_change=self._send_status_soon,
             clock=self.now,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import count
 
 from autodrive.protocol.messages import LoadScenario, Reset, Seek, SetSceneLight, SetSpeed, SetTimeOfDay
 from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera
@@ -24,6 +25,8 @@ class Entry:
 
     operation: ServerOperation
     ids: list[int]
+    number: int = field(default_factory=count().__next__)
+    """Of two requests, the newer one has the greater number."""
     started: float = 0.0
     """Time at which its execution began [s]."""
     ended: float = 0.0
@@ -46,8 +49,7 @@ class RequestQueue:
             return False
         last = self._entries[-1] if self._entries else None
         if last and isinstance(request.operation, REPLACED) and type(last.operation) is type(request.operation):
-            last.operation = request.operation
-            last.ids.append(request.id)
+            self._entries[-1] = Entry(request.operation, [*last.ids, request.id])
         else:
             self._entries.append(Entry(request.operation, [request.id]))
         return True

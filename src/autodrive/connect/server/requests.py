@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from autodrive.connect.server.remote_view import RemoteViews
     from autodrive.connect.server.served import Served
     from autodrive.protocol.native import ServerOperation
+    from autodrive.world import World
 
 log = logging.getLogger(__name__)
 
@@ -59,6 +60,16 @@ class Answer(NamedTuple):
 NO_ANSWER = Answer()
 
 
+class Turn(NamedTuple):
+    """A request that is executed now."""
+
+    client: ConnectedClient
+    queue: RequestQueue
+    entry: Entry
+    older: tuple[Turn, ...] = ()
+    """Requests of other clients that it replaces; its answer is also theirs."""
+
+
 class Requests:
     """Used in the server's event loop. `on_change` is called when the Status changes.
 
@@ -74,6 +85,7 @@ class Requests:
         bridge: BridgeControl,
         remote_views: RemoteViews,
         *,
+        prepare_scene: Callable[[World], None],
         on_change: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
@@ -89,6 +101,7 @@ class Requests:
         self._replay = served.replay
         self._refusal = served.refusal
         self._recording_lock = asyncio.Lock()
+        self._prepare_scene = prepare_scene
         self._on_change = on_change
         self._clock = clock
         self._queues: dict[ConnectedClient, RequestQueue] = {}
@@ -138,9 +151,21 @@ class Requests:
                 earliest = min(earliest, free_at)
                 continue
             self._queues[client] = self._queues.pop(client)  # next time it is the turn of the others
-            self._begin(client, queue, queue.take(now))
+            self._begin(self._turn(client, queue, now))
         if earliest < math.inf:
             self._timer = asyncio.get_running_loop().call_later(earliest - now, self._execute_next)
+
+    def _turn(self, client: ConnectedClient, queue: RequestQueue, now: float) -> Turn:
+        """The next request of a client, or the newest LoadScenario if that is what several clients wait for."""
+        turn = Turn(client, queue, queue.take(now))
+        if not isinstance(turn.entry.operation, LoadScenario):
+            return turn
+        waiting = [
+            (who, its) for who, its in self._queues.items() if its.next and isinstance(its.next.operation, LoadScenario)
+        ]
+        turns = [turn, *(Turn(who, its, its.take(now)) for who, its in waiting)]
+        *older, newest = sorted(turns, key=lambda one: one.entry.number)
+        return newest._replace(older=tuple(older))
 
     def _execute_soon(self) -> None:
         """In a new turn of the event loop, so that many short Steps do not nest."""
@@ -152,51 +177,61 @@ class Requests:
             self._timer.cancel()
             self._timer = None
 
-    def _begin(self, client: ConnectedClient, queue: RequestQueue, entry: Entry) -> None:
+    def _begin(self, turn: Turn) -> None:
         try:
-            match entry.operation:
+            match turn.entry.operation:
                 case ConnectBridge(host=host, port=port):
-                    self._start(client, queue, entry, lambda: _no_answer(self._bridge.connect(host, port)))
+                    self._start(turn, lambda: _no_answer(self._bridge.connect(host, port)))
                 case DisconnectBridge():
-                    self._start(client, queue, entry, lambda: _no_answer(self._bridge.disconnect()))
+                    self._start(turn, lambda: _no_answer(self._bridge.disconnect()))
                 case StartRecording() | StopRecording() | SaveRecording() as operation:
-                    self._start(client, queue, entry, lambda: self._record(operation))
+                    self._start(turn, lambda: self._record(operation))
                 case PlotRecording() as plot:
-                    self._start(client, queue, entry, lambda: self._plot(plot))
+                    self._start(turn, lambda: self._plot(plot))
                 case SetCamera() as view:
-                    self._remote_views.set_view(client, view, self._clock())
-                    self._respond(client, queue, entry, self._simulation.frame)
+                    self._remote_views.set_view(turn.client, view, self._clock())
+                    self._respond(turn, self._simulation.frame)
+                case LoadScenario(name=name):
+                    self._is_busy = True
+                    self.note = f"loading the scenario {self._scenarios[name] or name}"
+                    self._on_change()
+                    self._keep(asyncio.create_task(self._load(turn, name)))
                 case operation:
                     self._is_busy = True
-                    self._submit(client, queue, entry, operation)
+                    self._submit(turn, operation)
         except Exception as error:
-            self._refuse(client, queue, entry, error)
+            self._refuse(turn, error)
 
-    def _respond(
-        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, frame: Frame, answer: Answer = NO_ANSWER
-    ) -> None:
-        for id in entry.ids:
-            client.respond(id, frame, answer.text, answer.curves)
-        self._end(queue, entry)
+    def _respond(self, turn: Turn, frame: Frame, answer: Answer = NO_ANSWER) -> None:
+        for one in (turn, *turn.older):
+            for id in one.entry.ids:
+                one.client.respond(id, frame, answer.text, answer.curves)
+        self._end(turn)
 
-    def _refuse(self, client: ConnectedClient, queue: RequestQueue, entry: Entry, error: BaseException) -> None:
+    def _refuse(self, turn: Turn, error: BaseException) -> None:
         if not isinstance(error, AutodriveError | _TakenError):
-            log.error("server: a %s failed", type(entry.operation).__name__, exc_info=error)
-        for id in entry.ids:
-            client.send_error(Error("taken" if isinstance(error, _TakenError) else "request", str(error), id))
-        self._end(queue, entry)
+            log.error("server: a %s failed", type(turn.entry.operation).__name__, exc_info=error)
+        for one in (turn, *turn.older):
+            for id in one.entry.ids:
+                one.client.send_error(Error("taken" if isinstance(error, _TakenError) else "request", str(error), id))
+        self._end(turn)
 
-    def _end(self, queue: RequestQueue, entry: Entry) -> None:
+    def _end(self, turn: Turn) -> None:
         """The request was executed: choose the time of the client's next one."""
-        now = time.perf_counter()
-        queue.is_busy = False
+        now, entry = time.perf_counter(), turn.entry
         is_of_server = isinstance(entry.operation, OF_SERVER)
-        if not isinstance(entry.operation, Step) and not self._simulation.is_paused:
-            work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
-            queue.free_at = now + (1.0 / SHARE - 1.0) * work
-            if not is_of_server:
-                self._limit.tokens(now)
-                self._limit.take(entry.ended - entry.started)
+        is_limited = not isinstance(entry.operation, Step) and not self._simulation.is_paused
+        for one in (turn, *turn.older):
+            one.queue.is_busy = False
+            if is_limited:
+                work = max(now - entry.started, LEAST_WORK.get(type(entry.operation), 0.0))
+                one.queue.free_at = now + (1.0 / SHARE - 1.0) * work
+        if is_limited and not is_of_server:
+            self._limit.tokens(now)
+            self._limit.take(entry.ended - entry.started)
+        if isinstance(entry.operation, LoadScenario):
+            self.note = ""
+            self._on_change()
         if not is_of_server:
             self._is_busy = False
         self._execute_soon()
@@ -207,27 +242,44 @@ class Requests:
             return ""
         return f"scenario '{operation.name}' is not known. {suggest(operation.name, list(self._scenarios))}"
 
-    def _submit(self, client: ConnectedClient, queue: RequestQueue, entry: Entry, operation: Operation) -> None:
+    async def _load(self, turn: Turn, name: str) -> None:
+        """Make a World and its scene while time goes on in the present one, then let the simulation change to it."""
+
+        def prepare() -> None:
+            if world := self._simulation.prepare(name):
+                self._prepare_scene(world)
+
+        try:
+            await asyncio.to_thread(prepare)
+            self._submit(turn, turn.entry.operation)
+        except Exception as error:
+            self._refuse(turn, error)
+
+    def _submit(self, turn: Turn, operation: Operation) -> None:
         """Pass an operation to the simulation."""
         if isinstance(operation, Step):
-            self._check_step(client, operation)
+            self._check_step(turn.client, operation)
         future = self._simulation.request(operation, here=True)
-        self._on_submitted(operation)
+        if isinstance(operation, Step):
+            self._frame_queue.steps += 1
 
         def note_end(_: Future[Frame]) -> None:
-            entry.ended = time.perf_counter()
+            turn.entry.ended = time.perf_counter()
 
         def reply(done: Future[Frame]) -> None:
-            self._on_done(operation)
+            if isinstance(operation, Step):
+                self._frame_queue.steps -= 1
+            else:
+                self._on_change()
             try:
                 frame = done.result()
                 text = self._text(operation)
             except CancelledError:
-                self._refuse(client, queue, entry, AutodriveError("the simulation has ended"))
+                self._refuse(turn, AutodriveError("the simulation has ended"))
             except Exception as error:
-                self._refuse(client, queue, entry, error)
+                self._refuse(turn, error)
             else:
-                self._respond(client, queue, entry, frame, Answer(text))
+                self._respond(turn, frame, Answer(text))
 
         future.add_done_callback(note_end)
         self._frame_queue.call_when_done(future, reply)
@@ -260,30 +312,7 @@ class Requests:
             if vehicle not in drivers:
                 self._on_change()
 
-    def _on_submitted(self, operation: Operation) -> None:
-        match operation:
-            case Step():
-                self._frame_queue.steps += 1
-            case LoadScenario(name=name):
-                self.note = f"loading the scenario {self._scenarios[name] or name}"
-                self._on_change()
-            case _:
-                pass
-
-    def _on_done(self, operation: Operation) -> None:
-        match operation:
-            case Step():
-                self._frame_queue.steps -= 1
-                return
-            case LoadScenario():
-                self.note = ""
-            case _:
-                pass
-        self._on_change()
-
-    def _start(
-        self, client: ConnectedClient, queue: RequestQueue, entry: Entry, work: Callable[[], Awaitable[Answer]]
-    ) -> None:
+    def _start(self, turn: Turn, work: Callable[[], Awaitable[Answer]]) -> None:
         """Let the server work on a request, and respond after that."""
         if len(self._tasks) >= MAX_PENDING:
             raise AutodriveError("too many clients connect the bridge, record or plot at the same time")
@@ -292,12 +321,15 @@ class Requests:
             try:
                 answer = await work()
             except Exception as error:
-                self._refuse(client, queue, entry, error)
+                self._refuse(turn, error)
             else:
-                self._respond(client, queue, entry, self._simulation.frame, answer)
+                self._respond(turn, self._simulation.frame, answer)
             self._on_change()
 
-        task = asyncio.create_task(execute())
+        self._keep(asyncio.create_task(execute()))
+
+    def _keep(self, task: asyncio.Task[None]) -> None:
+        """The event loop itself keeps no reference to a task."""
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 

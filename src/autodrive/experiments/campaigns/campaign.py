@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+import signal
+import threading
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -121,7 +124,8 @@ class Campaign:
         problems = [*_problems(spec, folder)]
         campaign = None
         try:
-            descriptions = read_scenario(_found(spec.scenario, folder))
+            is_file = Path(spec.scenario).suffix in {".yaml", ".yml"}
+            descriptions = read_scenario(str(folder / spec.scenario) if is_file else spec.scenario)
             campaign = cls(spec, descriptions, folder, path.stem, path)
             if spec.vehicle and spec.vehicle not in campaign.scenario.vehicles:
                 problems.append((("vehicle",), suggest(spec.vehicle, list(campaign.scenario.vehicles))))
@@ -165,6 +169,11 @@ class Campaign:
         """The pass criterion; None if there is none."""
         return Expression(self.spec.pass_, self.metric_names) if self.spec.pass_ else None
 
+    def keeps_recording(self, metrics: Mapping[str, float], error: str = "") -> bool:
+        """Whether the recording of a run with that result is kept."""
+        has_failed = bool(error) or (self.criterion is not None and not self.criterion.holds(metrics))
+        return self.spec.record == "all" or (self.spec.record == "failures" and has_failed)
+
     def __len__(self) -> int:
         """Number of runs."""
         return len(self.design) * len(self.spec.seed_list)
@@ -197,13 +206,34 @@ def policy_file(driver: str, folder: Path) -> Path | None:
     return included if included.is_file() and not own.is_file() else own
 
 
-def loading_problem(folder: Path, file: str, name: str) -> str:
-    """Why a class or function of the user's file cannot be loaded, with its line; empty if it can."""
+def _loading_problem(folder: Path, file: str, name: str, limit: float) -> str:
+    """Why a class or function of the user's file cannot be loaded within a time [s]; empty if it can."""
+    if not (folder / file).is_file():
+        return f"file '{file}' does not exist"
     try:
-        load(folder / file, name)
+        with _limited(limit, f"'{file}' was not loaded within {limit:g} s (the key 'time_limit')"):
+            load(folder / file, name)
     except (Exception, SystemExit) as error:
         return error_text(error, folder)
     return ""
+
+
+@contextlib.contextmanager
+def _limited(limit: float, text: str) -> Iterator[None]:
+    """Raises `TimeoutError` with that text after the wall time `limit` [s], where the system can interrupt a thread."""
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def end(*_: object) -> None:
+        raise TimeoutError(text)
+
+    handler, timer = signal.signal(signal.SIGALRM, end), signal.setitimer(signal.ITIMER_REAL, limit)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, *timer)
+        signal.signal(signal.SIGALRM, handler)
 
 
 def error_text(error: BaseException, folder: Path) -> str:
@@ -217,17 +247,12 @@ def error_text(error: BaseException, folder: Path) -> str:
     return f"{text}  ({Path(places[-1].filename).name}, line {places[-1].lineno})" if places else text
 
 
-def _found(name: str, folder: Path) -> str:
-    """A file beside the campaign, or a name."""
-    return str(folder / name) if Path(name).suffix in {".yaml", ".yml"} else name
-
-
 def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beside the scenario: places and texts."""
     for i, name in enumerate(spec.metrics):
         if found := FUNCTION.fullmatch(name):
-            if not (folder / found["file"]).is_file():
-                yield ("metrics", i), f"file '{found['file']}' does not exist"
+            if problem := _loading_problem(folder, found["file"], found["name"], spec.time_limit):
+                yield ("metrics", i), problem
         elif name not in METRICS:
             yield ("metrics", i), f"'{name}' is not known. {suggest(name, sorted(METRICS))}"
     columns = [name.rpartition(":")[2] for name in spec.metrics]
@@ -239,9 +264,7 @@ def _problems(spec: CampaignSpec, folder: Path) -> Iterator[tuple[tuple[str | in
         except ValueError as error:
             yield ("pass",), str(error)
     if found := FUNCTION.fullmatch(spec.driver):
-        if not (folder / found["file"]).is_file():
-            yield ("driver",), f"file '{found['file']}' does not exist"
-        elif problem := loading_problem(folder, found["file"], found["name"]):
+        if problem := _loading_problem(folder, found["file"], found["name"], spec.time_limit):
             yield ("driver",), problem
     elif policy := policy_file(spec.driver, folder):
         try:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import queue
-import threading
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Protocol
 
@@ -64,43 +64,33 @@ class LocalExecutor:
     def __init__(self, campaign: Campaign, workers: int) -> None:
         campaign = replace(campaign)  # without what it has computed, which the workers would receive
         self.workers = [Worker(campaign) for _ in range(workers)]
-        self._runs: queue.SimpleQueue[Run | None] = queue.SimpleQueue()
-        self._results: queue.SimpleQueue[Result | BaseException] = queue.SimpleQueue()
-        self._pending = 0
-        self._is_cancelled = False
-        for worker in self.workers:
-            threading.Thread(target=self._work, args=(worker,), name="autodrive-campaign", daemon=True).start()
-
-    @property
-    def size(self) -> int:
+        self.size = workers
         """Number of worker processes."""
-        return len(self.workers)
+        self._idle = queue.SimpleQueue[Worker]()
+        for worker in self.workers:
+            self._idle.put(worker)
+        self._threads = ThreadPoolExecutor(workers, "autodrive-campaign")
+        self._pending: set[Future[Result]] = set()
 
     def submit(self, run: Run) -> None:
         """Run it as soon as a worker is free."""
-        self._pending += 1
-        self._runs.put(run)
+        self._pending.add(self._threads.submit(self._run, run))
 
     def results(self) -> Iterator[Result]:
         """Results as runs end."""
         while self._pending:
-            result = self._results.get()
-            self._pending -= 1
-            if isinstance(result, BaseException):
-                raise result
-            yield result
+            ended, self._pending = wait(self._pending, return_when=FIRST_COMPLETED)
+            yield from (one.result() for one in ended)
 
     def cancel(self) -> None:
         """End the workers."""
-        self._is_cancelled = True
+        self._threads.shutdown(wait=False, cancel_futures=True)
         for worker in self.workers:
-            self._runs.put(None)
             worker.close()
 
-    def _work(self, worker: Worker) -> None:
-        """Of one worker, in its thread."""
-        while (run := self._runs.get()) is not None and not self._is_cancelled:
-            try:
-                self._results.put(worker.run(run))
-            except BaseException as error:  # `results` raises it
-                self._results.put(error)
+    def _run(self, run: Run) -> Result:
+        worker = self._idle.get()
+        try:
+            return worker.run(run)
+        finally:
+            self._idle.put(worker)

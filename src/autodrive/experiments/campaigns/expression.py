@@ -57,7 +57,7 @@ class Expression:
 
     def holds(self, values: Mapping[str, float]) -> bool:
         """Whether the condition is true."""
-        return _holds(self._tree, values)
+        return _judged(self._tree, values)[0]
 
     def margin(self, values: Mapping[str, float]) -> float:
         """How far the condition is from changing: positive if it holds, negative if not, in the units of the numbers.
@@ -65,7 +65,7 @@ class Expression:
         The margin of `a < b` is b - a, that of `and` the least and that of `or` the greatest of its parts; an equality
         that holds has no limit (inf), and a number that is missing gives -inf.
         """
-        return _margin(self._tree, values)
+        return _judged(self._tree, values)[1]
 
 
 def _problems(node: ast.expr, names: list[str], *, is_condition: bool) -> Iterator[str]:
@@ -101,34 +101,21 @@ def _problems(node: ast.expr, names: list[str], *, is_condition: bool) -> Iterat
         yield from _problems(part, names, is_condition=False)
 
 
-def _holds(node: Any, values: Mapping[str, float]) -> bool:
+def _judged(node: Any, values: Mapping[str, float]) -> tuple[bool, float]:
+    """Whether a condition is true, and its margin."""
     match node:
-        case ast.BoolOp(op=ast.And(), values=parts):
-            return all(_holds(part, values) for part in parts)
-        case ast.BoolOp(values=parts):
-            return any(_holds(part, values) for part in parts)
+        case ast.BoolOp(op=op, values=parts):
+            holds, margins = zip(*(_judged(part, values) for part in parts), strict=True)
+            return (all(holds), min(margins)) if isinstance(op, ast.And) else (any(holds), max(margins))
         case ast.UnaryOp(operand=operand):
-            return not _holds(operand, values)
+            holds, margin = _judged(operand, values)
+            return not holds, -margin
         case _:
-            return all(_COMPARISONS[type(op)](a, b) for op, a, b in _compared(node, values))
-
-
-def _margin(node: Any, values: Mapping[str, float]) -> float:
-    match node:
-        case ast.BoolOp(op=ast.And(), values=parts):
-            return min(_margin(part, values) for part in parts)
-        case ast.BoolOp(values=parts):
-            return max(_margin(part, values) for part in parts)
-        case ast.UnaryOp(operand=operand):
-            return -_margin(operand, values)
-        case _:
-            margins = [_MARGINS[type(op)](a, b) for op, a, b in _compared(node, values)]
-            return -math.inf if any(map(math.isnan, margins)) else min(margins)
-
-
-def _compared(node: ast.Compare, values: Mapping[str, float]) -> Iterator[tuple[ast.cmpop, float, float]]:
-    numbers = [_number(part, values) for part in (node.left, *node.comparators)]
-    return zip(node.ops, numbers[:-1], numbers[1:], strict=True)
+            numbers = [_number(part, values) for part in (node.left, *node.comparators)]
+            compared = [*zip(node.ops, numbers[:-1], numbers[1:], strict=True)]
+            margins = [_MARGINS[type(op)](a, b) for op, a, b in compared]
+            margin = -math.inf if any(map(math.isnan, margins)) else min(margins)
+            return all(_COMPARISONS[type(op)](a, b) for op, a, b in compared), margin
 
 
 def _number(node: Any, values: Mapping[str, float]) -> float:

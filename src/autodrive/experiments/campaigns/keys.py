@@ -20,6 +20,8 @@ from autodrive.scenario.files import files_of
 
 ROWS = cache_folder("campaigns").with_name("campaigns") / "rows.sqlite"
 """The rows of all campaigns of this user."""
+KEPT = ("metrics", "end", "time", "digest")
+"""Of a result."""
 
 
 class RunKeys:
@@ -61,19 +63,14 @@ class RowCache:
         found = self._rows.execute("SELECT row FROM rows WHERE key = ?", (key,)).fetchone()
         if found is None:
             return None
-        row = json.loads(found[0])
-        return Result(number, row["metrics"], row["end"], row["time"])
+        return Result(number, **json.loads(found[0]))
 
     def add(self, rows: Iterable[tuple[str, Result]]) -> None:
         """Keep results; those with an error are not kept."""
         with self._rows:
             self._rows.executemany(
                 "INSERT OR REPLACE INTO rows VALUES (?, ?)",
-                [
-                    (key, json.dumps({"metrics": one.metrics, "end": one.end, "time": one.time}))
-                    for key, one in rows
-                    if not one.error
-                ],
+                [(key, json.dumps({name: getattr(one, name) for name in KEPT})) for key, one in rows if not one.error],
             )
 
     def close(self) -> None:

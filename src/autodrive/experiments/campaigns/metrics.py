@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
@@ -13,7 +15,9 @@ from shapely.affinity import affine_transform
 
 from autodrive.base.transforms import yaw_from_quaternion
 from autodrive.experiments.campaigns.scene import Scene
-from autodrive.protocol.messages import Collision, Frame, LapCompleted, OffRoad, VehicleFrame
+from autodrive.protocol.messages import Collision, Frame, LapCompleted, OffRoad
+
+T = TypeVar("T", Collision, OffRoad, LapCompleted)
 
 PERIOD = 0.05
 """Time between two samples of a metric that is too slow for each tick [s]."""
@@ -22,7 +26,7 @@ PERIOD = 0.05
 class Metric:
     """A number of a run; `observe` receives each Frame, the first one at time 0."""
 
-    every_tick: ClassVar[bool] = True
+    every_tick: bool = True
     """False: `observe` receives a Frame each `PERIOD` only."""
 
     def __init__(self, scene: Scene) -> None:
@@ -37,134 +41,44 @@ class Metric:
         """The number at the end of the run; nan if there is none."""
         return self.amount
 
-    def vehicle(self, frame: Frame) -> VehicleFrame:
-        """The vehicle of the campaign."""
-        return frame.vehicles[self.scene.vehicle]
+
+@dataclass(frozen=True)
+class Kind:
+    """Metrics of one number of each Frame: calling it makes one for a run."""
+
+    sample: Callable[[Scene, Frame, Frame | None], float]
+    """Of a Frame and of the one before, which the first one does not have; nan: none."""
+    take: Callable[[float, float], float] = operator.add
+    """The amount with one more sample."""
+    start: float = 0.0
+    """The amount without samples."""
+    end: Callable[[float, int], float] = lambda amount, count: amount
+    """The number, from the amount and the count of samples."""
+    every_tick: bool = True
+
+    def __call__(self, scene: Scene) -> Metric:
+        """The metric of a run."""
+        return _Sampled(scene, self)
 
 
-class Distance(Metric):
-    """Path length of the rear axle centre [m]."""
+class _Sampled(Metric):
+    """See `Kind`."""
 
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        if frame.tick:
-            self.amount += math.hypot(*self.vehicle(frame).velocity[:2].tolist()) * self.scene.scenario.tick
-
-
-class Collisions(Metric):
-    """Collisions of the vehicle."""
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        for event in frame.events:
-            self.amount += isinstance(event, Collision) and event.vehicle == self.scene.vehicle
-
-
-class Departures(Metric):
-    """How often the vehicle left the drivable area."""
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        for event in frame.events:
-            self.amount += isinstance(event, OffRoad) and event.vehicle == self.scene.vehicle
-
-
-class Laps(Metric):
-    """Laps that the vehicle completed; needs a race track."""
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        for event in frame.events:
-            self.amount += isinstance(event, LapCompleted) and event.vehicle == self.scene.vehicle
-
-
-class LapTime(Metric):
-    """Time of the best lap [s]; missing without a complete lap."""
-
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, kind: Kind) -> None:
         super().__init__(scene)
-        self.amount = math.nan
+        self._kind, self.every_tick, self.amount = kind, kind.every_tick, kind.start
+        self._count = 0
+        self._before: Frame | None = None
 
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        for event in frame.events:
-            if isinstance(event, LapCompleted) and event.vehicle == self.scene.vehicle:
-                self.amount = min(event.lap_time, self.amount) if self.amount == self.amount else event.lap_time
+    def observe(self, frame: Frame) -> None:
+        sample = self._kind.sample(self.scene, frame, self._before)
+        self._before = frame
+        if not math.isnan(sample):
+            self.amount = self._kind.take(self.amount, sample)
+            self._count += 1
 
-
-class MeanSpeed(Metric):
-    """Mean of the speed along the vehicle [m/s]."""
-
-    count = 0
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        self.amount += self.vehicle(frame).speed
-        self.count += 1
-
-    def value(self) -> float:  # noqa: D102
-        return self.amount / self.count
-
-
-class MaxSpeed(Metric):
-    """Greatest speed along the vehicle [m/s]."""
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        self.amount = max(self.amount, self.vehicle(frame).speed)
-
-
-class Energy(Metric):
-    """Work that accelerates the vehicle [J]: the sum of all increases of its kinetic energy."""
-
-    last = 0.0
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        speed = self.vehicle(frame).speed
-        kinetic = 0.5 * self.scene.vehicles[self.scene.vehicle].body.mass * speed * speed
-        if frame.tick:
-            self.amount += max(0.0, kinetic - self.last)
-        self.last = kinetic
-
-
-class SteeringRms(Metric):
-    """Root mean square of the rate of the steering angle [rad/s]."""
-
-    last, count = 0.0, 0
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        angle = self.vehicle(frame).steering
-        if frame.tick:
-            self.amount += ((angle - self.last) / self.scene.scenario.tick) ** 2
-            self.count += 1
-        self.last = angle
-
-    def value(self) -> float:  # noqa: D102
-        return math.sqrt(self.amount / self.count) if self.count else 0.0
-
-
-class LateralErrorRms(Metric):
-    """Root mean square of the distance from the nearest lane that leads in the direction of the vehicle [m]."""
-
-    every_tick = False
-    count = 0
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        error = _lateral_error(self.scene, self.vehicle(frame))
-        if not math.isnan(error):
-            self.amount += error * error
-            self.count += 1
-
-    def value(self) -> float:  # noqa: D102
-        return math.sqrt(self.amount / self.count) if self.count else math.nan
-
-
-class LateralErrorMax(Metric):
-    """Greatest distance from the nearest lane that leads in the direction of the vehicle [m]."""
-
-    every_tick = False
-
-    def __init__(self, scene: Scene) -> None:
-        super().__init__(scene)
-        self.amount = math.nan
-
-    def observe(self, frame: Frame) -> None:  # noqa: D102
-        error = abs(_lateral_error(self.scene, self.vehicle(frame)))
-        if not self.amount >= error:
-            self.amount = error
+    def value(self) -> float:
+        return self._kind.end(self.amount, self._count)
 
 
 class MinClearance(Metric):
@@ -185,7 +99,7 @@ class MinClearance(Metric):
         return shapely.STRtree([shape.plan for shape in self.scene.map.statics])
 
     def observe(self, frame: Frame) -> None:  # noqa: D102
-        own = _placed(self._outlines[self.scene.vehicle], self.vehicle(frame).pose)
+        own = _placed(self._outlines[self.scene.vehicle], frame.vehicles[self.scene.vehicle].pose)
         others = [_placed(self._boxes[name], one.pose) for name, one in frame.objects.items()]
         others += [
             _placed(self._outlines[name], one.pose)
@@ -215,28 +129,85 @@ class FunctionMetric(Metric):
         return math.nan if value is None else float(value)
 
 
-METRICS: dict[str, type[Metric]] = {
-    "collisions": Collisions,
-    "departures": Departures,
-    "distance": Distance,
-    "energy": Energy,
-    "lap_time": LapTime,
-    "laps": Laps,
-    "lateral_error_max": LateralErrorMax,
-    "lateral_error_rms": LateralErrorRms,
-    "max_speed": MaxSpeed,
-    "mean_speed": MeanSpeed,
+def _events(scene: Scene, frame: Frame, kind: type[T]) -> list[T]:
+    """Those of that kind of the vehicle."""
+    return [one for one in frame.events if isinstance(one, kind) and one.vehicle == scene.vehicle]
+
+
+def _count(kind: type[Collision | OffRoad | LapCompleted]) -> Kind:
+    return Kind(lambda scene, frame, before: float(len(_events(scene, frame, kind))))
+
+
+def _lap_time(scene: Scene, frame: Frame, before: Frame | None) -> float:
+    return min((one.lap_time for one in _events(scene, frame, LapCompleted)), default=math.nan)
+
+
+def _speed(scene: Scene, frame: Frame, before: Frame | None) -> float:
+    """Along the vehicle [m/s]."""
+    return frame.vehicles[scene.vehicle].speed
+
+
+def _way(scene: Scene, frame: Frame, before: Frame | None) -> float:
+    """Of the rear axle centre in a tick [m]."""
+    speed = math.hypot(*frame.vehicles[scene.vehicle].velocity[:2].tolist())
+    return math.nan if before is None else speed * scene.scenario.tick
+
+
+def _work(scene: Scene, frame: Frame, before: Frame | None) -> float:
+    """Increase of the kinetic energy [J]."""
+    if before is None:
+        return math.nan
+    mass = scene.vehicles[scene.vehicle].body.mass
+    now, then = (0.5 * mass * speed * speed for speed in (_speed(scene, one, None) for one in (frame, before)))
+    return max(0.0, now - then)
+
+
+def _square_steering_rate(scene: Scene, frame: Frame, before: Frame | None) -> float:
+    """[rad^2/s^2]."""
+    if before is None:
+        return math.nan
+    angle, last = (one.vehicles[scene.vehicle].steering for one in (frame, before))
+    return ((angle - last) / scene.scenario.tick) ** 2
+
+
+def _lateral_error(scene: Scene, frame: Frame, before: Frame | None) -> float:
+    """Distance from the nearest lane that leads in the direction of the vehicle [m]; nan without one."""
+    pose = frame.vehicles[scene.vehicle].pose
+    x, y = pose.position[:2].tolist()
+    point = scene.map.lane_graph.nearest(x, y, yaw_from_quaternion(pose.orientation))
+    return math.nan if point is None else abs(point.offset)
+
+
+def _least(amount: float, sample: float) -> float:
+    return amount if amount <= sample else sample
+
+
+def _greatest(amount: float, sample: float) -> float:
+    return amount if amount >= sample else sample
+
+
+def _root_mean(amount: float, count: int, none: float = math.nan) -> float:
+    """Of squares."""
+    return math.sqrt(amount / count) if count else none
+
+
+METRICS: dict[str, Callable[[Scene], Metric]] = {
+    "collisions": _count(Collision),
+    "departures": _count(OffRoad),
+    "distance": Kind(_way),
+    "energy": Kind(_work),
+    "lap_time": Kind(_lap_time, _least, math.nan),
+    "laps": _count(LapCompleted),
+    "lateral_error_max": Kind(_lateral_error, _greatest, math.nan, every_tick=False),
+    "lateral_error_rms": Kind(
+        _lateral_error, lambda amount, one: amount + one * one, 0.0, _root_mean, every_tick=False
+    ),
+    "max_speed": Kind(_speed, _greatest),
+    "mean_speed": Kind(_speed, end=operator.truediv),
     "min_clearance": MinClearance,
-    "steering_rate_rms": SteeringRms,
+    "steering_rate_rms": Kind(_square_steering_rate, end=lambda amount, count: _root_mean(amount, count, 0.0)),
 }
-"""The metrics by name."""
-
-
-def _lateral_error(scene: Scene, vehicle: VehicleFrame) -> float:
-    """Signed distance from the nearest lane [m]; nan without one."""
-    x, y = vehicle.pose.position[:2].tolist()
-    point = scene.map.lane_graph.nearest(x, y, yaw_from_quaternion(vehicle.pose.orientation))
-    return math.nan if point is None else point.offset
+"""The metrics by name, see docs/campaigns.md."""
 
 
 def _outline(spec: Any) -> shapely.Polygon:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import math
 from collections import OrderedDict, deque
@@ -38,6 +39,8 @@ class Result:
     """'time', or the name of the event that ended it."""
     time: float = 0.0
     """Simulated time [s]."""
+    digest: int = 0
+    """Of end, metrics and last poses: whether two runs differ."""
     error: str = ""
     """Why there is no result; empty if there is one."""
     recording: str = ""
@@ -57,7 +60,7 @@ class Runner:
             world = self.world(run.values)
             started()
             result = self._drive(run, world)
-            if run.recording and self._is_recorded(result):
+            if run.recording and self.campaign.keeps_recording(result.metrics, result.error):
                 result = self._drive(run, world, Path(run.recording))
         except AutodriveError as error:
             return Result(run.number, error=str(error).replace("\n", " "))
@@ -68,11 +71,6 @@ class Runner:
         for world in self._worlds.values():
             world.close()
         self._worlds.clear()
-
-    def _is_recorded(self, result: Result) -> bool:
-        wanted, criterion = self.campaign.spec.record, self.campaign.criterion
-        has_failed = bool(result.error) or (criterion is not None and not criterion.holds(result.metrics))
-        return wanted == "all" or (wanted == "failures" and has_failed)
 
     def world(self, values: Mapping[str, Value]) -> World:
         """The compiled world for these values; poses and factors are set by `_drive`."""
@@ -120,7 +118,8 @@ class Runner:
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a driver must not end the campaign, whatever it raises
-                result = Result(run.number, time=world.time, error=_reason(error, self.campaign.folder))
+                reason = str(error) if isinstance(error, DriverError) else error_text(error, self.campaign.folder)
+                result = Result(run.number, time=world.time, error=reason)
         return replace(result, recording=str(recording)) if recording else result
 
     def _frames(self, run: Run, world: World, scene: Scene, frame: Frame, stack: contextlib.ExitStack) -> Result:
@@ -153,20 +152,13 @@ class Runner:
             if frame.events and (ended := self._ended(frame)):
                 end = ended
                 break
-        return Result(run.number, {name: float(one.value()) for name, one in metrics.items()}, end, world.time)
+        values = {name: float(one.value()) for name, one in metrics.items()}
+        return Result(run.number, values, end, world.time, _digest(frame, end, values))
 
     def _ended(self, frame: Frame) -> str:
         """The event that ends the run, if any."""
-        names = self.campaign.spec.stop.events
-        vehicle = self.campaign.vehicle
-        return next(
-            (
-                type(event).__name__
-                for event in frame.events
-                if type(event).__name__ in names and event.vehicle == vehicle
-            ),
-            "",
-        )
+        own = (type(event).__name__ for event in frame.events if event.vehicle == self.campaign.vehicle)
+        return next((name for name in own if name in self.campaign.spec.stop.events), "")
 
     def _driver(self, arguments: dict[str, Value]) -> Driver:
         if policy := self.campaign.policy:
@@ -189,5 +181,9 @@ def _pose(placed: Any, given: Mapping[str, float]) -> tuple[float, float, float]
     return x, y, math.radians(yaw_deg)
 
 
-def _reason(error: BaseException, folder: Path) -> str:
-    return str(error) if isinstance(error, DriverError) else error_text(error, folder)
+def _digest(frame: Frame, *results: object) -> int:
+    """Of the last poses and of other results, in 8 bytes."""
+    poses = [one.pose for one in (*frame.vehicles.values(), *frame.objects.values())]
+    data = b"".join(part.tobytes() for pose in poses for part in (pose.position, pose.orientation))
+    data += repr((frame.time, *results)).encode()
+    return int.from_bytes(hashlib.blake2b(data, digest_size=8).digest(), signed=True)

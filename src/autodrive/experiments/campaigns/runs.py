@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,12 @@ class Progress:
     """Of these, rows that were known."""
     failures: int = 0
     errors: int = 0
+
+    def count(self, status: str) -> None:
+        """There is one more row."""
+        self.done += 1
+        self.failures += status == "fail"
+        self.errors += status == "error"
 
 
 class CampaignObserver:
@@ -81,97 +87,80 @@ def run_campaign(
     folder = Path(output or f"{campaign.name}_results")
     make_folder(folder)
     with locked(folder):
-        return _run_campaign(campaign, folder, workers, executor, cache, observer, uses_cache=uses_cache)
+        table = Table(folder, campaign)
+        cache = (cache or RowCache()) if uses_cache else None
+        observer, progress = observer or CampaignObserver(), Progress(len(campaign))
+        batch: list[tuple[str, Result]] = []
+        earlier = table.start()
+        keys, key_of = RunKeys(campaign), dict[int, tuple[Run, str]]()
+        numbers = iter(range(len(campaign)))
 
+        def add(run: Run, key: str, result: Result, *, is_new: bool) -> None:
+            row = table.add(run, key, result)
+            progress.count(row["status"])
+            progress.reused += not is_new
+            if is_new:
+                batch.append((key, result))
+            if table.is_due:
+                flush()
+            observer.progress(progress)
 
-def _run_campaign(
-    campaign: Campaign,
-    folder: Path,
-    workers: int | None,
-    executor: Executor | None,
-    cache: RowCache | None,
-    observer: CampaignObserver | None,
-    *,
-    uses_cache: bool,
-) -> Outcome:
-    table = Table(folder, campaign)
-    cache = (cache or RowCache()) if uses_cache else None
-    observer, progress = observer or CampaignObserver(), Progress(len(campaign))
-    batch: list[tuple[str, Result]] = []
-    earlier = table.start()
-    keys, key_of = RunKeys(campaign), dict[int, tuple[Run, str]]()
-    numbers = iter(range(len(campaign)))
+        def flush() -> None:
+            table.write_part()
+            if cache is not None:
+                cache.add(batch)
+            batch.clear()
 
-    def add(run: Run, key: str, result: Result, *, is_new: bool) -> None:
-        row = table.add(run, key, result)
-        progress.done += 1
-        progress.reused += not is_new
-        progress.failures += row["status"] == "fail"
-        progress.errors += row["status"] == "error"
-        if is_new:
-            batch.append((key, result))
-        if table.is_due:
-            flush()
-        observer.progress(progress)
-
-    def flush() -> None:
-        table.write_part()
-        if cache is not None:
-            cache.add(batch)
-        batch.clear()
-
-    def reused(run: Run, key: str) -> Result | None:
-        row = earlier.get(run.number)
-        if row is not None and row["key"] == key and not row["error"]:
-            result = _result(row, campaign)
-        else:
-            result = None if cache is None else cache.get(key, run.number)
-        file = folder / "recordings" / recording_name(run.number)
-        if result is None or not _is_recorded(campaign, result):
-            return result
-        return (
-            Result(run.number, result.metrics, result.end, result.time, recording=file.name) if file.is_file() else None
-        )
-
-    def new_runs() -> Iterator[Run]:
-        """The runs that must run; those that are known are added."""
-        for number in numbers:
-            if is_stopped and earlier.get(number) is None:
-                continue
-            run = campaign.run(number)
-            if campaign.spec.record != "none":
-                file = folder / "recordings" / recording_name(number)
-                run = Run(run.number, run.sample, run.seed, run.values, str(file.absolute()))
-            key = keys.of(run)
-            if (result := reused(run, key)) is not None:
-                add(run, key, result, is_new=False)
+        def reused(run: Run, key: str) -> Result | None:
+            row = earlier.get(run.number)
+            if row is not None and row["key"] == key and not row["error"]:
+                result = _result(row, campaign)
             else:
-                key_of[number] = run, key
-                yield run
+                result = None if cache is None else cache.get(key, run.number)
+            file = folder / "recordings" / recording_name(run.number)
+            if result is None or not campaign.keeps_recording(result.metrics):
+                return result
+            return replace(result, recording=file.name) if file.is_file() else None
 
-    is_complete, is_stopped, runs = False, False, new_runs()
-    try:
-        first = next(runs, None)
-        if first is not None:
-            executor = executor or local_executor(campaign, workers)
-            executor.submit(first)
-            _feed(executor, runs, AHEAD * executor.size - 1)
-            for result in executor.results():
-                _feed(executor, runs, 1)
-                add(*key_of.pop(result.number), result, is_new=True)
-        is_complete = True
-    except KeyboardInterrupt:
-        pass
-    finally:
-        if executor is not None:
-            executor.cancel()
-        is_stopped = True
-        for _ in new_runs():  # rows of an earlier campaign that it had not come to stay in the table
+        def new_runs() -> Iterator[Run]:
+            """The runs that must run; those that are known are added."""
+            for number in numbers:
+                if is_stopped and earlier.get(number) is None:
+                    continue
+                run = campaign.run(number)
+                if campaign.spec.record != "none":
+                    file = folder / "recordings" / recording_name(number)
+                    run = Run(run.number, run.sample, run.seed, run.values, str(file.absolute()))
+                key = keys.of(run)
+                if (result := reused(run, key)) is not None:
+                    add(run, key, result, is_new=False)
+                else:
+                    key_of[number] = run, key
+                    yield run
+
+        is_complete, is_stopped, runs = False, False, new_runs()
+        try:
+            first = next(runs, None)
+            if first is not None:
+                executor = executor or local_executor(campaign, workers)
+                executor.submit(first)
+                _feed(executor, runs, AHEAD * executor.size - 1)
+                for result in executor.results():
+                    _feed(executor, runs, 1)
+                    add(*key_of.pop(result.number), result, is_new=True)
+            is_complete = True
+        except KeyboardInterrupt:
             pass
-        flush()
-        if cache is not None:
-            cache.close()
-    return _finish(campaign, folder, table, is_complete)
+        finally:
+            if executor is not None:
+                executor.cancel()
+            is_stopped = True
+            for _ in new_runs():  # rows of an earlier campaign that it had not come to stay in the table
+                pass
+            flush()
+            if cache is not None:
+                cache.close()
+        return _finish(campaign, folder, table, is_complete)
 
 
 def run_search(
@@ -192,10 +181,7 @@ def run_search(
         observer, progress, is_complete = observer or CampaignObserver(), Progress(trials), False
         try:
             for trial in falsify(campaign, executor, trials=trials):
-                row = table.add(trial.run, keys.of(trial.run), trial.result)
-                progress.done += 1
-                progress.failures += row["status"] == "fail"
-                progress.errors += row["status"] == "error"
+                progress.count(table.add(trial.run, keys.of(trial.run), trial.result)["status"])
                 observer.progress(progress)
             is_complete = True
         except KeyboardInterrupt:
@@ -235,10 +221,4 @@ def _result(row: dict[str, Any], campaign: Campaign) -> Result:
     """The result that a row of a table was made of."""
     nan = float("nan")
     metrics = {name: nan if row.get(name) is None else row[name] for name in campaign.metric_names}
-    return Result(row["run"], metrics, row["end"], row["time"])
-
-
-def _is_recorded(campaign: Campaign, result: Result) -> bool:
-    """Whether there must be a recording of it."""
-    wanted, criterion = campaign.spec.record, campaign.criterion
-    return wanted == "all" or (wanted == "failures" and criterion is not None and not criterion.holds(result.metrics))
+    return Result(row["run"], metrics, row["end"], row["time"], row["digest"])

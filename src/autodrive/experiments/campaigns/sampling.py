@@ -121,11 +121,9 @@ class Design:
             crossed[name] = one.values[k]
         if self._sampling.method == "list":
             return crossed | self._sampling.points[draw]
-        drawn = {name: one.at(u) for (name, one), u in zip(self._drawn.items(), self._row(draw), strict=True)}
+        row = self._quantiles[draw].tolist() if self._drawn else []
+        drawn = {name: one.at(u) for (name, one), u in zip(self._drawn.items(), row, strict=True)}
         return {name: {**crossed, **drawn}[name] for name in self._parameters}
-
-    def _row(self, draw: int) -> list[float]:
-        return self._quantiles[draw].tolist() if self._drawn else []
 
     @cached_property
     def _quantiles(self) -> Floats:

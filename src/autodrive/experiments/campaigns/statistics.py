@@ -51,7 +51,7 @@ def summary(campaign: Campaign, table: Columns) -> dict[str, Any]:
     errors = np.flatnonzero(table.where("status", "error"))[:1]
     if len(errors):
         found["first_error"] = table["error"][int(errors[0])].as_py()
-    independent = _independent(campaign, table)
+    independent = _independent(table)
     found["seed_changes_results"] = bool(independent.all())
     if campaign.criterion is not None:
         passed, failed = (int((table.where("status", name) & independent).sum()) for name in ("pass", "fail"))
@@ -63,23 +63,14 @@ def summary(campaign: Campaign, table: Columns) -> dict[str, Any]:
     return found
 
 
-def _independent(campaign: Campaign, table: Columns) -> NDArray[np.bool_]:
+def _independent(table: Columns) -> NDArray[np.bool_]:
     """The rows that count as independent: all, or one of each sample if no result depends on the seed."""
-    sample = table.numbers("sample")
-    everything = np.ones(len(sample), dtype=bool)
-    is_repeated = sample[1:] == sample[:-1]  # rows are sorted by runs, and so by samples
-    is_repeated &= ~(table.where("status", "error")[1:] | table.where("status", "error")[:-1])
-    if not is_repeated.any():
-        return everything
-    for name in ("time", *campaign.metric_names):
-        values = table.numbers(name)
-        if not np.array_equal(values[1:][is_repeated], values[:-1][is_repeated], equal_nan=True):
-            return everything
-    ends = table["end"].to_numpy()
-    if (ends[1:] != ends[:-1])[is_repeated].any():
-        return everything
-    everything[1:] = ~is_repeated
-    return everything
+    sample, digest, is_error = table["sample"].to_numpy(), table["digest"].to_numpy(), table.where("status", "error")
+    independent = np.ones(len(sample), dtype=bool)
+    is_repeated = (sample[1:] == sample[:-1]) & ~(is_error[1:] | is_error[:-1])  # rows are sorted by runs and samples
+    if is_repeated.any() and (digest[1:] == digest[:-1])[is_repeated].all():
+        independent[1:] = ~is_repeated
+    return independent
 
 
 def _metric(values: Floats) -> dict[str, Any]:
@@ -88,8 +79,4 @@ def _metric(values: Floats) -> dict[str, Any]:
         return {"runs": 0}
     low, high = mean_interval(values)
     numbers = {"mean": np.mean(values), "low": low, "high": high, "min": values.min(), "max": values.max()}
-    return {"runs": len(values), **{name: _or_none(float(one)) for name, one in numbers.items()}}
-
-
-def _or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return {"runs": len(values), **{name: float(one) if math.isfinite(one) else None for name, one in numbers.items()}}

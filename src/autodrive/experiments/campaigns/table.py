@@ -29,7 +29,7 @@ PART_TIME, PART_ROWS = 5.0, 5000
 """A part is written after that time [s], or with so many rows."""
 BLOCK, ROW_GROUP = 2**16, 2**20
 """Runs whose rows are in memory at a time: as dictionaries, and as columns."""
-FIRST = ("run", "sample", "seed", "status", "margin", "end", "time", "error", "recording", "key")
+FIRST = ("run", "sample", "seed", "status", "margin", "end", "time", "digest", "error", "recording", "key")
 """Columns before those of metrics and parameters."""
 
 
@@ -235,6 +235,7 @@ def row_of(campaign: Campaign, run: Run, key: str, result: Result) -> dict[str, 
         "margin": margin,
         "end": result.end,
         "time": result.time,
+        "digest": result.digest,
         "error": result.error,
         "recording": Path(result.recording).name if result.recording else "",
         "key": key,
@@ -247,7 +248,9 @@ def schema(campaign: Campaign) -> pyarrow.Schema:
     """Names and types of the columns."""
     import pyarrow as pa  # noqa: PLC0415  an extra
 
-    types = {"run": pa.int64(), "sample": pa.int64(), "seed": pa.int64(), "margin": pa.float64(), "time": pa.float64()}
+    types = dict.fromkeys(("run", "sample", "seed", "digest"), pa.int64()) | dict.fromkeys(
+        ("margin", "time"), pa.float64()
+    )
     of = {float: pa.float64(), int: pa.int64(), bool: pa.bool_(), str: pa.string()}
     fields = [(name, types.get(name, pa.string())) for name in FIRST]
     fields += [(name, pa.float64()) for name in campaign.metric_names]

@@ -62,6 +62,8 @@ class Worker:
     def _answer(self, run: Run) -> Result:
         if self._process is None:
             self._process = start_module("autodrive.experiments.campaigns.worker")
+            if self._is_closed:  # meanwhile
+                self._process.kill()
             self._send(self._campaign)
         self._send(run)
         assert self._process.stdout is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import NamedTuple, TypeAlias
 
@@ -43,13 +44,14 @@ class Conditions:
     """Time from an action until the car obeys it [s], 0 to 0.5; rounded to ticks."""
 
     def __post_init__(self) -> None:
-        limits = {"friction": LIMITS["grip"], "mass": LIMITS["mass"], "noise": LIMITS["noise"]}
-        limits["latency"] = (0.0, MOST_LATENCY)
-        errors = [
-            f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {given!r}"
-            for name, (least, most) in limits.items()
-            if not is_range(given := getattr(self, name), least, most)
-        ]
+        errors = range_errors(
+            {
+                "friction": (self.friction, *LIMITS["grip"]),
+                "mass": (self.mass, *LIMITS["mass"]),
+                "noise": (self.noise, *LIMITS["noise"]),
+                "latency": (self.latency, 0.0, MOST_LATENCY),
+            }
+        )
         if errors:
             raise SpecError(errors)
 
@@ -60,8 +62,25 @@ class Conditions:
         return Drawn(*(least + (most - least) * float(rng.random()) for least, most in pairs))
 
 
-def is_range(given: object, least: float, most: float) -> bool:
-    """Whether it is a number within these limits, or two of them, the lesser one first."""
+def range_errors(given: Mapping[str, tuple[object, float, float]]) -> list[str]:
+    """What is no `Range`; by name: a setting, and its least and greatest value."""
+    return [
+        f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {one!r}"
+        for name, (one, least, most) in given.items()
+        if not _is_range(one, least, most)
+    ]
+
+
+def whole_number_errors(given: Mapping[str, tuple[object, int, int]]) -> list[str]:
+    """What is no whole number, likewise."""
+    return [
+        f"{name}: must be a whole number from {least} to {most}, not {one!r}"
+        for name, (one, least, most) in given.items()
+        if isinstance(one, bool) or not isinstance(one, int) or not least <= one <= most
+    ]
+
+
+def _is_range(given: object, least: float, most: float) -> bool:
     ends: tuple[object, ...] = given if isinstance(given, tuple) else (given, given)
     numbers = [float(end) for end in ends if isinstance(end, int | float) and not isinstance(end, bool)]
     return len(numbers) == len(ends) == 2 and least <= numbers[0] <= numbers[1] <= most

@@ -4,7 +4,7 @@
 - Reward of a step: s (1 - |d| / w) with the distance s along the centre line in the step [m], the distance d of the
   centre of the rear axle from the centre line [m] and half the width of the lane, w = 0.15 m; -1 if the episode ends.
 - End: |d| > w, more than 90 degrees off the direction of the lane, or a collision.
-- Success: a whole lap of 18.5 m; the episode goes on.
+- Success: a whole lap of 18.5 m; the episode continues.
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ import numpy as np
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.elementary import atan2, cos, sin
 from autodrive.base.jit import jit
-from autodrive.experiments.envs.path import DRIVEN, PLACE, follow, look_ahead, table
+from autodrive.experiments.envs.path import DRIVEN, PLACE, follow, line_features, look_ahead, table
 from autodrive.experiments.envs.task import (
     MOTION,
     CarReadings,
-    Feature,
     Outcome,
     Start,
     Task,
@@ -75,14 +74,7 @@ class LaneKeeping(Task):
     name = "lane_keeping"
     features = (
         *MOTION,
-        Feature("offset", -1.0, 1.0, "distance from the centre line [m], left of it positive"),
-        Feature("direction_cos", -1.0, 1.0, "cosine of the angle from the car to the direction of the lane"),
-        Feature("direction_sin", -1.0, 1.0, "sine of that angle, left positive"),
-        *(
-            Feature(f"ahead_{distance:g}_{axis}", -2.0, 2.0, f"{axis} of the lane {distance:g} m on, vehicle frame [m]")
-            for distance in PREVIEW
-            for axis in "xy"
-        ),
+        *line_features(PREVIEW, "lane", 2.0, most_offset=1.0),
     )
     known = KNOWN
     observation = "state"

@@ -3,15 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import jit
-from autodrive.experiments.envs.task import CarReadings, heading, turned
+from autodrive.experiments.envs.task import CarReadings, Feature, heading, turned
 
 PLACE, BEYOND, DRIVEN = 0, 1, 2
 """Places in the memory of `follow`: number of the nearest point; distance beyond it, from the start [m]."""
+
+
+def line_features(preview: Sequence[float], what: str, limit: float, most_offset: float) -> tuple[Feature, ...]:
+    """The features that `look` writes, of a line that is called `what`. `limit`, `most_offset`: greatest values [m]."""
+    return (
+        Feature("offset", -most_offset, most_offset, "distance from the centre line [m], left of it positive"),
+        Feature("direction_cos", -1.0, 1.0, f"cosine of the angle from the car to the direction of the {what}"),
+        Feature("direction_sin", -1.0, 1.0, "sine of that angle, left positive"),
+        *(
+            Feature(
+                f"ahead_{distance:g}_{axis}",
+                -limit,
+                limit,
+                f"{axis} of the {what} {distance:g} m on, vehicle frame [m]",
+            )
+            for distance in preview
+            for axis in "xy"
+        ),
+    )
 
 
 def table(along: Floats, points: Floats, count: int) -> Floats:

@@ -61,50 +61,28 @@ class CarReadings(NamedTuple):
         scans = [car.lidar for car in cars if car.lidar is not None]
         assert len(scans) == len(cars), "every car of these scenarios has a LIDAR"
         return cls(
-            time=np.full(len(cars), frame.time),
-            position=np.array([car.pose.position for car in cars]),
-            orientation=np.array([car.pose.orientation for car in cars]),
-            velocity=np.array([car.velocity for car in cars]),
-            angular_velocity=np.array([car.angular_velocity for car in cars]),
-            steering=np.array([car.steering for car in cars]),
-            collision_count=np.array([car.collision_count for car in cars]),
-            lidar_time=np.array([scan.time for scan in scans]),
-            lidar_ranges=np.array([scan.ranges for scan in scans]),
-            objects=np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
+            np.full(len(cars), frame.time),
+            np.array([car.pose.position for car in cars]),
+            np.array([car.pose.orientation for car in cars]),
+            *(np.array([getattr(car, name) for car in cars]) for name in cls._fields[3:7]),
+            np.array([scan.time for scan in scans]),
+            np.array([scan.ranges for scan in scans]),
+            np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
         )
 
     @classmethod
     def of_batch(cls, readings: Readings) -> CarReadings:
         """The first car of each world; views, which the next step of the batch overwrites."""
-        return cls(
-            readings.time,
-            readings.position[:, 0],
-            readings.orientation[:, 0],
-            readings.velocity[:, 0],
-            readings.angular_velocity[:, 0],
-            readings.steering[:, 0],
-            readings.collision_count[:, 0],
-            readings.lidar_time[:, 0],
-            readings.lidar_ranges[:, 0],
-            readings.object_pose[:, :, :3],
-        )
+        cars: list[Any] = [getattr(readings, name)[:, 0] for name in cls._fields[1:9]]
+        return cls(readings.time, *cars, readings.object_pose[:, :, :3])
 
     @classmethod
     def of_first_world(cls, readings: Readings) -> CarReadings:
         """All cars of the first world of a batch; views but for the time and the objects."""
-        cars = readings.position.shape[1]
-        return cls(
-            np.full(cars, readings.time[0]),
-            readings.position[0],
-            readings.orientation[0],
-            readings.velocity[0],
-            readings.angular_velocity[0],
-            readings.steering[0],
-            readings.collision_count[0],
-            readings.lidar_time[0],
-            readings.lidar_ranges[0],
-            np.repeat(readings.object_pose[:1, :, :3], cars, axis=0),
-        )
+        cars: list[Any] = [getattr(readings, name)[0] for name in cls._fields[1:9]]
+        count = readings.position.shape[1]
+        time, objects = np.full(count, readings.time[0]), np.repeat(readings.object_pose[:1, :, :3], count, axis=0)
+        return cls(time, *cars, objects)
 
     def rows(self, rows: NDArray[np.intp]) -> CarReadings:
         """The readings of some of the cars."""

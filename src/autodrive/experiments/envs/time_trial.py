@@ -3,7 +3,7 @@
 - Start: at rest on one of the tracks, anywhere, up to 0.1 m beside its centre line and up to 0.2 rad off its direction.
 - Reward of a step: the distance along the centre line in the step [m]; -5 if the episode ends by a collision.
 - End: a collision, or more than 90 degrees off the direction of the track.
-- Success: a whole lap; the episode goes on.
+- Success: a whole lap; the episode continues.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
 from autodrive.experiments.envs import path
-from autodrive.experiments.envs.conditions import Range, is_range
+from autodrive.experiments.envs.conditions import Range, range_errors, whole_number_errors
 from autodrive.experiments.envs.path import follow, look_ahead
 from autodrive.experiments.envs.race_tracks import SPACING, RaceTracks
 from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
@@ -57,14 +57,7 @@ class TimeTrial(Task):
         Feature("side_speed", -10.0, 10.0, "speed to the left [m/s]"),
         Feature("yaw_rate", -20.0, 20.0, "[rad/s], left positive"),
         Feature("steering", -1.0, 1.0, "angle of the steering actuator [rad], left positive"),
-        Feature("offset", -2.0, 2.0, "distance from the centre line [m], left of it positive"),
-        Feature("direction_cos", -1.0, 1.0, "cosine of the angle from the car to the direction of the track"),
-        Feature("direction_sin", -1.0, 1.0, "sine of that angle, left positive"),
-        *(
-            Feature(f"ahead_{distance:g}_{axis}", -5.0, 5.0, f"{axis} of the track {distance:g} m on, vehicle frame")
-            for distance in PREVIEW
-            for axis in "xy"
-        ),
+        *path.line_features(PREVIEW, "track", 5.0, most_offset=2.0),
     )
     known = KNOWN
     observation = "lidar"
@@ -86,24 +79,16 @@ class TimeTrial(Task):
 
         Raises `SpecError`.
         """
-        wrong = {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
-        errors = [
-            f"{name}: must be a whole number from {least} to {most}, not {given!r}"
-            for name, (given, least, most) in wrong.items()
-            if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= most
-        ]
-        ranges = {
+        errors = whole_number_errors(
+            {"tracks": (tracks, 1, MOST_TRACKS), "track_seed": (track_seed, 0, 2**31), "laps": (laps, 1, 1000)}
+        )
+        ranges: dict[str, tuple[object, float, float]] = {
             "track_width": (width, LEAST_WIDTH, MOST_WIDTH),
             "track_length": (length, LEAST_LENGTH, MOST_LENGTH),
         }
         if radius is not None:
             ranges["track_radius"] = radius, LEAST_RADIUS, MOST_RADIUS
-        errors += [
-            f"{name}: must be a number from {least:g} to {most:g}, or two of them, the lesser one first, not {given!r}"
-            for name, (given, least, most) in ranges.items()
-            if not is_range(given, least, most)
-        ]
-        if errors:
+        if errors := errors + range_errors(ranges):
             raise SpecError(errors)
         curves = None if radius is None else _ends(radius)
         self.tracks = RaceTracks(tracks, track_seed, _ends(width), _ends(length), curves)

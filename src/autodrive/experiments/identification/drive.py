@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,11 +73,7 @@ class Drive:
         rows = len(self.time)
         columns = {"time": self.time, "x": self.x, "y": self.y, "heading": self.heading, "speed": self.speed}
         columns |= {"yaw rate": self.yaw_rate, "throttle": self.throttle, "steering": self.steering}
-        problems = [
-            f"the {name} of row {int(np.argmax(~np.isfinite(column))) + 1} is not a finite number"
-            for name, column in columns.items()
-            if not np.isfinite(column).all()
-        ]
+        problems = [f"the {name} of row {row} is not a finite number" for name, row in _not_finite(columns)]
         if rows < MIN_ROWS or self.time[-1] - self.time[0] < MIN_DURATION:
             length = float(self.time[-1] - self.time[0]) if rows else 0.0
             problems.append(
@@ -111,11 +108,7 @@ def _of_log(path: Path, is_left_positive: bool) -> Drive:
     log = read(path, is_left_positive=is_left_positive)
     columns = {"throttle": log.throttle, "steering": log.steering, "speed": log.speed, "yaw": log.euler[:, 2]}
     columns |= {"x": log.position[:, 0], "y": log.position[:, 1], "yaw rate": log.angular_velocity[:, 2]}
-    faults = [
-        f"line {int(np.argmax(~np.isfinite(column))) + 1}: the {name} is not a finite number"
-        for name, column in columns.items()
-        if not np.isfinite(column).all()
-    ]
+    faults = [f"line {row}: the {name} is not a finite number" for name, row in _not_finite(columns)]
     if faults:
         raise IdentificationError(f"{'; '.join(faults)}  ({path})")
     rising = np.concatenate(([True], np.diff(log.time) > 0.0))  # several rows may have the same time stamp
@@ -193,6 +186,12 @@ def _of_recording(recording: Recording, name: str) -> Drive:
         grip=grip,
         source=str(recording.path),
     )
+
+
+def _not_finite(columns: Mapping[str, Floats]) -> list[tuple[str, int]]:
+    """The columns that have a number that is not finite, and its first row, from 1."""
+    wrong = {name: np.flatnonzero(~np.isfinite(column)) for name, column in columns.items()}
+    return [(name, int(rows[0]) + 1) for name, rows in wrong.items() if len(rows)]
 
 
 def _jumps(time: Floats, x: Floats, y: Floats, speed: Floats) -> Floats:

@@ -72,7 +72,8 @@ class VehicleFile:
     @cached_property
     def values(self) -> dict[str, float | None]:
         """Each real number of the file by its path; None: an optional one that the file leaves out."""
-        return dict(_leaves("", self.spec.model_dump(mode="json")))
+        leaves = dict(_leaves("", self.spec.model_dump(mode="json")))
+        return {path: one for path, one in leaves.items() if one is None or isinstance(one, float)}
 
     def with_values(self, values: Mapping[str, float]) -> VehicleSpec:
         """The Spec with other values. Raises `SpecError`."""
@@ -118,7 +119,7 @@ class VehicleFile:
         return [*found.values()]
 
     def _unknown(self, path: str) -> str:
-        if path in dict(_all_leaves("", self.spec.model_dump(mode="json"))):
+        if path in dict(_leaves("", self.spec.model_dump(mode="json"))):
             return f"'{path}' is not a real number; only real numbers can be fitted"
         last = path.rpartition(".")[2]
         known = [*self.values]
@@ -167,22 +168,13 @@ def _split(text: str, faults: list[str]) -> tuple[str, tuple[float, float] | Non
         return path, None
 
 
-def _all_leaves(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, dict):
-        pairs = [(str(key), inner) for key, inner in value.items()]
-    elif isinstance(value, list | tuple):
-        pairs = [(str(i), inner) for i, inner in enumerate(value)]
-    else:
+def _leaves(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Path and value of all that is no dictionary and no list."""
+    if not isinstance(value, dict | list | tuple):
         yield prefix, value
         return
-    for key, inner in pairs:
-        yield from _all_leaves(f"{prefix}.{key}" if prefix else key, inner)
-
-
-def _leaves(prefix: str, value: Any) -> Iterator[tuple[str, float | None]]:
-    for path, inner in _all_leaves(prefix, value):
-        if inner is None or isinstance(inner, float):
-            yield path, inner
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+        yield from _leaves(f"{prefix}.{key}" if prefix else str(key), inner)
 
 
 def _set(tree: Any, path: Sequence[str], value: float) -> None:

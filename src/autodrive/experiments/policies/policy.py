@@ -117,11 +117,12 @@ class Policy:
             layers = tuple((_real(arrays[f"weight_{k}"]), _real(arrays[f"bias_{k}"])) for k in range(count))
             if about["format"] != FORMAT:
                 raise ValueError(f"its format is {about['format']!r}; this version reads {FORMAT}")
+            low, high = _numbers(about["throttle"])
             return cls(
                 task=str(about["task"]),
                 inputs=tuple(map(str, about["inputs"])),
                 scale=_numbers(about["scale"]),
-                throttle=_pair(about["throttle"]),
+                throttle=(low, high),
                 layers=layers,
                 training=dict(about["training"]),
             )
@@ -166,8 +167,3 @@ def _numbers(values: Sequence[Any]) -> tuple[float, ...]:
     if not all(map(math.isfinite, numbers)):
         raise ValueError("a number in it is not finite")
     return numbers
-
-
-def _pair(values: Sequence[Any]) -> tuple[float, float]:
-    low, high = _numbers(values)
-    return low, high

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from autodrive.base.arrays import Floats
+    from autodrive.base.transforms import Vector
 
 SIZE = 512
 """Width and height [pixels]."""
@@ -37,14 +38,9 @@ def noise(seed: int, low: float, high: float) -> Floats:
     return np.asarray(field / field.std(), np.float64)
 
 
-def _shades(color: tuple[float, float, float], *layers: tuple[Floats, tuple[float, float, float]]) -> Floats:
+def _shades(color: Vector, *layers: tuple[Floats, Vector]) -> Floats:
     """A colour plus patterns, each with its change of colour per unit."""
     return sum((field[..., None] * np.array(change) for field, change in layers), np.array(color))  # pyright: ignore[reportReturnType]
-
-
-def _asphalt() -> Floats:
-    grain, stones = noise(1, 90, 400), np.maximum(noise(2, 60, 170) - 1.6, 0.0)
-    return _shades((61, 62, 65), (grain, (6, 6, 6)), (stones, (17, 17, 16)), (noise(3, 3, 14), (1.6, 1.6, 1.7)))
 
 
 def _grass() -> Floats:
@@ -54,20 +50,9 @@ def _grass() -> Floats:
     return _shades((99, 114, 70), (mown, (4.5, 5, 3)), (blades, (10, 11, 7)), (noise(12, 4, 22), (4.5, 2.4, 1.6)))
 
 
-def _floor() -> Floats:
-    return _shades((163, 161, 155), (noise(21, 100, 400), (2.6, 2.6, 2.6)), (noise(22, 2, 9), (2.2, 2.2, 2.3)))
-
-
-def _kerb() -> Floats:
-    return _shades((166, 164, 157), (noise(31, 90, 380), (7, 7, 7)), (noise(32, 6, 40), (3, 3, 3)))
-
-
-def _pavement() -> Floats:
-    return _shades((137, 134, 128), (noise(41, 100, 400), (7, 7, 7)), (noise(42, 4, 26), (3, 3, 2.6)))
-
-
-def _plaster() -> Floats:
-    return _shades((205, 200, 190), (noise(51, 60, 300), (2.5, 2.5, 2.5)), (noise(52, 3, 16), (2.0, 2.0, 2.2)))
+def _asphalt() -> Floats:
+    grain, stones = noise(1, 90, 400), np.maximum(noise(2, 60, 170) - 1.6, 0.0)
+    return _shades((61, 62, 65), (grain, (6, 6, 6)), (stones, (17, 17, 16)), (noise(3, 3, 14), (1.6, 1.6, 1.7)))
 
 
 def _cardboard() -> Floats:
@@ -77,13 +62,18 @@ def _cardboard() -> Floats:
     return _shades((186, 146, 100), (flutes, (1.5, 1.4, 1.1)), (fibres, (4, 4, 3.4)), (noise(62, 2, 12), (3, 2.6, 2.2)))
 
 
+def _speckled(color: Vector, *layers: tuple[int, float, float, Vector]) -> Callable[[], Floats]:
+    """A colour with layers of noise: the arguments of `noise`, and the change of colour per unit."""
+    return lambda: _shades(color, *((noise(seed, low, high), change) for seed, low, high, change in layers))
+
+
 _MAKERS: dict[str, Callable[[], Floats]] = {
     "asphalt": _asphalt,
     "grass": _grass,
-    "floor": _floor,
-    "kerb": _kerb,
-    "pavement": _pavement,
-    "plaster": _plaster,
+    "floor": _speckled((163, 161, 155), (21, 100, 400, (2.6, 2.6, 2.6)), (22, 2, 9, (2.2, 2.2, 2.3))),
+    "kerb": _speckled((166, 164, 157), (31, 90, 380, (7, 7, 7)), (32, 6, 40, (3, 3, 3))),
+    "pavement": _speckled((137, 134, 128), (41, 100, 400, (7, 7, 7)), (42, 4, 26, (3, 3, 2.6))),
+    "plaster": _speckled((205, 200, 190), (51, 60, 300, (2.5, 2.5, 2.5)), (52, 3, 16, (2.0, 2.0, 2.2))),
     "cardboard": _cardboard,
 }
 NAMES = tuple(_MAKERS)

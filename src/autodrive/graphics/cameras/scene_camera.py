@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
 from autodrive.base.suggest import suggest
-from autodrive.base.transforms import Vector, rotate
+from autodrive.base.transforms import Quaternion, Vector, rotate
 from autodrive.base.units import DEGREE
 from autodrive.graphics.cameras.viewpoints import (
     BIRD_HIGHEST,
@@ -84,9 +84,9 @@ class SceneCamera:
             return self._gods_eye(name, frame, now)
         self._god = None
         if view.camera == "Driver's Eye":
-            return drivers_eye(_vector(pose), _orientation(pose))
+            return drivers_eye(*_place(pose))
         if view.camera == "Bird's Eye":
-            return birds_eye(_vector(pose), min(max(view.height, BIRD_LOWEST), BIRD_HIGHEST))
+            return birds_eye(_place(pose)[0], min(max(view.height, BIRD_LOWEST), BIRD_HIGHEST))
         return _orbit(view, pose)
 
     def _gods_eye(self, name: str, frame: Frame, now: float) -> Viewpoint:
@@ -94,28 +94,21 @@ class SceneCamera:
         if self._god is None or name != self._followed or frame.time < self._time:
             self._god = GodsEye(0.5 * max(self._vehicles[name].size))
             self._at = now
-        viewpoint = self._god.step(_vector(frame.vehicles[name].pose), now - self._at)
+        viewpoint = self._god.step(_place(frame.vehicles[name].pose)[0], now - self._at)
         self._followed, self._time, self._at = name, frame.time, now
         return viewpoint
 
 
 def _orbit(view: SetCamera, pose: Pose) -> Viewpoint:
     """Around the middle of the vehicle, along the axes of the map: it does not turn with the vehicle."""
-    target = _sum(_vector(pose), rotate(_orientation(pose), ORBIT_TARGET))
+    (x, y, z), orientation = _place(pose)
+    dx, dy, dz = rotate(orientation, ORBIT_TARGET)
     distance = min(max(view.distance, ORBIT_NEAREST), ORBIT_FARTHEST)
     elevation = min(max(view.elevation, -0.5 * math.pi), 0.5 * math.pi)
-    return orbit(target, distance, view.azimuth / DEGREE, elevation / DEGREE)
+    return orbit((x + dx, y + dy, z + dz), distance, view.azimuth / DEGREE, elevation / DEGREE)
 
 
-def _sum(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _vector(pose: Pose) -> Vector:
-    x, y, z = pose.position.tolist()
-    return x, y, z
-
-
-def _orientation(pose: Pose) -> tuple[float, float, float, float]:
-    w, x, y, z = pose.orientation.tolist()
-    return w, x, y, z
+def _place(pose: Pose) -> tuple[Vector, Quaternion]:
+    """Position [m] and orientation."""
+    (x, y, z), (w, i, j, k) = pose.position.tolist(), pose.orientation.tolist()
+    return (x, y, z), (w, i, j, k)

@@ -131,23 +131,12 @@ def scene_cameras() -> dict[str, dict[str, Any]]:
     The order is that of the camera button.
     """
     common = {"near": NEAR, "far": FAR, "field_of_view": FIELD_OF_VIEW_DEG}
+    heights = {"height": BIRD_HEIGHT, "lowest": BIRD_LOWEST, "highest": BIRD_HIGHEST, "step": BIRD_STEP}
+    times = {"turn_time": GOD_TURN_TIME, "zoom_time": GOD_ZOOM_TIME}
     return {
         "Driver's Eye": {**common, "position": list(DRIVER_POSITION), "pitch": DRIVER_PITCH_DEG},
-        "Bird's Eye": {
-            **common,
-            "height": BIRD_HEIGHT,
-            "lowest": BIRD_LOWEST,
-            "highest": BIRD_HIGHEST,
-            "step": BIRD_STEP,
-        },
-        "God's Eye": {
-            "near": NEAR,
-            "far": GOD_FAR,
-            "position": list(GOD_POSITION),
-            "zoom": GOD_ZOOM,
-            "turn_time": GOD_TURN_TIME,
-            "zoom_time": GOD_ZOOM_TIME,
-        },
+        "Bird's Eye": {**common, **heights},
+        "God's Eye": {"near": NEAR, "far": GOD_FAR, "position": list(GOD_POSITION), "zoom": GOD_ZOOM, **times},
     }
 
 

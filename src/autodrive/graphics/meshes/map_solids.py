@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -84,24 +84,19 @@ def _node(shape: StaticShape, prop: Prop | None) -> AssetNode:
 # -- walls and blocks -------------------------------------------------------------------------------------------
 
 
-def _wall(shape: StaticShape) -> tuple[MeshSurface, ...]:
-    """Plaster walls with a coping."""
-    return _capped(shape, WALL, COPING, Label.WALL)
+def _capped(sides: Material, top: Material, label: Label) -> Callable[[StaticShape], tuple[MeshSurface, ...]]:
+    """Sides of one material, top of another, no bottom."""
 
+    def surfaces(shape: StaticShape) -> tuple[MeshSurface, ...]:
+        faces = box_faces(shape.size)
+        walls = []
+        for name in ("front", "left", "back", "right"):
+            corners = faces[name]
+            along, up = np.linalg.norm(corners[1] - corners[0]) / 0.5, 2.0 * shape.size[2] / 0.5
+            walls.append(quad(corners, np.array([(0.0, 0.0), (along, 0.0), (along, -up), (0.0, -up)])))
+        return joined(walls).surface(sides, label), quad(faces["top"]).surface(top, label)
 
-def _block(shape: StaticShape) -> tuple[MeshSurface, ...]:
-    """A building without windows: bright walls, dark roof."""
-    return _capped(shape, BLOCK, ROOF, Label.BLOCK)
-
-
-def _capped(shape: StaticShape, sides: Material, top: Material, label: Label) -> tuple[MeshSurface, ...]:
-    faces = box_faces(shape.size)
-    walls = []
-    for name in ("front", "left", "back", "right"):
-        corners = faces[name]
-        along, up = np.linalg.norm(corners[1] - corners[0]) / 0.5, 2.0 * shape.size[2] / 0.5
-        walls.append(quad(corners, np.array([(0.0, 0.0), (along, 0.0), (along, -up), (0.0, -up)])))
-    return joined(walls).surface(sides, label), quad(faces["top"]).surface(top, label)
+    return surfaces
 
 
 def _post(shape: StaticShape) -> tuple[MeshSurface, ...]:
@@ -123,11 +118,8 @@ def _plate(prop: Prop, half_thickness: float) -> tuple[MeshSurface, ...]:
     front = level(outline * PLATE_SIZE, half_thickness, uvs)
     steel = plate(shapely.Polygon(outline * PLATE_SIZE), -half_thickness, half_thickness)
     steel = without_faces(steel, (0.0, 0.0, 1.0))
-    steel = rotated_by(steel, UPRIGHT)
-    return (
-        front.rotated(UPRIGHT).surface(FACE, Label.SIGN),
-        surface([steel], STEEL, Label.SIGN, crease=1.0 * DEGREE),
-    )
+    back = surface([rotated_by(steel, UPRIGHT)], STEEL, Label.SIGN, crease=1.0 * DEGREE)
+    return front.rotated(UPRIGHT).surface(FACE, Label.SIGN), back
 
 
 def _circle(segments: int, radius: float, start: float = 0.0) -> Floats:
@@ -199,7 +191,12 @@ def _visor() -> Mesh:
     return joined([*outer, *inner])
 
 
-_LOOKS = {"wall": _wall, "block": _block, "post": _post, "housing": _housing}
+_LOOKS = {
+    "wall": _capped(WALL, COPING, Label.WALL),
+    "block": _capped(BLOCK, ROOF, Label.BLOCK),  # a building without windows
+    "post": _post,
+    "housing": _housing,
+}
 
 
 # -- construction boxes -----------------------------------------------------------------------------------------

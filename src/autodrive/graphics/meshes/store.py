@@ -1,4 +1,4 @@
-"""Assets of maps, vehicles and boxes, built once and cached as .glb files."""
+"""Assets of maps, vehicles and boxes, built once and cached with their .glb files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from shapely.geometry.base import BaseGeometry
 
 from autodrive.base.cache import cache_folder, read_cached, write_cached
 from autodrive.graphics.assets.asset import Asset
-from autodrive.graphics.assets.glb import read_glb, write_glb
+from autodrive.graphics.assets.glb import write_glb
+from autodrive.graphics.assets.packed import pack, unpack
 from autodrive.graphics.meshes.vehicle_paint import painted
 from autodrive.graphics.render.scene import RenderScene
 
@@ -61,9 +62,7 @@ def scene_of(world: Drawable) -> RenderScene:
 
     def shared(kind: Kind, of: Any) -> Asset:
         name = file_name(kind, of)
-        if name not in known:
-            known[name] = cached(name, lambda: _build(kind, of))
-        return known[name]
+        return known.get(name) or known.setdefault(name, _asset(kind, of))
 
     def car(number: int, spec: VehicleSpec) -> Asset:
         asset = shared("vehicle", spec)
@@ -123,19 +122,19 @@ def cached(name: str, build: Callable[[], Asset]) -> Asset:
 
 
 def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
-    """The asset, and the content of its file."""
-    path = folder() / name
+    """The asset, and the content of its .glb file."""
+    path = folder() / f"{name}.msgpack"
     try:
-        data = read_cached(path)
-        return read_glb(data), data
+        return unpack(read_cached(path))
     except OSError:
         pass
     except ValueError as error:
         log.warning("%s; it is built again", error)
-    data = write_glb(build())
+    asset = build()
+    data = pack(asset, write_glb(asset))
     with contextlib.suppress(OSError):
         write_cached(path, data)
-    return read_glb(data), data  # identical to a later read from the cache: textures are JPEG in the file
+    return unpack(data)  # identical to a later read from the cache, which has its textures as JPEG
 
 
 @cache

@@ -10,14 +10,14 @@ import math
 from collections.abc import Iterator
 
 from autodrive.graphics.assets.asset import Asset, AssetNode, Detail, Material, MeshSurface, NodeJoint
-from autodrive.graphics.meshes.mesh_builder import RESOLUTIONS, MeshBuilder, Resolution, surfaces_by_detail
+from autodrive.graphics.meshes.mesh_builder import MeshBuilder, surfaces_by_detail
 from autodrive.graphics.meshes.solids import box, cylinder, lathe, surface
 from autodrive.graphics.meshes.vehicle_boards import add_camera, add_computer, add_lidar, add_lidar_head, add_wires
 from autodrive.graphics.meshes.vehicle_chassis import add_battery, add_drive, add_platforms, add_servo, add_standoffs
-from autodrive.graphics.meshes.vehicle_materials import ACRYLIC, BLACK, RUBBER
-from autodrive.graphics.meshes.vehicle_racer import add_racer, add_racer_lidar_window, racer_wheel
+from autodrive.graphics.meshes.vehicle_materials import VEHICLE_MATERIALS
+from autodrive.graphics.meshes.vehicle_racer import add_racer, add_racer_lidar_window
 from autodrive.graphics.meshes.vehicle_steering import add_knuckle, linkage
-from autodrive.graphics.meshes.vehicle_wheel import wheel
+from autodrive.graphics.meshes.vehicle_wheel import add_wheel
 from autodrive.physics.actuators.lights import LAMPS
 from autodrive.protocol.labels import Label
 from autodrive.protocol.messages import WHEEL_NAMES
@@ -36,33 +36,20 @@ def vehicle_asset(spec: VehicleSpec) -> Asset:
 
 def _nodes(spec: VehicleSpec) -> Iterator[AssetNode]:
     yield AssetNode(
-        "body",
-        surfaces={
-            **surfaces_by_detail(lambda builder, resolution: _add_body(builder, spec, resolution)),
-            "shadow": _shadow(spec),
-        },
+        "body", surfaces={**surfaces_by_detail(lambda builder: _add_body(builder, spec)), "shadow": _shadow(spec)}
     )
     if spec.sensors.lidar is not None:
-        place = spec.sensors.lidar.mount.position
         head = add_racer_lidar_window if spec.look == "racer" else add_lidar_head
-        yield AssetNode(
-            "lidar_head",
-            "body",
-            place,
-            surfaces=surfaces_by_detail(lambda builder, resolution: head(builder, spec, resolution)),
-        )
+        yield AssetNode("lidar_head", "body", spec.sensors.lidar.mount.position, surfaces=surfaces_by_detail(head))
     wheels = {outside: _wheel(spec, outside) for outside in (1.0, -1.0)}
     for name, hub in zip(WHEEL_NAMES, spec.hubs, strict=True):
-        outside = math.copysign(1.0, hub[1])
-        yield AssetNode(f"hub_{name}", "body", hub, joint=NodeJoint("slide", f"compression_{name}"))
+        outside, carrier = math.copysign(1.0, hub[1]), f"hub_{name}"
+        yield AssetNode(carrier, "body", hub, joint=NodeJoint("slide", f"compression_{name}"))
         if name.startswith("front"):
-            knuckle = surfaces_by_detail(
-                lambda builder, resolution, out=outside: add_knuckle(builder, spec, out, resolution)
-            )
-            yield AssetNode(
-                f"steer_{name}", f"hub_{name}", joint=NodeJoint("hinge", f"steering_{name}"), surfaces=knuckle
-            )
-        carrier = f"steer_{name}" if name.startswith("front") else f"hub_{name}"
+            knuckle = surfaces_by_detail(lambda builder, out=outside: add_knuckle(builder, spec, out))
+            turn = NodeJoint("hinge", f"steering_{name}")
+            yield AssetNode(f"steer_{name}", carrier, joint=turn, surfaces=knuckle)
+            carrier = f"steer_{name}"
         spin = NodeJoint("hinge", f"spin_{name}", axis=(0.0, 1.0, 0.0))
         yield AssetNode(f"wheel_{name}", carrier, joint=spin, surfaces=wheels[outside])
     yield from linkage(spec)
@@ -70,22 +57,22 @@ def _nodes(spec: VehicleSpec) -> Iterator[AssetNode]:
         yield _lamp(spec, lamp)
 
 
-def _add_body(builder: MeshBuilder, spec: VehicleSpec, resolution: Resolution) -> None:
+def _add_body(builder: MeshBuilder, spec: VehicleSpec) -> None:
     if spec.look == "racer":
-        add_racer(builder, spec, resolution)
+        add_racer(builder, spec)
         return
-    add_platforms(builder, spec, resolution)
-    add_standoffs(builder, spec, resolution)
+    add_platforms(builder, spec)
+    add_standoffs(builder, spec)
     if len(spec.platforms) >= 4:
-        add_drive(builder, spec, resolution)
-        add_battery(builder, spec, resolution)
-        add_servo(builder, spec, resolution)
-        add_computer(builder, spec, resolution)
-        if resolution.has_small_parts:
+        add_drive(builder, spec)
+        add_battery(builder, spec)
+        add_servo(builder, spec)
+        add_computer(builder, spec)
+        if builder.has_small_parts:
             add_wires(builder, spec)
-        add_lidar(builder, spec, resolution)
+        add_lidar(builder, spec)
     for camera in spec.cameras.values():
-        add_camera(builder, camera, spec, resolution)
+        add_camera(builder, camera, spec)
     _add_lamp_brackets(builder, spec)
 
 
@@ -97,20 +84,15 @@ def _shadow(spec: VehicleSpec) -> tuple[MeshSurface, ...]:
         parts.append(cylinder(0.034, 0.065, (x, y, z - 0.017), n=14))
     low, high = spec.platforms[0].position, spec.platforms[-1].position
     parts.append(box((0.12, 0.045, high[2] - low[2]), (low[0] + 0.03, 0.0, 0.5 * (low[2] + high[2]))))
-    return (surface(parts, BLACK, Label.VEHICLE),)
+    return (surface(parts, VEHICLE_MATERIALS["black"], Label.VEHICLE),)
 
 
 def _wheel(spec: VehicleSpec, outside: float) -> dict[Detail, tuple[MeshSurface, ...]]:
     radius, width = spec.wheels.radius, spec.wheels.width
-    build = racer_wheel if spec.look == "racer" else wheel
-
-    def add(builder: MeshBuilder, resolution: Resolution) -> None:
-        parts = build(radius, width, outside, resolution.around(0.9), has_small_parts=resolution.has_small_parts)
-        for material, meshes in parts.items():
-            builder.add(material, *meshes)
-
-    proxy = surface([cylinder(radius, width, axis="y", n=18)], RUBBER, Label.VEHICLE)
-    return {**surfaces_by_detail(add), "shadow": (proxy,)}
+    rim = "racer_rim" if spec.look == "racer" else "rim"
+    details = surfaces_by_detail(lambda builder: add_wheel(builder, radius, width, outside, rim))
+    proxy = surface([cylinder(radius, width, axis="y", n=18)], VEHICLE_MATERIALS["rubber"], Label.VEHICLE)
+    return {**details, "shadow": (proxy,)}
 
 
 # -- lamps ------------------------------------------------------------------------------------------------------
@@ -123,27 +105,23 @@ def _lamp(spec: VehicleSpec, lamp: str) -> AssetNode:
     x, y, z = own.position
     ahead = name in {"head", "high_beam", "front_indicator"}
     red, green, blue = own.color
-    glow = GLOW[name]
+    glow, share, least = GLOW[name], *((0.55, 0.10) if red == blue else (0.45, 0.0))
     glass = Material(
         f"lamp_{name}",
-        (0.10 + 0.55 * red, 0.10 + 0.55 * green, 0.10 + 0.55 * blue)
-        if red == blue
-        else (0.45 * red, 0.45 * green, 0.45 * blue),
+        (least + share * red, least + share * green, least + share * blue),
         roughness=0.2,
         emission=(glow * red, glow * green, glow * blue),
     )
-    surfaces: dict[Detail, tuple[MeshSurface, ...]] = {}
-    for detail, resolution in RESOLUTIONS.items():
-        steps = 6 if resolution.has_small_parts else 3
-        dome = [
-            (LENS * math.cos(a), 0.0030 + 0.0030 * math.sin(a))
-            for a in (0.5 * math.pi * i / steps for i in range(steps + 1))
-        ]
+
+    def add_lens(builder: MeshBuilder) -> None:
+        steps = 6 if builder.has_small_parts else 3
+        turns = [0.5 * math.pi * i / steps for i in range(steps + 1)]
+        dome = [(LENS * math.cos(a), 0.0030 + 0.0030 * math.sin(a)) for a in turns]
         profile = [(0.0, -0.0030), (LENS, -0.0030), *dome[:-1], (0.0, dome[-1][1])]
-        surfaces[detail] = (
-            surface([lathe(profile, axis="x" if ahead else "-x", n=resolution.around(0.4))], glass, Label.VEHICLE),
-        )
-    return AssetNode(f"lamp_{lamp}", "body", (x, y if side == "left" else -y, z), lamp=lamp, surfaces=surfaces)
+        builder.add(glass, lathe(profile, axis="x" if ahead else "-x", n=builder.around(0.4)))
+
+    place = (x, y if side == "left" else -y, z)
+    return AssetNode(f"lamp_{lamp}", "body", place, lamp=lamp, surfaces=surfaces_by_detail(add_lens))
 
 
 def _add_lamp_brackets(builder: MeshBuilder, spec: VehicleSpec) -> None:
@@ -153,11 +131,11 @@ def _add_lamp_brackets(builder: MeshBuilder, spec: VehicleSpec) -> None:
         ((lights.head, lights.high_beam, lights.front_indicator), -1.0),
         ((lights.tail, lights.reverse, lights.rear_indicator), 1.0),
     ):
-        ys, zs, xs = zip(*((one.position[1], one.position[2], one.position[0]) for one in members), strict=True)
+        xs, ys, zs = zip(*(one.position for one in members), strict=True)
         x, z = (min(xs) if back < 0.0 else max(xs)) + back * 0.0045, sum(zs) / len(zs)
         width = max(ys) - min(ys) + 4.0 * LENS
         above = min((one.position[2] for one in spec.platforms if one.position[2] > z), default=z + 0.01)
         for side in (-1.0, 1.0):
             y = side * 0.5 * (max(ys) + min(ys))
-            builder.add(BLACK, box((0.0035, width, 3.6 * LENS), (x, y, z)))
-            builder.add(ACRYLIC, box((0.0030, 0.4 * width, above - z), (x + back * 0.003, y, 0.5 * (above + z))))
+            builder.add("black", box((0.0035, width, 3.6 * LENS), (x, y, z)))
+            builder.add("acrylic", box((0.0030, 0.4 * width, above - z), (x + back * 0.003, y, 0.5 * (above + z))))

@@ -12,10 +12,9 @@ from collections.abc import Callable, Iterator
 
 from autodrive.base.units import DEGREE
 from autodrive.graphics.assets.asset import AssetNode, NodeJoint
-from autodrive.graphics.meshes.mesh_builder import MeshBuilder, Resolution, surfaces_by_detail
+from autodrive.graphics.meshes.mesh_builder import MeshBuilder, surfaces_by_detail
 from autodrive.graphics.meshes.solids import box, cylinder
 from autodrive.graphics.meshes.vehicle_chassis import servo_shaft
-from autodrive.graphics.meshes.vehicle_materials import ALUMINIUM, BLACK, STEEL, WHITE
 from autodrive.physics.actuators.steering import ackermann_angle
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
@@ -25,14 +24,14 @@ ROD_Z = -0.0045
 """Height of the tie rod [m]."""
 
 
-def add_knuckle(builder: MeshBuilder, spec: VehicleSpec, outside: float, resolution: Resolution) -> None:
+def add_knuckle(builder: MeshBuilder, spec: VehicleSpec, outside: float) -> None:
     """Steering knuckle: the block of the axle, and the steering arm."""
     inside = -outside * (0.5 * spec.wheels.width + 0.0045)
     x, y = _arm(spec, outside)
-    builder.add(ALUMINIUM, box((0.010, 0.006, 0.012), (0.0, inside, 0.0)))
-    builder.add(STEEL, cylinder(0.0022, 0.008, (0.0, 0.7 * inside, 0.0), "y", resolution.around(0.25)))
-    builder.add(ALUMINIUM, box((-x, 0.004, 0.003), (0.5 * x, y, -0.001)))
-    builder.add(STEEL, cylinder(0.0022, 0.008, (x, y, -0.0035), n=resolution.around(0.25)))
+    builder.add("aluminium", box((0.010, 0.006, 0.012), (0.0, inside, 0.0)))
+    builder.add("steel", cylinder(0.0022, 0.008, (0.0, 0.7 * inside, 0.0), "y", builder.around(0.25)))
+    builder.add("aluminium", box((-x, 0.004, 0.003), (0.5 * x, y, -0.001)))
+    builder.add("steel", cylinder(0.0022, 0.008, (x, y, -0.0035), n=builder.around(0.25)))
 
 
 def linkage(spec: VehicleSpec) -> Iterator[AssetNode]:
@@ -43,17 +42,17 @@ def linkage(spec: VehicleSpec) -> Iterator[AssetNode]:
     end, reach = spec.wheelbase + arm_x, 0.5 * spec.track + arm_y
     length = x - lever - end
 
-    def add_horn(builder: MeshBuilder, resolution: Resolution) -> None:
+    def add_horn(builder: MeshBuilder) -> None:
         builder.add(
-            WHITE, box((lever + 0.005, 0.005, 0.0018), (-0.5 * lever, 0.0, 0.0), 0.0024, resolution.around(0.04))
+            "white", box((lever + 0.005, 0.005, 0.0018), (-0.5 * lever, 0.0, 0.0), 0.0024, builder.around(0.04))
         )
-        builder.add(WHITE, cylinder(0.0034, 0.0030, n=resolution.around(0.3)))
-        builder.add(STEEL, cylinder(0.0012, 0.0046, (-lever, 0.0, -0.0010), n=resolution.around(0.2)))
+        builder.add("white", cylinder(0.0034, 0.0030, n=builder.around(0.3)))
+        builder.add("steel", cylinder(0.0012, 0.0046, (-lever, 0.0, -0.0010), n=builder.around(0.2)))
 
-    def add_link(builder: MeshBuilder, resolution: Resolution) -> None:
-        builder.add(STEEL, cylinder(0.0011, length, (0.5 * length, 0.0, 0.0), "x", resolution.around(0.2)))
+    def add_link(builder: MeshBuilder) -> None:
+        builder.add("steel", cylinder(0.0011, length, (0.5 * length, 0.0, 0.0), "x", builder.around(0.2)))
         for at in (0.0, length):
-            builder.add(BLACK, cylinder(0.0028, 0.0034, (at, 0.0, 0.0), n=resolution.around(0.25)))
+            builder.add("black", cylinder(0.0028, 0.0034, (at, 0.0, 0.0), n=builder.around(0.25)))
 
     yield AssetNode(
         "servo_horn",
@@ -73,13 +72,13 @@ def linkage(spec: VehicleSpec) -> Iterator[AssetNode]:
         )
 
 
-def _rod(way: float) -> Callable[[MeshBuilder, Resolution], None]:
+def _rod(way: float) -> Callable[[MeshBuilder], None]:
     """One half of the tie rod, from its outer end along y."""
 
-    def add(builder: MeshBuilder, resolution: Resolution) -> None:
-        builder.add(STEEL, cylinder(0.0012, abs(way), (0.0, 0.5 * way, 0.0), "y", resolution.around(0.2)))
-        builder.add(BLACK, cylinder(0.0030, 0.0036, n=resolution.around(0.25)))
-        builder.add(BLACK, cylinder(0.0019, 0.009, (0.0, 0.10 * way, 0.0), "y", resolution.around(0.2)))
+    def add(builder: MeshBuilder) -> None:
+        builder.add("steel", cylinder(0.0012, abs(way), (0.0, 0.5 * way, 0.0), "y", builder.around(0.2)))
+        builder.add("black", cylinder(0.0030, 0.0036, n=builder.around(0.25)))
+        builder.add("black", cylinder(0.0019, 0.009, (0.0, 0.10 * way, 0.0), "y", builder.around(0.2)))
 
     return add
 

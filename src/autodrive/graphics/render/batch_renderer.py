@@ -221,7 +221,8 @@ class BatchRenderer(Renderer):
         casters = [self._casters(part, k) for k in range(m)]
         is_dimmed = np.array([dims[:, own].any(1) for dims, own in zip(part.is_dimmed, casters, strict=True)])
         static = self._static_pieces(part, is_dimmed)
-        targets = [self._target(number, self._view) for number in range(min(RING, m))]
+        size = self._view.intrinsics.width, self._view.intrinsics.height
+        targets = [self._target(number, *size) for number in range(min(RING, m))]
         for k in range(m):
             if k >= RING:
                 targets[k % RING].read_rgb_into(self._pixels, (k - RING) * self._image_size)

@@ -28,22 +28,12 @@ NO_CASTER, NO_BEAM, NO_LAMP = CASTERS - 1, BEAMS - 1, LAMP_SLOTS - 1
 
 FRAME = np.dtype(
     [
-        ("sun_direction", "f4", 4),
-        ("sun_color", "f4", 4),
-        ("zenith", "f4", 4),
-        ("horizon", "f4", 4),
-        ("floor_glow", "f4", 4),
-        ("exposure", "f4", 4),
+        *((name, "f4", 4) for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow", "exposure")),
         ("sun_from_map", "f4", (4, 4)),
-        ("still_scale", "f4", 4),
-        ("still_offset", "f4", 4),
-        ("caster_offset", "f4", (CASTERS, 4)),
-        ("caster_tile", "f4", (CASTERS, 4)),
-        ("caster_place", "f4", (CASTERS, 4)),
+        *((name, "f4", 4) for name in ("still_scale", "still_offset")),
+        *((name, "f4", (CASTERS, 4)) for name in ("caster_offset", "caster_tile", "caster_place")),
         ("caster_half", "f4", 4),
-        ("lamp_place", "f4", (LAMP_SLOTS, 4)),
-        ("lamp_aim", "f4", (LAMP_SLOTS, 4)),
-        ("lamp_color", "f4", (LAMP_SLOTS, 4)),
+        *((name, "f4", (LAMP_SLOTS, 4)) for name in ("lamp_place", "lamp_aim", "lamp_color")),
         ("beam_up", "f4", (BEAMS, 4)),
         ("beam_from_map", "f4", (BEAMS, 4, 4)),
     ]

@@ -94,15 +94,17 @@ def beam_matrix(place: Floats, aim: Floats, up: Floats, cos_outer: float, range_
     look = np.eye(4)
     look[:3, :3] = np.stack([side, up, aim])
     look[:3, 3] = -look[:3, :3] @ place
-    return perspective(tangent, tangent, near, range_) @ look
+    return perspective(1.0 / tangent, 1.0 / tangent, near, range_) @ look
 
 
-def perspective(tan_x: float, tan_y: float, near: float, far: float) -> Floats:
-    """Clip space from a camera that looks along +z, shape (4, 4)."""
+def perspective(
+    scale_x: float, scale_y: float, near: float, far: float, *, shift_x: float = 0.0, shift_y: float = 0.0
+) -> Floats:
+    """Clip space from a camera that looks along +z, shape (4, 4); at a distance of 1, clip x is scale_x x + shift_x."""
     return np.array(
         [
-            [1.0 / tan_x, 0.0, 0.0, 0.0],
-            [0.0, 1.0 / tan_y, 0.0, 0.0],
+            [scale_x, 0.0, shift_x, 0.0],
+            [0.0, scale_y, shift_y, 0.0],
             [0.0, 0.0, (far + near) / (far - near), -2.0 * far * near / (far - near)],
             [0.0, 0.0, 1.0, 0.0],
         ]

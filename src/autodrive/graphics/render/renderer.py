@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -13,6 +14,7 @@ from autodrive.graphics.render import texture_arrays
 from autodrive.graphics.render.draw_list import FRAME, DrawList, Illumination
 from autodrive.graphics.render.gl import moderngl, open_context, source, write
 from autodrive.graphics.render.gpu_mesh import GpuMesh
+from autodrive.graphics.render.lighting import perspective
 from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
 from autodrive.graphics.render.scene import Kind, Skeleton, geometry, rigid
@@ -32,8 +34,8 @@ if TYPE_CHECKING:
 PART_SIZE = 0.06
 """Of the parts of a vehicle [m]."""
 
-TEXTURES, STILL, CASTER, BEAM = range(4)
-"""Texture units."""
+UNITS = {"textures": 0, "still_map": 1, "caster_map": 2, "beam_map": 3}
+"""Texture unit of each sampler."""
 
 
 IndexRange: TypeAlias = tuple[int, int, Kind, str]
@@ -110,12 +112,11 @@ class Renderer:
         """Indices of those triangles."""
         self._frame = context.buffer(reserve=FRAME.itemsize)
         self._camera = context.buffer(reserve=80)
-        self._programs: dict[ShaderVariant, moderngl.Program] = {}
-        self._label_programs: dict[bool, moderngl.Program] = {}
+        self._program, self._target = cache(self._new_program), cache(self._new_target)
+        self._label_program = cache(lambda is_jointed: self._linked("scene.vert", "label.frag", is_jointed))
+        self._exact_target = cache(lambda width, height: DepthLabelTarget(context, width, height))
         self._sky = self._linked("sky.vert", "sky.frag")
         self._sky_corners = context.vertex_array(self._sky, [])
-        self._targets: dict[tuple[int, int, int], RenderTarget] = {}
-        self._exact_targets: dict[tuple[int, int], DepthLabelTarget] = {}
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.depth_func = "<="
 
@@ -141,7 +142,7 @@ class Renderer:
         self._draw_list.set(state, views)
         self._frame.write(self._draw_list.frame.tobytes())
         self._bind()
-        targets = [self._target(i, view) for i, view in enumerate(views)]
+        targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
         for target, view in zip(targets, views, strict=True):
             target.begin()
             self._draw_colors(view, state.is_day)
@@ -160,18 +161,17 @@ class Renderer:
         """Bind uniform blocks and shadow maps, after the shadow maps have been drawn."""
         self._frame.bind_to_uniform_block(0)
         self._camera.bind_to_uniform_block(1)
-        self._shadows.still.use(STILL)
-        self._shadows.caster.use(CASTER)
-        self._shadows.beam.use(BEAM)
+        self._shadows.still.use(UNITS["still_map"])
+        self._shadows.caster.use(UNITS["caster_map"])
+        self._shadows.beam.use(UNITS["beam_map"])
         self._context.front_face = "cw"  # the first row is at the top, which mirrors the triangles
 
     # -- a view -----------------------------------------------------------------------------------------------------
 
-    def _target(self, number: int, view: View) -> RenderTarget:
-        key = number, view.intrinsics.width, view.intrinsics.height
-        if key not in self._targets:
-            self._targets[key] = RenderTarget(self._context, *key[1:], self.quality.antialiasing)
-        return self._targets[key]
+    def _new_target(self, number: int, width: int, height: int) -> RenderTarget:
+        """For the view with that number: each has its own."""
+        del number
+        return RenderTarget(self._context, width, height, self.quality.antialiasing)
 
     def _draw_colors(self, view: View, is_day: bool) -> None:
         clip = self._look(view)
@@ -191,7 +191,7 @@ class Renderer:
             if (variant, textures, lit) != used:
                 used = variant, textures, lit
                 if textures:
-                    self._textures[textures].use(TEXTURES)
+                    self._textures[textures].use(UNITS["textures"])
                 for name, slots in zip(("casters", "beams", "lamp_numbers"), lit[:3], strict=True):
                     if slots:
                         write(program, name, np.array(slots, np.int32).tobytes())
@@ -208,10 +208,7 @@ class Renderer:
 
     def _draw_exact(self, view: View) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Depths [m] and labels, shape (height, width) each."""
-        key = view.intrinsics.width, view.intrinsics.height
-        if key not in self._exact_targets:
-            self._exact_targets[key] = DepthLabelTarget(self._context, *key)
-        target = self._exact_targets[key]
+        target = self._exact_target(view.intrinsics.width, view.intrinsics.height)
         target.begin()
         for model, piece, bones, _, _ in self._seen(self._look(view)):
             program = self._label_program(bones is not None)
@@ -282,33 +279,25 @@ class Renderer:
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
-    def _program(self, variant: ShaderVariant) -> moderngl.Program:
-        if variant not in self._programs:
-            is_quick = self.quality.detail == "reduced"
-            flags = {
-                "QUICK": is_quick,
-                "FLAT": variant.kind == "flat",
-                "MATT": variant.kind == "matt" and is_quick,
-                "TEXTURED": variant.is_textured,
-                "SUNLIT": variant.is_day,
-                "STILL": variant.is_shaded,
-            }
-            definitions = {name: 1 for name, is_set in flags.items() if is_set}
-            definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
-            definitions["TAPS"] = self.quality.taps
-            texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"
-            program = self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
-            units = {"textures": TEXTURES, "still_map": STILL, "caster_map": CASTER, "beam_map": BEAM}
-            for name, unit in units.items():
-                if name in program:
-                    program[name] = unit
-            self._programs[variant] = program
-        return self._programs[variant]
-
-    def _label_program(self, is_jointed: bool) -> moderngl.Program:
-        if is_jointed not in self._label_programs:
-            self._label_programs[is_jointed] = self._linked("scene.vert", "label.frag", is_jointed)
-        return self._label_programs[is_jointed]
+    def _new_program(self, variant: ShaderVariant) -> moderngl.Program:
+        is_quick = self.quality.detail == "reduced"
+        flags = {
+            "QUICK": is_quick,
+            "FLAT": variant.kind == "flat",
+            "MATT": variant.kind == "matt" and is_quick,
+            "TEXTURED": variant.is_textured,
+            "SUNLIT": variant.is_day,
+            "STILL": variant.is_shaded,
+        }
+        definitions = {name: 1 for name, is_set in flags.items() if is_set}
+        definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
+        definitions["TAPS"] = self.quality.taps
+        texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"
+        program = self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
+        for name, unit in UNITS.items():
+            if name in program:
+                program[name] = unit
+        return program
 
     def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
         joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
@@ -322,12 +311,6 @@ class Renderer:
 
 def clip_from_optical(view: View) -> Floats:
     """Clip space from the optical frame (x right, y down, z forward); the first row of the image is at its bottom."""
-    k, near, far = view.intrinsics, view.near, view.far
-    return np.array(
-        [
-            [2.0 * k.fx / k.width, 0.0, 2.0 * k.cx / k.width - 1.0, 0.0],
-            [0.0, 2.0 * k.fy / k.height, 2.0 * k.cy / k.height - 1.0, 0.0],
-            [0.0, 0.0, (far + near) / (far - near), -2.0 * far * near / (far - near)],
-            [0.0, 0.0, 1.0, 0.0],
-        ]
-    )
+    k = view.intrinsics
+    shift = {"shift_x": 2.0 * k.cx / k.width - 1.0, "shift_y": 2.0 * k.cy / k.height - 1.0}
+    return perspective(2.0 * k.fx / k.width, 2.0 * k.fy / k.height, view.near, view.far, **shift)

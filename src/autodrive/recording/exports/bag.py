@@ -23,9 +23,8 @@ from autodrive.protocol.messages import LidarScan
 from autodrive.protocol.native import Picture
 from autodrive.recording import Recording
 from autodrive.recording.exports.options import ExportOptions
-from autodrive.recording.exports.sampling import sampled
 from autodrive.recording.recording import LazyImages
-from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
+from autodrive.scenario.vehicles.spec import load_vehicle
 
 RATE = 30.0
 """Default rate of the states [Hz], as that of the bridge."""
@@ -65,11 +64,23 @@ def write(recording: Recording, path: Path, options: ExportOptions, form: str) -
     with _BagNode(path, is_ros2=form == "rosbag2") as node:
         bridge = Bridge(config, node, clock=lambda: node.time)
         node.is_ready = True
-        infos = {name: _info(i, types[name], recording, name, vehicles[name]) for i, name in enumerate(names, 1)}
+        infos = {
+            name: VehicleInfo(
+                number,
+                types[name],
+                recording.cameras(name),
+                spec.wheelbase,
+                spec.wheels.radius,
+                spec.drivetrain.speed_limit * spec.wheels.radius,
+                spec.steering.limit,
+                None,
+            )
+            for number, (name, spec) in enumerate(vehicles.items(), 1)
+        }
         bridge.on_vehicles(infos)
         scans: dict[str, LidarScan] = {}
         images: dict[tuple[str, str], float] = {}
-        for time, whole in sampled(recording, options, None):
+        for time, whole in options.moments(recording, None):
             node.time = time
             frame = replace(whole, vehicles={name: one for name, one in whole.vehicles.items() if name in names})
             new = {
@@ -86,19 +97,6 @@ def write(recording: Recording, path: Path, options: ExportOptions, form: str) -
                         images[name, camera] = taken
                         pictures[name, camera] = picture
             bridge.on_update(Update(frame, new, pictures))
-
-
-def _info(number: int, type_: str, recording: Recording, name: str, spec: VehicleSpec) -> VehicleInfo:
-    return VehicleInfo(
-        number,
-        type_,
-        recording.cameras(name),
-        spec.wheelbase,
-        spec.wheels.radius,
-        spec.drivetrain.speed_limit * spec.wheels.radius,
-        spec.steering.limit,
-        None,
-    )
 
 
 class _BagNode:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from autodrive.base.cache import make_folder
@@ -36,7 +34,9 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
             rows = ([time, *scan] for time, scan in zip(times[of].tolist(), ranges[of].tolist(), strict=True))
             _table(path / f"{vehicle}_lidar.csv", ["time", *rays], rows)
     _table(path / "commands.csv", ["time", "tick", "vehicle", *_COMMAND], _commands(recording))
-    events = ([one.time, one.tick, type(one.event).__name__, _text(one.event)] for one in recording.events)
+    events = (
+        [one.time, one.tick, type(one.event).__name__, encode_json(one.event).decode()] for one in recording.events
+    )
     _table(path / "events.csv", ["time", "tick", "event", "values"], events)
 
 
@@ -49,10 +49,6 @@ def _commands(recording: Recording) -> Iterator[list[Any]]:
             yield [time, record.tick, vehicle, *(getattr(command, name) for name in _COMMAND)]
 
 
-def _text(event: msgspec.Struct) -> str:
-    return encode_json(event).decode()
-
-
 def _range(times: Any, options: ExportOptions) -> Any:
     start = -np.inf if options.start is None else options.start
     end = np.inf if options.end is None else options.end
@@ -60,12 +56,7 @@ def _range(times: Any, options: ExportOptions) -> Any:
 
 
 def _table(path: Path, header: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    with _writer(path) as writer:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
         writer.writerow(header)
         writer.writerows(rows)
-
-
-@contextmanager
-def _writer(path: Path) -> Iterator[Any]:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        yield csv.writer(file)

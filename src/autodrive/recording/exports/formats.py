@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import importlib
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,7 +58,12 @@ def export(
             f"the export would replace something that exists: remove it, or choose another path  ({target})"
         )
     make_folder(target.parent)
-    write = _writer(form)
+    try:
+        write = importlib.import_module(f"autodrive.recording.exports.{form.module}").write
+    except ModuleNotFoundError as error:
+        if not form.extra or (error.name or "").startswith("autodrive"):
+            raise
+        raise RecordingError(missing(error.name or "a package", form.extra)) from None
     try:
         write(recording, target, options or ExportOptions(), name)
     except BaseException as error:
@@ -73,12 +77,3 @@ def export(
             raise RecordingError(f"cannot write: {error.strerror or error}  ({file})") from None
         raise
     return target
-
-
-def _writer(form: Format) -> Callable[[Recording, Path, ExportOptions, str], None]:
-    try:
-        return importlib.import_module(f"autodrive.recording.exports.{form.module}").write
-    except ModuleNotFoundError as error:
-        if not form.extra or (error.name or "").startswith("autodrive"):
-            raise
-        raise RecordingError(missing(error.name or "a package", form.extra)) from None

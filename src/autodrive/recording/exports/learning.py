@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from autodrive.protocol.messages import Command, Frame
 from autodrive.recording import Recording, RecordingError
 from autodrive.recording.exports.options import ExportOptions
-from autodrive.recording.exports.sampling import sampled
 from autodrive.recording.recording import LazyImages
 
 STATE = (
@@ -43,7 +42,7 @@ def steps(recording: Recording, options: ExportOptions, rate: float) -> Iterator
     vehicle = options.vehicles(recording)[0]
     commands = list(recording.commands)
     next_command, command, episode, tick = 0, Command(), 0, -1
-    for time, frame in sampled(recording, options, rate):
+    for time, frame in options.moments(recording, rate):
         while next_command < len(commands) and commands[next_command][0] <= time + 1e-9:
             command = commands[next_command][1].commands.get(vehicle, command)
             next_command += 1

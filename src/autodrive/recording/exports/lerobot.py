@@ -52,26 +52,21 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
 
 
 def _columns(found: Sequence[Step], rate: int) -> dict[str, Any]:
-    episode = np.array([one.episode for one in found])
-    firsts = {number: int(np.argmax(episode == number)) for number in set(episode.tolist())}
-    numbers = {number: i for i, number in enumerate(sorted(firsts))}
-    frame = np.array([i - firsts[int(number)] for i, number in enumerate(episode)])
+    _, firsts, episode = np.unique([one.episode for one in found], return_index=True, return_inverse=True)
+    frame = np.arange(len(found)) - firsts[episode]
     return {
         "observation.state": pa.array([one.state for one in found], pa.list_(pa.float32(), len(STATE))),
         "action": pa.array([one.action for one in found], pa.list_(pa.float32(), len(ACTION))),
         "timestamp": pa.array((frame / rate).astype(np.float32)),
         "frame_index": pa.array(frame, pa.int64()),
-        "episode_index": pa.array([numbers[int(number)] for number in episode], pa.int64()),
+        "episode_index": pa.array(episode, pa.int64()),
         "index": pa.array(range(len(found)), pa.int64()),
         "task_index": pa.array([0] * len(found), pa.int64()),
     }
 
 
 def _episode_rows(columns: dict[str, Any], task: str, cameras: Sequence[str], rate: int) -> dict[str, Any]:
-    episodes = columns["episode_index"].to_numpy()
-    numbers = sorted(set(episodes.tolist()))
-    first = [int(np.argmax(episodes == number)) for number in numbers]
-    lengths = [int(np.sum(episodes == number)) for number in numbers]
+    numbers, first, lengths = np.unique(columns["episode_index"], return_index=True, return_counts=True)
     zeros = pa.array([0] * len(numbers), pa.int64())
     rows: dict[str, Any] = {
         "episode_index": pa.array(numbers, pa.int64()),
@@ -80,17 +75,15 @@ def _episode_rows(columns: dict[str, Any], task: str, cameras: Sequence[str], ra
         "data/chunk_index": zeros,
         "data/file_index": zeros,
         "dataset_from_index": pa.array(first, pa.int64()),
-        "dataset_to_index": pa.array([a + b for a, b in zip(first, lengths, strict=True)], pa.int64()),
+        "dataset_to_index": pa.array(first + lengths, pa.int64()),
         "meta/episodes/chunk_index": zeros,
         "meta/episodes/file_index": zeros,
     }
     for camera in cameras:
         key = f"videos/observation.images.{camera}"
         rows |= {f"{key}/chunk_index": zeros, f"{key}/file_index": zeros}
-        rows[f"{key}/from_timestamp"] = pa.array([one / rate for one in first], pa.float64())
-        rows[f"{key}/to_timestamp"] = pa.array(
-            [(a + b) / rate for a, b in zip(first, lengths, strict=True)], pa.float64()
-        )
+        rows[f"{key}/from_timestamp"] = pa.array(first / rate, pa.float64())
+        rows[f"{key}/to_timestamp"] = pa.array((first + lengths) / rate, pa.float64())
     return rows
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import warnings
+from collections import Counter
 from pathlib import Path
 
 import gymnasium
@@ -24,36 +26,29 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
     Load it with `MINARI_DATASETS_PATH=FOLDER` and `minari.load_dataset("autodrive/NAME-v0")`. Images are left out.
     """
     found = checked(list(steps(recording, options, options.rate or RATE)))
-    buffers = [
-        _episode(i, [one for one in found if one.episode == episode]) for i, episode in enumerate(_episodes(found))
-    ]
+    episodes = [episode for episode, count in Counter(one.episode for one in found).items() if count > 1]
+    buffers = [_episode(i, [one for one in found if one.episode == number]) for i, number in enumerate(episodes)]
     name = "".join(letter if letter.isalnum() else "-" for letter in path.stem).strip("-") or "drive"
     before = os.environ.get("MINARI_DATASETS_PATH")
     os.environ["MINARI_DATASETS_PATH"] = str(path.absolute())  # Minari joins a relative one twice
     path.mkdir(parents=True)
     try:
-        minari.create_dataset_from_buffers(
-            f"autodrive/{name}-v0",
-            buffer=buffers,
-            observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (len(STATE),), np.float32),
-            action_space=gymnasium.spaces.Box(-1.0, 1.0, (len(ACTION),), np.float32),
-            algorithm_name="recording",
-            description=f"AutoDRIVE recording of '{recording.scenario.name}'. State: {', '.join(STATE)}.",
-            data_format="arrow",
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about an author, and other things that a recording does not have
+            minari.create_dataset_from_buffers(
+                f"autodrive/{name}-v0",
+                buffer=buffers,
+                observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (len(STATE),), np.float32),
+                action_space=gymnasium.spaces.Box(-1.0, 1.0, (len(ACTION),), np.float32),
+                algorithm_name="recording",
+                description=f"AutoDRIVE recording of '{recording.scenario.name}'. State: {', '.join(STATE)}.",
+                data_format="arrow",
+            )
     finally:
         if before is None:
             del os.environ["MINARI_DATASETS_PATH"]
         else:
             os.environ["MINARI_DATASETS_PATH"] = before
-
-
-def _episodes(found: list[Step]) -> list[int]:
-    """Episodes with at least one action."""
-    counts: dict[int, int] = {}
-    for one in found:
-        counts[one.episode] = counts.get(one.episode, 0) + 1
-    return [episode for episode, count in counts.items() if count > 1]
 
 
 def _episode(number: int, found: list[Step]) -> EpisodeBuffer:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from autodrive.base.suggest import suggest
-from autodrive.recording import Recording, RecordingError
+from autodrive.recording import Moment, Recording, RecordingError
 
 
 @dataclass(frozen=True)
@@ -29,3 +30,19 @@ class ExportOptions:
             known = suggest(self.vehicle, [*recording.vehicles])
             raise RecordingError(f"vehicle '{self.vehicle}' is not in the recording. {known}")
         return (self.vehicle,)
+
+    def moments(self, recording: Recording, rate: float | None) -> Iterator[Moment]:
+        """The Frames from `start` to `end`, at most `rate` of them in a second; None: all.
+
+        A Frame that a request made between two ticks is replaced by the one after it, so that times increase.
+        """
+        due: float | None = None
+        last: Moment | None = None
+        for moment in recording.moments(self.start, self.end):
+            if last is not None and moment.time > last.time and (due is None or last.time >= due - 1e-9):
+                yield last
+                period = 0.0 if rate is None else 1.0 / rate
+                due = (last.time if due is None else max(due, last.time - period)) + period
+            last = moment
+        if last is not None and (due is None or last.time >= due - 1e-9):
+            yield last

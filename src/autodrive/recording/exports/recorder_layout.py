@@ -21,7 +21,6 @@ from autodrive.base.cache import make_folder, write_file
 from autodrive.protocol.messages import VehicleFrame
 from autodrive.recording import Moment, Recording, RecordingError
 from autodrive.recording.exports.options import ExportOptions
-from autodrive.recording.exports.sampling import sampled
 from autodrive.recording.recording import LazyImages
 
 TIME_FORMAT = "%Y_%m_%d_%H_%M_%S_%f"
@@ -42,7 +41,7 @@ def write(recording: Recording, path: Path, options: ExportOptions, _: str) -> N
         with (path / f"{vehicle} Log.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             images = _Images(path, vehicle, 1 if columns == ROBORACER_COLUMNS else 2)
-            for moment in sampled(recording, options, options.rate or RATES[columns]):
+            for moment in options.moments(recording, options.rate or RATES[columns]):
                 stamp = (began + timedelta(seconds=moment.time)).strftime(TIME_FORMAT)[:-3]
                 writer.writerow(_row(moment, vehicle, stamp, columns, images))
 

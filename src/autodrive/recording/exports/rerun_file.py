@@ -21,7 +21,6 @@ from autodrive.protocol.channels import CHANNELS
 from autodrive.protocol.messages import LidarScan
 from autodrive.recording import Recording
 from autodrive.recording.exports.options import ExportOptions
-from autodrive.recording.exports.sampling import sampled
 from autodrive.recording.recording import LazyImages
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
 
@@ -49,7 +48,7 @@ def _log(
     _log_meshes(stream, recording, vehicles)
     scans: dict[str, float] = {}
     images: dict[tuple[str, str], float] = {}
-    for time, frame in sampled(recording, options, options.rate or RATE):
+    for time, frame in options.moments(recording, options.rate or RATE):
         stream.set_time(TIMELINE, duration=time)
         for name, one in frame.objects.items():
             stream.log(f"world/objects/{name}", _transform(one.pose))

@@ -113,17 +113,18 @@ def module_alone(name: str) -> Map:
 
 
 def _surfaces(map_: Map) -> Iterator[str]:
-    for surface in map_.surfaces:
-        if surface.kind == "road":
-            yield f'<path class="kerb" d="{_d(_kerb(map_))}" fill="{COLOURS["kerb"]}" fill-rule="evenodd"/>'
-        fill = "url(#lawn)" if surface.kind == "lawn" else COLOURS[surface.kind]
-        yield f'<path class="{surface.kind}" d="{_d(surface.geometry)}" fill="{fill}" fill-rule="evenodd"/>'
-    looks = dict.fromkeys((m.z_order, m.kind, m.colour) for m in sorted(map_.markings, key=lambda one: one.z_order))
-    for z_order, kind, colour in looks:
+    if map_.track is None:
+        yield _path("lawn", map_.lawn, "url(#lawn)")
+        yield _path("kerb", _kerb(map_))
+    yield _path("road" if map_.track is None else "track", map_.drivable)
+    for kind in dict.fromkeys(marking.kind for marking in map_.markings):
         # the union removes seams where lines of two modules meet
-        lines = [m.geometry for m in map_.markings if (m.z_order, m.kind, m.colour) == (z_order, kind, colour)]
-        together = shapely.union_all(lines, grid_size=GRID)
-        yield f'<path class="{kind}" d="{_d(together)}" fill="{COLOURS[colour]}" fill-rule="evenodd"/>'
+        lines = [marking.geometry for marking in map_.markings if marking.kind == kind]
+        yield _path(kind, shapely.union_all(lines, grid_size=GRID), COLOURS["white"])
+
+
+def _path(kind: str, geometry: BaseGeometry, fill: str = "") -> str:
+    return f'<path class="{kind}" d="{_d(geometry)}" fill="{fill or COLOURS[kind]}" fill-rule="evenodd"/>'
 
 
 def _solids(map_: Map) -> Iterator[str]:

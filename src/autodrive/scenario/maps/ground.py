@@ -49,7 +49,8 @@ class Region:
 
 def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]:
     """All regions of a map. `tolerance`: largest distance of a simplified edge from the original [m]."""
-    road = shapely.simplify(map_.drivable, tolerance)
+    # without the precision of the polygon, which a copy in another process does not have: the bits are the same in both
+    road = shapely.simplify(shapely.set_precision(map_.drivable, 0.0), tolerance)
     open_ends = _open_ends(map_)
     found: list[Region] = []
     taken: BaseGeometry = shapely.Polygon()
@@ -68,9 +69,7 @@ def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]
     for name, width in strips if not road.is_empty and map_.track is None else ():
         strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * tolerance)
         add(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))
-    for surface in map_.surfaces:
-        if surface.kind == "lawn":
-            add("lawn", Label.LAWN, surface.geometry)
+    add("lawn", Label.LAWN, map_.lawn)
     add("floor", Label.GROUND, shapely.box(*floor_extent(map_)))
     return found
 

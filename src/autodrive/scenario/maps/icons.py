@@ -52,11 +52,3 @@ _FACES: dict[PropKind, str] = {
 def icon(kind: PropKind) -> str:
     """SVG elements in a square from (-0.5, -0.5) to (0.5, 0.5), y UP, as its driver sees the sign."""
     return _FACES[kind]
-
-
-def icon_svg(kind: PropKind, pixels: int = 128) -> str:
-    """The face of a sign as an SVG document, transparent around the plate."""
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{pixels}" height="{pixels}" viewBox="-.52 -.52 1.04 1.04">'
-        f'<g transform="scale(1 -1)">{icon(kind)}</g></svg>'
-    )

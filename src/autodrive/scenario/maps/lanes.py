@@ -1,4 +1,4 @@
-"""Lane graph: directed centre lines through modules, connected at ports; nearest-point and route queries."""
+"""Lane graph: directed centre lines through modules, connected at ports; the nearest point, and loops."""
 
 from __future__ import annotations
 
@@ -27,10 +27,6 @@ class Lane:
     """'placement:entry port>exit port'."""
     points: Floats
     """Centre line in driving direction [m], shape (n, 2)."""
-    start: int
-    """Node at its first point."""
-    end: int
-    """Node at its last point."""
     successors: tuple[int, ...]
     """Indices of the lanes that begin where this one ends."""
 
@@ -54,10 +50,8 @@ class LanePoint(NamedTuple):
 
 @dataclass(frozen=True)
 class LaneGraph:
-    """Lanes (edges) between nodes. A node is a pose at which lanes of two modules meet or a lane begins or ends."""
+    """Lanes, which follow each other where modules meet."""
 
-    nodes: Floats
-    """x [m], y [m], heading [rad], shape (n, 3)."""
     lanes: tuple[Lane, ...]
 
     def nearest(self, x: float, y: float, yaw: float | None = None) -> LanePoint | None:
@@ -77,14 +71,20 @@ class LaneGraph:
         offset = math.copysign(math.hypot(x - px, y - py), sx * (y - py) - sy * (x - px))
         return LanePoint(int(lane[i]), float(px), float(py), math.atan2(sy, sx), offset)
 
-    def route(self, start: int, goal: int) -> tuple[int, ...] | None:
-        """The shortest sequence of lanes between two lanes, both included (Dijkstra); None if there is none."""
-        return (start,) if start == goal else self._shortest(start, goal)
-
-    def loop(self, lane: int) -> tuple[int, ...] | None:
-        """The shortest closed sequence of lanes that begins with that lane; None if there is none."""
-        route = self._shortest(lane, lane)
-        return route[:-1] if route else None
+    def loop(self, start: int) -> tuple[int, ...] | None:
+        """The shortest closed sequence of lanes that begins with that lane (Dijkstra); None if there is none."""
+        queue: list[tuple[float, int, tuple[int, ...]]] = [(0.0, start, (start,))]
+        done: set[int] = set()
+        while queue:
+            cost, lane, route = heapq.heappop(queue)
+            if lane == start and len(route) > 1:
+                return route[:-1]
+            if lane in done:
+                continue
+            done.add(lane)
+            for successor in self.lanes[lane].successors:
+                heapq.heappush(queue, (cost + self.lanes[successor].length, successor, (*route, successor)))
+        return None
 
     def loops(self) -> tuple[tuple[int, ...], ...]:
         """The shortest loop through each lane, without duplicates, sorted by length."""
@@ -104,21 +104,6 @@ class LaneGraph:
         first = self.lanes[route[0]].points[:1]
         return np.vstack([first, *(self.lanes[i].points[1:] for i in route)])
 
-    def _shortest(self, start: int, goal: int) -> tuple[int, ...] | None:
-        """Dijkstra from the successors of `start`, so that start and goal may be the same lane."""
-        queue: list[tuple[float, int, tuple[int, ...]]] = [(0.0, start, (start,))]
-        done: set[int] = set()
-        while queue:
-            cost, lane, route = heapq.heappop(queue)
-            if lane == goal and len(route) > 1:
-                return route
-            if lane in done:
-                continue
-            done.add(lane)
-            for successor in self.lanes[lane].successors:
-                heapq.heappush(queue, (cost + self.lanes[successor].length, successor, (*route, successor)))
-        return None
-
     @cached_property
     def _segments(self) -> tuple[Floats, Floats, Integers]:
         """First point, step and lane of each segment of each lane."""
@@ -136,29 +121,18 @@ class Piece(NamedTuple):
     name: str
     points: Floats
     """Centre line in driving direction [m], shape (n, 2)."""
-    yaws: tuple[float, float]
-    """Heading at the start and at the end [rad]; more exact than the headings of the chords of an arc."""
     start: Hashable
-    """Key of the node at the start."""
+    """Key of the place where it starts."""
     end: Hashable
-    """Key of the node at the end. Lanes that start at this node are the successors."""
+    """Key of the place where it ends. Lanes that start there are the successors."""
 
 
 def lane_graph(pieces: Sequence[Piece]) -> LaneGraph:
     """Builds the graph of these lanes."""
-    poses: dict[Hashable, Pose] = {}
-    for piece in pieces:
-        poses.setdefault(piece.start, (*piece.points[0], piece.yaws[0]))
-        poses.setdefault(piece.end, (*piece.points[-1], piece.yaws[1]))
-    node = {key: i for i, key in enumerate(poses)}
     starting: dict[Hashable, list[int]] = {}
     for lane, piece in enumerate(pieces):
         starting.setdefault(piece.start, []).append(lane)
-    lanes = [
-        Lane(piece.name, piece.points, node[piece.start], node[piece.end], tuple(starting.get(piece.end, ())))
-        for piece in pieces
-    ]
-    return LaneGraph(np.array(list(poses.values())).reshape(-1, 3), tuple(lanes))
+    return LaneGraph(tuple(Lane(one.name, one.points, tuple(starting.get(one.end, ()))) for one in pieces))
 
 
 def lane_path(start: Pose, end: Pose) -> Floats:

@@ -40,23 +40,11 @@ RESERVED = ("ground", "world")
 
 
 @dataclass(frozen=True)
-class Surface:
-    """Ground of one kind, for drawing; later surfaces cover earlier ones."""
-
-    kind: str
-    """'lawn', 'road' or 'track'."""
-    geometry: BaseGeometry
-
-
-@dataclass(frozen=True)
 class Marking:
-    """A painted road marking."""
+    """A road marking, painted white."""
 
     kind: MarkingKind
-    colour: str
     geometry: BaseGeometry
-    z_order: int
-    """Markings with a higher value are painted later."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +71,8 @@ class Map:
     """x0, y0, x1, y1 of every edge of every ring of `drivable` [m], shape (n, 4), for `area.is_inside`."""
     statics: tuple[StaticShape, ...]
     boxes: tuple[BoxPlacement, ...]
-    surfaces: tuple[Surface, ...]
+    lawn: BaseGeometry
+    """Ground of the terrain modules that is not drivable."""
     markings: tuple[Marking, ...]
     props: tuple[Prop, ...]
     bays: tuple[ParkingBay, ...]
@@ -147,8 +136,8 @@ def track_map(track: Track) -> Map:
         drivable_edges=np.empty((0, 4)),
         statics=statics,
         boxes=(),
-        surfaces=(Surface("track", drivable),),
-        markings=(Marking("stop_line", "white", start_line(track), z_order=1),),
+        lawn=shapely.Polygon(),
+        markings=(Marking("stop_line", start_line(track)),),
         props=(),
         bays=(),
         lane_graph=lane_graph([lane(track)]),
@@ -173,7 +162,6 @@ def _compiled(
         problems.append(_too_large(spec, placed, statics, places, bounds))
     drivable = _united([*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)])
     lawns = [one.footprint for one in placed if one.module.spec.type == "terrain"]
-    lawn = shapely.difference(shapely.union_all(lawns, grid_size=GRID), drivable, grid_size=GRID)
     map_ = Map(
         name,
         spec.title,
@@ -182,7 +170,7 @@ def _compiled(
         drivable_edges(drivable),
         statics,
         boxes,
-        surfaces=(Surface("lawn", lawn), Surface("road", drivable)),
+        lawn=shapely.difference(shapely.union_all(lawns, grid_size=GRID), drivable, grid_size=GRID),
         markings=_markings(placed),
         props=props,
         bays=_bays(placed),
@@ -271,7 +259,7 @@ def _statics(spec: MapSpec) -> tuple[tuple[StaticShape, ...], tuple[Prop, ...], 
 
 def _markings(placed: list[PlacedModule]) -> tuple[Marking, ...]:
     return tuple(
-        Marking(kind, "white", geometry, z_order=1)
+        Marking(kind, geometry)
         for one in placed
         for (kind, _), geometry in zip(one.module.markings, one.markings, strict=True)
     )
@@ -289,21 +277,14 @@ def _bays(placed: list[PlacedModule]) -> tuple[ParkingBay, ...]:
 
 
 def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> LaneGraph:
-    """At a pair of connected ports, lanes that leave one port share a node with lanes that enter the other."""
+    """At a pair of connected ports, lanes that leave one port end where lanes that enter the other start."""
     pieces: list[Piece] = []
     for i, one in enumerate(placed):
-        yaw = {port.name: port.pose[2] for port in one.ports}
         for (port_in, port_out), points in zip(one.module.spec.lanes, one.lanes, strict=True):
             met = joins.get((i, port_out))
             end = ("in", met) if met else ("out", (i, port_out))
-            yaws = (_wrapped(yaw[port_in] + math.pi), _wrapped(yaw[port_out]))
-            pieces.append(Piece(f"{one.name}:{port_in}>{port_out}", points, yaws, ("in", (i, port_in)), end))
+            pieces.append(Piece(f"{one.name}:{port_in}>{port_out}", points, ("in", (i, port_in)), end))
     return lane_graph(pieces)
-
-
-def _wrapped(angle: float) -> float:
-    """The angle wrapped to [-pi, pi] [rad]."""
-    return math.remainder(angle, 2.0 * math.pi)
 
 
 def _bounds(

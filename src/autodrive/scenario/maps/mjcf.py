@@ -11,17 +11,22 @@ from autodrive.scenario.maps.solids import StaticShape
 
 CLASSES = """
 <default>
-  <geom solref="0.005 1" condim="3"/>
-  <default class="floor"><geom contype="1" conaffinity="0"/></default>
-  <default class="static"><geom contype="2" conaffinity="0"/></default>
-  <default class="movable"><geom contype="4" conaffinity="7"/></default>
+  <geom solref="0.005 2" condim="3"/>
+  <default class="floor"><geom contype="1" conaffinity="0" solref="0.005 1"/></default>
+  <default class="static"><geom contype="2" conaffinity="0" solref="0.005 1"/></default>
+  <default class="movable"><geom contype="4" conaffinity="7" solmix="0"/></default>
   <default class="chassis"><geom contype="8" conaffinity="31" mass="0"/></default>
   <default class="wheel">
     <geom contype="16" conaffinity="30" mass="0" type="cylinder" quat="0.70710678118654757 0.70710678118654757 0 0"/>
   </default>
 </default>
 """
-"""Which classes collide: a wheel collides with everything but the floor, because its suspension ray carries it."""
+"""Which classes collide: a wheel collides with everything but the floor, because its suspension ray carries it.
+
+Solref: time constant [s] and damping ratio of a contact. A critically damped contact gives 0.7 to 2.1 % of the energy
+of an impact back, depending on how deep the first substep finds it; with the ratio 1.5 (the mean of a car and a wall)
+0.6 %, with 2 (two cars or boxes) 0.2 %. A box (solmix 0) has the stiffer contact of the floor or wall that it touches.
+"""
 
 COLLISION = 'ccd_tolerance="1e-9" ccd_iterations="500"'
 """For precise contacts of cylinders. With MuJoCo's own settings, and with its `multiccd`, wheels that graze each other

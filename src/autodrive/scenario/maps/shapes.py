@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, TypeAlias, TypeVar
+from typing import Annotated, Literal, Self, TypeAlias
 
 import numpy as np
 import shapely
@@ -27,6 +27,29 @@ CHORD_ERROR = 1e-4
 """Largest distance between a polygon and its arc [m]: a hundredth of the width of a painted line."""
 
 
+class _Angled(Spec):
+    start_deg: Degrees
+    end_deg: Degrees
+
+    @model_validator(mode="after")
+    def _has_ordered_angles(self) -> Self:
+        if not 0.0 < self.end_deg - self.start_deg <= 360.0:
+            raise ValueError(f"end_deg must be greater than start_deg ({self.start_deg}), by 360 at most")
+        return self
+
+
+class _Dashed(Spec):
+    width: Extent
+    dash: Extent | None = None
+    gap: Extent | None = None
+
+    @model_validator(mode="after")
+    def _has_dash_and_gap(self) -> Self:
+        if (self.dash is None) != (self.gap is None):
+            raise ValueError("dash and gap must be given together")
+        return self
+
+
 class Rectangle(Spec):
     """A rectangle around its centre; `length` along x and `width` along y before its rotation."""
 
@@ -42,7 +65,7 @@ class Rectangle(Spec):
         return rectangle((self.x, self.y, self.yaw_deg * DEGREE), self.length, self.width)
 
 
-class Sector(Spec):
+class Sector(_Angled):
     """A sector of a ring or disc around x, y, counter-clockwise from `start_deg` to `end_deg`."""
 
     shape: Literal["sector"]
@@ -50,14 +73,12 @@ class Sector(Spec):
     y: Coordinate = 0.0
     inner_radius: float = Field(default=0.0, ge=0.0, le=1e3)
     outer_radius: Extent
-    start_deg: Degrees
-    end_deg: Degrees
 
     @model_validator(mode="after")
-    def _is_ordered(self) -> Sector:
+    def _is_ordered(self) -> Self:
         if self.inner_radius >= self.outer_radius:
             raise ValueError(f"outer_radius must be greater than inner_radius ({self.inner_radius} m)")
-        return _with_ordered_angles(self)
+        return self
 
     def geometry(self) -> BaseGeometry:
         """The polygon [m]."""
@@ -82,18 +103,11 @@ class Polygon(Spec):
         return shapely.Polygon(self.points)
 
 
-class Line(Spec):
+class Line(_Dashed):
     """A painted line through points [m]; dashed if `dash` is given."""
 
     shape: Literal["line"]
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
-    width: Extent
-    dash: Extent | None = None
-    gap: Extent | None = None
-
-    @model_validator(mode="after")
-    def _has_both(self) -> Line:
-        return _with_dash_and_gap(self)
 
     def geometry(self) -> BaseGeometry:
         """The polygon, or one polygon for each dash [m]."""
@@ -102,24 +116,19 @@ class Line(Spec):
         return shapely.union_all(shapely.buffer(pieces, self.width / 2.0, cap_style="flat", join_style="mitre"))
 
 
-class Arc(Spec):
+class Arc(_Dashed, _Angled):
     """A painted line along an arc around x, y; dashed if `dash` is given. `radius`: of the centre of the line."""
 
     shape: Literal["arc"]
     x: Coordinate = 0.0
     y: Coordinate = 0.0
     radius: Extent
-    start_deg: Degrees
-    end_deg: Degrees
-    width: Extent
-    dash: Extent | None = None
-    gap: Extent | None = None
 
     @model_validator(mode="after")
-    def _is_ordered(self) -> Arc:
+    def _is_narrow(self) -> Self:
         if self.width >= 2.0 * self.radius:
             raise ValueError(f"width must be less than twice the radius ({self.radius} m)")
-        return _with_dash_and_gap(_with_ordered_angles(self))
+        return self
 
     def geometry(self) -> BaseGeometry:
         """The polygon, or one polygon for each dash [m]."""
@@ -134,8 +143,6 @@ class Arc(Spec):
         )
 
 
-_Angled = TypeVar("_Angled", Sector, Arc)
-_Dashed = TypeVar("_Dashed", Line, Arc)
 Shape: TypeAlias = Annotated[Rectangle | Sector | Polygon | Line | Arc, Field(discriminator="shape")]
 
 
@@ -234,15 +241,3 @@ def _piece(line: shapely.LineString, start: float, end: float) -> shapely.LineSt
     at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     distances = np.concatenate([[start], at[(at > start) & (at < end)], [end]])
     return shapely.LineString(np.column_stack([np.interp(distances, at, corners[:, i]) for i in (0, 1)]))
-
-
-def _with_ordered_angles(shape: _Angled) -> _Angled:
-    if not 0.0 < shape.end_deg - shape.start_deg <= 360.0:
-        raise ValueError(f"end_deg must be greater than start_deg ({shape.start_deg}), by 360 at most")
-    return shape
-
-
-def _with_dash_and_gap(shape: _Dashed) -> _Dashed:
-    if (shape.dash is None) != (shape.gap is None):
-        raise ValueError("dash and gap must be given together")
-    return shape

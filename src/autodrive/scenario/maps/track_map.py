@@ -82,9 +82,7 @@ def start_line(track: Track) -> shapely.Polygon:
 
 def lane(track: Track) -> Piece:
     """The centre line as a closed lane."""
-    points = track.line.points
-    yaw = track.start_pose[2]
-    return Piece("track", points, (yaw, yaw), "start", "start")
+    return Piece("track", track.line.points, "start", "start")
 
 
 def _ducts(face: Floats, spec: BarrierSpec) -> Iterator[Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from autodrive.base.arrays import Floats
-from autodrive.scenario.tracks.shape import crossings
+from autodrive.scenario.tracks.shape import crossings, heading, steps
 from autodrive.scenario.tracks.track import Track
 
 WIDTH_MIN = 0.9
@@ -47,11 +47,11 @@ def track_warnings(track: Track) -> list[str]:
     """What is probably a mistake, but can be driven."""
     warnings: list[str] = []
     points, widths = track.centre_line[:, :2], track.centre_line[:, 2:]
-    steps = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
-    if steps.max() > 5.0 * np.median(steps) + 0.5:
-        i = int(np.argmax(steps))
+    gaps = steps(points)
+    if gaps.max() > 5.0 * np.median(gaps) + 0.5:
+        i = int(np.argmax(gaps))
         where = "the last and the first point" if i == len(points) - 1 else f"points {i} and {i + 1}"
-        warnings.append(f"centre line: {where} are {steps[i]:.2f} m apart, the others {np.median(steps):.2f} m")
+        warnings.append(f"centre line: {where} are {gaps[i]:.2f} m apart, the others {np.median(gaps):.2f} m")
     total = widths.sum(axis=1)
     if total.min() < WIDTH_MIN:
         i = int(np.argmin(total))
@@ -94,19 +94,13 @@ def placed(rows: Floats, track: Track) -> list[tuple[float, float]]:
 def runs_against(rows: Floats, track: Track) -> bool:
     """Whether a race line has the opposite direction of its centre line."""
     at = np.array([s for s, _ in placed(rows, track)])
-    steps = np.remainder(np.diff(at) + track.length / 2.0, track.length) - track.length / 2.0
-    return bool(np.median(steps) < 0.0)
-
-
-def direction(points: Floats) -> Floats:
-    """Direction of a closed line at each point [rad], from 0 to 2 pi."""
-    ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-    return np.arctan2(ahead[:, 1], ahead[:, 0]) % (2.0 * math.pi)
+    forward = np.remainder(np.diff(at) + track.length / 2.0, track.length) - track.length / 2.0
+    return bool(np.median(forward) < 0.0)
 
 
 def psi_problem(rows: Floats) -> str:
     """How the column psi differs from the direction of the points; '' if it does not."""
-    psi, true = rows[:, 3], direction(rows[:, 1:3])
+    psi, true = rows[:, 3], heading(rows[:, 1:3])
     conventions = {
         "": psi,
         "from +y, counter-clockwise": psi + math.pi / 2.0,

@@ -20,8 +20,8 @@ def contours(values: Floats, level: float) -> list[Floats]:
     The centre of the lower left pixel is (0.5, 0.5); y points up. Outside of the image everything is above the level.
     The pixels that are not above the level are on the left of a line. Raises `SpecError` if they are too many.
     """
-    padded = np.pad(values, 1, constant_values=max(2.0 * level, float(values.max())) + 1e-9)
-    high = padded > level
+    outside = max(2.0 * level, float(values.max())) + 1e-9
+    high = np.pad(values > level, 1, constant_values=True)
     # each square has its corners at the centres of four pixels: upper left, upper right, lower right, lower left
     corners = high.view(np.uint8)
     code = corners[:-1, :-1] * 8 + corners[:-1, 1:] * 4 + corners[1:, 1:] * 2 + corners[1:, :-1]
@@ -34,7 +34,7 @@ def contours(values: Floats, level: float) -> list[Floats]:
         sides = ((row, column, 0), (row, column + 1, 1), (row + 1, column, 0), (row, column, 1))
         for start, end in _LINES[kind]:
             following[sides[start]] = sides[end]
-            points.setdefault(sides[start], _crossing(padded, level, sides[start]))
+            points.setdefault(sides[start], _crossing(values, outside, level, sides[start]))
     lines: list[Floats] = []
     height = values.shape[0]
     while following:
@@ -74,11 +74,14 @@ _LINES: dict[int, tuple[tuple[int, int], ...]] = {
 """From side to side of a square, with the low corners on the left; high corners that touch diagonally are joined."""
 
 
-def _crossing(values: Floats, level: float, side: tuple[int, int, int]) -> tuple[float, float]:
-    """Where a side of a square has the level, in pixels of the image that is not padded; y points down."""
+def _crossing(values: Floats, outside: float, level: float, side: tuple[int, int, int]) -> tuple[float, float]:
+    """Where a side of a square has the level, in pixels of the image; y points down. `outside`: beyond the image."""
     row, column, is_vertical = side
-    a = float(values[row, column])
-    b = float(values[row + 1, column] if is_vertical else values[row, column + 1])
+    rows, columns = values.shape
+    a, b = (
+        float(values[i - 1, j - 1]) if 0 < i <= rows and 0 < j <= columns else outside
+        for i, j in ((row, column), (row + is_vertical, column + 1 - is_vertical))
+    )
     share = min(max((level - a) / (b - a), 0.05), 0.95)
     x, y = column - 0.5, row - 0.5
     return (x, y + share) if is_vertical else (x + share, y)

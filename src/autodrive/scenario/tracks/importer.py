@@ -18,7 +18,7 @@ from autodrive.scenario.tracks import checks
 from autodrive.scenario.tracks.contours import contours, free_area
 from autodrive.scenario.tracks.line import closed_line
 from autodrive.scenario.tracks.ros_map import RosMap, read_ros_map, write_ros_map
-from autodrive.scenario.tracks.shape import resampled, straightest, walls_along
+from autodrive.scenario.tracks.shape import heading, resampled, steps, straightest, walls_along
 from autodrive.scenario.tracks.tables import read_centre_line, read_race_line, write_centre_line, write_race_line
 from autodrive.scenario.tracks.track import POINT_GAP, BarrierSpec, Track
 
@@ -110,8 +110,11 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
             )
         known = rows[0] if rows is not None else race[0, 1:] if race is not None else None
         inside = options.start if known is None else (float(known[0]), float(known[1]))
+        hint = "the map and the centre line have different origins, or negate is wrong"
+        if known is None:
+            hint = "the start point is on a wall or outside of the track"
         try:
-            walls = _walls(ros_map, inside, options)
+            walls = _walls(ros_map, inside, options, hint)
         except SpecError as error:
             raise SpecError(error.errors, str(path)) from None
     if rows is None:
@@ -153,8 +156,10 @@ def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> lis
     return paths
 
 
-def _walls(ros_map: RosMap, inside: tuple[float, float] | None, options: ImportOptions) -> tuple[Floats, ...]:
-    """The contours around the free area that contains a point, in the map frame."""
+def _walls(
+    ros_map: RosMap, inside: tuple[float, float] | None, options: ImportOptions, hint: str
+) -> tuple[Floats, ...]:
+    """The contours around the free area that contains a point, in the map frame; `hint`: why it may not be free."""
     spec = ros_map.spec
     tolerance, gap = options.tolerance / spec.resolution, options.gap / spec.resolution
     if inside is None:
@@ -167,7 +172,6 @@ def _walls(ros_map: RosMap, inside: tuple[float, float] | None, options: ImportO
     found = free_area(lines, (place.x, place.y), tolerance, gap) if place else []
     if not found and inside:
         text = f"the map is not free at ({inside[0]:.2f}, {inside[1]:.2f}), where the start line is"
-        hint = "the map and the centre line have different origins, or negate is wrong"
         raise SpecError([f"{text}: {hint}"])
     if not found:
         raise SpecError(["the map has no free area that is a ring; give a start point or a centre line"])
@@ -176,14 +180,14 @@ def _walls(ros_map: RosMap, inside: tuple[float, float] | None, options: ImportO
 
 def _cleaned(rows: Floats, path: Path, warnings: list[str]) -> Floats:
     """The points without those that are equal to the one before; the first one is not repeated."""
-    steps = np.hypot(*(np.roll(rows[:, :2], -1, axis=0) - rows[:, :2]).T)
-    kept = rows[steps >= 2.0 * POINT_GAP]
+    gaps = steps(rows[:, :2])
+    kept = rows[gaps >= 2.0 * POINT_GAP]
     if len(kept) < 4:
         raise SpecError(["the points of the centre line are all at the same place"], str(path))
-    if steps[-1] < 2.0 * POINT_GAP:
+    if gaps[-1] < 2.0 * POINT_GAP:
         warnings.append("the first point of the centre line was repeated at the end; it is left out there")
-        kept = rows[:-1][steps[:-1] >= 2.0 * POINT_GAP]
-    gap, usual = float(np.hypot(*(kept[0] - kept[-1])[:2])), float(np.median(steps))
+        kept = rows[:-1][gaps[:-1] >= 2.0 * POINT_GAP]
+    gap, usual = float(np.hypot(*(kept[0] - kept[-1])[:2])), float(np.median(gaps))
     if gap > 20.0 * usual + 1.0:
         text = (
             f"the centre line is not closed: its last point is {gap:.2f} m from the first one, the others {usual:.2f} m"
@@ -209,8 +213,8 @@ def _along(rows: Floats, race: Floats) -> Floats:
     """The centre line in the direction of a race line, from its first point on."""
     points, race_points = rows[:, :2], race[:, 1:3]
     nearest = np.array([int(np.argmin(np.hypot(*(points - point).T))) for point in race_points])
-    steps = np.diff(nearest)
-    forward = np.sum(steps - len(rows) * np.round(steps / len(rows)))
+    along = np.diff(nearest)
+    forward = np.sum(along - len(rows) * np.round(along / len(rows)))
     start = float(race_points[0, 0]), float(race_points[0, 1])
     return _turned(rows, ImportOptions(start=start, is_reversed=bool(forward < 0)))
 
@@ -265,11 +269,11 @@ def _split(line: BaseGeometry) -> Floats:
 def _race_line(path: Path, warnings: list[str]) -> Floats:
     """The rows of the file, without a repeated first point."""
     rows = read_race_line(path)
-    steps = np.hypot(*(np.roll(rows[:, 1:3], -1, axis=0) - rows[:, 1:3]).T)
-    if steps[-1] < 2.0 * POINT_GAP:
+    gaps = steps(rows[:, 1:3])
+    if gaps[-1] < 2.0 * POINT_GAP:
         warnings.append("the first point of the race line was repeated at the end; it is left out there")
-        rows, steps = rows[:-1], steps[:-1]
-    return rows[steps >= 2.0 * POINT_GAP]
+        rows, gaps = rows[:-1], gaps[:-1]
+    return rows[gaps >= 2.0 * POINT_GAP]
 
 
 def _with_race_line(track: Track, rows: Floats, warnings: list[str]) -> Track:
@@ -280,7 +284,7 @@ def _with_race_line(track: Track, rows: Floats, warnings: list[str]) -> Track:
     if text := checks.psi_problem(rows):
         warnings.append(f"{text}; psi is computed from the points")
         rows = rows.copy()
-        rows[:, 3] = checks.direction(rows[:, 1:3])
+        rows[:, 3] = heading(rows[:, 1:3])
     at = np.array([s for s, _ in checks.placed(rows, track)])
     rows = np.roll(rows, -int(np.argmin(at)), axis=0)
     rows[:, 0] = closed_line(rows[:, 1:3]).along[:-1]

@@ -15,7 +15,7 @@ import numpy as np
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
 from autodrive.scenario.tracks.line import closed_line
-from autodrive.scenario.tracks.shape import curvature, resampled
+from autodrive.scenario.tracks.shape import ahead, curvature, heading, resampled
 from autodrive.scenario.tracks.track import Track
 
 STEP = 0.2
@@ -60,23 +60,15 @@ def race_line(track: Track, limits: CarLimits) -> Floats:
     points = _least_curvature(track, limits.margin)
     points = np.round(resampled(_from_start(points, track), STEP), 4)
     line = closed_line(points)
-    ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-    psi = np.arctan2(ahead[:, 1], ahead[:, 0]) % (2.0 * math.pi)
     kappa = _mean_of_three(curvature(points))
     speed = speeds(np.diff(line.along), kappa, limits)
     acceleration = (np.roll(speed, -1) ** 2 - speed**2) / (2.0 * np.diff(line.along))
-    rows = np.column_stack([line.along[:-1], points, psi, kappa, speed, acceleration])
+    rows = np.column_stack([line.along[:-1], points, heading(points), kappa, speed, acceleration])
     return np.round(rows, 4) + 0.0
 
 
-def lap_time(rows: Floats) -> float:
-    """Time of a lap on a race line at its speeds [s]."""
-    steps = np.hypot(*(np.roll(rows[:, 1:3], -1, axis=0) - rows[:, 1:3]).T)
-    return float(np.sum(2.0 * steps / (rows[:, 5] + np.roll(rows[:, 5], -1))))
-
-
-def speeds(steps: Floats, kappa: Floats, limits: CarLimits) -> Floats:
-    """The greatest speed at each point [m/s]. `steps`: distance of each point to the next one [m].
+def speeds(gaps: Floats, kappa: Floats, limits: CarLimits) -> Floats:
+    """The greatest speed at each point [m/s]. `gaps`: distance of each point to the next one [m].
 
     The lateral acceleration limits the speed in a bend; two passes around the track, forward with the acceleration and
     backward with the deceleration, limit its change.
@@ -90,7 +82,7 @@ def speeds(steps: Floats, kappa: Floats, limits: CarLimits) -> Floats:
             j = (i + direction) % n
             share = speed[i] ** 2 * abs(kappa[i]) / limits.lateral
             left = greatest * math.sqrt(max(0.0, 1.0 - share * share))
-            step = steps[i] if direction > 0 else steps[j]
+            step = gaps[i] if direction > 0 else gaps[j]
             speed[j] = min(speed[j], math.sqrt(speed[i] ** 2 + 2.0 * left * step))
     return speed
 
@@ -101,9 +93,8 @@ def _least_curvature(track: Track, margin: float) -> Floats:
     points = resampled(track.centre_line[:, :2], spacing)
     for _ in range(REPETITIONS):
         low, high = _room(points, track, margin)
-        ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-        ahead /= np.hypot(*ahead.T)[:, None]
-        normals = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+        x, y = ahead(points).T / np.hypot(*ahead(points).T)
+        normals = np.column_stack([-y, x])
         offsets = _least_bend(points, normals, low, high)
         points = resampled(points + offsets[:, None] * normals, spacing)
     return points
@@ -164,9 +155,9 @@ def _from_start(points: Floats, track: Track) -> Floats:
     at = np.array([track.project(x, y)[0] for x, y in points.tolist()])
     last = int(np.argmin(np.roll(at, -1) - at))  # where the distance along the centre line starts again
     a, b = points[last], points[(last + 1) % len(points)]
-    ahead = np.array(track.line.points[1] - track.line.points[0])
     start = track.line.points[0]
-    share = float((start - a) @ ahead / max((b - a) @ ahead, 1e-12))
+    along = np.array(track.line.points[1] - start)
+    share = float((start - a) @ along / max((b - a) @ along, 1e-12))
     crossing = a + min(max(share, 0.0), 1.0) * (b - a)
     rolled = np.roll(points, -(last + 1), axis=0)
     if np.hypot(*(rolled[0] - crossing)) < 1e-3:

@@ -56,14 +56,32 @@ def straightest(points: Floats, spacing: float) -> int:
     return int(np.argmin(total))
 
 
+def steps(points: Floats) -> Floats:
+    """Distance of each point of a closed line to the next one [m]."""
+    return np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+
+
+def ahead(points: Floats) -> Floats:
+    """Vector from the point before to the point after each point of a closed line [m], shape (n, 2)."""
+    return np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+
+
+def heading(points: Floats) -> Floats:
+    """Direction of a closed line at each point [rad], from 0 to 2 pi."""
+    x, y = ahead(points).T
+    return np.arctan2(y, x) % (2.0 * np.pi)
+
+
+def edges_of(centre_line: Floats) -> tuple[Floats, Floats]:
+    """Right and left edge: the points of a centre line, shape (n, 4), moved by its widths, shape (n, 2) each."""
+    points, x, y = centre_line[:, :2], *ahead(centre_line[:, :2]).T
+    left = np.column_stack([-y, x]) / np.sqrt(x * x + y * y)[:, None]
+    return points - centre_line[:, 2:3] * left, points + centre_line[:, 3:4] * left
+
+
 def walls_along(centre_line: Floats, tolerance: float = WALL_TOLERANCE) -> tuple[Floats, Floats]:
     """The walls at the left and the right edge of a centre line, shape (n, 4); the track is on their left side."""
-    points = centre_line[:, :2]
-    ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-    ahead = ahead / np.sqrt(ahead[:, 0] * ahead[:, 0] + ahead[:, 1] * ahead[:, 1])[:, None]
-    left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-    right_edge = points - centre_line[:, 2:3] * left
-    left_edge = points + centre_line[:, 3:4] * left
+    right_edge, left_edge = edges_of(centre_line)
     return simplified(left_edge[::-1], tolerance), simplified(right_edge, tolerance)
 
 

@@ -12,6 +12,7 @@ from autodrive.base.cache import write_file
 from autodrive.base.errors import SpecError
 
 MAX_BYTES = 20 * 2**20
+RACE_LINE = "s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"
 X_NAMES, Y_NAMES = {"x", "x_m", "pos_x", "x [m]", "position_x"}, {"y", "y_m", "pos_y", "y [m]", "position_y"}
 
 
@@ -40,21 +41,24 @@ def read_race_line(path: Path) -> Floats:
     """s, x, y, psi, kappa, vx, ax, shape (n, 7). Raises `SpecError`."""
     _, rows = _read(path)
     if rows.shape[1] != 7:
-        text = f"a race line has 7 columns (s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2), not {rows.shape[1]}"
+        text = f"a race line has 7 columns ({RACE_LINE}), not {rows.shape[1]}"
         raise SpecError([text], str(path))
     return rows
 
 
 def write_centre_line(path: Path, rows: Floats) -> None:
     """Write the CSV file of a centre line, as f1tenth_racetracks has it."""
-    lines = [", ".join(repr(value) for value in row) for row in rows.tolist()]
-    write_file(path, "# x_m, y_m, w_tr_right_m, w_tr_left_m\n" + "\n".join(lines) + "\n")
+    _write(path, "x_m, y_m, w_tr_right_m, w_tr_left_m", ", ", rows)
 
 
 def write_race_line(path: Path, rows: Floats) -> None:
     """Write the CSV file of a race line, as f1tenth_racetracks has it."""
-    lines = ["; ".join(repr(value) for value in row) for row in rows.tolist()]
-    write_file(path, "# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n" + "\n".join(lines) + "\n")
+    _write(path, RACE_LINE, "; ", rows)
+
+
+def _write(path: Path, names: str, separator: str, rows: Floats) -> None:
+    lines = [f"# {names}", *(separator.join(map(repr, row)) for row in rows.tolist())]
+    write_file(path, "\n".join(lines) + "\n")
 
 
 def _read(path: Path) -> tuple[list[str], Floats]:

@@ -18,6 +18,7 @@ from autodrive.base.elementary import atan2
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Length, Spec
 from autodrive.scenario.tracks.line import Line, closed_line, nearest_on_line, point_on_line
+from autodrive.scenario.tracks.shape import edges_of, steps
 
 MAX_POINTS = 20_000
 """Of the centre line, of the race line, and of all walls of a track."""
@@ -94,15 +95,7 @@ class TrackSpec(Spec):
 
     @model_validator(mode="after")
     def _is_valid(self) -> TrackSpec:
-        errors: list[specs.Rule] = [
-            (place, text)
-            for place, text in _problems(
-                np.array(self.centre_line),
-                np.array(self.race_line) if self.race_line else None,
-                [np.array(wall) for wall in self.walls],
-            )
-        ]
-        if errors:
+        if errors := _problems(*_arrays(self)):
             raise specs.RuleError(errors)
         return self
 
@@ -136,7 +129,7 @@ class Track:
         object.__setattr__(self, "walls", tuple(map(array, self.walls)))
         errors = [
             f"{place[0]}{''.join(f'[{part}]' for part in place[1:])}: {text}"
-            for place, text in _problems(self.centre_line, self.race_line, list(self.walls))
+            for place, text in _problems(self.centre_line, self.race_line, self.walls)
         ]
         if errors:
             raise SpecError([f"track '{self.name}': {error}" for error in errors])
@@ -152,15 +145,7 @@ class Track:
     @classmethod
     def of(cls, spec: TrackSpec, name: str) -> Track:
         """The track of the contents of a file."""
-        return cls(
-            name,
-            np.array(spec.centre_line),
-            np.array(spec.race_line) if spec.race_line else None,
-            tuple(np.array(wall) for wall in spec.walls),
-            spec.title,
-            spec.note,
-            spec.barrier,
-        )
+        return cls(name, *_arrays(spec), spec.title, spec.note, spec.barrier)
 
     def save(self, path: str | Path) -> None:
         """Write the YAML file; `Track.load` of it returns the same numbers."""
@@ -230,18 +215,20 @@ class Track:
     @cached_property
     def edges(self) -> tuple[Floats, Floats]:
         """Right and left edge: the centre line, moved by its widths, shape (n, 2) each."""
-        points = self.centre_line[:, :2]
-        ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-        ahead /= np.sqrt(np.sum(ahead * ahead, axis=1))[:, None]
-        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        return points - self.centre_line[:, 2:3] * left, points + self.centre_line[:, 3:4] * left
+        return edges_of(self.centre_line)
 
 
 GRID_FRONT, GRID_STEP = 0.5, 0.8
 """Distance of the first rear axle from the start line, and between places on the grid, along the centre line [m]."""
 
 
-def _problems(centre_line: Floats, race_line: Floats | None, walls: list[Floats]) -> list[specs.Rule]:
+def _arrays(spec: TrackSpec) -> tuple[Floats, Floats | None, tuple[Floats, ...]]:
+    """Centre line, race line and walls of a file."""
+    race_line = np.array(spec.race_line) if spec.race_line else None
+    return np.array(spec.centre_line), race_line, tuple(map(np.array, spec.walls))
+
+
+def _problems(centre_line: Floats, race_line: Floats | None, walls: tuple[Floats, ...]) -> list[specs.Rule]:
     """What is wrong with the arrays of a track, and where."""
     found: list[specs.Rule] = []
     arrays: list[tuple[tuple[str | int, ...], Floats, int, int]] = [(("centre_line",), centre_line, 4, 4)]
@@ -255,7 +242,7 @@ def _problems(centre_line: Floats, race_line: Floats | None, walls: list[Floats]
         if not np.isfinite(rows).all() or np.abs(points).max() > MAX_COORDINATE:
             found.append((place, f"all numbers must be finite and positions at most {MAX_COORDINATE:g} m"))
             continue
-        near = np.flatnonzero(np.hypot(*(np.roll(points, -1, axis=0) - points).T) < POINT_GAP)
+        near = np.flatnonzero(steps(points) < POINT_GAP)
         if len(near):
             last = int(near[0]) == len(rows) - 1
             what = "the first point must not be repeated at the end" if last else "the next point is at the same place"

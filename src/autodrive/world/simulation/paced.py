@@ -93,6 +93,13 @@ class Paced(Publisher, ABC):
         The result of the Future is the Frame after the request.
         """
 
+    def prepare(self, name: str) -> World | None:
+        """Make the World of a `LoadScenario` in this thread, beside the running time; that request then starts it.
+
+        None: the request makes it. Raises `AutodriveError`.
+        """
+        return None
+
     def scenario_text(self, title: str = "") -> str:
         """The scenario as it is now, as the text of a YAML file, with that title if there is one."""
         world = self.world
@@ -160,8 +167,11 @@ class Paced(Publisher, ABC):
                 self._clock.wait(self._mailbox, delay)
 
     def execute_requests(self) -> None:
-        """Execute what waits, in this thread, which must be the one that runs the simulation, if it runs."""
-        while self._requests:
+        """Execute what waits, in this thread, which must be the one that runs the simulation, if it runs.
+
+        What is requested meanwhile waits until the next call, so that there is a tick between.
+        """
+        for _ in range(len(self._requests)):
             with self._mailbox:
                 request, done = self._requests.popleft()
             if not done.set_running_or_notify_cancel():

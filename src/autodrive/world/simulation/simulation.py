@@ -94,6 +94,8 @@ class Simulation(Paced):
         self._pace = Pace(world.tick_duration, speed)
         self._observers: tuple[Observer, ...] = ()
         self._commands: dict[tuple[str, Source], Command] = {}
+        self._prepared: dict[str, World] = {}
+        """The World that `prepare` has made, by scenario."""
         self._world_lock = threading.Lock()
         """Held by the thread that uses the World; taken before the mailbox's lock, never after. The thread of the
         simulation releases it while it sleeps in a pause."""
@@ -196,7 +198,33 @@ class Simulation(Paced):
             self._observers = tuple(other for other in self._observers if other is not observer)
         self.remove_sink(observer)
 
+    def prepare(self, name: str) -> World | None:
+        """See `Paced.prepare`; the World is kept until its request, the next call, or `stop`."""
+        check_request(LoadScenario(name), self._frame, error=self.error, can_load=self._load is not None)
+        assert self._load is not None
+        if self.world.belongs_to_thread:
+            return None
+        world = self._load(name)
+        if world.belongs_to_thread:
+            world.close()
+            return None
+        self._forget_prepared()
+        self._prepared[name] = world
+        return world
+
+    def _forget_prepared(self) -> None:
+        for name in list(self._prepared):
+            if world := self._prepared.pop(name, None):
+                world.close()
+
     # -- running ------------------------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """End the run after the current tick. Raises the error that ended the thread early."""
+        try:
+            super().stop()
+        finally:
+            self._forget_prepared()
 
     def run(self, duration: float | None = None) -> Frame:
         """Run in the caller's thread for `duration` simulated seconds (None: until `stop`); the last Frame."""
@@ -328,7 +356,7 @@ class Simulation(Paced):
     def _load_world(self, name: str) -> None:
         """Replace the World by that of another scenario; keeps the World if the other cannot be made."""
         assert self._load is not None
-        self._use(self._load(name))
+        self._use(self._prepared.pop(name, None) or self._load(name))
         self._editor.forget()
         with self._mailbox:
             self._commands = {}

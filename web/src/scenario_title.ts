@@ -1,0 +1,11 @@
+// What a scenario is called where its title is shown.
+
+/** The name of a scenario without the folder and the ending of its file. */
+export function stem(name: string): string {
+  return name.replace(/^.*[/\\]|\.ya?ml$/g, '')
+}
+
+/** The title of a scenario, or the name of its file if it has none. */
+export function scenarioTitle(name: string, title: string): string {
+  return title || stem(name)
+}
