@@ -78,6 +78,7 @@ ENTRANCES: dict[str, dict[str, tuple[str, Entrance]]] = {
     },
     "length": {
         "World.teleport": ("numbers", lambda p, v: p.world.teleport("V1", v, 0.0)),
+        "World.teleport yaw": ("numbers", lambda p, v: p.world.teleport("V1", 0.0, 0.0, v)),
         "World.reset": ("numbers", lambda p, v: p.world.reset(poses={"V1": (0.0, v, 0.0)})),
         "World.hold": ("not a pose", lambda p, v: p.world.hold("V1", (v, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))),
         "BatchWorld.reset": ("numbers|must have the shape", lambda p, v: p.batch.reset(poses={"V1": [v, 0.0, 0.0]})),
@@ -112,6 +113,7 @@ ENTRANCES: dict[str, dict[str, tuple[str, Entrance]]] = {
     "vehicle": {
         "World.step": ("not known|Known", lambda p, v: p.world.step({v: Command()})),
         "World.teleport": ("Known", lambda p, v: p.world.teleport(v, 0.0, 0.0)),
+        "World.add_sensor": ("Known", lambda p, v: p.world.add_sensor(v, "own", None)),  # pyright: ignore[reportArgumentType]
         "World.set_driving_mode": ("Known", lambda p, v: p.world.set_driving_mode(v, True)),
         "World.reset": ("V1", lambda p, v: p.world.reset(poses={v: (0.0, 0.0, 0.0)})),
         "BatchWorld.reset": ("is not in these worlds", lambda p, v: p.batch.reset(poses={v: [0.0, 0.0, 0.0]})),

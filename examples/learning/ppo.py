@@ -269,7 +269,10 @@ class Trainer:
 
 def draw_curve(folder: Path) -> None:
     """The mean return over the time of the training, as a picture."""
-    _, seconds, mean = np.atleast_2d(np.loadtxt(folder / "curve.csv", delimiter=",", skiprows=1)).T
+    rows = (folder / "curve.csv").read_text(encoding="utf-8").splitlines()[1:]
+    if not rows:  # it was stopped before
+        return
+    _, seconds, mean = np.array([row.split(",") for row in rows], float).T
     curves = Curves("mean return of the last 100 episodes", seconds, [mean], ["PPO"])
     write_panels(folder / "curve.svg", [panel(curves, 0.0, 0.0, float(seconds[-1]))], HEIGHT)
 
@@ -309,7 +312,8 @@ def main() -> None:
         if not options.resume:
             curve.writerow(["steps", "seconds", "mean_return"])
         try:
-            while time.monotonic() - start < 60.0 * options.minutes and trainer.steps < options.steps:
+            is_over = False
+            while not is_over:
                 trainer.improve()
                 trainer.seconds = time.monotonic() - start
                 mean = float(np.mean(trainer.returns[-100:] or [0.0]))
@@ -327,6 +331,7 @@ def main() -> None:
                             minutes = (time.monotonic() - start) / 60.0
                             print(f"clean laps on all tracks after {minutes:.1f} min, {trainer.steps} steps")
                             break
+                is_over = time.monotonic() - start >= 60.0 * options.minutes or trainer.steps >= options.steps
         except KeyboardInterrupt:
             print("stopped; --resume goes on")
             is_stopped = True

@@ -54,13 +54,9 @@ WHOLE = ("__init__.py", "libmujoco.so.4.0.1")
 
 
 @pytest.mark.parametrize("files", [WHOLE, ("__init__.py", "libmujoco.4.0.1.dylib"), ("__init__.py", "mujoco.dll")])
-def test_a_whole_installation_has_no_error(install, files: tuple[str, ...]) -> None:
-    install(*files, mujoco_core="4.0.1")
-    assert installation.mujoco_error() == ""
-
-
-def test_mujoco_4_with_its_own_core_has_no_error(install) -> None:
-    install("__init__.py", "libmujoco.so.4.0.0", mujoco_core="4.0.0", mujoco="4.0.0")
+@pytest.mark.parametrize("also", [{}, {"mujoco": "4.0.1"}])
+def test_a_whole_installation_has_no_error(install, files: tuple[str, ...], also: dict[str, str]) -> None:
+    install(*files, mujoco_core="4.0.1", **also)
     assert installation.mujoco_error() == ""
 
 

@@ -81,11 +81,6 @@ def test_a_wrong_type_is_reported_with_the_value() -> None:
     assert "'bright'" in error
 
 
-@pytest.mark.parametrize("number", [".inf", "-.inf", ".nan"])
-def test_a_number_that_is_not_finite_is_refused(number: str) -> None:
-    assert "finite" in errors_in(f"name: a\nlamps: [{{power: {number}}}]\n")[0]
-
-
 @pytest.mark.parametrize(("text", "found"), [("", "NoneType"), ("- a\n- b\n", "list"), ("just words", "str")])
 def test_a_file_without_keys_is_refused_with_what_is_expected(text: str, found: str) -> None:
     assert errors_in(text) == [f"line 1: expected 'key: value' lines (Street), found {found}"]

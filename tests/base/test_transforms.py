@@ -81,10 +81,7 @@ def test_a_yaw_of_half_a_turn_is_always_plus_pi() -> None:
 @pytest.mark.parametrize("pitch", [-math.pi / 2, math.pi / 2])
 def test_gimbal_lock_has_roll_zero(pitch: float) -> None:
     roll, seen, yaw = tf.euler_from_quaternion(tf.quaternion_from_euler(0.0, pitch, 0.3))
-    assert (roll, seen) == (
-        0.0,
-        pytest.approx(pitch, abs=1e-7),
-    )  # like asin, half of the digits
+    assert (roll, seen) == (0.0, pytest.approx(pitch, abs=1e-7))  # like asin, half of the digits
     assert yaw == pytest.approx(0.3, abs=CLOSE)
 
 

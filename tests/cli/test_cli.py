@@ -115,11 +115,6 @@ def test_show_draws_a_map_as_png(tmp_path: Path) -> None:
     assert (tmp_path / "mini_map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
 
-def test_show_draws_a_module_as_svg(tmp_path: Path) -> None:
-    assert call("show", "curved_road", "-o", "road.svg", cwd=tmp_path).returncode == 0
-    assert (tmp_path / "road.svg").read_text().startswith("<svg ")
-
-
 def test_show_writes_an_occupancy_grid_and_labels(tmp_path: Path) -> None:
     done = call("show", "curved_road", "--occupancy", "maps/ros", "--labels", "labels.png", cwd=tmp_path)
     assert done.returncode == 0
@@ -440,7 +435,8 @@ def test_show_prints_a_file_of_the_package() -> None:
     assert call("show", "nigel", "--yaml").stdout == (DATA / "vehicles" / "nigel.yaml").read_text()
 
 
-def test_show_prints_size_and_ports_of_a_module(tmp_path: Path) -> None:
-    _, footprint, *ports = call("show", "straight_road", cwd=tmp_path).stdout.splitlines()
+def test_show_draws_a_module_as_svg_and_prints_its_size_and_ports(tmp_path: Path) -> None:
+    _, footprint, *ports = call("show", "straight_road", "-o", "road.svg", cwd=tmp_path).stdout.splitlines()
+    assert (tmp_path / "road.svg").read_text().startswith("<svg ")
     assert footprint.startswith("footprint: ")
     assert sorted(line.split("'")[1] for line in ports) == ["east", "west"]

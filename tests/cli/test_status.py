@@ -15,7 +15,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from autodrive.cli.narrated import narrated
 from autodrive.cli.status import StatusDisplay
+from tests.support.waiting import wait_until
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "progress"
 LONG = 70
@@ -93,6 +95,18 @@ def test_a_script_passes_on_output_and_exit_code_and_waits_for_nothing_else() ->
         check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (3, "", "out\nerror\n")
+
+
+def test_imports_are_narrated(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("autodrive.cli.narrated.SILENCE", 0.01)
+    said: list[str] = []
+
+    def has_said_twice() -> bool:
+        said.append(capsys.readouterr().err)
+        return "".join(said).count("starting, 0 s\n") >= 2
+
+    with narrated("starting"):
+        wait_until(has_said_twice)
 
 
 def test_without_a_terminal_the_compilation_prints_counts_every_5_s() -> None:

@@ -209,6 +209,22 @@ def test_frames_go_on_while_scenarios_are_loaded_and_the_newest_request_answers_
     assert simulation.world.spec.map == {"two_cars": "plane"}.get(loads[-1], loads[-1])
 
 
+def test_frames_go_on_while_the_mesh_of_a_new_box_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    is_free, begun = threading.Event(), threading.Event()
+    monkeypatch.setattr("autodrive.world.scene_files.box_file", lambda _: (begun.set(), is_free.wait(LIMIT)))
+    simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
+    with simulation, served(simulation) as server, native_client(server) as viewer, native_client(server) as editing:
+        assert (
+            "boxes.b.size 1: must be at least" in editing.ask("AddBox", name="b", x=1.0, y=0.0, size=[0, 1, 1])["text"]
+        )
+        id = editing.begin("AddBox", name="b", x=1.0, y=0.0)
+        assert begun.wait(LIMIT)
+        first = viewer.until("Frame")["tick"]
+        viewer.until(lambda message: message["type"] == "Frame" and message["tick"] >= first + 100)
+        is_free.set()
+        assert "b" in editing.answer(id)["frame"]["objects"]
+
+
 def test_a_world_that_is_edited_again_while_its_scene_is_loaded_is_seen() -> None:
     """Otherwise a program that edits without a pause would leave the viewers of the page without a Frame."""
     edits = 5

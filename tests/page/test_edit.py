@@ -220,6 +220,10 @@ def test_all_controls_of_edit_mode_are_reached_on_a_touch_screen(
     assert tab.get("edit").is_visible() == (size[0] > 719)
     assert wrong_targets(tab, MIN_TARGET) == []
     assert size[0] <= 719 or box(tab.get("edit-bar"))["bottom"] - box(tab.get("edit-bar"))["top"] < 70, "two rows"
+    tab.page.evaluate("() => { autodrive.store.notice.value = 'a notice' }")
+    notice = box(tab.page.locator(".notice").last)
+    assert notice["bottom"] - notice["top"] < 60, "higher than its line"
+    tab.page.evaluate("() => document.querySelectorAll('.notice').forEach((notice) => notice.remove())")
     tab.click("edit-details")
     tab.wait_until(lambda: tab.get("edit").is_visible() == (size[0] <= 719))
     assert wrong_targets(tab, MIN_TARGET) == []

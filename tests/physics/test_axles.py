@@ -5,13 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from autodrive import Command, Frame
-from autodrive.base.errors import SpecError
 from autodrive.base.yaml_files import parse
 from autodrive.scenario.vehicles.spec import AxlesSpec
-from autodrive.world import World
 from tests.support.cars import OBEYS_AT_ONCE
-from tests.support.physics import ROLLS_FREELY, WorldWith
+from tests.support.physics import ROLLS_FREELY, WorldWith, drive
 
 MASS, RADIUS = 1.75, 0.0325
 WHEEL_INERTIA = 0.5 * 0.034 * RADIUS**2
@@ -24,13 +21,6 @@ LAYOUTS = {
 DRIVEN = {"rear": [False, False, True, True], "front": [True, True, False, False], "all": [True] * 4}
 
 
-def drive(world: World, ticks: int, throttle: float, steering: float = 0.0) -> Frame:
-    frame = world.frame
-    for _ in range(ticks):
-        frame = world.step({"V1": Command(throttle=throttle, steering=steering)})
-    return frame
-
-
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_acceleration_follows_from_the_torque_of_the_driven_wheels(world_with: WorldWith, layout: str) -> None:
     torque_control = {
@@ -39,8 +29,8 @@ def test_acceleration_follows_from_the_torque_of_the_driven_wheels(world_with: W
         "drivetrain.speed_limit_rpm": 1000.0,
     }
     world = world_with(changes={**LAYOUTS[layout], **OBEYS_AT_ONCE, **ROLLS_FREELY, **torque_control})
-    before = drive(world, 20, throttle=1.0).vehicles["V1"]
-    car = drive(world, 20, throttle=1.0).vehicles["V1"]
+    before = drive(world, 0.2, throttle=1.0).vehicles["V1"]
+    car = drive(world, 0.2, throttle=1.0).vehicles["V1"]
     driven = np.array(DRIVEN[layout])
     # rolling without slip: n T / r = (m + 4 I / r^2) a
     expected = driven.sum() * TORQUE / RADIUS / (MASS + 4 * WHEEL_INERTIA / RADIUS**2)
@@ -58,7 +48,7 @@ def test_driven_wheels_reach_the_speed_of_the_throttle_and_the_car_turns_left(
     world_with: WorldWith, layout: str
 ) -> None:
     world = world_with(changes={**LAYOUTS[layout], **ROLLS_FREELY})
-    car = drive(world, 300, throttle=0.5, steering=0.3).vehicles["V1"]
+    car = drive(world, 3.0, throttle=0.5, steering=0.3).vehicles["V1"]
     spin = car.wheels.angular_velocity[np.array(DRIVEN[layout])]
     assert spin.mean() == pytest.approx(0.5 * 130 * 2 * math.pi / 60, rel=1e-3)  # the servo's gain is finite
     assert car.speed == pytest.approx(spin.mean() * RADIUS, rel=0.04)  # front wheels run on a larger circle: 1 / cos
@@ -70,27 +60,12 @@ def test_driven_wheels_reach_the_speed_of_the_throttle_and_the_car_turns_left(
 def test_only_braked_wheels_lock(world_with: WorldWith, braked: str) -> None:
     other = "rear" if braked == "front" else "front"
     world = world_with(changes={f"axles.{other}.is_braked": False, **OBEYS_AT_ONCE, **ROLLS_FREELY})
-    drive(world, 150, throttle=1.0)
-    car = drive(world, 1, throttle=0.0).vehicles["V1"]
+    drive(world, 1.5, throttle=1.0)
+    car = drive(world, 0.01, throttle=0.0).vehicles["V1"]
     rows = {"front": slice(0, 2), "rear": slice(2, 4)}
     assert car.wheels.angular_velocity[rows[braked]] == pytest.approx(0.0, abs=1e-6)
     assert car.wheels.angular_velocity[rows[other]] * RADIUS == pytest.approx(car.speed, rel=0.1)
-    assert drive(world, 100, throttle=0.0).vehicles["V1"].speed == pytest.approx(0.0, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("{rear: {is_driven: false}}", "no axle is driven; set is_driven: true"),
-        ("{rear: {is_steered: true}}", "only the front axle can be steered"),
-        ("{front: {is_steered: false}}", "only the front axle can be steered"),
-        ("{front: {driven: true}}", "Did you mean 'is_driven'?"),
-    ],
-)
-def test_impossible_layouts_are_refused(text: str, message: str) -> None:
-    with pytest.raises(SpecError) as caught:
-        parse(text, AxlesSpec)
-    assert message in str(caught.value)
+    assert drive(world, 1.0, throttle=0.0).vehicles["V1"].speed == pytest.approx(0.0, abs=1e-3)
 
 
 def test_axles_may_be_omitted() -> None:

@@ -8,14 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autodrive.base.errors import SpecError
-from autodrive.base.yaml_files import parse
 from autodrive.physics import wheel
-from autodrive.physics.actuators.drivetrain import DifferentialSpec, DrivetrainSpec
-from autodrive.protocol.messages import Command
-from autodrive.scenario.vehicles.spec import WheelSpec, load_vehicle
-from autodrive.world import World
-from tests.support.physics import WorldWith, world_with_car
+from autodrive.scenario.vehicles.spec import load_vehicle
+from tests.support.physics import WorldWith, drive, magic_formula, world_with_car
 
 CAR = load_vehicle("roboracer_f1tenth")
 MAGIC = CAR.wheels.magic_formula
@@ -31,17 +26,11 @@ def force(ratio: float, aside: float, load: float = LOAD) -> tuple[float, float]
     return kx * ratio, -ky * aside
 
 
-def textbook(slip: float, friction: float, stiffness: float, shape: float, curvature: float) -> float:
-    """Force per load by Pacejka (4.6), with D, C, E and B = K / (C D)."""
-    x = stiffness / (shape * friction) * slip
-    return friction * math.sin(shape * math.atan(x - curvature * (x - math.atan(x))))
-
-
 @given(slips)
 def test_pure_slip_gives_the_formula_of_the_book(slip: float) -> None:
     # the length of the slip vector is at least 1e-9, which adds 1e-9 of the force
-    assert force(slip, 0.0)[0] == pytest.approx(LOAD * textbook(slip, *FORWARD), rel=1e-6, abs=1e-6)
-    assert force(0.0, slip)[1] == pytest.approx(-LOAD * textbook(slip, *SIDEWAYS), rel=1e-6, abs=1e-6)
+    assert force(slip, 0.0)[0] == pytest.approx(LOAD * magic_formula(slip, *FORWARD), rel=1e-6, abs=1e-6)
+    assert force(0.0, slip)[1] == pytest.approx(-LOAD * magic_formula(slip, *SIDEWAYS), rel=1e-6, abs=1e-6)
 
 
 @given(slips, slips)
@@ -55,7 +44,7 @@ def test_the_force_has_its_peak_at_the_peak_slip() -> None:
     assert MAGIC is not None
     peak = MAGIC.sideways.normalised_peak_slip * SIDEWAYS[0] / SIDEWAYS[1]
     grid = np.arange(0.0, 2.0, 1e-3)
-    forces = [textbook(slip, *SIDEWAYS) for slip in grid.tolist()]
+    forces = [magic_formula(slip, *SIDEWAYS) for slip in grid.tolist()]
     assert peak == pytest.approx(grid[int(np.argmax(forces))], abs=0.004)  # both are read from grids
 
 
@@ -110,12 +99,6 @@ def test_a_differential_turns_its_wheels_as_its_shaft_predicts(
         assert moved == 0.0
 
 
-def spin_after(world: World, ticks: int, throttle: float) -> np.ndarray:
-    for _ in range(ticks):
-        world.step({"V1": Command(throttle=throttle)})
-    return world.compiled.state.wheel_angular_velocity.copy()
-
-
 KINDS = {
     "open": {},
     "limited": {"rear": {"kind": "limited_slip", "preload": 0.01, "bias": 0.5}},
@@ -131,7 +114,7 @@ def test_an_open_differential_drives_no_wheel_when_the_other_hangs_in_the_air(tm
         world = world_with_car(tmp_path, "roboracer_f1tenth", changes)
         half = math.radians(10.0)
         world.hold("V1", (0.0, 0.0, 0.0905), (math.cos(half), math.sin(half), 0.0, 0.0))
-        spin_after(world, 50, 0.5)
+        drive(world, 0.5, 0.5)
         state = world.compiled.state
         assert state.wheel_normal_load[2] == 0.0 < state.wheel_normal_load[3]
         forces[name] = float(state.wheel_force[3, 0])
@@ -152,27 +135,6 @@ def test_the_motor_has_the_torque_of_its_curve(world_with: WorldWith) -> None:
         share = float(np.interp(rpm, *np.array(curve).T))
         speed += dt * 4.0 * share * torque / radius / mass
     assert 400 < speed / radius * 60.0 / (2.0 * math.pi) < 1000
-    spin_after(world, 200, 1.0)
+    drive(world, 2.0, 1.0)
     # the tyre slips by 0.5 %, and the wheels gain that much more energy
     assert world.frame.vehicles["V1"].speed == pytest.approx(speed, rel=0.005)
-
-
-@pytest.mark.parametrize(
-    ("text", "spec", "message"),
-    [
-        ("{kind: locked, preload: 1}", DifferentialSpec, "belong to kind: limited_slip"),
-        ("{kind: limited_slip}", DifferentialSpec, "needs one of them above 0"),
-    ],
-)
-def test_contradictory_differentials_are_refused(text: str, spec: type[DifferentialSpec], message: str) -> None:
-    with pytest.raises(SpecError, match=message):
-        parse(text, spec)
-
-
-def test_contradictory_curves_and_tyres_are_refused() -> None:
-    motor = CAR.drivetrain.model_dump(mode="json") | {"torque_curve": [[0, 1], [0, 0.5]]}
-    with pytest.raises(SpecError, match="rising speeds"):
-        parse(str(motor).replace("'", '"').replace("None", "null"), DrivetrainSpec)
-    both = CAR.wheels.model_dump(mode="json") | {"forward_friction": None, "magic_formula": None}
-    with pytest.raises(SpecError, match="or magic_formula alone"):
-        parse(str(both).replace("'", '"').replace("None", "null"), WheelSpec)

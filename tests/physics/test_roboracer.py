@@ -17,6 +17,7 @@ from autodrive.physics.state import State
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.world import World
 from tests.support.cars import car_file
+from tests.support.physics import magic_formula
 
 G = 9.81
 LEAGUE, GYM = "roboracer", "roboracer_f1tenth"
@@ -115,19 +116,15 @@ def test_braking_distance_of_locked_wheels_is_that_of_sliding_friction(
     load = drive.state.wheel_normal_load
     if friction is None:
         peaks = [1.1739 * (1.0 - 0.14 * (one / 9.172 - 1.0)) for one in load.tolist()]
-        forces = [magic(22.303, peak, 1.6411, 0.46403, 1.0) * one for peak, one in zip(peaks, load, strict=True)]
+        forces = [
+            magic_formula(1.0, peak, 22.303, 1.6411, 0.46403) * one for peak, one in zip(peaks, load, strict=True)
+        ]
         friction = sum(forces) / float(load.sum())
     drive.step(0.0, seconds=3.0)
     assert drive.velocity[0] == pytest.approx(0.0, abs=1e-4)
     distance = drive.state.vehicle_position[0, 0] - start
     # 2 %: the wheels need some hundredths of a second to lock, and pass the peak of the friction on the way
     assert distance == pytest.approx(speed**2 / (2.0 * friction * G), rel=0.02)
-
-
-def magic(stiffness: float, friction: float, shape: float, curvature: float, slip: float) -> float:
-    """Force per load (Pacejka (4.6))."""
-    x = stiffness / (shape * friction) * slip
-    return friction * math.sin(shape * math.atan(x - curvature * (x - math.atan(x))))
 
 
 # -- curves -----------------------------------------------------------------------------------------------------

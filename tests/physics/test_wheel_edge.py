@@ -12,7 +12,7 @@ from autodrive.physics.ray import MISS, cast_ray
 from autodrive.physics.wheel_edge import CLIMBABLE, edge_support
 from autodrive.scenario import BoxSpec
 from tests.support.cars import OBEYS_AT_ONCE
-from tests.support.physics import ROLLS_FREELY, WorldWith
+from tests.support.physics import ROLLS_FREELY, WorldWith, drive
 
 RADIUS = 0.0325
 
@@ -62,8 +62,7 @@ def test_an_edge_gives_no_energy_to_a_coasting_car(world_with: WorldWith, height
     free = {**ROLLS_FREELY, **OBEYS_AT_ONCE, "drivetrain.brake_torque": 0.0, "wheels.suspension.damping": 0.0}
     side = math.copysign(1.0, throttle)
     world = world_with(changes=free, boxes={"plate": plate(height, 200.0).model_copy(update={"x": 0.8 * side})})
-    for _ in range(60):
-        world.step({"V1": Command(throttle, 0.0)})
+    drive(world, 0.6, throttle)
     before = abs(world.frame.vehicles["V1"].speed)
     for _ in range(400):
         car = world.step({"V1": Command(0.0, 0.0)}).vehicles["V1"]
@@ -74,9 +73,7 @@ def test_an_edge_gives_no_energy_to_a_coasting_car(world_with: WorldWith, height
 @pytest.mark.parametrize(("height", "is_climbed"), [(0.008, True), (0.012, False)])
 def test_an_edge_of_a_third_of_the_radius_stops_the_car(world_with: WorldWith, height: float, is_climbed: bool) -> None:
     world = world_with(boxes={"plate": plate(height)})
-    for _ in range(300):
-        world.step({"V1": Command(1.0, 0.0)})
-    assert (world.frame.vehicles["V1"].pose.position[0] > 1.0) == is_climbed
+    assert (drive(world, 3.0, 1.0).vehicles["V1"].pose.position[0] > 1.0) == is_climbed
 
 
 def test_the_wheel_rests_on_the_highest_point_below_its_circle() -> None:

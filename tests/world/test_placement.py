@@ -18,7 +18,7 @@ from autodrive.base.specs import joined
 from autodrive.cli import spec_files
 from autodrive.protocol.messages import SetSensor
 from autodrive.run import RunOptions, simulate
-from autodrive.scenario import ScenarioSpec
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.files import read_scenario
 from autodrive.world.editing.editor import Editor
 from autodrive.world.factory import new_world
@@ -86,7 +86,9 @@ def by_run(file: Path, caplog: pytest.LogCaptureFixture) -> list[str]:
 def by_edit(file: Path, _: pytest.LogCaptureFixture) -> list[str]:
     """An edit that leaves the placement as it is, in a world whose placement nobody has checked before."""
     there = read_scenario(file).specs.scenario
-    sound = ScenarioSpec(map="plane", vehicles={name: {"x": 3.0 * i} for i, name in enumerate(there.vehicles)})
+    sound = ScenarioSpec(
+        map="plane", vehicles={name: VehiclePlacement(x=3.0 * i) for i, name in enumerate(there.vehicles)}
+    )
     with closing(new_world(sound)) as world:
         world.spec = there
         world.specs = read_scenario(file).specs

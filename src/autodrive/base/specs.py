@@ -164,18 +164,19 @@ def joined(problems: Iterable[Problem], lines: Mapping[Key, int]) -> list[str]:
 
 
 _TEXTS = {
+    **dict.fromkeys(("bool_type", "bool_parsing"), "must be true or false"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing"), "must be a number"),
+    **dict.fromkeys(("list_type", "tuple_type"), "must be a list"),
+    **dict.fromkeys(
+        ("dict_type", "model_type", "model_attributes_type", "mapping_type"), "must be 'key: value' entries"
+    ),
+    **dict.fromkeys(("value_error", "assertion_error"), "{error}"),
     "missing": "is required",
     "string_type": "must be a text",
     "string_pattern_mismatch": "must have letters, digits, spaces, '_', '.' and '-' only",
     "string_too_long": "must have at most {max_length} characters",
-    "bool_type": "must be true or false",
-    "bool_parsing": "must be true or false",
-    "int_type": "must be a whole number",
-    "int_parsing": "must be a whole number",
     "int_parsing_size": "must be a smaller number",
-    "int_from_float": "must be a whole number",
-    "float_type": "must be a number",
-    "float_parsing": "must be a number",
     "finite_number": "must be a finite number",
     "greater_than": "must be greater than {gt:g}",
     "greater_than_equal": "must be at least {ge:g}",
@@ -187,15 +188,7 @@ _TEXTS = {
     "union_tag_not_found": "{discriminator} is required",
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
-    "list_type": "must be a list",
-    "tuple_type": "must be a list",
-    "dict_type": "must be 'key: value' entries",
-    "model_type": "must be 'key: value' entries",
-    "model_attributes_type": "must be 'key: value' entries",
-    "mapping_type": "must be 'key: value' entries",
     "invalid_key": "a key must be a text",
-    "value_error": "{error}",
-    "assertion_error": "{error}",
 }
 """Type of an error of pydantic -> our text, with values of its context."""
 

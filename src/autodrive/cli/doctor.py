@@ -119,13 +119,9 @@ def package(name: str, requirement: str) -> Check:
     try:
         importlib.import_module(module)
         return Check(name, True, importlib.metadata.version(name))
-    except importlib.metadata.PackageNotFoundError:
-        return Check(name, False, "not installed", fix.replace(" --force-reinstall", ""))
-    except ModuleNotFoundError as error:
-        if error.name == module:
-            return Check(name, False, "not installed", fix.replace(" --force-reinstall", ""))
-        return Check(name, False, str(error), fix)
     except (ImportError, OSError) as error:
+        if isinstance(error, importlib.metadata.PackageNotFoundError) or getattr(error, "name", "") == module:
+            return Check(name, False, "not installed", fix.replace(" --force-reinstall", ""))
         return Check(name, False, str(error), fix)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from autodrive.cli.narrated import narrated
 from autodrive.cli.options import Headless, Host, Noise, Port, Record, ResultsFolder, results_folder
 from autodrive.cli.run import address
 from autodrive.cli.stopping import StopSignals
@@ -74,8 +75,9 @@ def race(
 
     Writes result.json, result.md, laps.csv and lines.png, and prints the standings.
     """
-    from autodrive.run.race import RaceOptions
-    from autodrive.run.race import race as run_race
+    with narrated("starting the simulator"):  # at the first start, this takes seconds
+        from autodrive.run.race import RaceOptions
+        from autodrive.run.race import race as run_race
 
     options = RaceOptions(
         track=track,

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 from typer.core import TyperGroup
 
 from autodrive.cli.options import RecordingFile, RecordingOrLog
 from autodrive.protocol.devkit_profile import Side
+
+if TYPE_CHECKING:
+    from autodrive.recording import Recording
 
 
 class ExportGroup(TyperGroup):
@@ -30,10 +34,20 @@ OWN_SENSOR = re.compile(r"(?P<vehicle>\w+)/(?P<name>\w+)=(?P<file>.+\.py):(?P<ki
 """The value of an option `--sensor`."""
 
 
+@contextmanager
+def _opened(path: Path) -> Iterator[Recording]:
+    """A recording, whose problems are printed at the end."""
+    from autodrive.recording import open as open_recording
+
+    with open_recording(path) as recording:
+        yield recording
+        for problem in recording.problems:
+            typer.echo(f"autodrive: {problem}", err=True)
+
+
 def simulate_again(path: Path, sensors: Sequence[str] = ()) -> int:
     """Simulate a recording again, with sensors of the user such as 'V1/radar=my_radar.py:Radar'; the exit code."""
     from autodrive.base.python_files import load
-    from autodrive.recording import open as open_recording
     from autodrive.recording.resimulation import resimulate
 
     own: dict[str, dict[str, Any]] = {}
@@ -42,7 +56,7 @@ def simulate_again(path: Path, sensors: Sequence[str] = ()) -> int:
         if found is None or not Path(found["file"]).is_file():
             raise typer.BadParameter(f"--sensor must be V1/NAME=FILE.py:CLASS with a file that exists, not '{one}'")
         own.setdefault(found["vehicle"], {})[found["name"]] = load(Path(found["file"]), found["kind"])
-    with open_recording(path) as recording:
+    with _opened(path) as recording:
         result = resimulate(recording, own)
     if result.made_by:
         typer.echo(f"recorded with {result.made_by}")
@@ -72,15 +86,12 @@ def export(
     csv: tables of all signals. autodrive: data recorder of AutoDRIVE. rosbag2, rosbag1: bags with the topics of the ROS
     bridge. rerun: a file of Rerun with a view. lerobot, minari: datasets for learning.
     """
-    from autodrive.recording import open as open_recording
     from autodrive.recording.exports import FORMATS
     from autodrive.recording.exports import export as write
     from autodrive.recording.exports.options import ExportOptions
 
-    with open_recording(file) as recording:
+    with _opened(file) as recording:
         path = write(recording, to, output, ExportOptions(vehicle, rate, start, end))
-        for problem in recording.problems:
-            typer.echo(f"autodrive: {problem}", err=True)
     typer.echo(f"wrote {FORMATS[to].title} to {path}")
 
 
@@ -92,11 +103,10 @@ def plot(
     ] = None,
 ) -> None:
     """Draw signals of a recording over time."""
-    from autodrive.recording import open as open_recording
     from autodrive.recording.plot import plot as draw
 
     path = output or file.with_suffix(".png")
-    with open_recording(file) as recording:
+    with _opened(file) as recording:
         draw(recording, [name.strip() for name in signals.split(",") if name.strip()], path)
     typer.echo(f"wrote {path}")
 
@@ -119,7 +129,6 @@ def compare(
     ] = None,
 ) -> None:
     """Simulate the commands of a drive, and print the errors of position, heading, speed and yaw rate."""
-    from autodrive.recording import open as open_recording
     from autodrive.recording.exports.comparison import compare_log, compare_recording
     from autodrive.recording.exports.recorder_layout import read
     from autodrive.recording.plot import check_suffix
@@ -131,10 +140,8 @@ def compare(
             raise typer.BadParameter("--vehicle is for recordings (.mcap): a log has one vehicle")
         found = compare_log(read(file, is_left_positive=steering == "left"), scenario, type_=type_)
     else:
-        with open_recording(file) as recording:
+        with _opened(file) as recording:
             found = compare_recording(recording, vehicle, scenario, type_=type_)
-            for problem in recording.problems:
-                typer.echo(f"autodrive: {problem}", err=True)
     typer.echo(found.table())
     if output is not None:
         found.plot(output)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import logging
 import math
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 import typer
 
 from autodrive.base.pace import MAX_SPEED, MIN_SPEED
+from autodrive.cli.narrated import narrated
 from autodrive.cli.options import Browser, Headless, Host, Port, Record, Token
 from autodrive.cli.stopping import StopSignals
 from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
@@ -128,9 +130,7 @@ def run(
         raise typer.BadParameter("--record-last needs --record FILE.mcap")
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter(f"--duration must be a number of seconds, not {duration}")
-    from autodrive.run.options import RunOptions
-
-    options = RunOptions(
+    options = _options_type()(
         scenario=scenario,
         mode=mode,
         duration=duration,
@@ -165,9 +165,15 @@ def run(
 
 def run_default() -> None:
     """`autodrive run` without arguments."""
-    from autodrive.run.options import RunOptions
+    _run(_options_type()(), opens_browser=True)
 
-    _run(RunOptions(), opens_browser=True)
+
+def _options_type() -> type[RunOptions]:
+    """The class of the options, and with it all that a run needs, which takes seconds at the first start."""
+    with narrated("starting the simulator"):
+        importlib.import_module("autodrive.cli.status")
+        from autodrive.run.options import RunOptions
+    return RunOptions
 
 
 def _run(options: RunOptions, *, opens_browser: bool) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import typer
 from rich.console import Console
 
+from autodrive.cli.narrated import SILENCE
 from autodrive.run.browser import has_screen, open_page, tunnel
 from autodrive.run.runner import Run, RunObserver
 
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 CALLS_PER_LOG_LINE = 50
 """Without a terminal, the status is printed at every 50th call only: every ten seconds."""
-SILENCE = 3.0
-"""Without a terminal, a start that takes long prints a line in this time [s]."""
 COMPILED_FUNCTIONS = 190
 """Approximate number of functions that the first start compiles; length of the progress bar."""
 

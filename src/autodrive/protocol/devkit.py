@@ -340,27 +340,23 @@ def _read_vehicle_value(
     if not 1 <= number <= len(previous):
         raise ValueError(f"unknown vehicle; the scenario has {len(previous)}")
     vehicle = list(previous)[number - 1]
-    command = result.commands.get(vehicle, previous[vehicle])
-    match name:
-        case "Reset":
-            result.resets[vehicle] = _truth(value) or result.resets.get(vehicle, False)
-            return
-        case "CoSim":
-            poses.setdefault(vehicle, {})[name] = float(_truth(value))
-            return
-        case _ if name in _POSE_KEYS:
-            poses.setdefault(vehicle, {})[name] = _number(value)
-            return
-        case "Throttle":
-            command = msgspec.structs.replace(command, throttle=_fraction(value))
-        case "Steering":
-            command = msgspec.structs.replace(command, steering=profile.command_sign * _fraction(value))
-        case "Headlights":
-            command = msgspec.structs.replace(command, headlights=Headlights(_integer(value, most=2)))
-        case _:
-            command = msgspec.structs.replace(command, indicators=Indicators(_integer(value, most=3)))
-    result.commands[vehicle] = command
+    if name == "Reset":
+        result.resets[vehicle] = _truth(value) or result.resets.get(vehicle, False)
+    elif name in _READ:
+        command = result.commands.get(vehicle, previous[vehicle])
+        change = {name.lower(): _READ[name](value, profile)}
+        result.commands[vehicle] = msgspec.structs.replace(command, **change)
+    else:
+        poses.setdefault(vehicle, {})[name] = float(_truth(value)) if name == "CoSim" else _number(value)
 
+
+_READ: dict[str, Callable[[object, Profile], object]] = {
+    "Throttle": lambda value, _: _fraction(value),
+    "Steering": lambda value, profile: profile.command_sign * _fraction(value),
+    "Headlights": lambda value, _: Headlights(_integer(value, most=2)),
+    "Indicators": lambda value, _: Indicators(_integer(value, most=3)),
+}
+"""Reads the value of each field of a Command."""
 
 _VEHICLE_KEYS = COMMAND_KEYS | {"Reset", "CoSim", *_POSE_KEYS}
 

@@ -526,47 +526,46 @@ class ObjectFrame(Displayed, frozen=True, gc=False):
 # -- events -----------------------------------------------------------------------------------------------------
 
 
-class Collision(Displayed, frozen=True, tag=True):
+class _OfVehicle(Displayed, frozen=True):
+    """What happened to a vehicle, at a simulated time [s]."""
+
+    time: float
+    vehicle: str
+
+
+class Collision(_OfVehicle, frozen=True, tag=True):
     """First contact of a vehicle with another object.
 
     `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
     of the tick; `position` [m] is a contact point in the map frame, shape (3,).
     """
 
-    time: float
-    vehicle: str
     other: str
     impulse: float
     position: Array
 
 
-class OffRoad(Displayed, frozen=True, tag=True):
+class OffRoad(_OfVehicle, frozen=True, tag=True):
     """The first wheel of a vehicle left the drivable area; `position` [m], shape (3,), is its rear axle centre."""
 
-    time: float
-    vehicle: str
     position: Array
 
 
-class BackOnRoad(Displayed, frozen=True, tag=True):
+class BackOnRoad(_OfVehicle, frozen=True, tag=True):
     """All wheels of a vehicle are on the drivable area again."""
 
-    time: float
-    vehicle: str
     position: Array
 
 
 # Events of a race; `position` [m], shape (3,), is the rear axle centre at the end of the tick.
 
 
-class CheckpointPassed(Displayed, frozen=True, tag=True):
+class CheckpointPassed(_OfVehicle, frozen=True, tag=True):
     """A vehicle passed a checkpoint at `time`, within the tick; `lap` from 1, `split` [s] since the start of the lap.
 
     `sector_time` [s] since the checkpoint before. The finish line is the last checkpoint.
     """
 
-    time: float
-    vehicle: str
     lap: int
     checkpoint: int
     split: float
@@ -574,49 +573,39 @@ class CheckpointPassed(Displayed, frozen=True, tag=True):
     position: Array
 
 
-class LapCompleted(Displayed, frozen=True, tag=True):
+class LapCompleted(_OfVehicle, frozen=True, tag=True):
     """A vehicle completed a lap at `time`, within the tick; `lap` from 1. `is_counted`: not a warm-up lap."""
 
-    time: float
-    vehicle: str
     lap: int
     lap_time: float
     is_counted: bool
     position: Array
 
 
-class RacePenalty(Displayed, frozen=True, tag=True):
+class RacePenalty(_OfVehicle, frozen=True, tag=True):
     """The rules add `duration` [s] to the time of a vehicle."""
 
-    time: float
-    vehicle: str
     reason: str
     duration: float
     position: Array
 
 
-class SetBack(Displayed, frozen=True, tag=True):
+class SetBack(_OfVehicle, frozen=True, tag=True):
     """The rules set a vehicle back to the checkpoint that it passed last; `position` is that before."""
 
-    time: float
-    vehicle: str
     checkpoint: int
     position: Array
 
 
-class WrongWay(Displayed, frozen=True, tag=True):
+class WrongWay(_OfVehicle, frozen=True, tag=True):
     """A vehicle drives against the direction of the track."""
 
-    time: float
-    vehicle: str
     position: Array
 
 
-class RaceStatusChanged(Displayed, frozen=True, tag=True):
+class RaceStatusChanged(_OfVehicle, frozen=True, tag=True):
     """A vehicle started, finished, retired or was disqualified, for this reason."""
 
-    time: float
-    vehicle: str
     status: RaceStatus
     reason: str
     position: Array

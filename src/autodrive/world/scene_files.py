@@ -57,7 +57,7 @@ class SceneFiles:
                 name: _vehicle(spec, world.spec.vehicles[name].type, world.sensors[name], files)
                 for name, spec in world.vehicle_specs.items()
             },
-            objects={name: files.add(*_box(box.size)) for name, box in world.boxes.items()},
+            objects={name: files.add(*box_file(box.size)) for name, box in world.boxes.items()},
             light_table=light_table(),
             scene_cameras=scene_cameras(),
             object_sizes={name: box.size for name, box in world.boxes.items()},
@@ -81,21 +81,17 @@ class _Files:
 
     def plan(self, map_: Map) -> Plan:
         """The drawing of the map."""
-        svg = _plan(map_)
+        boxless = replace(map_, boxes=())  # boxes can be moved
+        svg = to_svg(boxless, pixels_per_metre=PLAN_RESOLUTION, overlays=("lanes",)).encode()
         name = f"plan-{hashlib.sha256(svg).hexdigest()[:16]}.svg"
         self.content[name] = svg
         return Plan(f"{FOLDER}/{name}", drawn_bounds(map_))
 
 
 @lru_cache(2 * MAX_BOXES)
-def _box(size: tuple[float, float, float]) -> tuple[str, bytes]:
-    """Kept in memory: each edit makes a new Scene with all the boxes of the last one."""
+def box_file(size: tuple[float, float, float]) -> tuple[str, bytes]:
+    """Name and content of the .glb file of a box, kept in memory: each edit makes a Scene with all the boxes again."""
     return store.file("box", size)
-
-
-def _plan(map_: Map) -> bytes:
-    """The drawing without boxes, which can be moved."""
-    return to_svg(replace(map_, boxes=()), pixels_per_metre=PLAN_RESOLUTION, overlays=("lanes",)).encode()
 
 
 def _vehicle(spec: VehicleSpec, type_: str, sensors: dict[str, ConfiguredSensor], files: _Files) -> VehicleScene:

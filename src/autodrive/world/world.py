@@ -115,20 +115,10 @@ class World(OneThread):
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
         c, controls = compiled, self._controls
+        self._moved = c.model, c.state, c.views, c.contacts, c.scratch, controls.throttle, controls.steering
+        """The first arguments of `advance`."""
         c.sensors.compile_ahead()  # beside `advance`, which takes as long to compile
-        self._advance = resolved(
-            advance,
-            c.model,
-            c.state,
-            c.views,
-            c.contacts,
-            c.scratch,
-            controls.throttle,
-            controls.steering,
-            0,
-            0,
-            self._always_engine,
-        )
+        self._advance = resolved(advance, *self._moved, 0, 0, self._always_engine)
         self.reset()
 
     def __repr__(self) -> str:
@@ -178,18 +168,7 @@ class World(OneThread):
         controls.update(self._tick)
         if race is not None:
             race.restrain(self.time, controls.throttle)
-        is_sound = self._advance(
-            c.model,
-            c.state,
-            c.views,
-            c.contacts,
-            c.scratch,
-            controls.throttle,
-            controls.steering,
-            self._tick * self._substeps,
-            self._substeps,
-            self._always_engine,
-        )
+        is_sound = self._advance(*self._moved, self._tick * self._substeps, self._substeps, self._always_engine)
         self._tick += 1
         time = self.time
         if self._poses.held:

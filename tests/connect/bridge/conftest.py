@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
 import autodrive
-from autodrive import Simulation
+from autodrive import Frame, Simulation
 from autodrive.world import World
 from tests.support.waiting import is_listening, wait_until
 
@@ -59,6 +59,17 @@ def peer(talk: Callable[[ServerConnection], None], port: int = 0) -> Iterator[in
             thread.join()
     if errors:
         raise errors[0]
+
+
+class Resets:
+    """Sink: how often the time went back."""
+
+    def __init__(self) -> None:
+        self.count, self._tick = 0, -1
+
+    def publish(self, frame: Frame) -> None:
+        self.count += frame.tick < self._tick
+        self._tick = frame.tick
 
 
 def python_of(stack: str) -> Path:

@@ -27,7 +27,7 @@ from autodrive.protocol.devkit_profile import DevkitSettings, Side
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Command, Operation, Pause, Reset, SetDrivingMode
 from autodrive.world import World
 from autodrive.world.simulation.control import Control, Publisher
-from tests.connect.bridge.conftest import peer
+from tests.connect.bridge.conftest import Resets, peer
 from tests.support.waiting import LIMIT, free_port, wait_until
 
 FULL_THROTTLE = {"V1 Throttle": "1.000000", "V1 Steering": "0.000000", "V1 Headlights": "1", "V1 Indicators": "0"}
@@ -478,21 +478,11 @@ def test_in_manual_mode_telemetry_is_sent_and_commands_are_ignored(simulation: S
 @pytest.mark.parametrize("key", ["V1 Reset", "Reset"])
 def test_a_held_reset_resets_once(simulation: Simulation, key: str) -> None:
     script = Script(lambda number: {"V1 Throttle": "1", key: str(50 < number <= 60)})
-    resets: list[float] = []
-
-    class Watch:
-        before = -1.0
-
-        def publish(self, frame: Frame) -> None:
-            if frame.time < self.before:
-                resets.append(self.before)
-            self.before = frame.time
-
-    simulation.add_sink(Watch())
+    simulation.add_sink(resets := Resets())
     with bridged(simulation, script) as bridge:
         wait_until(lambda: bridge.counters.commands_received > 80)
         assert bridge.counters.profile == "2025"
-    assert len(resets) == 1
+    assert resets.count == 1
 
 
 def test_keys_without_effect_are_logged_once(simulation: Simulation, caplog: pytest.LogCaptureFixture) -> None:

@@ -27,7 +27,7 @@ from autodrive.scenario import VehiclePlacement
 from autodrive.scenario.maps.lanes import LaneGraph
 from autodrive.scenario.maps.map import load_map
 from autodrive.world import World
-from tests.connect.bridge.conftest import ROOT, python_of, script
+from tests.connect.bridge.conftest import ROOT, Resets, python_of, script
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.lockstep import answered_ticks
 from tests.support.waiting import LIMIT, free_port, is_listening, wait_until
@@ -242,17 +242,6 @@ def test_a_script_of_the_league_drives_two_cars_from_the_first_message_on(stack:
     assert (red["throttle"], green["throttle"]) == (0.1, 0.2)
     assert 0.0 < red["linear_velocity"][0] < green["linear_velocity"][0]
     assert green["speed"] == pytest.approx(green["linear_velocity"][0], abs=1e-4)
-
-
-class Resets:
-    """Sink: how often the time went back."""
-
-    def __init__(self) -> None:
-        self.count, self._tick = 0, -1
-
-    def publish(self, frame: Frame) -> None:
-        self.count += frame.tick < self._tick
-        self._tick = frame.tick
 
 
 # -- the parsers of the devkits ----------------------------------------------------------------------------------

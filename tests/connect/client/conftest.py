@@ -7,12 +7,14 @@ from collections.abc import Iterator
 import pytest
 
 import autodrive
+from autodrive import Client
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.native import Scene, VehicleScene
 from autodrive.world import World
 from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
+from tests.support.waiting import LIMIT
 
 SCENARIOS = {"mini_map": "Mini-map", "boxes": "Boxes"}
 
@@ -45,3 +47,10 @@ def server(simulation: Simulation) -> Iterator[Server]:
     """Serves it."""
     with Server(Served(simulation, bare, scenarios=SCENARIOS), PageOptions(port=0)) as serving:
         yield serving
+
+
+@pytest.fixture
+def sim(server: Server) -> Iterator[Client]:
+    """A client of it."""
+    with Client(server.address, name="script", timeout=LIMIT) as client:
+        yield client

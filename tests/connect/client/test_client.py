@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
 from itertools import islice
 
 import numpy as np
 import pytest
 
 import autodrive
-from autodrive import Client, Command, CommandError, Frame, NoSimulatorError
+from autodrive import Client, Command, CommandError, NoSimulatorError
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.codec import encode
@@ -19,12 +18,6 @@ from autodrive.protocol.messages import SetSpeed
 from autodrive.world.simulation import Simulation
 from tests.connect.client.conftest import bare
 from tests.support.waiting import LIMIT, wait_until
-
-
-@pytest.fixture
-def sim(server: Server) -> Iterator[Client]:
-    with Client(server.address, name="script", timeout=LIMIT) as client:
-        yield client
 
 
 def test_steps_of_a_client_give_the_bits_of_world_step(sim: Client) -> None:
@@ -117,31 +110,6 @@ def test_a_script_that_did_not_read_for_long_gets_a_fresh_frame(sim: Client, sim
     assert sim.frame.tick >= now
 
 
-def test_events_of_skipped_frames_are_kept(sim: Client, simulation: Simulation) -> None:
-    seen: list[object] = []
-
-    class Witness:
-        def publish(self, frame: Frame) -> None:
-            seen.extend(frame.events)
-
-    sim.pause()
-    simulation.add_sink(Witness())
-    sim.reset()
-    sim.resume()
-    simulation.request(SetSpeed(4.0)).result(LIMIT)
-    wait_until(lambda: drive_fast(sim) and len(seen) >= 2)
-    sim.pause()
-    received = [*sim.frame.events]
-    with sim.lockstep():
-        received += sim.step().events
-    assert encode(received[-len(seen) :]) == encode(seen)
-
-
-def drive_fast(sim: Client) -> bool:
-    sim.drive("V1", throttle=1.0)
-    return True
-
-
 def test_driving_moves_the_car_and_lights_its_lamps(sim: Client) -> None:
     start = sim.frame.vehicles["V1"].ips.position
     wait_until(lambda: drive(sim) and float(np.linalg.norm(sim.frame.vehicles["V1"].ips.position - start)) > 0.05)
@@ -167,34 +135,9 @@ def test_a_refused_drive_raises_at_the_next_call(sim: Client) -> None:
         wait_until(lambda: not sim.wait())
 
 
-def test_a_wrong_command_is_an_error_with_an_example(sim: Client) -> None:
-    with pytest.raises(CommandError, match=r"a dictionary with a Command for each vehicle, .* not \(0\.5, 0\)"):
-        sim.step((0.5, 0))  # type: ignore[arg-type]
-    with pytest.raises(CommandError, match=r"the command of vehicle 'V1' must be a Command, .* not \(0\.5, 0\)"):
-        sim.drive("V1", (0.5, 0))  # type: ignore[arg-type]
-
-
 def test_missing_images_explain_how_to_get_pictures(sim: Client) -> None:
     with pytest.raises(KeyError, match=r"Client\(picture_rate=10\) and client\.image"):
         _ = sim.wait().vehicles["V1"].cameras["front"]
-
-
-def test_only_one_of_two_clients_drives(sim: Client, server: Server) -> None:
-    sim.drive("V1", throttle=0.1)
-    wait_until(lambda: sim.status.drivers == {"V1": "script"})
-    with Client(server.url, name="script", timeout=LIMIT) as other:
-        assert other.name == "script 2"
-        other.drive("V1", throttle=0.2)
-        with pytest.raises(CommandError, match="'script' drives V1; it is free 2 s after its last command"):
-            wait_until(lambda: not other.wait())
-        sim.drive("V1", throttle=0.1)
-        with pytest.raises(CommandError, match="'script' drives V1; it is free 2 s after its last command"):
-            other.step({"V1": Command(0.5)})
-        sim.resume()
-        sim.release("V1")
-        wait_until(lambda: not other.status.drivers)
-        other.drive("V1", throttle=0.2)
-        wait_until(lambda: other.status.drivers == {"V1": "script 2"})
 
 
 def test_requests_are_executed(sim: Client, simulation: Simulation) -> None:
@@ -223,13 +166,7 @@ def test_another_scenario_brings_its_own_frames(sim: Client) -> None:
     ("ask", "words"),
     [
         (lambda sim: sim.load_scenario("minimap"), "scenario 'minimap' is not known.*mini_map"),
-        (lambda sim: sim.teleport("V2", 0.0, 0.0), "vehicle 'V2' is not known"),
-        (lambda sim: sim.set_speed(-1.0), "speed must be a number from 1e-06 to"),
-        (lambda sim: sim.step({"V1": Command(float("nan"))}), "must be a finite number"),
-        (lambda sim: sim.step(ticks=0), "1 tick or more"),
         (lambda sim: sim.connect_bridge(), "without a bridge"),
-        (lambda sim: sim.drive("V1", throttle="fast"), "throttle of vehicle 'V1' must be a finite number"),
-        (lambda sim: sim.drive("V1", headlights=7), "headlights of vehicle 'V1' must be one of 0 off"),
     ],
 )
 def test_a_refused_request_is_a_command_error_with_the_reason(sim: Client, ask: object, words: str) -> None:

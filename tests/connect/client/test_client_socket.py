@@ -6,6 +6,7 @@ import contextlib
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from http import HTTPStatus
 
@@ -18,7 +19,7 @@ from websockets.sync.server import ServerConnection, serve
 from autodrive import AutodriveError, Client, CommandError, NoSimulatorError
 from autodrive.connect.client.client_socket import Address, ClientSocket
 from autodrive.protocol.codec import decode_client, encode
-from autodrive.protocol.messages import CameraIntrinsics, Collision, Frame, Pose, Reset
+from autodrive.protocol.messages import CameraIntrinsics, Collision, Frame, LoadScenario, Pose, Reset
 from autodrive.protocol.native import (
     PROTOCOL,
     SUBPROTOCOL,
@@ -201,6 +202,20 @@ def test_a_missing_answer_is_a_timeout_and_a_late_answer_is_ignored() -> None:
         sim.connection.timeout = LIMIT
         with pytest.raises(CommandError, match="no"):
             sim.pause()
+
+
+def test_a_scenario_may_load_longer_than_other_answers_take() -> None:
+    def talk(connection: ServerConnection) -> None:
+        connection.send(WELCOME)
+        request = decode_client(connection.recv())  # type: ignore[arg-type]
+        assert isinstance(request, Request)
+        time.sleep(0.3)
+        connection.send(encode(Response(request.id, frame(1))))
+        connection.recv()
+
+    with serving(talk) as address, Client(address, timeout=LIMIT) as sim:
+        sim.connection.timeout = 0.1
+        assert sim.ask(LoadScenario("boxes")).tick == 1
 
 
 def test_the_wait_for_a_lost_simulator_is_limited() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,12 +10,6 @@ import autodrive
 from autodrive import Client, CommandError
 from autodrive.connect.server.server import Server
 from tests.support.waiting import LIMIT, wait_until
-
-
-@pytest.fixture
-def sim(server: Server) -> Iterator[Client]:
-    with Client(server.address, name="script", timeout=LIMIT) as client:
-        yield client
 
 
 def test_another_client_sees_an_edit_and_can_undo_it(server: Server, sim: Client) -> None:

@@ -94,7 +94,8 @@ def test_a_left_positive_vehicle_is_a_script_of_2025() -> None:
     car.throttle_command, car.steering_command = 1, 0.5
     message = car.generate_commands()
     assert message == {"V1 Throttle": "1", "V1 Steering": "0.5", "V1 Reset": "False"}
-    assert (profile := detect_profile(message)) is PROFILES["2025"]
+    profile = PROFILES["2025"]
+    assert detect_profile(message) is profile
     assert read_commands(message, profile, {"V1": Command()}).commands["V1"].steering == 0.5
 
 

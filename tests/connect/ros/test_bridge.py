@@ -30,7 +30,7 @@ from autodrive.protocol.messages import Frame, LoadScenario, Pause, Reset, Resum
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.scene_files import SceneFiles
 from tests.connect.client.conftest import started
-from tests.support.ros.recorder import Recorder
+from tests.support.ros.recorder import Recorder, running
 from tests.support.ros.transform_tree import Tree, matrix
 from tests.support.waiting import LIMIT, free_port, is_listening, wait_until
 
@@ -76,20 +76,6 @@ def bridge(server: Server, node: Recorder) -> Iterator[Bridge]:
     with running(Config(port=server.port, robot_description=URDF), node) as one:
         wait_until(lambda: "/tf" in node.messages)
         yield one
-
-
-class running:  # noqa: N801 - reads as a word
-    """A bridge that is started, and closed at the end."""
-
-    def __init__(self, config: Config, node: Recorder) -> None:
-        self._bridge = Bridge(config, node)
-
-    def __enter__(self) -> Bridge:
-        self._bridge.start()
-        return self._bridge
-
-    def __exit__(self, *_: object) -> None:
-        self._bridge.close()
 
 
 def after_drive(simulation: Simulation, node: Recorder, command: autodrive.Command) -> tuple[Frame, VehicleFrame]:

@@ -28,10 +28,11 @@ from autodrive.run import race as races
 from autodrive.run.race import RaceOptions
 from autodrive.run.runner import Run, RunObserver
 from autodrive.scenario import BoxSpec, ScenarioSpec, VehiclePlacement
+from tests.connect.bridge.conftest import Resets
 from tests.connect.client.conftest import started
-from tests.connect.ros.test_bridge import ROOT, running, seconds, served, vector
+from tests.connect.ros.test_bridge import ROOT, seconds, served, vector
 from tests.protocol.devkit_frames import vehicle as still_vehicle
-from tests.support.ros.recorder import Recorder
+from tests.support.ros.recorder import Recorder, running
 from tests.support.ros.transform_tree import Tree, matrix
 from tests.support.waiting import LIMIT, free_port, wait_until
 
@@ -267,17 +268,6 @@ def hold(node: Recorder, is_held: bool) -> None:
         return len(node.messages[f"{CAR}/ips"]) >= until
 
     wait_until(is_over)
-
-
-class Resets:
-    """Sink: how often the time went back."""
-
-    def __init__(self) -> None:
-        self.count, self._tick = 0, -1
-
-    def publish(self, frame: Frame) -> None:
-        self.count += frame.tick < self._tick
-        self._tick = frame.tick
 
 
 def test_laps_are_those_of_the_race() -> None:

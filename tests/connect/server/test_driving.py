@@ -8,7 +8,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def fresh(server: Server) -> None:
         it.ask("SetDrivingMode", vehicle="V1", is_autonomous=True)
 
 
-def drivers(are: dict[str, str]) -> object:
+def drivers(are: dict[str, str]) -> Callable[[Message], bool]:
     return lambda message: message["type"] == "Status" and message["drivers"] == are
 
 
@@ -65,7 +65,7 @@ def drive(it: NativeClient, throttle: float = 0.5, source: str = "script") -> No
 def test_a_command_moves_the_car_and_its_driver_is_known(server: Server) -> None:
     with native_client(server, "ann") as ann:
         drive(ann)
-        ann.until(drivers({"V1": "ann"}))  # type: ignore[arg-type]
+        ann.until(drivers({"V1": "ann"}))
         deadline = time.monotonic() + LIMIT
         while ann.until("Frame")["vehicles"]["V1"]["velocity"][0] < 0.1:
             drive(ann)
@@ -75,28 +75,28 @@ def test_a_command_moves_the_car_and_its_driver_is_known(server: Server) -> None
 def test_one_client_drives_and_the_others_get_its_name(server: Server) -> None:
     with native_client(server, "ann") as ann, native_client(server, "bob") as bob:
         drive(ann)
-        ann.until(drivers({"V1": "ann"}))  # type: ignore[arg-type]
+        ann.until(drivers({"V1": "ann"}))
         for _ in range(20):
             drive(bob)
         assert bob.error("taken") == "'ann' drives V1; it is free 2 s after its last command"
         others = [bob.receive() for _ in range(20)]
         assert [other for other in others if other["type"] == "Error"] == []  # at most one a second
         ann.send("Release", vehicle="V1")
-        ann.until(drivers({}))  # type: ignore[arg-type]
+        ann.until(drivers({}))
         drive(bob)
-        bob.until(drivers({"V1": "bob"}))  # type: ignore[arg-type]
+        bob.until(drivers({"V1": "bob"}))
 
 
 def test_a_lost_connection_releases_the_vehicle(server: Server) -> None:
     with native_client(server, "bob") as bob:
         with native_client(server, "ann") as ann:
             drive(ann)
-            bob.until(drivers({"V1": "ann"}))  # type: ignore[arg-type]
+            bob.until(drivers({"V1": "ann"}))
             ann.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             ann.socket.socket.close()  # as a process that was killed: no goodbye
-        bob.until(drivers({}))  # type: ignore[arg-type]
+        bob.until(drivers({}))
         drive(bob)
-        bob.until(drivers({"V1": "bob"}))  # type: ignore[arg-type]
+        bob.until(drivers({"V1": "bob"}))
 
 
 def test_a_person_drives_in_manual_mode_only(server: Server) -> None:
@@ -105,14 +105,14 @@ def test_a_person_drives_in_manual_mode_only(server: Server) -> None:
         assert "is in autonomous mode and obeys a script" in ann.error("mode")
         ann.ask("SetDrivingMode", vehicle="V1", is_autonomous=False)
         drive(ann, source="person")
-        ann.until(drivers({"V1": "ann"}))  # type: ignore[arg-type]
+        ann.until(drivers({"V1": "ann"}))
 
 
 def test_a_step_with_a_command_needs_the_driver_lease(server: Server) -> None:
     with native_client(server, "ann") as ann, native_client(server, "bob") as bob:
         bob.ask("Pause")
         drive(ann)
-        ann.until(drivers({"V1": "ann"}))  # type: ignore[arg-type]
+        ann.until(drivers({"V1": "ann"}))
         error = bob.ask("Step", commands={"V1": {"throttle": 1.0}})
         assert (error["code"], error["text"]) == ("taken", "'ann' drives V1; it is free 2 s after its last command")
         assert bob.ask("Step")["type"] == "Response"

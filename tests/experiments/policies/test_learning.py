@@ -74,7 +74,7 @@ def test_the_return_of_lane_keeping_rises_and_ctrl_c_keeps_what_was_learnt(
     assert (tmp_path / "curve.svg").is_file()
 
 
-@pytest.mark.parametrize(("minutes", "laps"), [("1", [1]), ("1.4", [2]), ("30", [2, 3])])
+@pytest.mark.parametrize(("minutes", "laps"), [("0.1", [1]), ("1", [1]), ("1.4", [2]), ("30", [2, 3])])
 def test_one_clock_counts_everything_and_the_last_laps_are_driven_once(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -66,7 +66,6 @@ def test_road_and_paint_cover_the_drivable_area(kind, name):
 def test_ground_is_labelled_as_its_polygons_say(kind, name):
     """The middles of all triangles, against the markings, the road and the lawn that they lie in."""
     map_ = of(kind, name)
-    lawn = shapely.union_all([s.geometry for s in map_.surfaces if s.kind == "lawn"])
     painted = shapely.union_all([m.geometry for m in map_.markings])
     found = [(label, c[np.abs(plan_area(c)) > 1e-6].mean(1)[:, :2]) for label, c in ground(map_asset(map_))]
     x, y = np.concatenate([middles for _, middles in found]).T
@@ -83,8 +82,8 @@ def test_ground_is_labelled_as_its_polygons_say(kind, name):
     assert (label[on_road & beyond(painted)] == Label.ROAD).all()
     assert (label[on_road & within(painted)] != Label.ROAD).all()
     off_road = beyond(map_.drivable)
-    assert np.isin(label[off_road & within(lawn)], (Label.LAWN, Label.KERB)).all()
-    assert np.isin(label[off_road & beyond(lawn)], (Label.GROUND, Label.KERB)).all()
+    assert np.isin(label[off_road & within(map_.lawn)], (Label.LAWN, Label.KERB)).all()
+    assert np.isin(label[off_road & beyond(map_.lawn)], (Label.GROUND, Label.KERB)).all()
 
 
 @pytest.mark.parametrize(("kind", "name"), MAPS)

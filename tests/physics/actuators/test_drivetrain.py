@@ -63,12 +63,6 @@ def test_dead_time_is_exact_to_the_substep(tmp_path: Path, dead_time: float) -> 
     assert drive == [(0.0, 0.0)] * waiting + [(0.5, 0.5)] * (30 - waiting)
 
 
-def test_dead_time_of_nigel_is_one_tick() -> None:
-    world = autodrive.make("plane")
-    throttle = [world.step({"V1": Command(throttle=0.5)}).vehicles["V1"].throttle for _ in range(3)]
-    assert throttle == [0.0, 0.5, 0.5]
-
-
 def test_nigel_has_the_lag_of_its_time_constant_and_stops_at_once() -> None:
     drive = drive_after_each_substep("nigel", [1.0] * 200 + [0.0] * 20)
     for k in range(10, 210):  # 10 ms of dead time, then 40 ms of lag

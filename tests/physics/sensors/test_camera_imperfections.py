@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from autodrive.base.errors import SpecError
 from autodrive.base.transforms import inverse, rotate
 from autodrive.graphics.render.render_state import VEHICLE
 from autodrive.physics.sensors.camera import Camera, CameraSpec, project, rays
@@ -219,17 +218,3 @@ def test_an_image_of_a_realistic_camera_has_the_size_and_brightness_of_the_ideal
     assert image.rgba.shape == (HEIGHT, WIDTH, 4)
     assert (image.rgba[..., 3] == 255).all()
     assert light(image.rgb[30:42, 40:56]).mean() == pytest.approx(float(light(128)), rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("imperfections", "text"),
-    [
-        ("raspberry_pi_v3", "Did you mean 'raspberry_pi_v"),
-        ({"exposures": 4}, "must be odd"),
-        ({"distortion": (-0.9, 0.0, 0.0, 0.0, 0.0)}, "nothing in the corners"),
-        ({"read_noise": -1.0}, "must be at least 0"),
-    ],
-)
-def test_invalid_imperfections_are_an_error(imperfections: Any, text: str) -> None:
-    with pytest.raises(SpecError, match=text):
-        CameraSpec(mount=Mount(), width=96, height=72, field_of_view_deg=60.0, imperfections=imperfections)

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
-from autodrive.base.errors import SpecError
 from autodrive.base.transforms import (
     Quaternion,
     Vector,
@@ -71,33 +70,6 @@ def test_range_to_a_wall_is_its_distance_over_the_cosine() -> None:
     np.testing.assert_allclose(result.ranges, expected, atol=EXACT)
 
 
-def test_range_to_a_corner_of_a_box_is_its_distance() -> None:
-    turned_by = math.radians(45.0)
-    result = scan([Solid(BOX, (0.5, 0.5, 1.0), (3.0, 0.0, 0.0), turned(yaw=turned_by))])
-    assert result.ranges[0] == pytest.approx(3.0 - math.sqrt(0.5), abs=EXACT)
-
-
-def test_ranges_to_two_faces_of_a_rotated_box() -> None:
-    near = 3.0 - math.sqrt(0.5)  # each edge leans back by 45 degrees: x = near + |y|
-    result = scan([Solid(BOX, (0.5, 0.5, 1.0), (3.0, 0.0, 0.0), turned(yaw=math.radians(45.0)))])
-    for degrees in (-10, -5, 0, 5, 10):
-        angle = math.radians(degrees)
-        assert result.ranges[degrees] == pytest.approx(near / (math.cos(angle) - abs(math.sin(angle))), abs=EXACT)
-
-
-@pytest.mark.parametrize("kind", [CYLINDER, SPHERE])
-def test_range_to_a_cylinder_and_a_sphere_is_that_of_their_circle(kind: int) -> None:
-    distance, radius = 2.0, 0.5
-    size = (radius, 1.0) if kind == CYLINDER else (radius,)
-    result = scan([Solid(kind, size, (0.0, distance, HEIGHT))])
-    angles = ray_angles(result) - math.pi / 2.0
-    chord = radius**2 - (distance * np.sin(angles)) ** 2
-    hit = (chord >= 0.0) & (np.cos(angles) > 0.0)
-    expected = np.where(hit, distance * np.cos(angles) - np.sqrt(np.maximum(chord, 0.0)), math.inf)
-    np.testing.assert_allclose(result.ranges, expected, atol=EXACT)
-    assert hit.sum() == 2 * math.floor(math.degrees(math.asin(radius / distance))) + 1
-
-
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.1), (0.05, 0.0), (0.1, -0.2)])
 def test_tilted_sensor_detects_the_floor(roll: float, pitch: float) -> None:
     q = quaternion_from_euler(roll, pitch, 0.7)
@@ -106,35 +78,6 @@ def test_tilted_sensor_detects_the_floor(roll: float, pitch: float) -> None:
     with np.errstate(divide="ignore"):
         expected = np.where(fall > HEIGHT / 12.0, HEIGHT / fall, math.inf)
     np.testing.assert_allclose(result.ranges, expected, atol=EXACT)
-
-
-def test_tilted_sensor_misses_a_low_box() -> None:
-    box = Solid(BOX, (0.1, 0.1, 0.15), (2.0, 0.0, 0.15))
-    assert scan([box]).ranges[0] == pytest.approx(1.9, abs=EXACT)
-    upward = quaternion_from_euler(0.0, -0.1, 0.0)
-    assert scan([box], orientation=upward).ranges[0] == math.inf
-
-
-def test_range_to_the_face_of_a_tilted_box() -> None:
-    lean = 0.3  # about y: the distance to the near face along a level ray is d / cos(lean)
-    result = scan([Solid(BOX, (0.5, 2.0, 2.0), (3.0, 0.0, HEIGHT), turned(pitch=lean))])
-    for degrees in (-20, 0, 15):
-        expected = (3.0 - 0.5 / math.cos(lean)) / math.cos(math.radians(degrees))
-        assert result.ranges[degrees] == pytest.approx(expected, abs=EXACT)
-
-
-def test_ranges_to_the_side_and_the_caps_of_a_horizontal_cylinder() -> None:
-    lying = Solid(CYLINDER, (0.2, 1.0), (3.0, 0.0, HEIGHT), turned(roll=math.pi / 2.0))  # its axis along y
-    result = scan([lying])
-    assert result.ranges[0] == pytest.approx(2.8, abs=EXACT)
-    pointing = Solid(CYLINDER, (0.2, 1.0), (3.0, 0.0, HEIGHT), turned(pitch=math.pi / 2.0))  # its cap ahead
-    assert scan([pointing]).ranges[2] == pytest.approx(2.0 / math.cos(math.radians(2.0)), abs=EXACT)
-
-
-def test_the_nearest_solid_counts_in_any_order() -> None:
-    solids = [Solid(SPHERE, (0.3,), (x, 0.0, HEIGHT)) for x in (4.0, 2.0, 6.0)]
-    for order in ((0, 1, 2), (2, 1, 0), (1, 0, 2)):
-        assert scan([solids[i] for i in order]).ranges[0] == pytest.approx(1.7, abs=EXACT)
 
 
 def test_lidar_detects_other_vehicles_but_not_its_own() -> None:
@@ -196,43 +139,6 @@ def test_1080_rays_at_40_hz_are_configured_in_one_line() -> None:
     assert math.degrees(result.angle_min + 1079 * result.angle_increment) == pytest.approx(134.75)
 
 
-@pytest.mark.parametrize(
-    "spec",
-    [
-        LidarSpec(rays=181, angle_min_deg=-90, angle_max_deg=90),
-        LidarSpec(rays=181, angle_min_deg=90, angle_max_deg=-90),
-        LidarSpec(rays=361, angle_min_deg=-180, angle_max_deg=180),
-        LidarSpec(rays=360, angle_min_deg=180, angle_increment_deg=-1),
-        LidarSpec(rays=1, angle_min_deg=-30),
-        LidarSpec(rays=7, angle_min_deg=350, angle_increment_deg=3.3),
-    ],
-)
-def test_scans_of_any_field_of_view_agree_with_single_rays(spec: LidarSpec) -> None:
-    rng = np.random.default_rng(5)
-    solids = [random_solid(rng) for _ in range(20)]
-    result = scan(solids, spec)
-    single = [
-        scan(solids, LidarSpec(rays=1, angle_min_deg=math.degrees(a) % 360)).ranges[0] for a in ray_angles(result)
-    ]
-    # conversion to degrees and back has an error of 1e-15 rad; a grazing ray amplifies it by 100
-    np.testing.assert_allclose(result.ranges, single, atol=EXACT)
-
-
-@pytest.mark.parametrize(
-    ("fields", "text"),
-    [
-        ({"rays": 362, "angle_increment_deg": 1}, "at most 360 deg, not 361 deg"),
-        ({"range_min": 5, "range_max": 4}, "range_max 4 m must be above range_min 5 m"),
-        ({"angle_max_deg": 90, "angle_increment_deg": 1}, "not both"),
-        ({"rays": 1, "angle_max_deg": 90}, "angle_min_deg only, not angle_max_deg"),
-        ({"angle_increment_deg": 0}, "must not be 0"),
-    ],
-)
-def test_invalid_spec_is_an_error(fields: dict[str, Any], text: str) -> None:
-    with pytest.raises(SpecError, match=text):
-        LidarSpec(**fields)
-
-
 # -- independent references -------------------------------------------------------------------------------------
 
 
@@ -275,18 +181,32 @@ def mujoco_ranges(
     return np.array(ranges)
 
 
+FANS = (
+    LidarSpec(rays=540, range_min=0.0),
+    LidarSpec(rays=181, angle_min_deg=-90, angle_max_deg=90, range_min=0.0),
+    LidarSpec(rays=181, angle_min_deg=90, angle_max_deg=-90, range_min=0.0),
+    LidarSpec(rays=361, angle_min_deg=-180, angle_max_deg=180, range_min=0.0),
+    LidarSpec(rays=360, angle_min_deg=180, angle_increment_deg=-1, range_min=0.0),
+    LidarSpec(rays=7, angle_min_deg=350, angle_increment_deg=3.3, range_min=0.0),
+    LidarSpec(rays=1, angle_min_deg=-30, range_min=0.0),
+)
+
+
 @pytest.mark.parametrize("is_upright", [True, False])
-@pytest.mark.parametrize("seed", range(6))
-def test_random_scenes_agree_with_mujoco(seed: int, is_upright: bool) -> None:
-    rng = np.random.default_rng(seed)
-    solids = [random_solid(rng, is_upright) for _ in range(30)]
-    solids = [t for t in solids if np.linalg.norm(t.position - (0, 0, HEIGHT)) > t.bounding_radius]  # not inside
-    tilt = float(rng.choice([0.0, 0.003, 0.05, 0.5]))
-    q = quaternion_from_euler(*(rng.uniform(-1, 1, 3) * (tilt, tilt, math.pi)))
-    result = scan(solids, LidarSpec(rays=540, range_min=0.0), orientation=q)
-    expected = mujoco_ranges(solids, (0.0, 0.0, HEIGHT), q, ray_angles(result))
-    np.testing.assert_allclose(result.ranges, expected, rtol=0.0, atol=EXACT)
-    assert np.isfinite(result.ranges).mean() > 0.3
+@pytest.mark.parametrize("fan", range(len(FANS)))
+def test_random_scenes_agree_with_mujoco(fan: int, is_upright: bool) -> None:
+    hits = 0
+    for seed in range(fan, 60, 10):
+        rng = np.random.default_rng(seed)
+        solids = [random_solid(rng, is_upright) for _ in range(30)]
+        solids = [t for t in solids if np.linalg.norm(t.position - (0, 0, HEIGHT)) > t.bounding_radius]  # not inside
+        tilt = float(rng.choice([0.0, 0.003, 0.05, 0.5]))
+        q = quaternion_from_euler(*(rng.uniform(-1, 1, 3) * (tilt, tilt, math.pi)))
+        result = scan(solids, FANS[fan], orientation=q)
+        expected = mujoco_ranges(solids, (0.0, 0.0, HEIGHT), q, ray_angles(result))
+        np.testing.assert_allclose(result.ranges, expected, rtol=0.0, atol=EXACT)
+        hits += np.isfinite(result.ranges).mean()
+    assert hits > 0.3
 
 
 @settings(max_examples=25)
@@ -343,44 +263,36 @@ def ray_times(result: LidarScan) -> NDArray[np.floating[Any]]:
     return result.time - result.time_increment * np.arange(len(result.ranges) - 1, -1, -1)
 
 
-def test_each_ray_of_a_rolling_scan_has_the_position_of_the_moving_vehicle_at_its_time() -> None:
-    speed = 0.5
-    wall = Solid(BOX, (0.5, 50.0, 1.0), (6.5, 0.0, 0.0))
-    still: Quaternion = (1.0, 0.0, 0.0, 0.0)
-    scans = drive(LidarSpec(is_rolling=True), [wall], lambda t: ((speed * t, 0.0, HEIGHT), still), 60)
+STILL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("speed", "yaw_rate", "box_speed", "fan"),
+    [
+        (0.5, 0.0, 0.0, {}),
+        (0.0, 0.8, 0.0, {"rays": 271, "angle_min_deg": -135, "angle_max_deg": 135}),
+        (0.0, 0.0, 0.6, {}),
+    ],
+)
+def test_each_ray_of_a_rolling_scan_has_the_poses_of_vehicle_and_box_at_its_time(
+    speed: float, yaw_rate: float, box_speed: float, fan: dict[str, Any]
+) -> None:
+    scans = drive(
+        LidarSpec(is_rolling=True, **fan),
+        [Solid(BOX, (0.5, 50.0, 1.0), (0.0, 0.0, 0.0))],
+        lambda t: ((speed * t, 0.0, HEIGHT), quaternion_from_yaw(yaw_rate * t)),
+        60,
+        move=lambda t: (3.5 + box_speed * t, 0.0, 0.0),
+    )
     assert [s.time for s in scans] == pytest.approx([n / 7.0 for n in range(1, 8)])
-    for result in scans:
-        cos = np.cos(ray_angles(result))
-        with np.errstate(divide="ignore"):
-            distance = (6.0 - speed * ray_times(result)) / cos
-        np.testing.assert_allclose(
-            result.ranges, np.where((cos > 0) & (distance <= 12.0), distance, math.inf), atol=EXACT
-        )
-
-
-def test_rolling_scan_of_a_turning_vehicle_is_skewed() -> None:
-    rate = 0.8
-    wall = Solid(BOX, (0.5, 50.0, 1.0), (3.5, 0.0, 0.0))
-    spec = LidarSpec(is_rolling=True, rays=271, angle_min_deg=-135, angle_max_deg=135)
-    scans = drive(spec, [wall], lambda t: ((0.0, 0.0, HEIGHT), quaternion_from_yaw(rate * t)), 60)
-    for result in scans:
-        cos = np.cos(ray_angles(result) + rate * ray_times(result))
-        np.testing.assert_allclose(result.ranges, np.where(cos > 0.25, 3.0 / cos, math.inf), atol=EXACT)
     assert scans[0].time_increment == pytest.approx(1.0 / (7.0 * 360.0))  # one revolution per period
-
-
-def test_each_ray_of_a_rolling_scan_has_the_position_of_a_moving_box_at_its_time() -> None:
-    speed = 0.6
-    box = Solid(BOX, (0.5, 50.0, 1.0), (0.0, 0.0, 0.0))
-    still: tuple[Vector, Quaternion] = ((0.0, 0.0, HEIGHT), (1.0, 0.0, 0.0, 0.0))
-    scans = drive(LidarSpec(is_rolling=True), [box], lambda t: still, 40, move=lambda t: (3.5 + speed * t, 0.0, 0.0))
     for result in scans:
-        cos = np.cos(ray_angles(result))
+        times = ray_times(result)
+        cos = np.cos(ray_angles(result) + yaw_rate * times)
         with np.errstate(divide="ignore"):
-            distance = (3.0 + speed * ray_times(result)) / cos
-        np.testing.assert_allclose(
-            result.ranges, np.where((cos > 0) & (distance <= 12.0), distance, math.inf), atol=EXACT
-        )
+            distance = (3.0 + (box_speed - speed) * times) / cos
+        expected = np.where((cos > 0) & (distance <= 12.0), distance, math.inf)
+        np.testing.assert_allclose(result.ranges, expected, atol=EXACT)
 
 
 @pytest.mark.parametrize("degrees", [359.5, 270.0, 180.0, 40.0])
@@ -413,6 +325,6 @@ def test_rolling_lidar_has_a_scan_at_the_start_and_after_a_reset() -> None:
 
 
 def test_rolling_lidar_with_several_scans_per_tick_reports_the_newest() -> None:
-    still: tuple[Vector, Quaternion] = ((0.0, 0.0, HEIGHT), (1.0, 0.0, 0.0, 0.0))
-    scans = drive(LidarSpec(is_rolling=True, rate=100.0), [], lambda t: still, 6, tick=Fraction(1, 20))
+    spec = LidarSpec(is_rolling=True, rate=100.0)
+    scans = drive(spec, [], lambda t: ((0.0, 0.0, HEIGHT), STILL), 6, tick=Fraction(1, 20))
     assert [s.time for s in scans] == pytest.approx([0.05, 0.10, 0.15, 0.20, 0.25, 0.30])

@@ -149,11 +149,6 @@ def test_scale_error_is_common_to_all_rays_and_scans() -> None:
     assert ranges[0, 0] != 4.0
 
 
-def test_ranges_are_rounded_to_the_resolution() -> None:
-    ranges = wall_ranges(LidarNoise(sigma=0.01, step=0.005))
-    np.testing.assert_allclose(ranges / 0.005, np.round(ranges / 0.005), atol=1e-9)
-
-
 def test_realistic_lidar_is_within_one_percent_in_99_percent_of_the_rays() -> None:
     ranges = wall_ranges(RPLIDAR_A1M8, 500)
     seen = ranges[np.isfinite(ranges)]

@@ -80,25 +80,6 @@ def measure(spec: ImuSpec, **columns: Any) -> ImuReading:
     return OneSensor(spec, scene([], **columns)).sample()
 
 
-def test_imu_in_steady_circular_motion_measures_the_centripetal_acceleration_of_its_mount() -> None:
-    speed, radius, x, y = 0.26, 0.5, 0.04, 0.01
-    rate = speed / radius
-    spec = ImuSpec(mount=Mount(position=(x, y, 0.08)))
-    reading = measure(
-        spec, vehicle_angular_velocity=[[0.0, 0.0, rate]], vehicle_acceleration=[[0.0, speed * rate, 0.0]]
-    )
-    # the centre of the circle is at (0, radius); a = omega^2 (centre - mount)
-    expected = (-(rate**2) * x, rate**2 * (radius - y), 0.0)
-    np.testing.assert_allclose(reading.linear_acceleration, expected, atol=CLOSE)
-    np.testing.assert_allclose(reading.angular_velocity, (0.0, 0.0, rate), atol=CLOSE)
-
-
-def test_imu_off_centre_measures_the_angular_acceleration() -> None:
-    spec = ImuSpec(mount=Mount(position=(0.1, 0.0, 0.0)))
-    reading = measure(spec, vehicle_angular_acceleration=[[0.0, 0.0, 2.0]])
-    np.testing.assert_allclose(reading.linear_acceleration, (0.0, 0.2, 0.0), atol=CLOSE)  # alpha x r
-
-
 def test_acceleration_at_the_mount_is_the_second_derivative_of_its_path() -> None:
     # a point of a body that rotates about a tilted axis while its origin moves along a parabola
     axis, spin, spin_rate = np.array([1.0, 2.0, 2.0]) / 3.0, 1.5, 0.7

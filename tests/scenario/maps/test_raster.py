@@ -7,9 +7,8 @@ import yaml
 
 from autodrive.base.png import decode_png
 from autodrive.protocol.labels import Label
-from autodrive.scenario.maps import raster
 from autodrive.scenario.maps.map import load_map
-from autodrive.scenario.maps.raster import FREE, OCCUPIED, labels, write_labels, write_occupancy
+from autodrive.scenario.maps.raster import FREE, OCCUPIED, write_labels, write_occupancy
 
 
 @pytest.mark.parametrize("name", ["mini_map", "tiny_town"])
@@ -42,20 +41,11 @@ def test_grey_values_are_beyond_the_thresholds_of_the_grid(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["mini_map", pytest.param("tiny_town", marks=pytest.mark.slow)])
-def test_labels_cover_the_areas_of_their_polygons(name, tmp_path, monkeypatch):
+def test_labels_cover_the_areas_of_their_polygons(name, tmp_path):
     map_ = load_map(name)
     resolution = 0.01
-    drawn: dict[float, np.ndarray] = {}  # by resolution: it takes seconds
-
-    def once(map_, resolution):
-        if resolution not in drawn:
-            drawn[resolution] = labels(map_, resolution)
-        return drawn[resolution]
-
-    monkeypatch.setattr(raster, "labels", once)
     write_labels(map_, tmp_path / "labels.png", resolution)
     seen = decode_png((tmp_path / "labels.png").read_bytes())[..., 0]
-    assert np.array_equal(seen, once(map_, resolution))
     solid = shapely.union_all([shape.plan for shape in map_.statics] + [box.plan for box in map_.boxes])
     crossings = shapely.union_all([m.geometry for m in map_.markings if m.kind == "crossing"])
     expected = crossings.difference(solid).area

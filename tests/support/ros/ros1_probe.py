@@ -35,7 +35,6 @@ class Probe:
     def __init__(self):
         self._messages = {}
         self._counts = {}
-        self._by_stamp = {}
         self._subscribers = {}
         self._publishers = {}
         self._published_values = {}
@@ -55,17 +54,6 @@ class Probe:
         with self._condition:
             assert self._condition.wait_for(lambda: self._counts.get(topic, 0) > after, limit), f"no message on {topic}"
             return {"message": plain(self._messages[topic]), "count": self._counts[topic]}
-
-    def stamps(self, topics):
-        """Stamps of which each of these topics has a message among its last ten."""
-        with self._condition:
-            return sorted(set.intersection(*(set(self._by_stamp.get(topic, ())) for topic in topics)))
-
-    def messages_at(self, topics, stamp):
-        """The messages of these topics with that stamp; None if there are newer ones instead."""
-        with self._condition:
-            found = [self._by_stamp[topic].get(stamp) for topic in topics]
-        return None if None in found else plain(found)
 
     def counts(self):
         return self._counts
@@ -107,11 +95,6 @@ class Probe:
         with self._condition:
             self._messages[topic] = message
             self._counts[topic] = self._counts.get(topic, 0) + 1
-            if hasattr(message, "header"):
-                kept = self._by_stamp.setdefault(topic, {})
-                kept[plain(message.header.stamp)] = message
-                if len(kept) > 10:
-                    del kept[next(iter(kept))]
             self._condition.notify_all()
 
     def _repeat(self):

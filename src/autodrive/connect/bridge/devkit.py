@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 RETRY, RETRY_MAX = 0.1, 2.0
 """Delay before a new attempt to connect [s]: it doubles from the first to the second value until a script answers."""
+DEAD_PEER_TIMEOUT = 20.0
+"""A connection whose data is not acknowledged for this time [s], as after a loss of radio contact, is closed."""
 MESSAGE_LIMIT = 2**16
 """Longest message of the server [bytes]; a longer one closes the connection. Commands have a few hundred bytes."""
 
@@ -189,7 +191,7 @@ class DevkitBridge:
                 max_size=MESSAGE_LIMIT,
                 create_connection=_BoundedConnection,
             ) as connection:
-                _set_tcp_timeout(connection)
+                drop_dead_peer(connection.transport.get_extra_info("socket"), DEAD_PEER_TIMEOUT)
                 await self._exchange(connection)
         except* (OSError, WebSocketException, ConnectionEnd, TimeoutError) as group:
             reason = group.exceptions[0]
@@ -270,11 +272,6 @@ def _text_of(reason: Exception) -> str:
     if isinstance(reason, socket.gaierror):
         return "no such host"
     return str(reason) or "timed out"
-
-
-def _set_tcp_timeout(connection: ClientConnection) -> None:
-    """Close the connection if TCP data is not acknowledged for 20 s, for example after a loss of radio contact."""
-    drop_dead_peer(connection.transport.get_extra_info("socket"), 20.0)
 
 
 def _avoid_brackets_in_masks(connection: ClientConnection) -> None:

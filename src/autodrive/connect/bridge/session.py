@@ -101,7 +101,7 @@ class Session:
         self._detection = detection
         self._traffic_lights = traffic_lights
         self._images = images
-        self._image_sizes = image_sizes
+        self._image_sizes = image_sizes or dict
         self._on_telemetry = on_telemetry
         self._size = 0
         """Length of the longest message to a raw server [characters]."""
@@ -276,8 +276,8 @@ class Session:
             self._waits_until = None
 
     def _has_images(self, frame: Frame) -> bool:
-        sizes = self._image_sizes() if self._image_sizes else {}
-        return all(camera in frame.vehicles[vehicle].cameras for vehicle, camera in sizes if vehicle in frame.vehicles)
+        cameras = ((vehicle, camera) for vehicle, camera in self._image_sizes() if vehicle in frame.vehicles)
+        return all(camera in frame.vehicles[vehicle].cameras for vehicle, camera in cameras)
 
     # -- send ---------------------------------------------------------------------------------------------------
 
@@ -329,8 +329,8 @@ class Session:
         The published C++ devkit reads a message up to the end of what its receive buffer contains, so that the rest of
         a longer message corrupts a shorter one.
         """
-        sizes = self._image_sizes() if self._image_sizes else {}
-        expected = self._size or min(devkit.expected_size(frame, sizes), self.engineio.max_payload - 4)
+        longest = devkit.expected_size(frame, self._image_sizes())
+        expected = self._size or min(longest, self.engineio.max_payload - 4)
         self._size = max(expected, len(packet))
         return padded(packet, self._size)
 
@@ -345,22 +345,17 @@ class Session:
     def _data(self, frame: Frame, images: devkit.Images | None) -> dict[str, str]:
         """Telemetry for the profile of the script; for all profiles while it is unknown, or if it is probably wrong."""
         detection, flow = self._detection, self.flow_control
-        sizes = self._image_sizes() if self._image_sizes else None
         lidar = detection.lidar(flow.late_resends)
         profile = detection.profile
         is_uncertain = detection.fixed is None and flow.resends > 1
-        lights = self._traffic_lights
+        contents: dict[str, Any] = {
+            "traffic_lights": self._traffic_lights,
+            "images": images,
+            "image_sizes": self._image_sizes(),
+        }
         if profile is None or is_uncertain:
-            return devkit.initial_telemetry(
-                frame,
-                settings=detection.settings,
-                lidar=lidar,
-                traffic_lights=lights,
-                images=images,
-                image_sizes=sizes,
-            )
-        profile = replace(profile, lidar=lidar)
-        return devkit.telemetry(frame, profile, traffic_lights=lights, images=images, image_sizes=sizes)
+            return devkit.initial_telemetry(frame, settings=detection.settings, lidar=lidar, **contents)
+        return devkit.telemetry(frame, replace(profile, lidar=lidar), **contents)
 
 
 def _commands_in(event: Event) -> dict[str, Any]:

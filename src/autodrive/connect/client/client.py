@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.base.suggest import with_suggestions
 from autodrive.connect.client.client_socket import Address
-from autodrive.connect.client.connection import Connection
+from autodrive.connect.client.connection import LOADING, Connection
 from autodrive.connect.client.view import View
 from autodrive.protocol.commands import check_commands
 from autodrive.protocol.messages import (
@@ -53,9 +53,6 @@ from autodrive.protocol.native import (
     Subscribe,
 )
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
-
-LOADING = 300.0
-"""Time limit for loading a scenario, which may build its meshes first [s]."""
 
 
 class Client:
@@ -318,11 +315,11 @@ class Client:
         box = AddBox(
             name, _number("x", x), _number("y", y), _number("yaw", yaw), (length, width, height), _number("mass", mass)
         )
-        return self.connection.request(box, LOADING)
+        return self.connection.request(box)
 
     def remove_box(self, name: str) -> Frame:
         """Remove a movable box."""
-        return self.connection.request(RemoveBox(name), LOADING)
+        return self.connection.request(RemoveBox(name))
 
     def set_sensor(
         self,
@@ -335,15 +332,15 @@ class Client:
     ) -> Frame:
         """Set a sensor or camera of a vehicle; an omitted value is as in the vehicle's file. See `SetSensor`."""
         settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else _number("rate", rate), noise)
-        return self.connection.request(settings, LOADING)
+        return self.connection.request(settings)
 
     def undo(self) -> Frame:
         """Revert the latest edit; `status.undo` names it."""
-        return self.connection.request(Undo(), LOADING)
+        return self.connection.request(Undo())
 
     def redo(self) -> Frame:
         """Make the edit again that was reverted last; `status.redo` names it."""
-        return self.connection.request(Redo(), LOADING)
+        return self.connection.request(Redo())
 
     def scenario_text(self) -> str:
         """The scenario with all edits, as YAML: `Path("mine.yaml").write_text(sim.scenario_text())`."""

@@ -13,7 +13,7 @@ from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.connect.client.client_socket import Address, ClientSocket, NoSimulatorError
 from autodrive.connect.client.view import View
 from autodrive.protocol.codec import decode_server, encode
-from autodrive.protocol.messages import Frame, Pause, Resume
+from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Pause, Redo, RemoveBox, Resume, SetSensor, Undo
 from autodrive.protocol.native import (
     PROTOCOL,
     ClientMessage,
@@ -25,6 +25,10 @@ from autodrive.protocol.native import (
     Subscribe,
 )
 
+LOADING = 300.0
+"""Time limit for loading a scenario, which may build its meshes first [s]."""
+LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, Undo, Redo)
+"""Operations that compile a scenario."""
 RETRY = 0.2
 """Time between two attempts to reconnect [s]."""
 BACKLOG = 2**16
@@ -124,7 +128,8 @@ class Connection:
         else:
             self.receive(0.0)
         self.raise_refusal()
-        limit = self.timeout if timeout is None else timeout
+        usual = LOADING if isinstance(operation, LOADED) else self.timeout
+        limit = usual if timeout is None else timeout
         end = time.monotonic() + limit
         self._requests += 1
         self._awaited, self._answer, self._is_read = self._requests, None, is_read

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from autodrive.base.errors import AutodriveError
@@ -105,7 +107,8 @@ class Config:
         """Name of a vehicle in topics and frames, from its number (from 1) and type."""
         if self.is_league:
             return f"{self.vehicle_type or self.car.name}_{number}"
-        kind = (type_ or self.vehicle_type or self.car.name).split("_")[0]
+        file = Path(type_ or self.vehicle_type or self.car.name)  # a type may be the path of a file
+        kind = re.sub(r"\W", "_", file.stem).split("_")[0]
         return {"2020": "ego_vehicle" if number == 1 else f"ego_vehicle_{number}", "2022": f"v{number}"}.get(
             self.profile, f"{kind}_{number}"
         )

@@ -19,6 +19,7 @@ from autodrive.connect.server.request_queue import BURST, MAX_PENDING, SHARE, En
 from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Operation, Place, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
+from autodrive.world.editing.edits import edited
 from autodrive.world.placement import warnings_about
 
 if TYPE_CHECKING:
@@ -191,11 +192,12 @@ class Requests:
                 case SetCamera() as view:
                     self._remote_views.set_view(turn.client, view, self._clock())
                     self._respond(turn, self._simulation.frame)
-                case LoadScenario(name=name):
+                case LoadScenario() | AddBox() as operation:
                     self._is_busy = True
-                    self.note = f"loading the scenario {self._scenarios[name] or name}"
-                    self._on_change()
-                    self._keep(asyncio.create_task(self._load(turn, name)))
+                    if isinstance(operation, LoadScenario):
+                        self.note = f"loading the scenario {self._scenarios[operation.name] or operation.name}"
+                        self._on_change()
+                    self._keep(asyncio.create_task(self._submit_prepared(turn, operation)))
                 case operation:
                     self._is_busy = True
                     self._submit(turn, operation)
@@ -242,18 +244,25 @@ class Requests:
             return ""
         return f"scenario '{operation.name}' is not known. {suggest(operation.name, list(self._scenarios))}"
 
-    async def _load(self, turn: Turn, name: str) -> None:
-        """Make a World and its scene while time goes on in the present one, then let the simulation change to it."""
-
-        def prepare() -> None:
-            if world := self._simulation.prepare(name):
-                self._prepare_scene(world)
-
+    async def _submit_prepared(self, turn: Turn, operation: LoadScenario | AddBox) -> None:
+        """Make what takes long while time goes on in the present World, then pass the operation to the simulation."""
         try:
-            await asyncio.to_thread(prepare)
-            self._submit(turn, turn.entry.operation)
+            await asyncio.to_thread(self._prepare, operation)
+            self._submit(turn, operation)
         except Exception as error:
             self._refuse(turn, error)
+
+    def _prepare(self, operation: LoadScenario | AddBox) -> None:
+        """Make a World and its scene, or the mesh of a box; the first one takes seconds. Raises `AutodriveError`."""
+        if isinstance(operation, LoadScenario):
+            if world := self._simulation.prepare(operation.name):
+                self._prepare_scene(world)
+        elif self._replay is None:
+            from autodrive.world.scene_files import box_file  # noqa: PLC0415  imports what draws meshes
+
+            world = self._simulation.world
+            edited(world.spec, world.boxes, operation)
+            box_file(operation.size)
 
     def _submit(self, turn: Turn, operation: Operation) -> None:
         """Pass an operation to the simulation."""

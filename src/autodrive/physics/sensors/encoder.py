@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from autodrive.base.arrays import Floats, Integers, read_only_copy
-from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.jit import inlined
 from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise
 from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.sensor import Reader, Sampled, SensorSpec
@@ -20,24 +20,19 @@ REAR_LEFT = 2
 """Index of the rear left wheel; the rear right wheel is next."""
 
 
-@jit_uncounted
-def count(angles: Floats, ticks_per_radian: float, ticks: Integers) -> None:
-    """Write the counts of the wheel angles, and replace each angle [rad] by that of its count.
+@inlined
+def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
+    """The angles of both wheels with noise, then their counts, and the angles [rad] of these counts.
 
     Counts are rounded toward zero and never wrap.
     """
     for side in range(2):
-        ticks[side] = int(angles[side] * ticks_per_radian)  # rounds toward zero
-        angles[side] = ticks[side] / ticks_per_radian
-
-
-@inlined
-def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
-    """The angles of both wheels with noise, then their counts."""
-    for side in range(2):
         values[side] = memory.motion.wheel_rotation[4 * due.i + REAR_LEFT + side]
     add_noise(due, memory, values)
-    count(values, row["ticks_per_radian"], memory.readings.encoder_ticks[due.k, due.i])
+    ticks, ticks_per_radian = memory.readings.encoder_ticks[due.k, due.i], row["ticks_per_radian"]
+    for side in range(2):
+        ticks[side] = int(values[side] * ticks_per_radian)  # rounds toward zero
+        values[side] = ticks[side] / ticks_per_radian
 
 
 class EncoderSpec(SensorSpec, Sampled):

@@ -11,11 +11,9 @@ import numpy as np
 from pydantic import model_validator
 
 from autodrive.base.arrays import Floats
-from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.base.jit import inlined
 from autodrive.base.specs import Spec
 from autodrive.base.transforms import (
-    Quaternion,
-    Vector,
     compose,
     cross,
     euler_from_quaternion,
@@ -70,22 +68,16 @@ class ImuNoise(Spec):
         return cls.realistic().model_dump() if value == "realistic" else value
 
 
-@jit_uncounted
-def measure_motion(
-    map_from_vehicle: Floats,
-    angular_velocity: Floats,
-    acceleration: Floats,
-    angular_acceleration: Floats,
-    lever: Vector,
-    vehicle_from_sensor: Quaternion,
-    gravity: float,
-    out: Floats,
-) -> None:
-    """Write orientation (4), Euler angles (3), angular velocity (3) and linear acceleration (3)."""
-    map_from_sensor = compose(map_from_vehicle, vehicle_from_sensor)
-    sensor_from_vehicle = inverse(vehicle_from_sensor)
+@inlined
+def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
+    """Orientation (4), Euler angles (3), angular velocity (3) and linear acceleration (3), with noise."""
+    i, motion, gravity = due.i, memory.motion, row["gravity"]
+    map_from_vehicle, acceleration = motion.vehicle_orientation[i], motion.vehicle_acceleration[i]
+    angular_velocity, lever = motion.vehicle_angular_velocity[i], mount_position(due, row)
+    map_from_sensor = compose(map_from_vehicle, mount_orientation(due, row))
+    sensor_from_vehicle = inverse(mount_orientation(due, row))
     # a = a_origin + alpha x r + omega x (omega x r), in vehicle axes
-    euler_term = cross(angular_acceleration, lever)
+    euler_term = cross(motion.vehicle_angular_acceleration[i], lever)
     centripetal = cross(angular_velocity, cross(angular_velocity, lever))
     up = rotate(inverse(map_from_vehicle), (0.0, 0.0, 1.0))
     at_mount = (
@@ -93,44 +85,17 @@ def measure_motion(
         acceleration[1] + euler_term[1] + centripetal[1] + gravity * up[1],
         acceleration[2] + euler_term[2] + centripetal[2] + gravity * up[2],
     )
-    out[0], out[1], out[2], out[3] = map_from_sensor
-    out[4], out[5], out[6] = euler_from_quaternion(map_from_sensor)
-    out[7], out[8], out[9] = rotate(sensor_from_vehicle, angular_velocity)
-    out[10], out[11], out[12] = rotate(sensor_from_vehicle, at_mount)
-
-
-@jit_uncounted
-def turn(out: Floats, rotation: Floats) -> None:
-    """Rotate the reported orientation about the axes of the sensor by the rotation vector rotation[:3]."""
-    q = compose(out[:4], quaternion_from_rotation_vector(rotation[:3]))
-    out[0], out[1], out[2], out[3] = q
-    out[4], out[5], out[6] = euler_from_quaternion(q)
-
-
-@inlined
-def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
-    """Orientation, Euler angles, angular velocity and acceleration; the orientation is turned by its noise."""
-    i = due.i
-    measure_motion(
-        memory.motion.vehicle_orientation[i],
-        memory.motion.vehicle_angular_velocity[i],
-        memory.motion.vehicle_acceleration[i],
-        memory.motion.vehicle_angular_acceleration[i],
-        mount_position(due, row),
-        mount_orientation(due, row),
-        row["gravity"],
-        values,
-    )
     errors = memory.working.values
-    for c in range(3):
-        errors[c] = 0.0
-    for c in range(6):
-        errors[3 + c] = values[7 + c]
+    errors[0] = errors[1] = errors[2] = 0.0
+    errors[3], errors[4], errors[5] = rotate(sensor_from_vehicle, angular_velocity)
+    errors[6], errors[7], errors[8] = rotate(sensor_from_vehicle, at_mount)
     add_noise(due, memory, errors)
-    if memory.noise.is_noisy[due.k, i, due.s]:
-        for c in range(6):
-            values[7 + c] = errors[3 + c]
-        turn(values, errors)
+    if memory.noise.is_noisy[due.k, i, due.s]:  # the orientation is turned about the axes of the sensor
+        map_from_sensor = compose(map_from_sensor, quaternion_from_rotation_vector(errors[:3]))
+    values[0], values[1], values[2], values[3] = map_from_sensor
+    values[4], values[5], values[6] = euler_from_quaternion(map_from_sensor)
+    for c in range(6):
+        values[7 + c] = errors[3 + c]
 
 
 PARTS = (slice(0, 4), slice(4, 7), slice(7, 10), slice(10, 13))

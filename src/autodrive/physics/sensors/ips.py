@@ -5,29 +5,20 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from autodrive.base.arrays import Floats
-from autodrive.base.jit import inlined, jit_uncounted
-from autodrive.base.transforms import Vector, rotate
+from autodrive.base.jit import inlined
+from autodrive.base.transforms import rotate
 from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise, mount_position
 from autodrive.physics.sensors.noise import NoiseSpec
 from autodrive.physics.sensors.sensor import Mount, Reader, Sampled, SensorSpec
 from autodrive.protocol.messages import IpsReading
 
 
-@jit_uncounted
-def measure_position(position: Floats, orientation: Floats, offset: Vector, out: Floats) -> None:
-    """Write the position of the point at `offset` in the frame of a vehicle [m]."""
-    lever = rotate(orientation, offset)
-    for axis in range(3):
-        out[axis] = position[axis] + lever[axis]
-
-
 @inlined
 def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
-    """The position of the mount."""
-    i = due.i
-    measure_position(
-        memory.motion.vehicle_position[i], memory.motion.vehicle_orientation[i], mount_position(due, row), values
-    )
+    """The position of the mount [m]."""
+    lever = rotate(memory.motion.vehicle_orientation[due.i], mount_position(due, row))
+    for axis in range(3):
+        values[axis] = memory.motion.vehicle_position[due.i, axis] + lever[axis]
     add_noise(due, memory, values)
 
 

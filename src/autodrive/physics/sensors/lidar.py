@@ -11,20 +11,13 @@ from pydantic import Field, model_validator
 
 from autodrive.base.arrays import Floats, read_only_copy
 from autodrive.base.elementary import cos, sin
-from autodrive.base.jit import inlined, jit_uncounted
+from autodrive.base.jit import inlined
 from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, mount_orientation, mount_position
 from autodrive.physics.sensors.fan import cast_fan
 from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise, classify, measure_with_noise
 from autodrive.physics.sensors.sensor import STRONG, Distance, Mount, NoisePreset, NoisySpec, Rate, Reader, Sampled
 from autodrive.physics.sensors.sweep import Timing, cast_sweep
 from autodrive.protocol.messages import LidarScan
-
-
-@jit_uncounted
-def measure(inverse_range: Floats, range_min: float, range_max: float, ranges: Floats) -> None:
-    """The ranges that a sensor without noise reports."""
-    for i in range(len(ranges)):
-        ranges[i] = classify(1.0 / inverse_range[i], range_min, range_max)
 
 
 @inlined
@@ -34,10 +27,9 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     if row["is_rolling"] and due.now > 0:
         _sweep(due, row, memory)
         return
-    memory.readings.time[k, i, due.s] = due.time
     first, last = row["first"][due.s], row["last"][due.s]
     rays = last - first
-    inverse_range, ranges = memory.working.inverse_range[:rays], memory.readings.lidar_ranges[k, i, :rays]
+    inverse_range = memory.working.inverse_range[:rays]
     cast_fan(
         memory.motion.vehicle_position[i],
         memory.motion.vehicle_orientation[i],
@@ -60,7 +52,7 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
         for a in range(rays // 2):
             b = rays - 1 - a
             inverse_range[a], inverse_range[b] = inverse_range[b], inverse_range[a]
-    _measure_ranges(due, row, memory, inverse_range, ranges)
+    _measure_ranges(due, row, memory, due.time, inverse_range)
     if row["is_rolling"]:
         memory.readings.sweep[k, i, 0], memory.readings.sweep[k, i, 1] = 1, 0
 
@@ -76,7 +68,7 @@ def _sweep(due: Due, row: Any, memory: Memory) -> None:
     first, last = row["first"][due.s], row["last"][due.s]
     rays = last - first
     progress, inverse_range = memory.readings.sweep[k, i], memory.readings.sweep_ranges[k, i, :rays]
-    before, motion, readings, sensors = memory.working.before, memory.motion, memory.readings, memory.sensors
+    before, motion, sensors = memory.working.before, memory.motion, memory.sensors
     numerator, denominator = sensors.substep
     time_before = (due.now - due.substeps) * numerator / denominator
     while True:
@@ -106,20 +98,23 @@ def _sweep(due: Due, row: Any, memory: Memory) -> None:
         )
         if progress[1] < rays:
             return
-        readings.time[k, i, due.s] = progress[0] / row["scan_rate"]
-        _measure_ranges(due, row, memory, inverse_range, readings.lidar_ranges[k, i, :rays])
+        _measure_ranges(due, row, memory, progress[0] / row["scan_rate"], inverse_range)
         progress[0] += 1
         progress[1] = 0
 
 
 @inlined
-def _measure_ranges(due: Due, row: Any, memory: Memory, inverse_range: Floats, ranges: Floats) -> None:
+def _measure_ranges(due: Due, row: Any, memory: Memory, time: float, inverse_range: Floats) -> None:
+    """Writes the ranges of a scan that was complete at `time` [s]."""
     noise, low, high = memory.noise, row["scan_range_min"], row["scan_range_max"]
+    memory.readings.time[due.k, due.i, due.s] = time
+    ranges = memory.readings.lidar_ranges[due.k, due.i, : len(inverse_range)]
     if noise.is_noisy[due.k, due.i, due.s]:
         f, stream = noise.lidar[due.k, due.i], noise.stream[due.k, due.i, due.s]
         measure_with_noise(inverse_range, f[4], stream, (f[0], f[1], f[2], f[3]), low, high, ranges)
     else:
-        measure(inverse_range, low, high, ranges)
+        for n in range(len(ranges)):
+            ranges[n] = classify(1.0 / inverse_range[n], low, high)
 
 
 class LidarSpec(NoisySpec, Sampled):

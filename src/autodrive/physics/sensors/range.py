@@ -9,12 +9,11 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from autodrive.base.arrays import Floats, Integers
+from autodrive.base.arrays import Floats
 from autodrive.base.elementary import cos, sin
-from autodrive.base.jit import inlined, jit_uncounted
-from autodrive.base.transforms import Quaternion, Vector, compose, rotate
+from autodrive.base.jit import inlined
+from autodrive.base.transforms import compose, rotate
 from autodrive.physics.grid import shapes_near
-from autodrive.physics.model import Shapes
 from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, add_noise, mount_orientation, mount_position
 from autodrive.physics.sensors.lidar_noise import classify
 from autodrive.physics.sensors.noise import NoiseSpec
@@ -34,64 +33,40 @@ def directions(field_of_view: float, rings: int) -> Floats:
     return np.array(rays)
 
 
-@jit_uncounted
-def nearest(
-    vehicle_position: Floats,
-    vehicle_orientation: Floats,
-    mount_position: Vector,
-    mount_orientation: Quaternion,
-    rays: Floats,
-    sees_ground: bool,
-    range_max: float,
-    vehicle: int,
-    shapes: Shapes,
-    shape_position: Floats,
-    shape_rotation: Floats,
-    near: Integers,
-) -> float:
-    """Largest inverse range of all rays [1/m]; 0 if no ray hits, infinity inside a shape or the ground.
-
-    `rays` are unit vectors in sensor axes, shape (3, n_ray). `near` is working memory, shape (n_shape,).
-    """
-    lever = rotate(vehicle_orientation, mount_position)
-    px, py, pz = vehicle_position[0] + lever[0], vehicle_position[1] + lever[1], vehicle_position[2] + lever[2]
-    map_from_sensor = compose(vehicle_orientation, mount_orientation)
-    if pz <= 0.0:
-        return math.inf
-    nearest = 0.0
-    found = shapes_near(shapes, px, py, range_max, near)
-    for i in range(rays.shape[1]):
-        ray = rotate(map_from_sensor, (rays[0, i], rays[1, i], rays[2, i]))
-        if sees_ground:
-            nearest = max(nearest, -ray[2] / pz)
-        nearest = max(
-            nearest,
-            inverse_range((px, py, pz), ray, range_max, vehicle, shapes, shape_position, shape_rotation, near, found),
-        )
-    return nearest
-
-
 @inlined
 def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
-    """The distance of the nearest thing, with noise, as in REP 117."""
-    i = due.i
-    inverse = nearest(
-        memory.motion.vehicle_position[i],
-        memory.motion.vehicle_orientation[i],
-        mount_position(due, row),
-        mount_orientation(due, row),
-        memory.sensors.rays[:3, row["first"][due.s] : row["last"][due.s]],
-        row["sees_ground"],
-        row["range_max"],
-        i,
-        memory.shapes,
-        memory.motion.shape_position,
-        memory.motion.shape_rotation,
-        memory.working.near,
-    )
-    values[0] = math.inf if inverse == 0.0 else 1.0 / inverse
+    """The distance of the nearest thing that any ray hits, with noise, as in REP 117."""
+    i, motion, range_max = due.i, memory.motion, row["range_max"]
+    lever = rotate(motion.vehicle_orientation[i], mount_position(due, row))
+    x, y, z = motion.vehicle_position[i, 0], motion.vehicle_position[i, 1], motion.vehicle_position[i, 2]
+    start = (x + lever[0], y + lever[1], z + lever[2])
+    map_from_sensor = compose(motion.vehicle_orientation[i], mount_orientation(due, row))
+    near, rays = memory.working.near, memory.sensors.rays
+    nearest = math.inf  # as an inverse range [1/m]: inside a shape or the ground
+    if start[2] > 0.0:
+        nearest = 0.0
+        found = shapes_near(memory.shapes, start[0], start[1], range_max, near)
+        for k in range(row["first"][due.s], row["last"][due.s]):
+            ray = rotate(map_from_sensor, (rays[0, k], rays[1, k], rays[2, k]))
+            if row["sees_ground"]:
+                nearest = max(nearest, -ray[2] / start[2])
+            nearest = max(
+                nearest,
+                inverse_range(
+                    start,
+                    ray,
+                    range_max,
+                    i,
+                    memory.shapes,
+                    motion.shape_position,
+                    motion.shape_rotation,
+                    near,
+                    found,
+                ),
+            )
+    values[0] = math.inf if nearest == 0.0 else 1.0 / nearest
     add_noise(due, memory, values)
-    values[0] = classify(values[0], row["range_min"], row["range_max"])
+    values[0] = classify(values[0], row["range_min"], range_max)
 
 
 class RangeSpec(SensorSpec, Sampled):

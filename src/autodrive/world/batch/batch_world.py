@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.child_process import cpu_count
@@ -297,14 +297,13 @@ class BatchWorld(OneThread):
     # -- checks of arguments -------------------------------------------------------------------------------------
 
     def _checked_commands(self, commands: ArrayLike) -> Floats:
+        shape = self.n, len(self.vehicle_names), 2
         try:
             values = np.asarray(commands, dtype=np.float64)
         except (TypeError, ValueError):
-            raise CommandError(f"commands must be numbers of the shape {self._command_shape}") from None
-        if values.shape != self._command_shape:
-            raise CommandError(
-                f"commands must have the shape (worlds, vehicles, 2) = {self._command_shape}, not {values.shape}"
-            )
+            raise CommandError(f"commands must be numbers of the shape {shape}") from None
+        if values.shape != shape:
+            raise CommandError(f"commands must have the shape (worlds, vehicles, 2) = {shape}, not {values.shape}")
         if not np.isfinite(values).all():
             k, i, part = np.argwhere(~np.isfinite(values))[0].tolist()
             raise CommandError(
@@ -312,10 +311,6 @@ class BatchWorld(OneThread):
                 f"finite number, not {values[k, i, part]}"
             )
         return values
-
-    @property
-    def _command_shape(self) -> tuple[int, int, int]:
-        return self.n, len(self.vehicle_names), 2
 
     def _checked_worlds(self, worlds: ArrayLike | None) -> Integers:
         """Numbers of the chosen worlds."""
@@ -367,13 +362,8 @@ class BatchWorld(OneThread):
 
     def _checked_motion(self, name: str, motion: ArrayLike, chosen: Integers) -> Floats:
         """Shape (m, 5)."""
-        try:
-            values = np.broadcast_to(np.asarray(motion, dtype=np.float64), (len(chosen), 5))
-        except (TypeError, ValueError):
-            raise CommandError(
-                f"the motions of '{name}' must have the shape ({len(chosen)}, 5): forward and left speed, yaw rate, "
-                "throttle, steering"
-            ) from None
+        what = "forward and left speed, yaw rate, throttle, steering"
+        values = _checked_rows(f"the motions of '{name}'", motion, (len(chosen), 5), what)
         if not (np.abs(values) <= (*(MAX_SPEED,) * 3, 1.0, 1.0)).all():
             raise CommandError(
                 f"the speeds of '{name}' must be numbers from {-MAX_SPEED:g} to {MAX_SPEED:g}, its throttle and "
@@ -407,21 +397,22 @@ class BatchWorld(OneThread):
         for name, pose in poses.items():
             if name not in heights:
                 raise CommandError(f"'{name}' is not in these worlds. {suggest(str(name), list(heights))}")
-            try:
-                values = np.broadcast_to(np.asarray(pose, dtype=np.float64), (len(chosen), 3))
-            except (TypeError, ValueError):
-                raise CommandError(f"the poses of '{name}' must have the shape ({len(chosen)}, 3): x, y, yaw") from None
+            values = _checked_rows(f"the poses of '{name}'", pose, (len(chosen), 3), "x, y, yaw")
             if not (np.abs(values) <= MAX_DISTANCE).all():
                 raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
             start = c.engine.body(name)[1]
             for row, (x, y, yaw) in zip(qpos, values.tolist(), strict=True):
                 w, _, _, z = quaternion_from_yaw(yaw)
                 row[start : start + 7] = x, y, heights[name], w, 0.0, 0.0, z
-        if poses:
-            self._check_overlaps(qpos, chosen)
+        for k, row in zip(chosen.tolist(), qpos, strict=True) if poses else ():
+            for one, other in overlapping(c, row):
+                raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
         return qpos
 
-    def _check_overlaps(self, qpos: NDArray[np.float64], chosen: Integers) -> None:
-        for k, row in zip(chosen.tolist(), qpos, strict=True):
-            for one, other in overlapping(self.compiled, row):
-                raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
+
+def _checked_rows(name: str, given: ArrayLike, shape: tuple[int, int], columns: str) -> Floats:
+    """The numbers in that shape; one row is repeated. Raises `CommandError`."""
+    try:
+        return np.broadcast_to(np.asarray(given, dtype=np.float64), shape)
+    except (TypeError, ValueError):
+        raise CommandError(f"{name} must have the shape {shape}: {columns}") from None

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from autodrive.base.arrays import Floats
+from autodrive.base.arrays import Floats, read_only_copy
 from autodrive.base.jit import resolved
 from autodrive.protocol.messages import (
     CheckpointPassed,
@@ -192,7 +192,7 @@ class Race:
         if not math.isnan(entry.count_start):
             entry.race_time = time - entry.count_start
         entry.status = status
-        event = RaceStatusChanged(time, self._names[i], status, reason, _place(positions, i))
+        event = RaceStatusChanged(time, self._names[i], status, reason, read_only_copy(positions[i]))
         is_parked = status != FINISHED and len(self._names) > 1
         return event, [Move(i, (self._parking(i),))] if is_parked else []
 
@@ -241,7 +241,7 @@ class Race:
             entry.lap_start = entry.split_start = self.rules.start_delay
             if self.rules.warm_up_laps == 0:
                 entry.count_start = self.rules.start_delay
-            events.append(RaceStatusChanged(time, self._names[i], entry.status, "", _place(positions, i)))
+            events.append(RaceStatusChanged(time, self._names[i], entry.status, "", read_only_copy(positions[i])))
         return events
 
     def _passed(self, time: float, positions: Floats) -> list[Event]:
@@ -255,13 +255,13 @@ class Race:
             if not math.isnan(fraction):
                 events += self._pass_gate(i, entry, time - (1.0 - fraction) * self._tick, positions)
             if p.has_turned[i]:
-                events.append(WrongWay(time, self._names[i], _place(positions, i)))
+                events.append(WrongWay(time, self._names[i], read_only_copy(positions[i])))
         return events
 
     def _pass_gate(self, i: int, entry: Entry, time: float, positions: Floats) -> list[Event]:
         gate = int(self._progress.next_gate[i])
         number = gate or len(self._gates)
-        lap, name, place = entry.laps + 1, self._names[i], _place(positions, i)
+        lap, name, place = entry.laps + 1, self._names[i], read_only_copy(positions[i])
         split, sector = time - entry.lap_start, time - entry.split_start
         events: list[Event] = [CheckpointPassed(time, name, lap, number, split, sector, place)]
         entry.split_start = time
@@ -280,7 +280,7 @@ class Race:
         is_counted = entry.laps > rules.warm_up_laps
         if is_counted:
             entry.best_lap = min(entry.best_lap or math.inf, entry.last_lap)
-        name, place = self._names[i], _place(positions, i)
+        name, place = self._names[i], read_only_copy(positions[i])
         events: list[Event] = [LapCompleted(time, name, entry.laps, entry.last_lap, is_counted, place)]
         if entry.laps == rules.warm_up_laps:
             entry.count_start = time
@@ -322,7 +322,7 @@ class Race:
             entry.collisions += 1
             entry.penalty = rules.adjusted_time(0.0, entry.collisions)
             if rules.collision_penalty:
-                events.append(RacePenalty(time, name, reason, rules.collision_penalty, _place(positions, i)))
+                events.append(RacePenalty(time, name, reason, rules.collision_penalty, read_only_copy(positions[i])))
             if rules.is_disqualified_by(entry.collisions):
                 why = f"more than {rules.collision_limit} collisions"
                 event, parked = self.end(i, DISQUALIFIED, why, time, positions)
@@ -330,7 +330,7 @@ class Race:
                 moves += parked
                 return
         if rules.is_set_back:
-            events.append(SetBack(time, name, self._checkpoint(i), _place(positions, i)))
+            events.append(SetBack(time, name, self._checkpoint(i), read_only_copy(positions[i])))
             entry.held_until = time + rules.restart_delay
             if self._contacts is not None:
                 self._contacts.set_back(i, entry.held_until)
@@ -409,9 +409,3 @@ class Race:
         points = np.vstack([*self.track.walls, *self.track.edges])
         x, y = points.min(axis=0)
         return float(x) + PARKING_STEP * i, float(y) - 1.0, 0.0
-
-
-def _place(positions: Floats, i: int) -> Floats:
-    place = positions[i].copy()
-    place.flags.writeable = False
-    return place
