@@ -27,6 +27,8 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from tests.support.attackers import CROWD  # noqa: E402
+from tests.support.hardening import attackers, memory  # noqa: E402
+from tests.support.waiting import free_port  # noqa: E402
 
 WARM_UP = 5.0
 
@@ -52,11 +54,6 @@ ATTACKS: dict[str, dict[str, int]] = {
 }
 
 
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return listener.getsockname()[1]
-
-
 @contextmanager
 def simulator(port: int, script: int) -> Iterator[int]:
     """A run; its process identifier."""
@@ -72,25 +69,6 @@ def simulator(port: int, script: int) -> Iterator[int]:
             process.terminate()
 
 
-@contextmanager
-def attackers(port: int, script: int, counts: dict[str, int]) -> Iterator[None]:
-    """So many attackers of each role; those that are scripts listen at their own port."""
-    port = script if counts.keys() & {"commands", "long_commands"} else port
-    words = [str(port), *(f"{role}={count}" for role, count in counts.items())]
-    command = [sys.executable, str(ROOT / "tests" / "support" / "attackers.py"), *words]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        yield
-        process.kill()
-
-
-def memory(pid: int) -> float:
-    """Memory of a process [MB]."""
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1e3
-
-
 def processor_time(pid: int) -> float:
     """Processor time of a process [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
@@ -102,7 +80,7 @@ def measure(name: str, seconds: float) -> None:
     with (
         simulator(port, script) as pid,
         Client(f"127.0.0.1:{port}", frame_rate=60.0, scans=False) as viewer,
-        attackers(port, script, ATTACKS[name]),
+        attackers(script if name.startswith("a script") else port, ATTACKS[name]),
     ):
         watch(viewer, WARM_UP)
         start, busy, begin = memory(pid), processor_time(pid), time.monotonic()

@@ -190,41 +190,41 @@ def raced() -> tuple[RaceResult, RaceRecorder]:
     return result, recorder
 
 
+def one_line(match: str, write: Callable[[], object]) -> None:
+    """Writing raises that error, in one line."""
+    with pytest.raises(AutodriveError, match=match) as raised:
+        write()
+    assert "\n" not in str(raised.value)
+    del raised
+    gc.collect()  # closes the files of the libraries, so that the disk can be removed
+
+
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_an_export_that_cannot_be_written_raises_one_line(name: str, disk: tuple[Path, str]) -> None:
     folder, _ = disk
-    with pytest.raises(AutodriveError, match=r"cannot (be )?writ") as raised:
-        export(recorded(), name, folder / "exported", ExportOptions())
-    assert "\n" not in str(raised.value)
+    one_line(r"cannot (be )?writ", lambda: export(recorded(), name, folder / "exported", ExportOptions()))
     assert not (folder / "exported").exists()
-    del raised
-    gc.collect()  # closes the files of the libraries, so that the disk can be removed
 
 
 def test_a_rerun_file_that_does_not_fit_is_one_line_and_nothing_is_left(tmp_path: Path) -> None:
     """The disk becomes full in the middle of the file, which Rerun itself writes in the background."""
     with small_disk(tmp_path, kilobytes=64) as folder:
-        with pytest.raises(AutodriveError, match=r"^cannot write: No space left on device  ") as raised:
-            export(recorded(), "rerun", folder / "exported.rrd")
-        assert "\n" not in str(raised.value)
+        full = "^cannot write: No space left on device  "
+        one_line(full, lambda: export(recorded(), "rerun", folder / "exported.rrd"))
         assert list(folder.iterdir()) == []
-        del raised
-        gc.collect()
 
 
 def test_a_film_that_cannot_be_written_raises_one_line(disk: tuple[Path, str]) -> None:
     folder, _ = disk
-    with pytest.raises(AutodriveError, match="cannot be written") as raised:
-        _film(folder / "a.webm")
-    assert "\n" not in str(raised.value)
+
+    def film() -> None:
+        image = np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
+        with Video(folder / "a.webm", (64, 64), 30) as video:
+            for _ in range(200):
+                video.write(image)
+
+    one_line("cannot be written", film)
     assert not list(folder.glob("*.webm"))
-
-
-def _film(path: Path) -> None:
-    image = np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
-    with Video(path, (64, 64), 30) as film:
-        for _ in range(200):
-            film.write(image)
 
 
 def _calls(path: Path) -> set[str]:

@@ -28,7 +28,7 @@ from autodrive.cli.spec_files import SPECS, check
 from autodrive.graphics.meshes import store
 from autodrive.physics.sensors.camera import MAX_PIXELS, CameraSpec
 from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.scenario import MAX_BOXES, MAX_VEHICLES, BoxSpec, ScenarioSpec, VehiclePlacement
+from autodrive.scenario import MAX_BOXES, MAX_VEHICLES, BoxSpec, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.maps.map import MAX_EXTENT, load_map
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.shapes import Rectangle
@@ -440,6 +440,9 @@ def made(kind: Kind, path: Path, *, cameras: bool = False) -> World:
         return autodrive.make(path, cameras=cameras)
     if kind == "vehicle":
         return autodrive.make(ScenarioSpec(vehicles={"V1": VehiclePlacement(type=str(path))}), cameras=cameras)
+    if kind == "ruleset":
+        race, cars = RaceSpec(rules=str(path)), {"V1": VehiclePlacement(type="roboracer")}
+        return autodrive.make(ScenarioSpec(map="practice", race=race, vehicles=cars), cameras=cameras)
     if kind == "module":
         of_module = path.with_name(f"of_{path.name}")
         of_module.write_text(f"title: a\nplacements: [{{module: {path}, x: 0, y: 0, open: true}}]\n")
@@ -452,11 +455,12 @@ def made(kind: Kind, path: Path, *, cameras: bool = False) -> World:
 WITHOUT_LINE = (
     r"^(map '\w+': )?\w+: is required$",  # a key of the file itself, which the file does not have
     r"^(map '\w+': )?and \d+ more (errors|overlaps)",
+    r"the springs and dampers of '.*\.yaml' are unstable with a substep",  # of a scenario made in Python
 )
 
 
-def problem(kind: Kind, path: Path) -> str:
-    """What is wrong with how that file is treated; empty if nothing is."""
+def problem(kind: Kind, path: Path) -> str | None:
+    """What is wrong with how that file is treated; empty if it runs, None if it is refused as it should be."""
     start = time.process_time()
     try:
         check(str(path), kind)
@@ -468,6 +472,7 @@ def problem(kind: Kind, path: Path) -> str:
         wrong = [one for one in unplaced if not any(re.search(allowed, one) for allowed in WITHOUT_LINE)]
         if wrong:
             return f"no line in: {wrong[0]}"
+        return f"took {took:.1f} s" if (took := time.process_time() - start) > CPU_LIMIT else None
     except Exception:
         return traceback.format_exc(limit=-3)
     took = time.process_time() - start
@@ -479,17 +484,21 @@ def test_a_mutated_file_runs_or_is_refused_with_its_place(kind: Kind, tmp_path: 
     autodrive.make("mini_map").step()  # compiles
     problems: dict[int, str] = {}
     times: dict[int, float] = {}
+    refusals = 0
     for number in range(cases(80, 2500)):
         path = tmp_path / f"f{number}.yaml"  # a new name, because modules are cached by name and time
         path.write_bytes(mutator(kind).mutated(number))
         start = time.process_time()
-        if text := problem(kind, path):
+        text = problem(kind, path)
+        refusals += text is None
+        if text:
             problems[number] = text
         times[number] = time.process_time() - start
         path.unlink()
     slowest = {number: round(times[number], 1) for number in sorted(times, key=times.__getitem__)[:-6:-1]}
     print(f"{len(times)} files, {sum(times.values()):.0f} s; the slowest [s]: {slowest}")
     assert not problems, "\n".join(f"{kind} {number}: {text}" for number, text in list(problems.items())[:10])
+    assert 0 < refusals < len(times)
 
 
 WITH_CAMERAS: dict[Kind, int] = cases(
@@ -534,19 +543,3 @@ def test_a_mutated_file_that_is_valid_can_be_drawn(
     print(f"{drawn} of {tried} were drawn, the slowest in {slowest:.1f} s of processor time")
     assert not problems, "\n".join(f"{kind} {number}: {text}" for number, text in list(problems.items())[:10])
     assert drawn == wanted
-
-
-@pytest.mark.parametrize("kind", SPECS)
-def test_the_mutator_makes_valid_and_invalid_files(kind: Kind, tmp_path: Path) -> None:
-    outcomes = set()
-    for number in range(60):
-        path = tmp_path / f"f{number}.yaml"
-        path.write_bytes(mutator(kind).mutated(number))
-        try:
-            check(str(path), kind)
-            outcomes.add("valid")
-        except SpecError as error:
-            outcomes.add("YAML" if "invalid YAML" in str(error) else "values")
-        if len(outcomes) == 3:
-            return
-    pytest.fail(f"only {outcomes}")

@@ -17,6 +17,7 @@ from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.vehicles.spec import VehicleSpec, load_vehicle
 from tests.support import signal_table
 from tests.support.cars import car_file
+from tests.support.tables import rewritten
 
 
 @pytest.fixture(scope="module")
@@ -82,4 +83,4 @@ def test_the_page_has_the_signals_of_the_registry() -> None:
 
 def test_the_table_of_the_documentation_is_that_of_the_registry() -> None:
     text = signal_table.DOCUMENT.read_text(encoding="utf-8")
-    assert text == signal_table.rewritten(text), "run python -m tests.support.signal_table"
+    assert text == rewritten(text, {"signals": signal_table.rows()}), "run python -m tests.support.signal_table"

@@ -26,6 +26,8 @@ import msgspec
 
 pack = msgspec.msgpack.encode
 
+Role = Callable[[int], Awaitable[None]]
+
 PAUSE = 0.05
 """Time before a new connection [s]."""
 
@@ -153,13 +155,6 @@ async def viewer(port: int) -> None:
         await client.read()
 
 
-async def pings(port: int) -> None:
-    """Pings as fast as it can, and reads the answers."""
-    async with reading(port) as client:
-        while True:
-            await client.write(100 * frame(bytes(125), opcode=9))
-
-
 async def garbage(port: int) -> None:
     """Bytes that are no messages."""
     async with reading(port) as client:
@@ -174,15 +169,6 @@ async def texts(port: int) -> None:
         await client.read()
 
 
-async def drives(port: int) -> None:
-    """Drives vehicles that it may not drive, and releases them."""
-    async with reading(port) as client:
-        drive = frame(pack({"type": "Drive", "vehicle": "V1", "command": {"throttle": 1.0}, "source": "script"}))
-        unknown = frame(pack({"type": "Drive", "vehicle": "V9", "command": {"throttle": 1.0}, "source": "person"}))
-        while True:
-            await client.write(100 * (drive + unknown + frame(pack({"type": "Release", "vehicle": "V1"}))))
-
-
 async def subscribes(port: int) -> None:
     """Changes its subscription as fast as it can."""
     async with reading(port) as client:
@@ -190,10 +176,29 @@ async def subscribes(port: int) -> None:
             await client.say({"type": "Subscribe", "frame_rate": None, "picture_rate": float(number % 2)})
 
 
-async def refused(port: int) -> None:
-    """Requests that are refused, whatever the simulation does, and one that changes nothing."""
-    async with reading(port) as client:
-        requests = [
+def floods(data: bytes) -> Role:
+    """Sends that as fast as it can, and reads the answers."""
+
+    async def role(port: int) -> None:
+        async with reading(port) as client:
+            while True:
+                await client.write(data)
+
+    return role
+
+
+FLOODS = {
+    "pings": 100 * frame(bytes(125), opcode=9),
+    "drives": 100
+    * b"".join(
+        (
+            frame(pack({"type": "Drive", "vehicle": "V1", "command": {"throttle": 1.0}, "source": "script"})),
+            frame(pack({"type": "Drive", "vehicle": "V9", "command": {"throttle": 1.0}, "source": "person"})),
+            frame(pack({"type": "Release", "vehicle": "V1"})),
+        )
+    ),
+    "refused": b"".join(
+        (
             request("LoadScenario", name="../secret"),
             request("Teleport", vehicle="V9", x=0.0, y=0.0),
             request("SetSpeed", factor=-1.0),
@@ -203,37 +208,14 @@ async def refused(port: int) -> None:
             request("ConnectBridge", host="a:b:c", port=1),
             request("SaveScenario"),
             request("Unknown"),
-        ]
-        while True:
-            await client.write(b"".join(requests))
-
-
-async def resets(port: int) -> None:
-    """Resets as fast as it can."""
-    async with reading(port) as client:
-        while True:
-            await client.write(10 * request("Reset"))
-
-
-async def loads(port: int) -> None:
-    """Loads a scenario as fast as it can."""
-    async with reading(port) as client:
-        while True:
-            await client.write(10 * request("LoadScenario", name="plane"))
-
-
-async def undoes(port: int) -> None:
-    """Undoes as fast as it can."""
-    async with reading(port) as client:
-        while True:
-            await client.write(10 * request("Undo"))
-
-
-async def connects_the_bridge(port: int) -> None:
-    """Connects and disconnects the bridge as fast as it can."""
-    async with reading(port) as client:
-        while True:
-            await client.write(request("ConnectBridge", host="127.0.0.1", port=1) + request("DisconnectBridge"))
+        )
+    ),
+    "resets": 10 * request("Reset"),
+    "loads": 10 * request("LoadScenario", name="plane"),
+    "undoes": 10 * request("Undo"),
+    "connects_the_bridge": request("ConnectBridge", host="127.0.0.1", port=1) + request("DisconnectBridge"),
+}
+"""What is sent in each role; 'drives': vehicles that it may not drive; 'refused': and one that changes nothing."""
 
 
 async def hit_and_run(port: int) -> None:
@@ -299,16 +281,9 @@ async def _script(port: int, *values: dict[str, str]) -> None:
         await server.serve_forever()
 
 
-Role = Callable[[int], Awaitable[None]]
-
-ROLES: dict[str, Role] = {
-    role.__name__: role
-    for role in (
-        *(mute, half, stranger, deaf, slow_download),
-        *(viewer, pings, garbage, texts, drives, subscribes, refused, resets, loads, undoes),
-        *(connects_the_bridge, hit_and_run, gets, commands, long_commands, orders),
-    )
-}
+SINGLE = (mute, half, stranger, deaf, slow_download, viewer, garbage, texts, subscribes, hit_and_run, gets)
+SCRIPTS = (commands, long_commands, orders)
+ROLES = {role.__name__: role for role in (*SINGLE, *SCRIPTS)} | {name: floods(data) for name, data in FLOODS.items()}
 
 POWERLESS = {
     "mute": 35,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import zstandard
 from mcap.reader import make_reader
@@ -90,23 +90,9 @@ class Forger:
             self.describe(_channel(self.channels[name], 0, name, "json"))
         return self.channels[name]
 
-    def chunk(
-        self,
-        content: bytes,
-        *,
-        packed: bytes | None = None,
-        channels: Iterable[int] | None = None,
-        place: int | None = None,
-        copies: int = 1,
-        entries: int = 1,
-    ) -> None:
-        """Chunks of this content, which the summary names each so many times.
-
-        `packed`: what is written instead of the compressed content. `channels`: those that the index names (default:
-        all), and `place`: where their messages are said to be (default: nowhere).
-        """
-        packed = zstandard.compress(content) if packed is None else packed
-        self.raw_chunk(len(content), packed, channels=channels, place=place, copies=copies, entries=entries)
+    def chunk(self, content: bytes, **index: Any) -> None:
+        """Chunks of this content; see `raw_chunk`."""
+        self.raw_chunk(len(content), zstandard.compress(content), **index)
 
     def raw_chunk(
         self,
@@ -118,7 +104,11 @@ class Forger:
         copies: int = 1,
         entries: int = 1,
     ) -> None:
-        """As `chunk`, of a content of that size [bytes]."""
+        """Chunks of compressed content of that size [bytes], which the summary names each `entries` times.
+
+        `channels`: those that the index names (default: all), and `place`: where their messages are said to be
+        (default: nowhere).
+        """
         head = struct.pack("<QQQI", 0, SECOND, size, 0) + block("zstd") + struct.pack("<Q", len(packed))
         chunk = record(CHUNK, head + packed)
         names = self.channels.values() if channels is None else channels

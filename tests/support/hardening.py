@@ -37,13 +37,6 @@ def open_files(pid: int | str = "self") -> int:
     return len(list(Path(f"/proc/{pid}/fd").iterdir()))
 
 
-class Calls:
-    """Counts the calls of an attack."""
-
-    def __init__(self) -> None:
-        self.count = 0
-
-
 @contextlib.contextmanager
 def attackers(port: int, counts: Mapping[str, int]) -> Iterator[subprocess.Popen[bytes]]:
     """So many hostile clients of each role in `attackers.py`, in a process of their own, after all have connected."""

@@ -1,7 +1,6 @@
 """Cars that drive into each other, and the energy of all bodies while they do."""
 
 import math
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -128,12 +127,6 @@ def jam(vehicle: str, seed: int, folder: Path) -> Jam:
         excess = max(excess, kinetic / (start + energy.motor_work + 0.01))
         load = max(load, float((world.compiled.state.wheel_normal_load / static).max()))
     return Jam(top_speed=top_speed, gain=gain, excess=excess, load=load)
-
-
-def jams(vehicle: str, seeds: Iterable[int], folder: Path) -> Iterator[tuple[int, Jam]]:
-    """The jams with these seeds."""
-    for seed in seeds:
-        yield seed, jam(vehicle, seed, folder)
 
 
 def _world(vehicle: str, count: int, arena: str, rng: np.random.Generator, folder: Path) -> World:

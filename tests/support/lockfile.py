@@ -103,9 +103,9 @@ def needed(
             continue
         seen.add(key)
         found[package["name"]] = package
-        offered = package.get("optional-dependencies", {})
+        optional = package.get("optional-dependencies", {})
         wanted += [(one, ()) for one in package.get("dependencies", [])]
-        wanted += [(one, ()) for extra in dependency.get("extra", ()) for one in offered.get(extra, [])]
+        wanted += [(one, ()) for extra in dependency.get("extra", ()) for one in optional.get(extra, [])]
     return list(found.values())
 
 

@@ -11,14 +11,15 @@ import yaml
 
 from autodrive.connect.ros import Config
 from autodrive.connect.ros.topics import VehicleTopics
-from tests.support.ros.ros1_tables import DOCUMENT, rewritten
+from tests.support.ros.ros1_tables import DOCUMENT, tables
+from tests.support.tables import rewritten
 
 PACKAGE = Path(__file__).parents[3] / "ros" / "ros1" / "autodrive_ros"
 
 
 def test_the_tables_of_the_document_are_those_of_the_code() -> None:
     text = DOCUMENT.read_text()
-    assert text == rewritten(text), "run  python -m tests.support.ros.ros1_tables"
+    assert text == rewritten(text, tables()), "run  python -m tests.support.ros.ros1_tables"
 
 
 def test_every_parameter_is_an_argument_with_the_same_default() -> None:

@@ -32,6 +32,7 @@ from tests.support.ros.processes import Program, client, simulator
 from tests.support.ros.recorder import Recorder, running
 from tests.support.ros.ros2 import BUILT, ENVIRONMENT, PROGRAMS, VEHICLE, bridge, probe
 from tests.support.ros.transform_tree import matrix
+from tests.support.tables import rewritten
 from tests.support.waiting import free_port, wait_until
 
 TYPES = {f"/{topic.name}": topic.type for topic in VehicleTopics(Config(), is_direct=True).all}
@@ -413,7 +414,7 @@ def test_the_devkit_mode_publishes_and_drives(ros: Ros2, sim: Client, publish: C
 def test_the_tables_of_the_document_are_those_of_the_code(ros2_environment: dict[str, str]) -> None:
     text = ros2_tables.DOCUMENT.read_text()
     tables = ros2_tables.tables(ros2_environment)
-    assert ros2_tables.rewritten(text, tables) == text, "run  python -m tests.support.ros.ros2_tables"
+    assert rewritten(text, tables) == text, "run  python -m tests.support.ros.ros2_tables"
 
 
 def test_missing_optional_packages_are_reported(ros2_environment: dict[str, str], tmp_path: Path) -> None:

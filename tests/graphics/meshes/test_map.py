@@ -12,7 +12,7 @@ from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.meshes.map import box_asset, map_asset
 from autodrive.protocol.labels import Label
 from autodrive.scenario.maps.draw import module_alone
-from autodrive.scenario.maps.ground import SIMPLIFY_TOLERANCE, floor_extent
+from autodrive.scenario.maps.ground import SIMPLIFY_TOLERANCE, floor_extent, regions
 from autodrive.scenario.maps.map import load_map
 
 pytestmark = pytest.mark.slow
@@ -52,6 +52,16 @@ def test_every_point_of_the_floor_has_one_surface(kind, name):
     assert min(area.min() for area in areas) > -1e-9  # none upside down
     # coordinates are single precision: 3e-5 m at the far edge of 2 km of floor
     assert sum(area.sum() for area in areas) == pytest.approx((x1 - x0) * (y1 - y0), abs=0.05)
+
+
+def test_paint_that_goes_on_beside_the_road_ends_with_it(tmp_path):
+    """It touches the road in a line, too, which is no area."""
+    text = yaml_files.find("module", "road_patch").read_text()
+    changed = text.replace("[-0.1, -0.284]", "[99.9, -0.284]")
+    assert changed != text
+    (tmp_path / "patch.yaml").write_text(changed)
+    map_ = module_alone(str(tmp_path / "patch.yaml"))
+    assert {region.geometry.geom_type for region in regions(map_)} <= {"Polygon", "MultiPolygon"}
 
 
 @pytest.mark.parametrize(("kind", "name"), ALL)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
-import re
 from pathlib import Path
 
 from autodrive.connect.ros import Bridge, Config
 from autodrive.connect.ros.topics import WORLD_TOPICS
 from tests.support.ros.recorder import Recorder
+from tests.support.tables import rewritten
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "ros1.md"
 ROOT = "autodrive/nigel_1/"
@@ -57,14 +57,10 @@ def parameters() -> list[str]:
     return rows
 
 
-def rewritten(text: str) -> str:
-    """The document with new tables."""
-    for name, rows in {"published": published(), "subscribed": subscribed(), "parameters": parameters()}.items():
-        pattern = rf"(<!-- {name}: generated -->\n)(?:\|.*\n)*"
-        assert re.search(pattern, text), f"the document has no table '{name}'"
-        text = re.sub(pattern, lambda found, rows=rows: found[1] + "\n".join(rows) + "\n", text)
-    return text
+def tables() -> dict[str, list[str]]:
+    """All tables by name."""
+    return {"published": published(), "subscribed": subscribed(), "parameters": parameters()}
 
 
 if __name__ == "__main__":
-    DOCUMENT.write_text(rewritten(DOCUMENT.read_text()))
+    DOCUMENT.write_text(rewritten(DOCUMENT.read_text(), tables()))

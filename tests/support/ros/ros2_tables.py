@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 from pathlib import Path
 
-from autodrive.connect.ros import Bridge, Config
 from autodrive.connect.ros.topics import WORLD_TOPICS
-from tests.support.ros.recorder import Recorder
+from tests.support.ros.ros1_tables import ROOT, node
+from tests.support.tables import rewritten
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "ros2.md"
 PACKAGE = Path(__file__).parents[3] / "ros" / "ros2" / "autodrive_ros2" / "autodrive_ros2"
-ROOT = "autodrive/nigel_1/"
 
 QOS = {
     "sensor": "best effort, 5",
@@ -34,12 +32,6 @@ kinds = {"RELIABLE": "reliable", "BEST_EFFORT": "best effort", "TRANSIENT_LOCAL"
 qos = {name: f"{kinds[q.reliability.name]}{kinds[q.durability.name]}, {q.depth}" for name, q in QOS.items()}
 print(json.dumps([defaults(), SERVICES, qos]))
 """
-
-
-def node(mode: str = "direct") -> Recorder:
-    one = Recorder()
-    Bridge(Config(mode=mode), one)  # type: ignore[arg-type]
-    return one
 
 
 def published() -> list[str]:
@@ -86,19 +78,6 @@ def tables(environment: dict[str, str]) -> dict[str, list[str]]:
         "parameters": parameters(defaults),
         "services": services(known),
     }
-
-
-def block(name: str, rows: list[str]) -> str:
-    return f"<!-- {name}: generated -->\n" + "\n".join(rows) + "\n"
-
-
-def rewritten(text: str, tables_: dict[str, list[str]]) -> str:
-    """The document with new tables."""
-    for name, rows in tables_.items():
-        pattern = rf"<!-- {name}: generated -->\n(?:\|.*\n)*"
-        assert re.search(pattern, text), f"the document has no table '{name}'"
-        text = re.sub(pattern, lambda _, name=name, rows=rows: block(name, rows), text)
-    return text
 
 
 if __name__ == "__main__":

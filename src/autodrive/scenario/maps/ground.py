@@ -57,6 +57,8 @@ def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]
 
     def add(name: str, label: Label, geometry: BaseGeometry) -> None:
         nonlocal taken
+        if geometry.geom_type not in ("Polygon", "MultiPolygon"):  # paint beside a road touches it in a line
+            geometry = shapely.union_all([part for part in shapely.get_parts(geometry) if part.area > 0.0])
         if not geometry.is_empty:
             found.append(Region(name, label, shapely.difference(geometry, taken, grid_size=GRID)))
             taken = shapely.union(taken, geometry, grid_size=GRID)
