@@ -81,7 +81,7 @@ def test_the_built_in_sensor_of_the_document_needs_three_places(tmp_path: Path) 
     insert(sensors / "catalog.py", "    " + ROW, "    range: RangeSpec | None = None\n")
     insert(protocol / "messages.py", MESSAGE + "\n\n", "class RangeReading(")
     insert(protocol / "messages.py", "    " + FIELD, "    race: RaceState | None = None\n")
-    insert(protocol / "channels.py", CHANNEL.rstrip() + ",\n", '    Channel(\n        "range",\n')
+    insert(protocol / "channels.py", CHANNEL.rstrip() + ",\n", '    _channel(\n        Signal("range.time"')
     tree = yaml.safe_load((package / "scenario" / "data" / "vehicles" / "nigel.yaml").read_text(encoding="utf-8"))
     tree["sensors"] |= yaml.safe_load(LINE)
     car = tmp_path / "car.yaml"

@@ -49,7 +49,7 @@ def spec(tmp_path_factory: pytest.TempPathFactory) -> ScenarioSpec:
     return ScenarioSpec(vehicles={"V1": VehiclePlacement(type=car)})
 
 
-def resources() -> dict[str, object]:
+def resources() -> dict[str, int]:
     """What this process holds, besides memory."""
     children = [
         path.name
@@ -77,7 +77,8 @@ def attack(instance: Callable[[], int]) -> None:
     for _ in range(INSTANCES - 2):
         kills += instance()
         print(f"{kills} kills, {memory():.0f} MB", flush=True)
-    wait_until(lambda: resources() == before)
+    # fewer: what another test left behind may end meanwhile
+    wait_until(lambda: all(now <= before[name] for name, now in resources().items()))
     print(f"{kills} kills; {before}; {used:.0f} MB, then {memory():.0f} MB")
     assert kills == INSTANCES * (RESTARTS + 1)
     assert memory() < 1.05 * used
