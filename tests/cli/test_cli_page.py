@@ -11,7 +11,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -135,11 +135,14 @@ def test_the_page_is_served_before_the_world_is_made_and_clients_are_told_what_i
     links, may_compile, may_end = list[str](), threading.Event(), threading.Event()
     load = WorldLoader.load
 
-    def slow_load(loader: WorldLoader, scenario: str) -> World:
-        assert may_compile.wait(LIMIT)
-        jit.show("tyre_force")
-        assert may_end.wait(LIMIT)
-        return load(loader, scenario)
+    def slow_load(loader: WorldLoader, scenario: str, when_read: Callable[[], None]) -> World:
+        def compile_slowly() -> None:
+            when_read()
+            assert may_compile.wait(LIMIT)
+            jit.show("tyre_force")
+            assert may_end.wait(LIMIT)
+
+        return load(loader, scenario, compile_slowly)
 
     monkeypatch.setattr(WorldLoader, "load", slow_load)
     monkeypatch.setattr(ThreadedRun, "serving", lambda run, link: links.append(link), raising=False)

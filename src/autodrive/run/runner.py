@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from autodrive.protocol.messages import Frame
     from autodrive.protocol.native import Drive, ServerOperation
     from autodrive.recording import Recorder
-    from autodrive.world import World
     from autodrive.world.racing.results import RaceResult
 
 Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
@@ -183,10 +182,14 @@ def opened(
     """
     loader = WorldLoader(options)
     server = _page_server(options) if options.has_page else None
-    if server is not None:
-        stack.enter_context(server)
-        observer.serving(server.url)
-    world = _first_world(loader, options.scenario, observer, server)
+
+    def begin_to_serve() -> None:
+        if server is not None:
+            stack.enter_context(server)
+            observer.serving(server.url)
+
+    with compiling(_told(observer, server)):
+        world = loader.load(options.scenario, begin_to_serve)
     simulation = Simulation(
         world,
         speed=options.speed,
@@ -225,18 +228,17 @@ def opened(
     return run
 
 
-def _first_world(loader: WorldLoader, scenario: str, observer: RunObserver, server: Server | None) -> World:
-    """The world of the scenario; the clients of the server are told how far it is."""
+def _told(observer: RunObserver, server: Server | None) -> Callable[[str], None]:
+    """Tells both the name of a function that is compiled."""
     numbers = count(1)
 
-    def compiled(function: str) -> None:
+    def tell(function: str) -> None:
         observer.compiled(function)
         if server is not None:
             share = min(1.0, next(numbers) / COMPILED_FUNCTIONS)
             server.starting = Starting(COMPILING, function.replace("_", " "), share)
 
-    with compiling(compiled):
-        return loader.load(scenario)
+    return tell
 
 
 def _image_encoder(options: RunOptions) -> JpegEncoder | None:

@@ -222,7 +222,7 @@ def test_a_client_waits_for_a_simulator_that_starts(simulation: Simulation, monk
         thread = threading.Thread(target=serve)
         thread.start()
         with Client(server.address, timeout=10.0) as sim:
-            assert sim.scene.map
+            assert sim.scene.title
         thread.join()
 
 
