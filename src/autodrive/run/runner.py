@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
 """Why clients may not have an operation or Drive now; empty if they may."""
 
-COMPILING = "compiling the physics for this machine, only at the first start"
+COMPILING = "compiling the physics, only at the first start"
 COMPILED_FUNCTIONS = 190
 """Approximate number of functions that the first start compiles."""
 REFRESH_INTERVAL = 0.2

@@ -25,7 +25,7 @@ export function banner(store: Store, actions: Actions): HTMLElement {
   const text = h('span')
   const spinner = h('i', { class: 'spinner' })
   const reset = h('button', { testid: 'banner-reset', onclick: () => void actions.reset() }, 'Reset')
-  const bar = h('progress', { testid: 'starting' })
+  const bar = h('progress', { testid: 'starting', 'aria-label': 'Start of the simulator' })
   const line = h(
     'div',
     { class: 'hint banner', testid: 'banner', role: 'alert', hidden: true },
@@ -47,6 +47,7 @@ export function banner(store: Store, actions: Actions): HTMLElement {
     spinner.hidden = link === 'open'
     reset.hidden = link !== 'open'
     bar.hidden = link !== 'starting'
+    line.ariaBusy = String(link === 'starting') // a screen reader does not read each step
     if (link === 'open') {
       line.hidden = true
       return
