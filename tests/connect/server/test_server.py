@@ -61,6 +61,8 @@ def test_a_client_of_a_server_without_a_simulation_is_told_so_until_there_is_one
     with Server(None, PageOptions(port=free_port())) as server:
         with native_client(server, "early") as early:  # its Hello is sent now
             assert early.receive() == {"type": "Starting", "stage": "starting", "part": "", "share": None}
+            early.send("Subscribe", frame_rate=7.0)
+            assert early.socket.ping().wait(LIMIT)
             server.starting = Starting("compiling", "tyre force", 0.25)
             while (message := early.receive())["stage"] == "starting":
                 pass
@@ -69,6 +71,7 @@ def test_a_client_of_a_server_without_a_simulation_is_told_so_until_there_is_one
             while (message := early.receive())["type"] == "Starting":
                 pass
             assert (message["type"], message["name"]) == ("Welcome", "early")
+            wait_until(lambda: [one.subscription.frame_rate for one in server.hub.clients] == [7.0])
         with native_client(server, "late") as late:
             assert late.receive()["type"] == "Welcome"
 

@@ -10,8 +10,10 @@ import secrets
 import socket
 import threading
 import time
+from collections import deque
 from contextlib import AsyncExitStack
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 
@@ -35,6 +37,8 @@ LOG_INTERVAL = 10.0
 """Errors of the same kind are logged once in this time [s]."""
 STARTING_INTERVAL = 0.2
 """Time between two messages to a client that waits for the simulation [s]."""
+MAX_EARLY = 100
+"""Messages that such a client may send."""
 MESSAGE_LIMIT = 2**16
 """A client that sends a longer message [bytes] is disconnected."""
 
@@ -162,10 +166,29 @@ class Server:
         """Accept a WebSocket, and serve its client as soon as there is something to serve."""
         is_offered = SUBPROTOCOL in scope["subprotocols"]
         await send({"type": "websocket.accept", "subprotocol": SUBPROTOCOL if is_offered else None})
-        while self._hub is None:
-            await send({"type": "websocket.send", "bytes": encode(self.starting)})
-            await asyncio.sleep(STARTING_INTERVAL)
-        await self._hub.serve(scope, receive, send)
+        early = deque[dict[str, Any]]()
+        if self._hub is None:
+            await self._tell_until_served(receive, send, early)
+
+        async def receive_all() -> dict[str, Any]:
+            return early.popleft() if early else await receive()
+
+        await self.hub.serve(scope, receive_all, send)
+
+    async def _tell_until_served(self, receive: Receive, send: Send, early: deque[dict[str, Any]]) -> None:
+        """Send `starting` until there is a hub; what the client sends meanwhile goes to `early`."""
+
+        async def read() -> None:  # the pings of a client that has sent something are not answered until that is read
+            while len(early) < MAX_EARLY:
+                early.append(await receive())
+
+        reading = asyncio.create_task(read())
+        try:
+            while self._hub is None:
+                await send({"type": "websocket.send", "bytes": encode(self.starting)})
+                await asyncio.sleep(STARTING_INTERVAL)
+        finally:
+            reading.cancel()
 
 
 _throttle = LogThrottle(LOG_INTERVAL, time.monotonic)
