@@ -124,4 +124,4 @@ def test_without_a_terminal_the_compilation_prints_counts_every_5_s() -> None:
     texts = [text for _, text in clock.lines]
     assert texts[:2] == ["loading the world, 3 s", "loading the world, 6 s"]
     assert texts[3].startswith("compiling the physics for this machine")
-    assert texts[4] == "compiling 2 of about 190 functions, 13 s"
+    assert texts[4] == "compiling 2 of about 200 functions, 13 s"

@@ -39,7 +39,7 @@ Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
 """Why clients may not have an operation or Drive now; empty if they may."""
 
 COMPILING = "compiling the physics, only at the first start"
-COMPILED_FUNCTIONS = 190
+COMPILED_FUNCTIONS = 200
 """Approximate number of functions that the first start compiles."""
 REFRESH_INTERVAL = 0.2
 """Wall time between two calls of `RunObserver.running` [s]; a stop request takes effect within that time."""
