@@ -1,7 +1,7 @@
 """Build hook of hatchling: builds the page before it is packed into a wheel or a source distribution.
 
-With `AUTODRIVE_COMPILED`, a folder that `scripts/compiled` has filled, the wheel contains that code, too. It is for the
-Python that builds it, on Linux and x86-64; the version of Linux is that of the wheels of Numba.
+With `AUTODRIVE_COMPILED`, a folder that `autodrive.cli.compiled` has filled, the wheel has that code, too. It is for
+the Python that builds it, on Linux and x86-64; the version of Linux is that of the wheels of Numba.
 """
 
 from __future__ import annotations

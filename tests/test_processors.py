@@ -161,7 +161,7 @@ def test_the_compiled_code_of_a_wheel_gives_the_same_bits_and_nothing_is_compile
     film_under: Callable[[str], dict[str, str]], folder: Path, tmp_path: Path
 ) -> None:
     """The code that is made for the wheel is cached: only the first run after a change of the physics compiles it."""
-    output("scripts/compiled", tmp_path / "wheel")
+    output("-m", "autodrive.cli.compiled", tmp_path / "wheel")
     program = FILM_WITH_WHEEL.format(wheel=str(tmp_path / "wheel"), folder=str(folder))
     empty = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     other, compiled = json.loads(output("-W", "ignore", "-c", program, **empty, **WHEEL))

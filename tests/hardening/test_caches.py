@@ -172,16 +172,16 @@ def test_the_code_of_a_wheel_for_other_versions_is_not_used(
 ) -> None:
     with monkeypatch.context() as other:
         other.setattr(owner, name, value)
-        jit._versions.cache_clear()
+        jit.versions.cache_clear()
         assert is_compiled()
-    jit._versions.cache_clear()
+    jit.versions.cache_clear()
 
 
 def scaled(path: Path, factor: float) -> float:
     """The answer of a compiled function of a module with that text, whose bytecode does not contain the factor."""
     path.write_text(f"FACTOR = {factor}\ndef scaled(x):\n    return FACTOR * x\n")
-    jit._source_digest.cache_clear()
-    jit._file_digest.cache_clear()
+    jit.source_digest.cache_clear()
+    jit.file_digest.cache_clear()
     return jit.jit(runpy.run_path(str(path))["scaled"])(1.0)
 
 

@@ -224,7 +224,7 @@ class _FileCache(FunctionCache):
 
     def __init__(self, function: Callable[..., object], options: Mapping[str, Any]) -> None:
         self._py_func = function  # for `_index_key`
-        self._key = f"{function.__module__}.{function.__qualname__} {sorted(options.items())} {_versions()}"
+        self._key = f"{function.__module__}.{function.__qualname__} {sorted(options.items())} {versions()}"
         self._cache_path = str(CACHE)
         self.enable()
 
@@ -266,7 +266,7 @@ class _FileCache(FunctionCache):
 
         None if no name is certain, because the source cannot be read or a type is named by an address.
         """
-        source = _source_digest(inspect.getfile(self._py_func))
+        source = source_digest(inspect.getfile(self._py_func))
         types, target, code = self._index_key(sig, codegen)
         targets = [(CACHE, target)] + [(SHIPPED, (target[0], *BASELINE))] * (SHIPPED.is_dir() and runs_baseline())
         for folder, target in targets:
@@ -277,7 +277,7 @@ class _FileCache(FunctionCache):
 
 
 @functools.cache
-def _versions() -> str:
+def versions() -> str:
     """Of all that makes code from a source: the compiler, and what it takes from Python and numpy."""
     settings = [getattr(config, name) for name in ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK")]
     numpy = ".".join(np.__version__.split(".")[:2])
@@ -300,17 +300,18 @@ def _import_array_functions() -> None:
 
 
 @functools.cache
-def _source_digest(file: str) -> str:
+def source_digest(file: str) -> str:
     """Of a file with compiled functions and all that it imports; empty if it cannot be read, as in a notebook."""
     try:
-        digests = [_file_digest(path) for path in sources(Path(file))]
+        digests = [file_digest(path) for path in sources(Path(file))]
     except OSError:
         return ""
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 @functools.cache
-def _file_digest(path: Path) -> str:
+def file_digest(path: Path) -> str:
+    """Of the content of a file. Raises `OSError`."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 

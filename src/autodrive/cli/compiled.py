@@ -1,0 +1,78 @@
+"""Compiles what runs, races and batches need, for the processors of `jit.BASELINE`: `python -m autodrive.cli.compiled`.
+
+`scripts/release` puts the files into a wheel. They are used with the versions of this environment only.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import autodrive
+from autodrive.base import jit
+
+LOADED = "--loaded"
+"""Option of the processes that `main` starts."""
+
+
+def main() -> None:
+    """Write the files into the folder that the first argument names."""
+    if sys.argv[1:] == [LOADED]:
+        print_loaded()
+        return
+    folder = Path(sys.argv[1])
+    if not jit.runs_baseline():
+        sys.exit(f"this processor cannot run code for {jit.BASELINE[0]}")
+    files = loaded()
+    folder.mkdir(parents=True)
+    for file in files:
+        shutil.copy(file, folder)
+    print(f"{len(files)} compiled functions, {sum(file.stat().st_size for file in files) / 1e6:.1f} MB")
+
+
+def loaded() -> list[Path]:
+    """The files of all that Python calls: a first process compiles, what it calls as well, and a second one loads."""
+    name, features = jit.BASELINE
+    environment = {**os.environ, "NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": features}
+    command = [sys.executable, "-m", __spec__.name, LOADED]
+    for _ in range(2):
+        done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    return [Path(line) for line in done.stdout.splitlines()]
+
+
+def print_loaded() -> None:
+    """Call everything, and print the files that the cache had."""
+    used: list[Path] = []
+    read = jit.read_cached
+
+    def noted(path: Path) -> bytes:
+        data = read(path)
+        used.append(path)
+        return data
+
+    jit.read_cached = noted
+    use()
+    print(*used, sep="\n")
+
+
+def use() -> None:
+    """Call what is to be compiled."""
+    noisy = autodrive.ScenarioSpec(
+        map="mini_map", vehicles={"V1": autodrive.VehiclePlacement(has_realistic_sensors=True)}
+    )
+    for scenario in (noisy, "practice"):  # practice: a race
+        world = autodrive.make(scenario)
+        for _ in range(50):  # in half a second each sensor samples
+            world.step({})
+    autodrive.BatchWorld("mini_map", n=2).step([[[0.0, 0.0]]] * 2)
+    try:
+        autodrive.make("mini_map", cameras=True).step({})
+    except autodrive.GlUnavailable as error:
+        print(f"without the code of the cameras: {error}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
