@@ -19,6 +19,7 @@ from numba.core import config
 from numba.core.registry import cpu_target
 
 from autodrive.base import jit
+from autodrive.cli.doctor import run_checks
 from tests.support.hardening import cases
 from tests.support.waiting import LIMIT
 
@@ -90,7 +91,7 @@ def test_a_compilation_is_announced_once_unless_its_functions_are_shown(
     with jit.compiling(lambda _: None):
         assert output() == ""
     file.unlink()
-    assert output() == "autodrive: compiling the physics for this machine, once: this takes 20 to 70 s\n"
+    assert output() == "autodrive: compiling the physics for this machine, once: this takes 10 to 40 s\n"
     file.unlink()
     assert output() == ""
 
@@ -218,6 +219,21 @@ def test_a_damaged_file_of_a_wheel_is_one_line_and_is_replaced_by_code_of_this_m
         assert "damaged" in line
         assert not is_compiled()
         shutil.rmtree(jit.CACHE)
+
+
+def test_doctor_says_which_compiled_code_the_next_start_uses(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def text() -> str:
+        return next(check.text for check in run_checks() if check.subject == "compiled code")
+
+    versions = jit.SHIPPED / jit.VERSIONS
+    versions.write_text(jit.versions())
+    assert text().endswith("cache (empty: the code of the wheel is used)")
+    versions.write_text("numba 0.99")
+    assert "the first start compiles, because the code of the wheel is for other versions: numba 0.99" in text()
+    monkeypatch.setattr(jit, "SHIPPED", jit.SHIPPED / "missing")
+    assert text().endswith("(empty: the first start compiles)")
+    assert is_compiled()
+    assert text().endswith("(ready)")
 
 
 def test_a_whole_file_with_the_name_of_another_one_is_not_used(shipped: Path, caplog: pytest.LogCaptureFixture) -> None:

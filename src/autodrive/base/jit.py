@@ -49,6 +49,8 @@ CACHE = _folder()
 SHIPPED = PACKAGE / "compiled"
 """Compiled functions that were installed with this package: only the wheels for x86-64 have them, see scripts/release.
 They are used for what is not in `CACHE`."""
+VERSIONS = "versions"
+"""Its file for people, with the `versions` for which it was compiled."""
 BASELINE = "x86-64-v3", ""
 """`NUMBA_CPU_NAME` and `NUMBA_CPU_FEATURES` with which they were compiled: code for any processor that has these:"""
 BASELINE_NEEDS = (
@@ -135,7 +137,7 @@ def show(function: str) -> None:
 def compiling(progress: Callable[[str], None]) -> Iterator[None]:
     """Calls `progress` with the name of each function that is compiled inside the `with` block.
 
-    Nothing is called if all functions are in the cache. The first run on a machine compiles for 20 to 70 s.
+    Nothing is called if all functions are in the cache. The first run on a machine compiles for 10 to 40 s.
     """
     _watchers.append(progress)
     try:
@@ -151,7 +153,7 @@ def announced() -> Iterator[None]:
 
     def announce(_: str) -> None:
         if _watchers == [announce] and not announcements:
-            announcements.append("compiling the physics for this machine, once: this takes 20 to 70 s")
+            announcements.append("compiling the physics for this machine, once: this takes 10 to 40 s")
             print(f"autodrive: {announcements[0]}", file=sys.stderr, flush=True)
 
     with compiling(announce):
@@ -281,7 +283,8 @@ def versions() -> str:
     """Of all that makes code from a source: the compiler, and what it takes from Python and numpy."""
     settings = [getattr(config, name) for name in ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK")]
     numpy = ".".join(np.__version__.split(".")[:2])
-    return f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__} {numpy} {settings}"
+    packages = f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {numpy}"
+    return f"{sys.implementation.cache_tag}, {packages}, settings {settings}"
 
 
 @functools.cache

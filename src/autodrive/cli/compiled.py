@@ -30,6 +30,7 @@ def main() -> None:
     folder.mkdir(parents=True)
     for file in files:
         shutil.copy(file, folder)
+    (folder / jit.VERSIONS).write_text(jit.versions(), encoding="utf-8")
     print(f"{len(files)} compiled functions, {sum(file.stat().st_size for file in files) / 1e6:.1f} MB")
 
 

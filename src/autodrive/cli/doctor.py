@@ -133,7 +133,7 @@ def _data() -> Check:
 
 
 def _cache() -> Check:
-    """Cache of compiled code; without it every start compiles for 20 to 70 s."""
+    """Cache of compiled code; without it every start compiles for 10 to 40 s."""
     try:
         from autodrive.base import jit
 
@@ -149,8 +149,21 @@ def _cache() -> Check:
         user = f"-{os.getuid()}" if hasattr(os, "getuid") else ""
         fix = f"{setting} NUMBA_CACHE_DIR={Path(tempfile.gettempdir()) / f'autodrive{user}'}"
         return Check("compiled code", False, f"{folder}: {error.strerror}; every start would compile again", fix)
-    is_warm = any(folder.glob("*.code"))
-    return Check("compiled code", True, f"{folder} ({'ready' if is_warm else 'empty: the first start compiles'})")
+    return Check("compiled code", True, f"{folder} ({_state_of_cache(folder)})")
+
+
+def _state_of_cache(folder: Path) -> str:
+    """Whether there is compiled code for the next start."""
+    from autodrive.base import jit
+
+    if any(folder.glob("*.code")):
+        return "ready"
+    if not jit.SHIPPED.is_dir():
+        return "empty: the first start compiles"
+    built_for = (jit.SHIPPED / jit.VERSIONS).read_text(encoding="utf-8")
+    if built_for != jit.versions():
+        return f"empty: the first start compiles, because the code of the wheel is for other versions: {built_for}"
+    return "empty: the code of the wheel is used" if jit.runs_baseline() else "empty: the first start compiles"
 
 
 def _opengl() -> Check:

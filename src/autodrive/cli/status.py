@@ -80,7 +80,7 @@ class StatusDisplay(RunObserver):
 
     def compiled(self, function: str) -> None:  # noqa: D102
         if not self._compiled:
-            self.console.print("compiling the physics for this machine: 20 to 70 s, only at the first start")
+            self.console.print("compiling the physics for this machine: 10 to 40 s, only at the first start")
             self._said = self._clock()
         self._compiled += 1
 
