@@ -119,7 +119,8 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: list[str]) -
     assert is_compiled()
     (file,) = (tmp_path / "compiled").iterdir()
     monkeypatch.setattr(jit, "SHIPPED", tmp_path / "compiled")
-    monkeypatch.setattr(jit, "BASELINE", cpu_target.target_context.codegen().magic_tuple()[1:])
+    target: Any = cpu_target.target_context
+    monkeypatch.setattr(jit, "BASELINE", target.codegen().magic_tuple()[1:])
     monkeypatch.setattr(jit, "runs_baseline", lambda: True)
     monkeypatch.setattr(jit, "CACHE", tmp_path / "cache")
     return file

@@ -205,7 +205,7 @@ class _Compiled(CPUDispatcher):
 
 
 def _compiled(function: Function, **options: Any) -> Function:
-    if config.DISABLE_JIT:
+    if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
         return function
     compiled: Any = _Compiled(function, targetoptions={"nopython": True, **_OPTIONS, **options})
     return compiled

@@ -39,8 +39,8 @@ def loaded() -> list[Path]:
     name, features = jit.BASELINE
     environment = {**os.environ, "NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": features}
     command = [sys.executable, "-m", __spec__.name, LOADED]
-    for _ in range(2):
-        done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
+    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
     return [Path(line) for line in done.stdout.splitlines()]
 
 
