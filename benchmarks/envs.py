@@ -1,10 +1,10 @@
 """CPU time of a vector environment: environment steps a second, and what the environment adds to the batch call.
 
-    uv run benchmarks/envs.py [--id NigelNavigation-v0] [--num-envs 256] [--frame-skip 1] [--threads 1]
-                              [--cars 2]
+    uv run benchmarks/envs.py [--id NigelNavigation-v0] [--num-envs 256] [--frame-skip 1] [--threads 1] [--cars 2]
 
 Medians of rounds, CPU time of all threads. All cars drive with random actions, each held for half a second, so that
-episodes end and start again. `--cars`: of each race of RoboRacer-v0. The batch calls (`step`, `reset`) are timed inside of the environment's, in the same run.
+episodes end and start again. `--cars`: of each race of RoboRacer-v0. The batch calls (`step`, `reset`) are timed inside
+of the environment's, in the same run.
 """
 
 from __future__ import annotations
