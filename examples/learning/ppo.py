@@ -5,7 +5,8 @@ Install it, train, and watch the result:
     python examples/learning/ppo.py race --seed 1 --output runs/race
     autodrive play runs/race/policy.npz practice
 
-Problems: "race" (car RoboRacer, LIDAR, random tracks) and "lane" (car Nigel, lane keeping). The output folder gets
+Problems: "race" (car RoboRacer, LIDAR, random tracks), "duel" (two of them in each race, both driven by the policy that
+learns; `--begin-with runs/race` saves it the beginning), and "lane" (car Nigel, lane keeping). The output folder gets
 checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
@@ -20,7 +21,7 @@ import argparse
 import csv
 import re
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -73,25 +74,27 @@ class Problem:
     settings: dict[str, Any] = field(default_factory=dict)
 
 
+RACE = Problem(
+    env="autodrive:RoboRacer-v0",
+    observation="lidar",
+    inputs=(*INPUTS, *earlier(RANGES, 3), *earlier(MOTION, 1, 2, 3, 5, 8), *earlier(OUTPUTS, 1, 2, 3, 4, 6)),
+    throttle=(0.03, 0.4),  # 0.7 to 9.2 m/s: it cannot stand still
+    discount=0.99,
+    reward=0.2,
+    settings={
+        "tracks": 32,
+        "track_width": (0.9, 1.6),
+        "track_length": (58.0, 70.0),
+        "track_radius": (0.75, 1.2),
+        "noise": 1.0,
+        "friction": (0.75, 1.25),
+        "mass": (0.75, 1.25),
+        "latency": (0.0, 0.05),
+    },
+)
 PROBLEMS = {
-    "race": Problem(
-        env="autodrive:RoboRacer-v0",
-        observation="lidar",
-        inputs=(*INPUTS, *earlier(RANGES, 3), *earlier(MOTION, 1, 2, 3, 5, 8), *earlier(OUTPUTS, 1, 2, 3, 4, 6)),
-        throttle=(0.03, 0.4),  # 0.7 to 9.2 m/s: it cannot stand still
-        discount=0.99,
-        reward=0.2,
-        settings={
-            "tracks": 32,
-            "track_width": (0.9, 1.4),
-            "track_length": (58.0, 70.0),
-            "track_radius": (0.75, 0.9),
-            "noise": 1.0,
-            "friction": (0.8, 1.2),
-            "mass": (0.8, 1.2),
-            "latency": (0.0, 0.04),
-        },
-    ),
+    "race": RACE,
+    "duel": replace(RACE, settings={**RACE.settings, "cars": 2, "rivalry": 1.0}),
     "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (0.0, 1.0), discount=0.98, reward=3.0),
 }
 
@@ -280,6 +283,11 @@ class Trainer:
         learnt = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())
         self.agent, self.memory, self.key, self.steps, self.seconds = learnt
 
+    def begin_with(self, folder: Path) -> None:
+        """Take the networks of another training that reads the same."""
+        learnt = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())
+        self.agent = learnt[0]
+
     def _learnt(self):
         return self.agent, self.memory, self.key, self.steps, self.seconds
 
@@ -317,12 +325,15 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=10**9, help="steps of all cars after which training ends")
     parser.add_argument("--output", type=Path, default=Path("runs/race"), help="folder of the results")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in that folder")
+    parser.add_argument("--begin-with", type=Path, help="folder of another training, whose networks are improved")
     parser.add_argument("--until-clean", action="store_true", help="end when it drives ten clean laps on all tracks")
     options = parser.parse_args()
     if options.until_clean and options.problem != "race":
-        parser.error("--until-clean is for the problem 'race': the other one has no laps")
+        parser.error("--until-clean is for the problem 'race': the others have no laps")
     options.output.mkdir(parents=True, exist_ok=True)
     trainer = Trainer(options.problem, options.seed)
+    if options.begin_with:
+        trainer.begin_with(options.begin_with)
     if options.resume:
         trainer.resume(options.output)
     start = START - trainer.seconds
