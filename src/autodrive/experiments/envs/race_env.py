@@ -82,12 +82,12 @@ class RaceParallelEnv(Cars):
         friction, mass, noise, latency = drawn.T[:, None]
         self.batch.reset(WORLD, [seed], poses=poses, grip=friction, mass=mass, noise=noise)
         self._driver.reset(WORLD, latency)
-        return CarReadings.of_first_world(self.batch.readings)
+        return CarReadings.of_batch(self.batch.readings)
 
     def _drive(self, commands: NDArray[np.float64]) -> tuple[CarReadings, Bools]:
         self._driver.step(commands[None])
         readings = self.batch.readings
-        return CarReadings.of_first_world(readings), np.full(len(commands), readings.is_unstable[0])
+        return CarReadings.of_batch(readings), np.full(len(commands), readings.is_unstable[0])
 
     def _judged(self, outcome: Outcome) -> tuple[Bools, list[dict[str, Any]]]:
         driven = self.distance
