@@ -13,7 +13,7 @@ from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec, joined
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, find, names, read
-from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_sensors_of
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_paths_of
 from autodrive.scenario.files import described
 from autodrive.scenario.maps.map import Map, MapSpec, load_map
 from autodrive.scenario.maps.module import ModuleSpec
@@ -88,7 +88,7 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str, list[str]]:
         elif isinstance(spec, ScenarioSpec):
             from autodrive.world.factory import compile_scenario
 
-            descriptions = described(with_sensors_of(spec, path.parent), source)
+            descriptions = described(with_paths_of(spec, path.parent), source)
             warnings = joined(compile_scenario(descriptions).warnings, descriptions.lines)
     except SpecError as error:
         errors += error.errors

@@ -201,7 +201,7 @@ def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
     try:
         track = Track.of(specs.track.spec, specs.track.name) if specs.track else map_.track
         if track is None:
-            return None, [(_at("race"), f": map '{spec.map}' is no track; set 'track'")] if spec.race else []
+            return None, [(_at("race"), f": map '{spec.map_name}' is no track; set 'track'")] if spec.race else []
         assert specs.rules is not None
         rules = specs.rules.spec
         if race.laps is not None:
@@ -253,8 +253,11 @@ def _at(*location: str | int) -> Place:
 def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem]]:
     """The map without its faulty placements, the valid vehicles, and the problems of all files."""
     map_, of_map = compile_map(specs.map)
-    path = specs.map.path
-    problems: list[Problem] = [(_at("map"), ": ", *one, f"  ({path})" if path else "") for one in of_map]
+    if isinstance(specs.scenario.map, str):
+        path = f"  ({specs.map.path})" if specs.map.path else ""
+        problems: list[Problem] = [(_at("map"), ": ", *one, path) for one in of_map]
+    else:
+        problems = [(_at("map"), ": ", *one[1:]) for one in of_map]
     vehicles: dict[str, VehicleSpec] = {}
     for name, placement in specs.scenario.vehicles.items():
         try:

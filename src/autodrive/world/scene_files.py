@@ -49,7 +49,7 @@ class SceneFiles:
         scene = Scene(
             scenario=scenario,
             title=world.spec.title,
-            map=world.spec.map,
+            map=world.spec.map_name,
             tick=world.tick_duration,
             model=files.url("map", world.map),
             plan=files.plan(world.map),
