@@ -26,7 +26,7 @@ from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.descriptions import Specs
-from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map
+from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map, problem_texts
 from autodrive.scenario.maps.mjcf import world_mjcf
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
@@ -253,11 +253,10 @@ def _at(*location: str | int) -> Place:
 def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem]]:
     """The map without its faulty placements, the valid vehicles, and the problems of all files."""
     map_, of_map = compile_map(specs.map)
-    if isinstance(specs.scenario.map, str):
-        path = f"  ({specs.map.path})" if specs.map.path else ""
-        problems: list[Problem] = [(_at("map"), ": ", *one, path) for one in of_map]
-    else:
-        problems = [(_at("map"), ": ", *one[1:]) for one in of_map]
+    is_file = isinstance(specs.scenario.map, str)
+    path = f"  ({specs.map.path})" if is_file and specs.map.path else ""
+    texts = problem_texts(specs.map, of_map, has_name=is_file)
+    problems: list[Problem] = [(_at("map"), ": ", *one, path) for one in texts]
     vehicles: dict[str, VehicleSpec] = {}
     for name, placement in specs.scenario.vehicles.items():
         try:
