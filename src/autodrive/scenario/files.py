@@ -48,7 +48,7 @@ def described(
 
     if known and scenario.map == known.specs.scenario.map:
         map_, lines = known.specs.map, {key: line for key, line in known.lines.items() if key[0] == "map"}
-    elif source and isinstance(source.tree["map"] if "map" in source.tree else None, dict):
+    elif source and isinstance(source.tree.get("map"), dict):
         map_, lines = _own_map(scenario.map, source)
     else:
         map_, lines = read_map(scenario.map, known=known.specs.map.modules if known else {})
@@ -142,6 +142,11 @@ def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> 
     return _renamed(scenario, path_of)
 
 
+def map_text(spec: MapSpec) -> str:
+    """The map as YAML, with the keys that were given."""
+    return _text(spec.model_dump(mode="json", exclude_unset=True))
+
+
 def scenario_text(spec: ScenarioSpec) -> str:
     """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
     spec = _renamed(spec, lambda _, name: str(Path(name).absolute()) if Path(name).suffix in YAML else name)
@@ -151,6 +156,10 @@ def scenario_text(spec: ScenarioSpec) -> str:
     }
     tree = {"title": spec.title, "map": None, "vehicles": {}} | spec.model_dump(mode="json", exclude_defaults=True)
     tree |= {"map": spec.model_dump(mode="json", include={"map"})["map"], "vehicles": vehicles}
+    return _text(tree)
+
+
+def _text(tree: dict[str, Any]) -> str:
     return yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
 
 
@@ -236,4 +245,5 @@ def _renamed(scenario: ScenarioSpec, there: Callable[[str, str], str]) -> Scenar
     scenario = scenario.model_copy(update={"vehicles": vehicles, "race": race})
     if isinstance(scenario.map, str):
         return scenario.model_copy(update={"map": there("map", scenario.map)})
-    return with_modules(scenario, lambda name: there("module", name))
+    own_map = with_modules(scenario.map, lambda name: there("module", name))
+    return scenario.model_copy(update={"map": own_map})

@@ -217,11 +217,15 @@ def with_paths_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
     spec = spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
     if isinstance(spec.map, str):
         return spec
-    return with_modules(spec, lambda name: str(folder.absolute() / name) if Path(name).suffix in YAML else name)
+    return spec.model_copy(update={"map": with_modules_at(spec.map, folder)})
 
 
-def with_modules(spec: ScenarioSpec, there: Callable[[str], str]) -> ScenarioSpec:
-    """The scenario with other names of the modules of its own map."""
-    assert isinstance(spec.map, MapSpec)
-    placements = tuple(one.model_copy(update={"module": there(one.module)}) for one in spec.map.placements)
-    return spec.model_copy(update={"map": spec.map.model_copy(update={"placements": placements})})
+def with_modules_at(map_: MapSpec, folder: Path) -> MapSpec:
+    """The map with absolute paths of its modules, which are relative to that folder."""
+    return with_modules(map_, lambda name: str(folder.absolute() / name) if Path(name).suffix in YAML else name)
+
+
+def with_modules(map_: MapSpec, there: Callable[[str], str]) -> MapSpec:
+    """The map with other names of its modules."""
+    placements = tuple(one.model_copy(update={"module": there(one.module)}) for one in map_.placements)
+    return map_.model_copy(update={"placements": placements}) if placements else map_

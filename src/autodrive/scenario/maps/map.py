@@ -21,7 +21,7 @@ from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.area import drivable_edges
 from autodrive.scenario.maps.lanes import LaneGraph, Piece, lane_graph
 from autodrive.scenario.maps.module import MarkingKind, Module, compile_module
-from autodrive.scenario.maps.placing import MapProblem, PlacedModule, PortId, Solid, join, overlaps, place
+from autodrive.scenario.maps.placing import OF_DRAFT, MapProblem, PlacedModule, PortId, Solid, join, overlaps, place
 from autodrive.scenario.maps.props import Prop, prop_shapes
 from autodrive.scenario.maps.shapes import Pose, rectangle
 from autodrive.scenario.maps.solids import BoxPlacement, StaticShape, block_shape, wall_shapes
@@ -119,13 +119,20 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[MapProblem, 
     return map_, (*problems, *unjoined, *more)
 
 
+def problems_of_draft(described: DescribedMap, problems: Sequence[MapProblem]) -> list[MapProblem]:
+    """What may be wrong because the map is being built."""
+    is_draft = isinstance(described.found, MapSpec) and described.found.is_draft
+    return [one for one in problems if is_draft and one.kind in OF_DRAFT]
+
+
 def problem_texts(
     described: DescribedMap, problems: Sequence[MapProblem], *, has_name: bool = True
 ) -> list[specs.Problem]:
     """The messages of the errors of a file, and of what else is wrong; those begin with the name of the map."""
     of_file = described.error.errors if described.error else []
     prefix = f"map '{described.name}': " if has_name else ""
-    return [*((text,) for text in of_file), *((prefix, *one.text) for one in problems)]
+    allowed = problems_of_draft(described, problems)
+    return [*((text,) for text in of_file), *((prefix, *one.text) for one in problems if one not in allowed)]
 
 
 def track_map(track: Track) -> Map:

@@ -78,8 +78,12 @@ class PlacedModule:
 ProblemKind: TypeAlias = Literal[
     "module", "field", "name", "corners", "extent", "unconnected", "apart", "turned", "width", "overlap", "solids"
 ]
-"""'module': its file is not valid; 'corners', 'extent': the map is too large; 'unconnected', 'apart', 'turned', 'width':
-a port and its neighbour; 'overlap': of roads; 'solids': of boxes, walls and blocks."""
+"""Of a file: 'module'. Too large: 'corners', 'extent'. Of ports: 'unconnected', 'apart', 'turned', 'width'. 'overlap':
+roads overlap; 'solids': boxes, walls or blocks do."""
+
+
+OF_DRAFT: frozenset[ProblemKind] = frozenset({"unconnected", "apart", "turned", "width", "overlap"})
+"""What may be wrong while a map is being built: such a map can be simulated."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +217,7 @@ def _placed(label: Place, name: str, module: Module, placement: Placement) -> Pl
     )
     ports = []
     for port_name, port in spec.ports.items():
-        x, y = moved(np.array([[port.x, port.y]]), pose)[0]
+        x, y = moved(np.array([[port.x, port.y]]), pose)[0].tolist()
         yaw = pose[2] + port.yaw_deg * DEGREE
         ports.append(PlacedPort(port_name, (x, y, yaw), port.width, port.is_blind, port_name in opened))
     return PlacedModule(

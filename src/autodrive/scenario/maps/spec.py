@@ -68,6 +68,8 @@ class MapSpec(Spec):
 
     title: str
     note: str = ""
+    is_draft: bool = False
+    """True: it is being built; ports without a fitting neighbour and modules that overlap are warnings."""
     ground: GroundSpec = GroundSpec()
     paved: Shapes = ()
     """Drivable ground in addition to the roads of the modules."""
