@@ -1055,6 +1055,8 @@ export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | 
 
 export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
+export type MapPart = MapModule | MapWall | MapBlock | MapProp
+
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
 export type ServerMessage = Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame
