@@ -137,12 +137,12 @@ export function buildPointer(
     if (!store.isBuilding.value || !scene) return
     const hand = builder.hand.value
     const parts: string[] = []
-    for (const port of portsOf(scene)) if (port.state !== 'joined') parts.push(mark(port))
     const selected = builder.part
     if (selected && !(hand && 'moved' in hand && hand.moved)) {
       const isOpen = selected.type === 'MapWall' && !selected.is_closed
       parts.push(path(outlineOf(selected, scene), 'selected', isOpen))
     }
+    for (const port of portsOf(scene)) if (port.state !== 'joined') parts.push(mark(port))
     if (hand) parts.push(...drawHand(hand))
     drawing.innerHTML = parts.join('')
     showGhost(hand?.kind === 'module' ? hand.part : null)

@@ -101,10 +101,10 @@ export class Builder {
   offer(target: PortPlace): void {
     const names = this.scene ? fittingModules(this.scene, target.width) : []
     if (names.length === 0) return
-    this.select('')
     const before = this.hand.value
     const used = before?.kind === 'module' && names.includes(before.part.module) ? before.part.module : names[0]
-    this.join(used, target)
+    this.select('')
+    this.join(used, target, this.portAfter(used, target))
     this.actions.view?.showPlace(target.x, target.y)
   }
 
@@ -318,6 +318,13 @@ export class Builder {
     const moved = hand?.kind === 'module' ? hand.moved : ''
     const part = hand?.kind === 'module' && hand.part.module === name ? hand.part : plain(name)
     this.hand.value = { kind: 'module', moved, port: by, target, part: { ...part, ...pose } }
+  }
+
+  /** The port by which a module goes on where one of its kind ends: a curve after a curve bends the same way. */
+  private portAfter(name: string, { part, name: end, width }: PortPlace): string | undefined {
+    const [before, module] = [this.scene?.parts[part], this.scene?.modules[name]]
+    if (before?.type !== 'MapModule' || before.module !== name || !module) return undefined
+    return fittingPorts(module, width).find((one) => one !== end)
   }
 
   /** Ports to which a piece can snap; a piece that is moved leaves its neighbours behind. */

@@ -94,8 +94,8 @@ function panel(
   return h(
     'aside',
     { class: 'panel menu edit build', id: 'build', testid: 'build', 'aria-label': 'Build' },
-    pieces(store, builder, view, isPanelOpen),
     selection(store, builder),
+    pieces(store, builder, view, isPanelOpen),
     problems(store, builder),
     start(store, builder),
   )

@@ -57,6 +57,8 @@ const WHEEL = { passive: false, capture: true }
 const STREAM_ASPECT = 16 / 9
 /** Time between two images that the page draws while it waits for the first one of the simulator [s]. */
 const WAITING_PERIOD = 0.5
+/** First distance of the camera in Build mode; 1: that of Edit mode. */
+const BUILD_DISTANCE = 1.8
 const NO_WEBGL = 'WebGL is not available in this browser. The simulator renders the scene.'
 const TOO_SLOW = 'This computer renders slowly. The simulator renders the scene.'
 
@@ -340,7 +342,7 @@ class View implements SceneView {
     viewpoints.update(store.camera.value, scene, vehicle, dt, view)
     if (store.isMapViewed && !isStream) {
       viewpoints.controls.enabled = false
-      this.editCamera.update(viewpoints.camera, vehicle.position)
+      this.editCamera.update(viewpoints.camera, vehicle.position, store.isBuilding.value ? BUILD_DISTANCE : 1)
       showPreview(state, store.preview.value, scene)
     } else this.editCamera.close()
     up.set(0, 1, 0).applyQuaternion(viewpoints.camera.quaternion)
