@@ -15,7 +15,7 @@ from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, find, names, read
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_paths_of
 from autodrive.scenario.files import described
-from autodrive.scenario.maps.map import Map, MapSpec, load_map
+from autodrive.scenario.maps.map import Map, MapSpec, load_map, map_warnings
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.tracks.checks import track_errors
 from autodrive.scenario.tracks.track import Track, TrackSpec
@@ -74,6 +74,7 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str, list[str]]:
         if kind == "map":
             errors = []
             load_map(path)
+            warnings = map_warnings(path)
         elif kind == "track" and not errors:
             places = {"walls": source.at("walls"), "centre line": source.at("centre_line")}
             errors += [

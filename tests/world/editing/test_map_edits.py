@@ -126,6 +126,9 @@ def test_an_open_end_counts_as_open_while_a_map_is_built(tmp_path: Path) -> None
     (tmp_path / "draft.yaml").write_text(text)
     assert parse(text, MapSpec).is_draft
     assert load_map(tmp_path / "draft.yaml").modules  # it can be used and built further
+    kind, _, warnings = check(str(tmp_path / "draft.yaml"))
+    assert (kind, len(warnings)) == ("map", 2)
+    assert all("is not connected" in warning and "(line " in warning for warning in warnings)
     (tmp_path / "finished.yaml").write_text(text.replace("is_draft: true\n", ""))
     with pytest.raises(SpecError, match="port 'east' is not connected"):
         load_map(tmp_path / "finished.yaml")

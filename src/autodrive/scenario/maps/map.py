@@ -100,6 +100,15 @@ def load_map(name: str | Path | MapSpec) -> Map:
     return map_
 
 
+def map_warnings(name: str | Path | MapSpec) -> list[str]:
+    """What is not finished in a map that is being built, with lines."""
+    from autodrive.scenario import files  # noqa: PLC0415  as above
+
+    described, lines = files.read_map(name)
+    _, problems = compile_map(described)
+    return specs.joined([one.text for one in problems_of_draft(described, problems)], lines)
+
+
 def load_module(name: str | Path) -> Module:
     """Load and compile the module with that name or path. Raises `SpecError`."""
     from autodrive.scenario import files  # noqa: PLC0415  as above
