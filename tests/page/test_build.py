@@ -12,6 +12,7 @@ from autodrive.protocol.messages import EditMap, MapModule, MapWall
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MapSpec
 from tests.page.test_access import wrong_targets
+from tests.page.test_driving import yaw
 from tests.page.test_edit import drag, on_screen
 from tests.page.test_screens import MIN_CONTRAST, MIN_TARGET, MIN_TEXT, SHOW_CARDS, TEXTS
 from tests.support.command_line import call
@@ -175,6 +176,12 @@ def test_a_piece_is_dragged_and_problems_are_shown_and_repaired(plane: PageServe
     for left in (1, 0):
         listed.first.get_by_text("Leave open").click()
         building.wait_until(lambda left=left: listed.count() == left)
+    building.get("build-car").click()
+    building.wait_until(lambda: plane.simulation.undo_name == "place V1")
+    x, y = plane.vehicle.pose.position[:2]
+    lane = plane.simulation.world.map.lane_graph.nearest(float(x), float(y), yaw(plane))
+    assert lane is not None
+    assert abs(lane.offset) < 0.01
     # it is dragged when it is selected, and joins again at the end near which it is left
     drag(building, on_screen(building, 0.65, 0.9), on_screen(building, -0.56, 0.9))
     building.wait_until(lambda: parts(building)["b"]["x"] == pytest.approx(-0.6, abs=1e-4))

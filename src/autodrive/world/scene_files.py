@@ -52,7 +52,7 @@ class SceneFiles:
             title=world.spec.title,
             map=world.spec.map_name,
             tick=world.tick_duration,
-            model=files.url("map", world.map, is_kept=world.specs.map.path != ""),
+            model=files.url("map", world.map, is_kept=not world.specs.map.is_draft),
             plan=files.plan(world.map),
             vehicles={
                 name: _vehicle(spec, world.spec.vehicles[name].type, world.sensors[name], files)

@@ -10,6 +10,7 @@ import {
   fittingModules,
   fittingPorts,
   freePorts,
+  inMap,
   isSamePlace,
   meeting,
   mirrorPort,
@@ -268,6 +269,15 @@ export class Builder {
   /** Changes values of the selected part. */
   setValues(values: Partial<MapModule>): Promise<boolean> {
     return this.put({ [this.selected.value]: { ...this.part, ...values } as MapPart })
+  }
+
+  /** Places the viewed vehicle on the lane that enters the selected module, so that it starts there. */
+  async placeVehicle(): Promise<void> {
+    const [port] = Object.values(this.scene?.ports[this.selected.value] ?? {})
+    if (!port) return
+    // traffic keeps right: the lane lies a quarter of the road to the right of its middle
+    const [x, y] = inMap(port, 0, 0.25 * port.width)
+    await this.request({ type: 'Place', name: this.store.vehicle.value, x, y, yaw: wrapped(port.yaw + Math.PI) })
   }
 
   /** Shows where a problem is. */

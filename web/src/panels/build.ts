@@ -190,7 +190,8 @@ function selection(store: Store, builder: Builder): HTMLElement {
     width: labelled('Width [m]', fields.width),
     open: labelled('Ends may stay open', isOpen),
   }
-  const element = section('Selected', title, ...Object.values(rows))
+  const car = h('button', { testid: 'build-car', onclick: () => void builder.placeVehicle() }, 'Place the vehicle here')
+  const element = section('Selected', title, ...Object.values(rows), car)
 
   async function move(): Promise<void> {
     const [x, y, yaw] = [fields.x, fields.y, fields.yaw].map((field) => Number(field.value))
@@ -212,7 +213,7 @@ function selection(store: Store, builder: Builder): HTMLElement {
     const isSized = part.type === 'MapBlock' || module?.type === 'terrain' || module?.type === 'obstruction'
     for (const name of ['x', 'y', 'yaw'] as const) rows[name].hidden = part.type === 'MapWall'
     rows.length.hidden = rows.width.hidden = !isSized
-    rows.open.hidden = !module || Object.keys(module.ports).length === 0
+    car.hidden = rows.open.hidden = !module || Object.keys(module.ports).length === 0
     if (part.type === 'MapWall') return
     const sized = part as Pick<MapModule, 'length' | 'width'>
     const values = { x: part.x, y: part.y, yaw: part.yaw / DEGREE, length: 0, width: 0 }

@@ -130,8 +130,7 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[MapProblem, 
 
 def problems_of_draft(described: DescribedMap, problems: Sequence[MapProblem]) -> list[MapProblem]:
     """What may be wrong because the map is being built."""
-    is_draft = isinstance(described.found, MapSpec) and described.found.is_draft
-    return [one for one in problems if is_draft and one.kind in OF_DRAFT]
+    return [one for one in problems if described.is_draft and one.kind in OF_DRAFT]
 
 
 def problem_texts(

@@ -46,8 +46,13 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
         problems=[_problem(one, world.map, parts) for one in problems],
         modules={name: _module(name, one, add) for name, one in sorted(modules.items()) if one.found},
         props=list(_kinds()),
-        templates=yaml_files.titles("map", MapSpec),
+        templates=_templates(),
     )
+
+
+@functools.cache
+def _templates() -> dict[str, str]:
+    return yaml_files.titles("map", MapSpec)
 
 
 def _kinds() -> Iterator[str]:
