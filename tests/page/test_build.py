@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,7 +20,7 @@ from tests.support.command_line import call
 from tests.support.page import NewTab, PageServer, Tab, box, overlap, touch
 
 
-def parts(tab: Tab) -> dict[str, dict[str, float | str | bool]]:
+def parts(tab: Tab) -> dict[str, dict[str, Any]]:
     return tab.value("store.scene.value.map_scene.parts")
 
 

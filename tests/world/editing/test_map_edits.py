@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import yaml
@@ -32,6 +33,7 @@ from autodrive.protocol.messages import (
     Redo,
     RemoveBox,
     Reset,
+    Teleport,
     Undo,
     UseMap,
 )
@@ -311,6 +313,31 @@ def test_a_wrong_edit_is_refused_with_a_clear_message_and_the_draft_stays(
         building.ask(EditMap(parts))
     assert (building.simulation.map_text(), building.world) == before
     assert building.simulation.undo_name == "add 2 parts of the map"
+
+
+def test_a_box_of_the_map_is_where_it_was_put_and_undo_brings_it_back() -> None:
+    building = Building()
+    box = MapModule("construction_box", 1.5, 0.0)
+    building.put(box=box)
+
+    def place() -> list[float]:
+        return building.world.frame.objects["box"].pose.position[:2].tolist()
+
+    building.drive(400, 1.0)  # pushes it
+    pushed = place()
+    assert pushed[0] > 1.51
+    building.put(box=msgspec.structs.replace(box, x=0.0, y=2.0))
+    assert place() == pytest.approx([0.0, 2.0], abs=1e-3)
+    assert building.drive(50)[-1].objects["box"].pose.position[:2] == pytest.approx([0.0, 2.0], abs=1e-3)
+    with pytest.raises(CommandError, match="would overlap 'V1'"):  # which has rolled there
+        building.ask(Undo())
+    building.ask(Teleport("V1", -2.0, 0.0), Undo())
+    assert place() == pytest.approx(pushed, abs=1e-6)
+    x, y, _ = building.world.frame.vehicles["V1"].pose.position.tolist()
+    with pytest.raises(CommandError, match="would overlap 'V1'"):
+        building.put(other=MapModule("construction_box", x, y))
+    building.ask(UseMap("mini_map"), Undo(), Reset())
+    assert place() == pytest.approx([1.5, 0.0], abs=1e-3)
 
 
 def test_a_race_track_has_no_parts(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.world import World
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.editing.edits import edited, name_of
-from autodrive.world.editing.map_edits import edited_map, name_of_edit
+from autodrive.world.editing.map_edits import edited_map, name_of_edit, own_map, parts_of
 from autodrive.world.factory import compile_scenario
 from autodrive.world.poses import overlapping
 
@@ -61,14 +61,19 @@ class Editor:
     def edit(self, world: World, edit: Edit) -> World:
         """Make an edit; the World after it, which may be a new one. Raises `AutodriveError`; then nothing changes."""
         specs = replace(world.specs, scenario=world.spec)
+        before: dict[str, Floats | None] = {}
+        moved: Poses = {}
         if isinstance(edit, EditMap | UseMap):
             after, name = edited_map(specs, edit), name_of_edit(edit, specs)
+            changed = edit.parts if isinstance(edit, EditMap) else parts_of(own_map(after)) | dict.fromkeys(world.boxes)
+            before = {one: world.pose(one) for one in changed if one in world.boxes}
+            moved = dict.fromkeys(changed)
         else:
             after, name = replace(specs, scenario=edited(world.spec, world.boxes, edit)), name_of(edit)
-        before: dict[str, Floats | None] = {}
-        if isinstance(edit, Place | RemoveBox):
-            before = {edit.name: world.pose(edit.name)}
-        moved: Poses = {edit.name: None} if isinstance(edit, Place | AddBox) else {}
+            if isinstance(edit, Place | RemoveBox):
+                before = {edit.name: world.pose(edit.name)}
+            if isinstance(edit, Place | AddBox):
+                moved = {edit.name: None}
         result = self._changed(world, after, moved)
         self._undo.append(Change(name, specs, after, before, moved))
         self._redo.clear()
@@ -103,10 +108,14 @@ class Editor:
         self._redo.clear()
 
     def _changed(self, world: World, specs: Specs, poses: Poses) -> World:
-        """The World of other Specs; `poses` are those of the things that are placed."""
+        """The World of other Specs; `poses` are those of the vehicles and boxes that are placed, if there are such."""
         descriptions = Descriptions(specs)
         compiled = compile_scenario(descriptions)
-        targets = {name: _start(compiled, name) if pose is None else pose for name, pose in poses.items()}
+        targets = {
+            name: _start(compiled, name) if pose is None else pose
+            for name, pose in poses.items()
+            if name in compiled.objects or name in compiled.vehicles
+        }
         if _bodies(compiled) == _bodies(world):
             world.set_poses(targets)
             world.start_from(compiled)
