@@ -201,6 +201,82 @@ export interface SetSensor {
 }
 
 /**
+ * A placed module: x, y [m] and heading yaw [rad] of the middle of its footprint.
+ *
+ * `module`: a name of `MapScene.modules`. `open`: ports that may stay unconnected; True: all. Terrain and boxes only:
+ * `length` and `width` [m]; None: as in the module's file. Boxes only: `height` [m], `mass` [kg], and `z` [m], the
+ * height of the underside above the ground.
+ */
+export interface MapModule {
+  type: 'MapModule'
+  module: string
+  x: number
+  y: number
+  yaw: number
+  open: boolean | (string)[]
+  length: number | null
+  width: number | null
+  height: number | null
+  z: number
+  mass: number | null
+}
+
+/**
+ * A wall along a line through points x, y [m], from the last to the first if `is_closed`; thickness, height [m].
+ */
+export interface MapWall {
+  type: 'MapWall'
+  points: ([number, number])[]
+  height: number
+  thickness: number
+  is_closed: boolean
+}
+
+/**
+ * A static box on the ground, such as a building: middle x, y [m], heading yaw [rad], sizes [m].
+ */
+export interface MapBlock {
+  type: 'MapBlock'
+  x: number
+  y: number
+  length: number
+  width: number
+  height: number
+  yaw: number
+}
+
+/**
+ * A traffic sign or traffic light at x, y [m] whose face looks along yaw [rad]; `kind`: one of `MapScene.props`.
+ */
+export interface MapProp {
+  type: 'MapProp'
+  kind: string
+  x: number
+  y: number
+  yaw: number
+}
+
+/**
+ * Add, replace or remove (None) parts of the map, by name. It is one edit, however many parts it has.
+ *
+ * `seen`: the parts as the client knows them; None: not there. If a part is different now, because another client has
+ * changed it, the edit is refused.
+ */
+export interface EditMap {
+  type: 'EditMap'
+  parts: Record<string, MapModule | MapWall | MapBlock | MapProp | null>
+  seen?: Record<string, MapModule | MapWall | MapBlock | MapProp | null>
+}
+
+/**
+ * Replace the map by a map of the simulator, one of `MapScene.templates`.
+ */
+export interface UseMap {
+  type: 'UseMap'
+  name: string
+}
+
+/**
  * Revert the latest edit.
  */
 export interface Undo {
@@ -219,6 +295,14 @@ export interface Redo {
  */
 export interface SaveScenario {
   type: 'SaveScenario'
+  title?: string
+}
+
+/**
+ * Request the map with all edits, as YAML, in the `text` of the Response, with that title if there is one.
+ */
+export interface SaveMap {
+  type: 'SaveMap'
   title?: string
 }
 
@@ -465,7 +549,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 }
 
 /**
@@ -554,6 +638,58 @@ export interface Timeline {
 }
 
 /**
+ * A port of a module: a pose x, y [m], yaw [rad] that faces outward, and the width of its road [m].
+ *
+ * `state` in a map: 'joined' to another port; 'open': it may stay unconnected; 'free': it is not connected yet;
+ * 'wrong': a port near it does not fit. In a module: 'free'.
+ */
+export interface MapPort {
+  x: number
+  y: number
+  yaw: number
+  width: number
+  state: 'joined' | 'open' | 'free' | 'wrong'
+}
+
+/**
+ * What is wrong with the map, where [m], and which parts it concerns.
+ *
+ * `repair`: parts with which an `EditMap` repairs it; empty if that is not known.
+ */
+export interface MapProblem {
+  kind: string
+  text: string
+  x: number
+  y: number
+  parts: (string)[]
+  repair: Record<string, MapModule | MapWall | MapBlock | MapProp>
+}
+
+/**
+ * A module that a map can have. `image`: address of its drawing from above (SVG), relative to the page.
+ */
+export interface ModuleScene {
+  title: string
+  type: string
+  length: number
+  width: number
+  image: string
+  ports: Record<string, MapPort>
+}
+
+/**
+ * The map as `EditMap` changes it.
+ */
+export interface MapScene {
+  parts: Record<string, MapModule | MapWall | MapBlock | MapProp>
+  ports: Record<string, Record<string, MapPort>>
+  problems: (MapProblem)[]
+  modules: Record<string, ModuleScene>
+  props: (string)[]
+  templates: Record<string, string>
+}
+
+/**
  * What a client needs to draw the world; sent after the Welcome, and before the Frames of another World.
  *
  * Another scenario has another World, and so has an edit that does not only move things.
@@ -573,6 +709,7 @@ export interface Scene {
   plan: Plan | null
   warm_up_laps: number
   timeline: Timeline | null
+  map_scene: MapScene | null
 }
 
 /**
@@ -889,7 +1026,8 @@ export interface Curve {
 /**
  * A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
  *
- * `text`: the scenario as YAML, for a `SaveScenario`; the path of the file, for a `StopRecording` or `SaveRecording`.
+ * `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
+ * or `SaveRecording`.
  * `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
  */
 export interface Response {
@@ -913,9 +1051,11 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 
 export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
+
+export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 

@@ -236,6 +236,75 @@ class SetSensor(msgspec.Struct, frozen=True, tag=True):
     noise: Literal["ideal", "file", "realistic", "strong"] | None = None
 
 
+class MapModule(msgspec.Struct, frozen=True, tag=True):
+    """A placed module: x, y [m] and heading yaw [rad] of the middle of its footprint.
+
+    `module`: a name of `MapScene.modules`. `open`: ports that may stay unconnected; True: all. Terrain and boxes only:
+    `length` and `width` [m]; None: as in the module's file. Boxes only: `height` [m], `mass` [kg], and `z` [m], the
+    height of the underside above the ground.
+    """
+
+    module: Annotated[str, msgspec.Meta(max_length=1000)]
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate = 0.0
+    open: bool | tuple[Name, ...] = False
+    length: float | None = None
+    width: float | None = None
+    height: float | None = None
+    z: float = 0.0
+    mass: float | None = None
+
+
+class MapWall(msgspec.Struct, frozen=True, tag=True):
+    """A wall along a line through points x, y [m], from the last to the first if `is_closed`; thickness, height [m]."""
+
+    points: tuple[tuple[Coordinate, Coordinate], ...]
+    height: float
+    thickness: float = 0.1
+    is_closed: bool = False
+
+
+class MapBlock(msgspec.Struct, frozen=True, tag=True):
+    """A static box on the ground, such as a building: middle x, y [m], heading yaw [rad], sizes [m]."""
+
+    x: Coordinate
+    y: Coordinate
+    length: float
+    width: float
+    height: float
+    yaw: Coordinate = 0.0
+
+
+class MapProp(msgspec.Struct, frozen=True, tag=True):
+    """A traffic sign or traffic light at x, y [m] whose face looks along yaw [rad]; `kind`: one of `MapScene.props`."""
+
+    kind: Name
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate
+
+
+MapPart: TypeAlias = MapModule | MapWall | MapBlock | MapProp
+
+
+class EditMap(msgspec.Struct, frozen=True, tag=True):
+    """Add, replace or remove (None) parts of the map, by name. It is one edit, however many parts it has.
+
+    `seen`: the parts as the client knows them; None: not there. If a part is different now, because another client has
+    changed it, the edit is refused.
+    """
+
+    parts: Annotated[dict[Name, MapPart | None], msgspec.Meta(max_length=1000)]
+    seen: Annotated[dict[Name, MapPart | None], msgspec.Meta(max_length=1000)] = {}
+
+
+class UseMap(msgspec.Struct, frozen=True, tag=True):
+    """Replace the map by a map of the simulator, one of `MapScene.templates`."""
+
+    name: Name
+
+
 class Undo(msgspec.Struct, frozen=True, tag=True):
     """Revert the latest edit."""
 
@@ -250,7 +319,13 @@ class SaveScenario(msgspec.Struct, frozen=True, tag=True):
     title: Annotated[str, msgspec.Meta(max_length=200)] = ""
 
 
-Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor
+class SaveMap(msgspec.Struct, frozen=True, tag=True):
+    """Request the map with all edits, as YAML, in the `text` of the Response, with that title if there is one."""
+
+    title: Annotated[str, msgspec.Meta(max_length=200)] = ""
+
+
+Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap
 
 Operation: TypeAlias = (
     Reset
@@ -270,6 +345,7 @@ Operation: TypeAlias = (
     | Undo
     | Redo
     | SaveScenario
+    | SaveMap
 )
 
 

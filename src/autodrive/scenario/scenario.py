@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    FieldSerializationInfo,
+    Tag,
+    field_serializer,
+    field_validator,
+    model_validator,
+)
 
 from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec
 from autodrive.physics.sensors.settings import SensorSettings
+from autodrive.scenario.maps.spec import MapSpec
 
 DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
@@ -20,6 +31,8 @@ MAX_VEHICLES = 100
 """Of a scenario."""
 MAX_BOXES = 1000
 """Of a scenario, with those of its map."""
+YAML = (".yaml", ".yml")
+"""Suffixes by which the path of a file differs from a name."""
 
 
 def _class_in_file(text: str) -> str:
@@ -99,6 +112,16 @@ class RaceSpec(Spec):
     """Laps that count, instead of those of the rules."""
 
 
+def _type_of_map(given: Any) -> str:
+    return "dict[str, Any]" if isinstance(given, dict | MapSpec) else "str"
+
+
+NamedOrOwnMap: TypeAlias = Annotated[
+    Annotated[str, Tag("str")] | Annotated[MapSpec, Tag("dict[str, Any]")], Discriminator(_type_of_map)
+]
+"""A name, a file, or the map itself; errors are those of the one that is given."""
+
+
 class ScenarioSpec(Spec):
     """The start of a run; `autodrive.Scenario` is the same class.
 
@@ -107,8 +130,8 @@ class ScenarioSpec(Spec):
 
     title: str = ""
     """Title shown in lists and on the page."""
-    map: str = "plane"
-    """Name or file of the MapSpec."""
+    map: NamedOrOwnMap = "plane"
+    """Name or file of the MapSpec, or the map itself."""
     vehicles: Annotated[dict[str, VehiclePlacement], Field(max_length=MAX_VEHICLES)] = Field(
         default_factory=lambda: {"V1": VehiclePlacement()}
     )
@@ -155,6 +178,16 @@ class ScenarioSpec(Spec):
                 raise ValueError(f"a name is letters, digits and '_', such as V1 or box_1, not '{name[:100]}'")
         return named
 
+    @field_serializer("map")
+    def _map_as_written(self, map_: str | MapSpec, info: FieldSerializationInfo) -> Any:
+        """Without defaults: some keys of a placement are allowed for some modules only."""
+        return map_ if isinstance(map_, str) else map_.model_dump(mode=info.mode, exclude_unset=True)
+
+    @property
+    def map_name(self) -> str:
+        """Name or file of the map, or the title of the scenario's own map."""
+        return self.map if isinstance(self.map, str) else self.map.title
+
     @property
     def substeps(self) -> int:
         """Number of substeps in a tick."""
@@ -169,11 +202,11 @@ def load_scenario(name: str | Path) -> ScenarioSpec:
     """Load a scenario by name or file. Raises `SpecError` with all errors."""
     from autodrive.base.yaml_files import find, read  # noqa: PLC0415  compiling needs no files
 
-    return with_sensors_of(read("scenario", name, ScenarioSpec), find("scenario", name).parent)
+    return with_paths_of(read("scenario", name, ScenarioSpec), find("scenario", name).parent)
 
 
-def with_sensors_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
-    """The scenario with the absolute paths of its own sensors, which are relative to that folder."""
+def with_paths_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
+    """The scenario with absolute paths of own sensors and of modules of its own map, which start at that folder."""
     vehicles = {
         name: one.model_copy(
             update={"own_sensors": {key: str(folder.absolute() / path) for key, path in one.own_sensors.items()}}
@@ -181,4 +214,18 @@ def with_sensors_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
         for name, one in spec.vehicles.items()
         if one.own_sensors
     }
-    return spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
+    spec = spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
+    if isinstance(spec.map, str):
+        return spec
+    return spec.model_copy(update={"map": with_modules_at(spec.map, folder)})
+
+
+def with_modules_at(map_: MapSpec, folder: Path) -> MapSpec:
+    """The map with absolute paths of its modules, which are relative to that folder."""
+    return with_modules(map_, lambda name: str(folder.absolute() / name) if Path(name).suffix in YAML else name)
+
+
+def with_modules(map_: MapSpec, there: Callable[[str], str]) -> MapSpec:
+    """The map with other names of its modules."""
+    placements = tuple(one.model_copy(update={"module": there(one.module)}) for one in map_.placements)
+    return map_.model_copy(update={"placements": placements}) if placements else map_

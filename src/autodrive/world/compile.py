@@ -26,8 +26,9 @@ from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.descriptions import Specs
-from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map
+from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map, problem_texts, problems_of_draft
 from autodrive.scenario.maps.mjcf import world_mjcf
+from autodrive.scenario.maps.placing import MapProblem
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
 from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
@@ -64,6 +65,8 @@ class CompiledScenario:
     """Movable objects: name -> index of the pose in `State.qpos`."""
     boxes: list[BoxPlacement]
     """The same objects in the same order, as they were placed."""
+    map_problems: list[MapProblem]
+    """What is wrong with a map that is being built, but can be simulated."""
     race: Race | None
     """None if the scenario has none."""
     owners: list[str]
@@ -75,7 +78,7 @@ class CompiledScenario:
 def compile_specs(specs: Specs) -> CompiledScenario:
     """Compiles a scenario. Raises `SpecProblems` with all problems."""
     spec = specs.scenario
-    map_, vehicles, problems = _load(specs)
+    map_, vehicles, problems, map_problems = _load(specs)
     if map_ is None:
         raise SpecProblems(problems)
     spec = on_grid(spec, map_)
@@ -86,7 +89,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
     twice = _names_used_twice(spec, map_, boxes)
     problems = [*overlapping_boxes(spec, map_, boxes), *problems, *wrong_sensors, *wrong_own_sensors]
     problems += [*unknown_boxes, *wrong_race, *twice]
-    warnings = placement_warnings(spec, map_, vehicles, boxes)
+    warnings = placement_warnings(spec, map_, vehicles, boxes) + [(_at("map"), ": ", *one.text) for one in map_problems]
     if len(boxes) > MAX_BOXES:
         text = f": {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
         problems.append((_at("boxes"), text))
@@ -161,6 +164,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         scratch=scratch(model, engine.body_count),
         objects=objects,
         boxes=boxes,
+        map_problems=map_problems,
         race=race,
         owners=owners,
         warnings=warnings,
@@ -201,7 +205,7 @@ def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
     try:
         track = Track.of(specs.track.spec, specs.track.name) if specs.track else map_.track
         if track is None:
-            return None, [(_at("race"), f": map '{spec.map}' is no track; set 'track'")] if spec.race else []
+            return None, [(_at("race"), f": map '{spec.map_name}' is no track; set 'track'")] if spec.race else []
         assert specs.rules is not None
         rules = specs.rules.spec
         if race.laps is not None:
@@ -250,11 +254,13 @@ def _at(*location: str | int) -> Place:
     return Place("scenario", location)
 
 
-def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem]]:
-    """The map without its faulty placements, the valid vehicles, and the problems of all files."""
-    map_, of_map = compile_map(specs.map)
-    path = specs.map.path
-    problems: list[Problem] = [(_at("map"), ": ", *one, f"  ({path})" if path else "") for one in of_map]
+def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem], list[MapProblem]]:
+    """The map without its faulty placements, the valid vehicles, the problems of all files, and those of a draft."""
+    map_, found = compile_map(specs.map)
+    is_file = isinstance(specs.scenario.map, str)
+    path = f"  ({specs.map.path})" if is_file and specs.map.path else ""
+    texts = problem_texts(specs.map, found, has_name=is_file)
+    problems: list[Problem] = [(_at("map"), ": ", *one, path) for one in texts]
     vehicles: dict[str, VehicleSpec] = {}
     for name, placement in specs.scenario.vehicles.items():
         try:
@@ -262,7 +268,7 @@ def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Proble
         except SpecError as error:
             path = f"  ({error.path})" if error.path else ""
             problems += [(_at("vehicles", name, "type"), f": {text}{path}") for text in error.errors]
-    return map_, vehicles, problems
+    return map_, vehicles, problems, problems_of_draft(specs.map, found)
 
 
 def _unstable_vehicles(vehicles: dict[str, VehicleSpec], spec: ScenarioSpec) -> list[Problem]:

@@ -124,7 +124,7 @@ class World(OneThread):
     def __repr__(self) -> str:
         cameras = "no cameras" if self._cameras is None else "with cameras"
         return (
-            f"<World of map '{self.spec.map}' at {self.time:g} s: vehicles {', '.join(self.vehicle_names)}; "
+            f"<World of map '{self.spec.map_name}' at {self.time:g} s: vehicles {', '.join(self.vehicle_names)}; "
             f"{len(self.boxes)} objects; {cameras}>"
         )
 
@@ -464,7 +464,7 @@ class World(OneThread):
         check_snapshot(
             saved,
             self._identity,
-            self.spec.map,
+            self.spec.map_name,
             self.compiled.state,
             needs_cameras=self._cameras is not None and self._cameras.save() is not None,
         )

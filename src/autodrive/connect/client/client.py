@@ -22,10 +22,12 @@ from autodrive.protocol.commands import check_commands
 from autodrive.protocol.messages import (
     AddBox,
     Command,
+    EditMap,
     Frame,
     Headlights,
     Indicators,
     LoadScenario,
+    MapPart,
     Operation,
     Pause,
     Place,
@@ -33,6 +35,7 @@ from autodrive.protocol.messages import (
     RemoveBox,
     Reset,
     Resume,
+    SaveMap,
     SaveScenario,
     SetDrivingMode,
     SetSceneLight,
@@ -41,6 +44,7 @@ from autodrive.protocol.messages import (
     Step,
     Teleport,
     Undo,
+    UseMap,
 )
 from autodrive.protocol.native import (
     ConnectBridge,
@@ -333,6 +337,25 @@ class Client:
         """Set a sensor or camera of a vehicle; an omitted value is as in the vehicle's file. See `SetSensor`."""
         settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else _number("rate", rate), noise)
         return self.connection.request(settings)
+
+    def edit_map(
+        self, parts: Mapping[str, MapPart | None], *, seen: Mapping[str, MapPart | None] | None = None
+    ) -> Frame:
+        """Add, replace or remove (None) parts of the map, by name, as one edit; `scene.map_scene.parts` are those now.
+
+        `seen`: parts as they were when you read them; None: not there. Raises `AutodriveError` if another client has
+        changed one of them since, and if the map would not be possible.
+        """
+        return self.connection.request(EditMap(dict(parts), dict(seen or {})))
+
+    def use_map(self, name: str) -> Frame:
+        """Replace the map by one of the simulator, see `scene.map_scene.templates`, for example to build on it."""
+        return self.connection.request(UseMap(name))
+
+    def map_text(self, title: str = "") -> str:
+        """The map with all edits, as YAML, with that title if there is one."""
+        self.connection.request(SaveMap(title))
+        return self.connection.text
 
     def undo(self) -> Frame:
         """Revert the latest edit; `status.undo` names it."""

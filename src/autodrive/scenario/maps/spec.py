@@ -68,6 +68,8 @@ class MapSpec(Spec):
 
     title: str
     note: str = ""
+    is_draft: bool = False
+    """True: it is being built; ports without a fitting neighbour and modules that overlap are warnings."""
     ground: GroundSpec = GroundSpec()
     paved: Shapes = ()
     """Drivable ground in addition to the roads of the modules."""
@@ -93,3 +95,8 @@ class DescribedMap(Described[MapSpec | TrackSpec]):
     """Numbers, from 1, and Specs: all, or the valid ones of a file that is not valid."""
     modules: Mapping[str, Described[ModuleSpec]] = field(default_factory=dict)
     """By name in the placements."""
+
+    @property
+    def is_draft(self) -> bool:
+        """Whether it is being built."""
+        return isinstance(self.found, MapSpec) and self.found.is_draft

@@ -117,7 +117,8 @@ class BatchWorld(OneThread):
         self.reset()
 
     def __repr__(self) -> str:
-        return f"<BatchWorld of {self.n} worlds of map '{self.spec.map}': vehicles {', '.join(self.vehicle_names)}>"
+        vehicles = ", ".join(self.vehicle_names)
+        return f"<BatchWorld of {self.n} worlds of map '{self.spec.map_name}': vehicles {vehicles}>"
 
     @by_one_thread
     def step(self, commands: ArrayLike, ticks: int = 1) -> Readings:
