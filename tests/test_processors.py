@@ -25,6 +25,7 @@ import pytest
 from llvmlite.binding import get_host_cpu_features
 
 import autodrive
+from autodrive.base import jit
 from autodrive.physics.model import model_digest
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.physics.tick import advance
@@ -50,10 +51,10 @@ SETTINGS: dict[str, dict[str, str]] = {
     },
     "OpenBLAS for Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
     "OpenBLAS for SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX"},
-    "machine code for any processor": {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
 }
-"""The first one has all differences of the libraries at once. The last one is cached beside the usual machine code:
-only the first run after a change of the physics compiles it."""
+"""The first one has all differences of the libraries at once."""
+WHEEL = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+"""With the compiled code of a wheel: compiled for this processor, nothing would have these names."""
 
 
 def slalom(folder: Path) -> World:
@@ -99,28 +100,38 @@ def film(folder: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def film_under(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, str]]:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """For the files of the cars: the Model has their paths."""
+    return tmp_path_factory.mktemp("cars")
+
+
+@pytest.fixture(scope="module")
+def film_under(folder: Path) -> Callable[[str], dict[str, str]]:
     """Makes the digests of `film` in a new process with settings of that name; with none of them for the name ''."""
-    folder = tmp_path_factory.mktemp("cars")  # the Model has the paths of its files
 
     @cache
     def made(name: str) -> dict[str, str]:
-        all_ = {key for one in SETTINGS.values() for key in one}
-        kept = {key: value for key, value in os.environ.items() if key not in all_}
         program = f"from tests.test_processors import *; print(json.dumps(film(Path({str(folder)!r}))))"
-        done = subprocess.run(
-            [sys.executable, "-W", "ignore", "-c", program],
-            cwd=ROOT,
-            env={**kept, **SETTINGS.get(name, {})},
-            capture_output=True,
-            text=True,
-            timeout=LIMIT,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
+        return json.loads(output("-W", "ignore", "-c", program, **SETTINGS.get(name, {})))
 
     return made
+
+
+def output(*command: str | Path, **environment: str) -> str:
+    """What a new Python prints, with none of the settings but these."""
+    all_ = {key for one in SETTINGS.values() for key in one}
+    kept = {key: value for key, value in os.environ.items() if key not in all_}
+    done = subprocess.run(
+        [sys.executable, *command],
+        cwd=ROOT,
+        env={**kept, **environment},
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 @pytest.mark.process
@@ -132,6 +143,31 @@ def test_the_code_of_another_processor_gives_the_same_bits(
     usual, other = film_under(""), film_under(name)
     for what in ("model", "state", "frames"):
         assert other[what] == usual[what], what
+
+
+FILM_WITH_WHEEL = """
+from tests.test_processors import *
+jit.SHIPPED = Path({wheel!r})
+compiled = []
+with jit.compiling(compiled.append):
+    print(json.dumps([film(Path({folder!r})), compiled]))
+"""
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.skipif(not jit.runs_baseline(), reason=f"this processor cannot run code for {jit.BASELINE[0]}")
+def test_the_compiled_code_of_a_wheel_gives_the_same_bits_and_nothing_is_compiled(
+    film_under: Callable[[str], dict[str, str]], folder: Path, tmp_path: Path
+) -> None:
+    """The code that is made for the wheel is cached: only the first run after a change of the physics compiles it."""
+    output("scripts/compiled", tmp_path / "wheel")
+    program = FILM_WITH_WHEEL.format(wheel=str(tmp_path / "wheel"), folder=str(folder))
+    empty = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    other, compiled = json.loads(output("-W", "ignore", "-c", program, **empty, **WHEEL))
+    assert compiled == []
+    for what in ("model", "state", "frames"):
+        assert other[what] == film_under("")[what], what
 
 
 @pytest.mark.process

@@ -7,10 +7,11 @@ import os
 import re
 import signal
 import socket
+import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -22,6 +23,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from autodrive.base import jit
 from autodrive.base.cache import PACKAGE
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import Command, LoadScenario
@@ -35,10 +37,14 @@ from autodrive.protocol.native import (
     Request,
     Response,
     Scene,
+    Starting,
     Subscribe,
 )
 from autodrive.run import Run, RunObserver, RunOptions, StopRequest, Summary, simulate
 from autodrive.run.browser import has_screen, tunnel
+from autodrive.run.runner import COMPILING
+from autodrive.run.world_loader import WorldLoader
+from autodrive.world import World
 from tests.support.command_line import Started, refused
 from tests.support.waiting import LIMIT, wait_until
 
@@ -121,6 +127,41 @@ def test_autodrive_without_a_command_runs_the_default_scenario_with_its_page(tmp
             assert not await_message(one, Frame).vehicles["V1"].is_autonomous  # a person may drive
     finally:
         assert run.end(signal.SIGINT) == 0
+
+
+def test_the_page_is_served_before_the_world_is_made_and_clients_are_told_what_is_compiled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    links, may_compile, may_end = list[str](), threading.Event(), threading.Event()
+    load = WorldLoader.load
+
+    def slow_load(loader: WorldLoader, scenario: str, when_read: Callable[[], None]) -> World:
+        def compile_slowly() -> None:
+            when_read()
+            assert may_compile.wait(LIMIT)
+            jit.show("tyre_force")
+            assert may_end.wait(LIMIT)
+
+        return load(loader, scenario, compile_slowly)
+
+    monkeypatch.setattr(WorldLoader, "load", slow_load)
+    monkeypatch.setattr(ThreadedRun, "serving", lambda run, link: links.append(link), raising=False)
+    with ThreadPoolExecutor(1) as executor:
+        run = executor.submit(ThreadedRun, RunOptions("plane"))
+        try:
+            wait_until(lambda: bool(links))
+            with viewer(links[0]) as one:
+                assert await_message(one, Starting) == Starting("loading the world")
+                may_compile.set()
+                while (starting := await_message(one, Starting)).share is None:
+                    pass
+                assert (starting.stage, starting.part) == (COMPILING, "tyre force")
+                may_end.set()
+                assert await_message(one, Scene).scenario == "plane"
+        finally:
+            may_compile.set()
+            may_end.set()
+            run.result().end()
 
 
 def test_a_run_with_connected_clients_ends_at_once_and_closes_their_connections() -> None:

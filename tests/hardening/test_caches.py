@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import os
+import runpy
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import llvmlite
+import numba
+import numpy as np
 import pytest
+from numba.core import config
+from numba.core.registry import cpu_target
 
 from autodrive.base import jit
 from tests.support.hardening import cases
@@ -94,6 +102,132 @@ def test_a_file_that_cannot_be_read_is_one_line(file: Path, caplog: pytest.LogCa
     assert is_compiled()
     (line,) = caplog.messages
     assert "cannot be read" in line
+
+
+# -- compiled code of a wheel ---------------------------------------------------------------------------------------
+
+
+def tripled(x: float) -> float:
+    return 3.0 * x
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: list[str]) -> Path:
+    """The file of the function in a wheel that was compiled for this processor; the cache of the user is empty."""
+    monkeypatch.setattr(jit, "CACHE", tmp_path / "compiled")
+    assert is_compiled()
+    (file,) = (tmp_path / "compiled").iterdir()
+    monkeypatch.setattr(jit, "SHIPPED", tmp_path / "compiled")
+    monkeypatch.setattr(jit, "BASELINE", cpu_target.target_context.codegen().magic_tuple()[1:])
+    monkeypatch.setattr(jit, "runs_baseline", lambda: True)
+    monkeypatch.setattr(jit, "CACHE", tmp_path / "cache")
+    return file
+
+
+def test_the_code_of_a_wheel_is_used_and_nothing_is_written(shipped: Path) -> None:
+    assert not is_compiled()
+    assert not jit.CACHE.exists()
+
+
+def test_the_code_of_this_machine_comes_before_that_of_a_wheel(shipped: Path, caplog: pytest.LogCaptureFixture) -> None:
+    jit.CACHE.mkdir()
+    shutil.copy(shipped, jit.CACHE)
+    shipped.write_bytes(b"garbage")
+    assert not is_compiled()
+    assert not caplog.messages
+
+
+def test_the_code_of_a_wheel_for_another_processor_is_not_used(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jit, "runs_baseline", lambda: False)
+    assert is_compiled()
+
+
+@pytest.mark.parametrize("missing", ["avx2", "bmi2", "cx16"])
+def test_a_processor_without_a_feature_of_the_baseline_cannot_run_its_code(
+    missing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs_baseline = jit.runs_baseline.__wrapped__
+    features = dict.fromkeys(jit.BASELINE_NEEDS, True)
+    monkeypatch.setattr(jit.llvm, "get_host_cpu_features", lambda: features)
+    assert runs_baseline()
+    features[missing] = False
+    assert not runs_baseline()
+    del features[missing]
+    assert not runs_baseline()
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "value"),
+    [
+        (numba, "__version__", "0.99.0"),
+        (llvmlite, "__version__", "0.99.0"),
+        (np, "__version__", "2.99.0"),
+        (sys.implementation, "cache_tag", "cpython-399"),
+        (config, "OPT", 1),
+        (config, "SLP_VECTORIZE", 1),
+    ],
+)
+def test_the_code_of_a_wheel_for_other_versions_is_not_used(
+    shipped: Path, monkeypatch: pytest.MonkeyPatch, owner: object, name: str, value: object
+) -> None:
+    with monkeypatch.context() as other:
+        other.setattr(owner, name, value)
+        jit._versions.cache_clear()
+        assert is_compiled()
+    jit._versions.cache_clear()
+
+
+def scaled(path: Path, factor: float) -> float:
+    """The answer of a compiled function of a module with that text, whose bytecode does not contain the factor."""
+    path.write_text(f"FACTOR = {factor}\ndef scaled(x):\n    return FACTOR * x\n")
+    jit._source_digest.cache_clear()
+    jit._file_digest.cache_clear()
+    return jit.jit(runpy.run_path(str(path))["scaled"])(1.0)
+
+
+def test_the_code_of_a_wheel_for_another_source_is_not_used(
+    shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as built:
+        built.setattr(jit, "CACHE", jit.SHIPPED)
+        assert scaled(tmp_path / "module.py", 2.0) == 2.0
+    compiled: list[str] = []
+    with jit.compiling(compiled.append):
+        assert scaled(tmp_path / "module.py", 2.0) == 2.0
+        assert not compiled
+        assert scaled(tmp_path / "module.py", 3.0) == 3.0
+        assert compiled == ["scaled"]
+
+
+def test_code_for_other_options_is_not_used(shipped: Path) -> None:
+    compiled: list[str] = []
+    with jit.compiling(compiled.append):
+        jit.jit_uncounted(doubled)(1.5)
+    assert compiled == ["doubled"]
+
+
+def test_a_damaged_file_of_a_wheel_is_one_line_and_is_replaced_by_code_of_this_machine(
+    shipped: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for damage in damages(shipped.read_bytes()):
+        shipped.write_bytes(damage)
+        caplog.clear()
+        monkeypatch.setattr(jit, "reported", [])
+        assert is_compiled()
+        (line,) = caplog.messages
+        assert "damaged" in line
+        assert not is_compiled()
+        shutil.rmtree(jit.CACHE)
+
+
+def test_a_whole_file_with_the_name_of_another_one_is_not_used(shipped: Path, caplog: pytest.LogCaptureFixture) -> None:
+    other: Any = jit.jit(tripled)
+    assert other(1.5) == 4.5
+    (file,) = jit.CACHE.iterdir()
+    shutil.move(file, shipped)
+    assert is_compiled()
+    (line,) = caplog.messages
+    assert "damaged" in line
 
 
 START = """

@@ -67,6 +67,10 @@ export class Connection {
   private receive(message: WorkerMessage): void {
     const store = this.store
     switch (message.type) {
+      case 'Starting':
+        store.starting.value = message
+        store.link.value = 'starting'
+        break
       case 'Welcome':
         this.refusal = ''
         store.welcome.value = message

@@ -70,7 +70,7 @@ export function logOf(store: Store): Observable<readonly Entry[]> {
   store.link.watch((link) => {
     if (link === 'lost' && !wasLost) add('error', `The connection is lost. ${sentence(store.connectionError.value)}`)
     if (link === 'open') add('good', wasLost ? 'Connected again.' : 'Connected.')
-    if (link !== 'connecting') wasLost = link === 'lost'
+    if (link === 'open' || link === 'lost') wasLost = link === 'lost'
   })
   return entries
 }

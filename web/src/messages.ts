@@ -553,7 +553,19 @@ export interface Request {
 }
 
 /**
- * The server's first message: versions, the display name of the client, and the scenarios that can be loaded.
+ * Sent several times a second, before the Welcome, while the server makes its world: what it does.
+ *
+ * `part`: of that stage; empty: it has none. `share`: of the stage that is done, 0 to 1; None: not known.
+ */
+export interface Starting {
+  type: 'Starting'
+  stage: string
+  part: string
+  share: number | null
+}
+
+/**
+ * The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
  */
 export interface Welcome {
   type: 'Welcome'
@@ -1059,4 +1071,4 @@ export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
-export type ServerMessage = Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame
+export type ServerMessage = Starting | Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame

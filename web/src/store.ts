@@ -1,8 +1,8 @@
 // The latest messages of the server and the choices of the user; the interface between connection, scene and panels.
-import type { Event, Frame, LidarScan, Picture, Scene, Status, Welcome } from './messages'
+import type { Event, Frame, LidarScan, Picture, Scene, Starting, Status, Welcome } from './messages'
 import { Observable } from './observable'
 
-export type Link = 'connecting' | 'open' | 'lost'
+export type Link = 'connecting' | 'starting' | 'open' | 'lost'
 export type Camera = "Driver's Eye" | "Bird's Eye" | "God's Eye" | 'Orbit'
 export type Quality = 'auto' | 'low' | 'high' | 'ultra' | 'stream'
 
@@ -29,6 +29,8 @@ export interface Placement {
 
 export class Store {
   readonly link = new Observable<Link>('connecting')
+  /** How far the start of the simulator is, while the link is 'starting'. */
+  readonly starting = new Observable<Starting | null>(null)
   readonly welcome = new Observable<Welcome | null>(null)
   readonly scene = new Observable<Scene | null>(null)
   readonly status = new Observable<Status | null>(null)

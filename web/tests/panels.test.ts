@@ -11,7 +11,7 @@ import { notices } from '../src/panels/notice'
 import { savedTheme, setTheme } from '../src/panels/theme'
 import { toolbar } from '../src/panels/toolbar'
 import { VehicleEvents } from '../src/panels/vehicle_events'
-import { connectedPage, frameOf, pose, scanOf, sceneOf, statusOf, vehicleOf } from './support'
+import { connectedPage, frameOf, pose, scanOf, sceneOf, statusOf, vehicleOf, welcome } from './support'
 
 beforeEach(() => {
   localStorage.clear()
@@ -395,6 +395,21 @@ describe('the toolbar', () => {
 })
 
 describe('the banner', () => {
+  test('says what the simulator does while it starts', () => {
+    const { store, connection, socket } = connectedPage()
+    document.body.append(banner(store, new Actions(store, connection)))
+    const bar = get('starting') as HTMLProgressElement
+    socket.receive({ type: 'Starting', stage: 'loading the world', part: '', share: null })
+    expect(get('banner').hidden).toBe(false)
+    expect(get('banner').textContent).toContain('Loading the world.')
+    expect(bar.hasAttribute('value')).toBe(false)
+    socket.receive({ type: 'Starting', stage: 'compiling', part: 'tyre force', share: 0.25 })
+    expect(get('banner').textContent).toContain('Compiling, 25 % (tyre force)')
+    expect([bar.hidden, bar.value, get('banner-reset').hidden]).toEqual([false, 0.25, true])
+    socket.receive(welcome())
+    expect([get('banner').hidden, bar.hidden]).toEqual([true, true])
+  })
+
   test('says why the physics cannot go on and offers a Reset', () => {
     const { store, connection, socket } = connectedPage()
     document.body.append(banner(store, new Actions(store, connection)))

@@ -13,22 +13,25 @@ import logging
 import os
 import pickle
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
 import llvmlite
+import llvmlite.binding as llvm
 import numba
-from numba.core import event
+import numpy as np
+from numba.core import config, event, types
 from numba.core.caching import FunctionCache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
+from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 from numba.np import linalg
 
-from autodrive.base.cache import cache_folder, read_cached, sources, write_cached
+from autodrive.base.cache import PACKAGE, cache_folder, read_cached, sources, write_cached
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -43,11 +46,21 @@ def _folder() -> Path:
 
 CACHE = _folder()
 """Folder of compiled functions: `NUMBA_CACHE_DIR`, or the user's cache folder."""
+SHIPPED = PACKAGE / "compiled"
+"""Compiled functions that were installed with this package: only the wheels for x86-64 have them, see scripts/release.
+They are used for what is not in `CACHE`."""
+BASELINE = "x86-64-v3", ""
+"""`NUMBA_CPU_NAME` and `NUMBA_CPU_FEATURES` with which they were compiled: code for any processor that has these:"""
+BASELINE_NEEDS = (
+    *("sse3", "ssse3", "sse4.1", "sse4.2", "popcnt", "cx16", "sahf"),  # x86-64-v2
+    *("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave"),
+)
+"""Features of x86-64-v3 by their names in LLVM (System V ABI, AMD64 supplement, 3.1.1)."""
 
 
 def jit(function: Function) -> Function:
     """Compile at the first call or load from the cache. Same bits in every run: no fast math, no threads."""
-    return _cached(numba.njit(function, nogil=True, error_model="numpy", fastmath=False))
+    return _compiled(function)
 
 
 def inlined(function: Function) -> Function:
@@ -56,19 +69,21 @@ def inlined(function: Function) -> Function:
     Passing a whole Model and State, and counting references to their arrays, would cost more than the function
     itself. Such a function, and a `jit_uncounted` function that calls it, cannot create arrays.
     """
-    return _cached(inlined_part(function))
+    return _compiled(function, forceinline=True, _nrt=False)
 
 
 def inlined_part(function: Function) -> Function:
-    """As `inlined`, for a function that is made in another one: it is not in the cache, only its callers are."""
-    options: Any = {"forceinline": True, "_nrt": False}
-    return numba.njit(function, nogil=True, error_model="numpy", fastmath=False, **options)  # pyright: ignore
+    """As `inlined`, for a function that is made in another one: it is not in the cache, only its callers are.
+
+    Only compiled code calls it.
+    """
+    options: Any = {**_OPTIONS, **_PART, "forceinline": True, "_nrt": False}
+    return numba.njit(function, **options)  # pyright: ignore
 
 
 def jit_uncounted(function: Function) -> Function:
     """As `jit`, without reference counting, for the outermost function that calls `inlined` functions."""
-    options: Any = {"_nrt": False}
-    return _cached(numba.njit(function, nogil=True, error_model="numpy", fastmath=False, **options))
+    return _compiled(function, _nrt=False)
 
 
 def resolved(function: Function, *arguments: Any) -> Function:
@@ -97,8 +112,17 @@ def must_compile(function: Any, signature: tuple[Any, ...]) -> bool:
     if not isinstance(function, Dispatcher):  # compilation is disabled
         return False
     dispatcher: Any = function
-    path = dispatcher._cache._path(signature, dispatcher.targetctx.codegen())
-    return path is not None and not path.exists()
+    files = [path for path, _ in dispatcher._cache.files(signature, dispatcher.targetctx.codegen())]
+    return bool(files) and not any(path.exists() for path in files)
+
+
+@functools.cache
+def runs_baseline() -> bool:
+    """Whether this processor can run code for `BASELINE`."""
+    try:
+        return all(llvm.get_host_cpu_features().get(name) for name in BASELINE_NEEDS)
+    except RuntimeError:  # the processor is not known
+        return False
 
 
 def show(function: str) -> None:
@@ -153,13 +177,39 @@ class _Compilations(event.Listener):
         self._progress(event.data["dispatcher"].py_func.__name__.lstrip("_"))
 
 
+# -- compiled functions ---------------------------------------------------------------------------------------------
+
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
+_PART: dict[str, Any] = {"no_cpython_wrapper": True}
+
+
+class _Compiled(CPUDispatcher):
+    """A function for Python and for compiled code, which calls `part`: the same function that Python cannot call.
+
+    Most functions are called by compiled code only. What Python needs to call a function takes Numba longer than the
+    function, because it takes a Model and a State apart.
+    """
+
+    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
+        options = dict(targetoptions)
+        super().__init__(py_func, locals, options)
+        self._cache = _FileCache(py_func, options)
+        self.part = CPUDispatcher(py_func, locals, {**options, **_PART})
+        self.part._cache = _FileCache(py_func, self.part.targetoptions)  # pyright: ignore[reportAttributeAccessIssue]
+
+    @property
+    def _numba_type_(self) -> Any:
+        return types.Dispatcher(self.part)
+
+
+def _compiled(function: Function, **options: Any) -> Function:
+    if config.DISABLE_JIT:
+        return function
+    compiled: Any = _Compiled(function, targetoptions={"nopython": True, **_OPTIONS, **options})
+    return compiled
+
+
 # -- the cache ------------------------------------------------------------------------------------------------------
-
-
-def _cached(dispatcher: Any) -> Any:
-    if isinstance(dispatcher, Dispatcher):  # otherwise compilation is disabled
-        dispatcher._cache = _FileCache(dispatcher.py_func)  # pyright: ignore[reportAttributeAccessIssue]
-    return dispatcher
 
 
 class _FileCache(FunctionCache):
@@ -172,34 +222,36 @@ class _FileCache(FunctionCache):
     written it at once.
     """
 
-    def __init__(self, function: Callable[..., object]) -> None:
+    def __init__(self, function: Callable[..., object], options: Mapping[str, Any]) -> None:
         self._py_func = function  # for `_index_key`
-        self._name = f"{function.__module__}.{function.__qualname__}"
+        self._key = f"{function.__module__}.{function.__qualname__} {sorted(options.items())} {_versions()}"
         self._cache_path = str(CACHE)
         self.enable()
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         rtsys.initialize(target_context)  # the rest of `refresh` serves compilations, which call it themselves
         _import_array_functions()
-        path = self._path(sig, target_context.codegen())
-        if path is None:
-            return None
-        try:
-            return CompileResult._rebuild(target_context, *pickle.loads(read_cached(path)))
-        except (FileNotFoundError, NotADirectoryError):
-            return None
-        except OSError as error:
-            _warn(f"the cache of compiled code cannot be read: {error.strerror}; it is compiled again  ({path})")
-        except Exception:  # unpickling may raise anything
-            _warn(f"the cache of compiled code is damaged; what is damaged is compiled again  ({path})")
+        for path, key in self.files(sig, target_context.codegen()):
+            try:
+                its_key, *content = pickle.loads(read_cached(path))
+                if its_key != key:
+                    raise ValueError(f"{path} has the name of another file")
+                return CompileResult._rebuild(target_context, *content)
+            except (FileNotFoundError, NotADirectoryError):
+                continue
+            except OSError as error:
+                _warn(f"the cache of compiled code cannot be read: {error.strerror}; it is compiled again  ({path})")
+            except Exception:  # unpickling may raise anything
+                _warn(f"the cache of compiled code is damaged; what is damaged is compiled again  ({path})")
+            return None  # the compiled code replaces that file
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        path = self._path(sig, data.codegen)
+        path, key = next(self.files(sig, data.codegen), (None, ""))
         if path is None or data.lifted or data.library.has_dynamic_globals:
             return
         try:
-            write_cached(path, dumps(data._reduce()))
+            write_cached(path, dumps((key, *data._reduce())))
         except OSError as error:
             _warn(
                 f"the cache of compiled code cannot be written: {error.strerror}; every start compiles again, unless "
@@ -209,13 +261,27 @@ class _FileCache(FunctionCache):
     def flush(self) -> None:
         """Nothing: files of other sources have other names."""
 
-    def _path(self, sig: Any, codegen: Any) -> Path | None:
-        """None: no name is certain, because the source cannot be read or a type is named by an address."""
+    def files(self, sig: Any, codegen: Any) -> Iterator[tuple[Path, str]]:
+        """Where code for these types may be, in the order of preference, and all that the code depends on.
+
+        None if no name is certain, because the source cannot be read or a type is named by an address.
+        """
         source = _source_digest(inspect.getfile(self._py_func))
-        name = f"{self._name} {source} {self._index_key(sig, codegen)}"
-        if not source or " at 0x" in name:
-            return None
-        return CACHE / f"{self._py_func.__name__}-{hashlib.sha256(name.encode()).hexdigest()[:32]}.code"
+        types, target, code = self._index_key(sig, codegen)
+        targets = [(CACHE, target)] + [(SHIPPED, (target[0], *BASELINE))] * (SHIPPED.is_dir() and runs_baseline())
+        for folder, target in targets:
+            key = f"{self._key} {source} {types} {target} {code}"
+            if source and " at 0x" not in key:
+                digest = hashlib.sha256(key.encode()).hexdigest()
+                yield folder / f"{self._py_func.__name__}-{digest[:32]}.code", key
+
+
+@functools.cache
+def _versions() -> str:
+    """Of all that makes code from a source: the compiler, and what it takes from Python and numpy."""
+    settings = [getattr(config, name) for name in ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK")]
+    numpy = ".".join(np.__version__.split(".")[:2])
+    return f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__} {numpy} {settings}"
 
 
 @functools.cache

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from autodrive.cli.narrated import SILENCE
 from autodrive.run.browser import has_screen, open_page, tunnel
-from autodrive.run.runner import Run, RunObserver
+from autodrive.run.runner import COMPILED_FUNCTIONS, Run, RunObserver
 
 if TYPE_CHECKING:
     from autodrive.run.summary import CamerasSummary, Summary
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 CALLS_PER_LOG_LINE = 50
 """Without a terminal, the status is printed at every 50th call only: every ten seconds."""
-COMPILED_FUNCTIONS = 190
-"""Approximate number of functions that the first start compiles; length of the progress bar."""
 
 
 class StatusDisplay(RunObserver):
@@ -86,14 +84,15 @@ class StatusDisplay(RunObserver):
             self._said = self._clock()
         self._compiled += 1
 
+    def serving(self, link: str) -> None:  # noqa: D102
+        self._print_link(link)
+
     def started(self, run: Run) -> None:  # noqa: D102
         self._is_loaded.set()
         self._on_start(run)
         if self._compiled:
             self.console.print(f"compiled {self._compiled} functions in {self._clock() - self._began:.0f} s")
         self.console.print(f"{self._title}; press Ctrl-C to stop")
-        if run.link:
-            self._print_link(run.link)
 
     def _print_link(self, link: str) -> None:
         is_opened = self._opens_browser and self.console.is_terminal and has_screen() and open_page(link)

@@ -1,7 +1,8 @@
 """The messages of the native protocol `autodrive.v2` between client and server, apart from Commands and Frames.
 
 Each WebSocket message is one of these, in MessagePack (`codec.py`). The client sends a `Hello` first; the server
-answers with a `Welcome` and a `Scene`, or sends an `Error` and closes. After that both sides send at any time.
+answers with a `Welcome` and a `Scene`, or sends an `Error` and closes. After that both sides send at any time. A server
+that has no world yet sends `Starting` until it has one.
 """
 
 from __future__ import annotations
@@ -118,8 +119,19 @@ ClientMessage: TypeAlias = Hello | Subscribe | Drive | Release | Request
 # -- from the server --------------------------------------------------------------------------------------------
 
 
+class Starting(msgspec.Struct, frozen=True, tag=True):
+    """Sent several times a second, before the Welcome, while the server makes its world: what it does.
+
+    `part`: of that stage; empty: it has none. `share`: of the stage that is done, 0 to 1; None: not known.
+    """
+
+    stage: str
+    part: str = ""
+    share: float | None = None
+
+
 class Welcome(msgspec.Struct, frozen=True, tag=True):
-    """The server's first message: versions, the display name of the client, and the scenarios that can be loaded."""
+    """The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded."""
 
     protocol: int
     version: str
@@ -379,5 +391,5 @@ class Error(msgspec.Struct, frozen=True, tag=True, gc=False):
     id: int | None = None
 
 
-ServerMessage: TypeAlias = Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame
+ServerMessage: TypeAlias = Starting | Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame
 """A streamed Frame has no scans and images, which are messages of their own, and all events since the last one sent."""

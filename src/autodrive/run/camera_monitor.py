@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING
 
 from autodrive.graphics.cameras.process_cameras import ProcessCameras
 from autodrive.graphics.render.gl import GlUnavailable, probe
-from autodrive.graphics.render.quality import quality as checked_quality
 from autodrive.run.summary import CamerasSummary, ImageCount
 from autodrive.world import World
 from autodrive.world.cameras import process_cameras
-from autodrive.world.factory import new_world
+from autodrive.world.factory import world_of
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import CameraImage, Frame
-    from autodrive.scenario import ScenarioSpec
-    from autodrive.scenario.descriptions import Descriptions
     from autodrive.world.compile import CompiledScenario
 
 log = logging.getLogger(__name__)
@@ -27,20 +24,19 @@ START_TIMEOUT = 30.0
 
 
 def world_with_cameras(
-    scenario: ScenarioSpec | Descriptions, *, quality: str, draws_in_tick: bool, is_wanted: bool = True
+    compiled: CompiledScenario, *, quality: str, draws_in_tick: bool, is_wanted: bool = True
 ) -> tuple[World, CameraMonitor | None]:
     """A world that renders its cameras, and their monitor; the monitor is None if the world has no cameras.
 
     Images are rendered in the tick, or in a `ProcessCameras` that can be paused (`is_wanted`). If OpenGL is unavailable
-    the world has no images, and one warning is logged. Raises `AutodriveError` for an unknown quality.
+    the world has no images, and one warning is logged.
     """
-    checked_quality(quality, "")
     if draws_in_tick:
         try:
-            world = new_world(scenario, cameras=quality)
+            world = world_of(compiled, cameras=quality)
         except GlUnavailable as error:
             log.warning("%s", error)
-            return new_world(scenario), CameraMonitor(str(error))
+            return world_of(compiled), CameraMonitor(str(error))
         return world, CameraMonitor()
     processes: list[ProcessCameras] = []
 
@@ -48,7 +44,7 @@ def world_with_cameras(
         processes.append(process_cameras(compiled, quality, is_wanted=is_wanted))
         return processes[0]
 
-    world = new_world(scenario, cameras=start_process)
+    world = world_of(compiled, cameras=start_process)
     return world, CameraMonitor(process=processes[0]) if processes else None
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from itertools import count
 from typing import TYPE_CHECKING, TypeAlias
 
 from autodrive.base.cache import check_writable, write_file
@@ -14,6 +15,7 @@ from autodrive.base.errors import CommandError
 from autodrive.base.jit import compiling
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.files import built_page
+from autodrive.protocol.native import Starting
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.run.options import RunOptions
 from autodrive.run.recordings import ClientRecordings
@@ -24,6 +26,7 @@ from autodrive.world.simulation import Simulation
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from autodrive.connect.server.served import Served
     from autodrive.connect.server.server import Server
     from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.protocol.devkit import Images, ImageSizes
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
 Refusal: TypeAlias = "Callable[[ServerOperation | Drive], str]"
 """Why clients may not have an operation or Drive now; empty if they may."""
 
+COMPILING = "compiling the physics, only at the first start"
+COMPILED_FUNCTIONS = 190
+"""Approximate number of functions that the first start compiles."""
 REFRESH_INTERVAL = 0.2
 """Wall time between two calls of `RunObserver.running` [s]; a stop request takes effect within that time."""
 
@@ -118,8 +124,11 @@ class RunObserver:
     def compiled(self, function: str) -> None:
         """A function was compiled; the first start on a machine compiles more than a hundred in 20 to 70 s."""
 
+    def serving(self, link: str) -> None:
+        """The page is served, and shows how far the start is."""
+
     def started(self, run: Run) -> None:
-        """The world is loaded and the page is served; time starts after this call."""
+        """The world is loaded; time starts after this call."""
 
     def running(self, run: Run) -> None:
         """Called every `REFRESH_INTERVAL`."""
@@ -172,8 +181,15 @@ def opened(
     not have. None: the bridge of the options, and clients may have everything.
     """
     loader = WorldLoader(options)
-    with compiling(observer.compiled):
-        world = loader.load(options.scenario)
+    server = _page_server(options) if options.has_page else None
+
+    def begin_to_serve() -> None:
+        if server is not None:
+            stack.enter_context(server)
+            observer.serving(server.url)
+
+    with compiling(_told(observer, server)):
+        world = loader.load(options.scenario, begin_to_serve)
     simulation = Simulation(
         world,
         speed=options.speed,
@@ -200,16 +216,29 @@ def opened(
         bridge=lambda: run.bridge.status,
     )
     stack.callback(recordings.stop_now)
-    if options.has_page:
-        run.server = _page_server(run, recordings, refusal)
     if options.record is not None:
         run.recorder = stack.enter_context(_recorder(run, options.record))
     stack.callback(simulation.stop)
-    if run.server is not None:
-        stack.enter_context(run.server)
+    if server is not None:
+        server.serve(_served(run, recordings, refusal))
+        run.server = server
+        stack.callback(server.close)  # before the simulation ends
     for one in bridges:
         stack.callback(one.close)
     return run
+
+
+def _told(observer: RunObserver, server: Server | None) -> Callable[[str], None]:
+    """Tells both the name of a function that is compiled."""
+    numbers = count(1)
+
+    def tell(function: str) -> None:
+        observer.compiled(function)
+        if server is not None:
+            share = min(1.0, next(numbers) / COMPILED_FUNCTIONS)
+            server.starting = Starting(COMPILING, function.replace("_", " "), share)
+
+    return tell
 
 
 def _image_encoder(options: RunOptions) -> JpegEncoder | None:
@@ -273,13 +302,21 @@ def _vehicle_profile(simulation: Simulation) -> str | None:
     return next((spec.devkit_profile for spec in specs if spec.devkit_profile), None)
 
 
-def _page_server(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Server:
-    """The server of the page and of the native protocol, which is not started yet."""
-    from autodrive.connect.server.served import Served, scene_renderer_factory
+def _page_server(options: RunOptions) -> Server:
+    """The server of the page and of the native protocol, which is not started yet and serves no simulation."""
     from autodrive.connect.server.server import Server
 
+    server = Server(None, options, page=built_page())
+    server.starting = Starting("loading the world")
+    return server
+
+
+def _served(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Served:
+    """What the server serves."""
+    from autodrive.connect.server.served import Served, scene_renderer_factory
+
     loader = run.loader
-    served = Served(
+    return Served(
         run.simulation,
         loader.scenery,
         bridge=run.bridge,
@@ -291,4 +328,3 @@ def _page_server(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Se
         renderer_factory=scene_renderer_factory(run.options.camera_quality),
         refusal=refusal,
     )
-    return Server(served, run.options, page=built_page())

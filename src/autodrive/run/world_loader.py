@@ -10,15 +10,18 @@ from autodrive.base.specs import joined
 from autodrive.base.yaml_files import titles
 from autodrive.scenario import ScenarioSpec, load_scenario
 from autodrive.scenario.descriptions import Descriptions
-from autodrive.world.factory import new_world
+from autodrive.world.factory import compile_scenario, world_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from autodrive.connect.bridge.devkit import DevkitBridge
     from autodrive.protocol.messages import Frame
     from autodrive.run.camera_monitor import CameraMonitor
     from autodrive.run.options import RunOptions
     from autodrive.run.summary import CamerasSummary
     from autodrive.world import World
+    from autodrive.world.compile import CompiledScenario
     from autodrive.world.scene_files import SceneFiles
     from autodrive.world.simulation import Simulation
 
@@ -48,15 +51,19 @@ class WorldLoader:
         self._tick_duration = 0.0
         self._tick = self._ticks = 0
 
-    def load(self, scenario: str | Descriptions) -> World:
+    def load(self, scenario: str | Descriptions, when_read: Callable[[], None] = lambda: None) -> World:
         """Make the world of a scenario and compile all that it runs. Raises `AutodriveError`.
 
         A name is loaded with the options of the run; Descriptions are those of the current scenario after an edit. The
-        first world is the current one at once, others with their first Frame.
+        first world is the current one at once, others with their first Frame. `when_read` is called when all files have
+        been found to be right.
         """
         is_edited = isinstance(scenario, Descriptions)
         name = self.scenario if is_edited else scenario
-        world, cameras = self._make(scenario if is_edited else self._spec(scenario))
+        compiled = compile_scenario(scenario if is_edited else self._spec(scenario))
+        self._check_quality()
+        when_read()
+        world, cameras = self._make(compiled)
         while world.time < WARM_UP:  # every function and sensor runs once, so that nothing compiles during the run
             world.step()
         world.reset()
@@ -144,12 +151,19 @@ class WorldLoader:
         seed = spec.seed if options.seed is None else options.seed
         return spec.model_copy(update={"vehicles": vehicles, "seed": seed})
 
-    def _make(self, spec: ScenarioSpec | Descriptions) -> tuple[World, CameraMonitor | None]:
+    def _check_quality(self) -> None:
+        """Raises `AutodriveError` for an unknown quality of the cameras."""
+        if self._options.pictures != "never":
+            from autodrive.graphics.render.quality import quality
+
+            quality(self._options.camera_quality, "")
+
+    def _make(self, compiled: CompiledScenario) -> tuple[World, CameraMonitor | None]:
         options = self._options
         if options.pictures == "never":
-            return new_world(spec), None
+            return world_of(compiled), None
         from autodrive.run.camera_monitor import world_with_cameras
 
         return world_with_cameras(
-            spec, quality=options.camera_quality, draws_in_tick=options.draws_in_tick, is_wanted=self._is_wanted
+            compiled, quality=options.camera_quality, draws_in_tick=options.draws_in_tick, is_wanted=self._is_wanted
         )

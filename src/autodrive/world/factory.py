@@ -63,8 +63,17 @@ def new_world(
         check_seed(seed)
         seeded = descriptions.specs.scenario.model_copy(update={"seed": int(seed)})
         descriptions = replace(descriptions, specs=replace(descriptions.specs, scenario=seeded))
+    return world_of(compile_scenario(descriptions), cameras=cameras, engine=engine)
+
+
+def world_of(
+    compiled: CompiledScenario,
+    *,
+    cameras: bool | str | Callable[[CompiledScenario], CameraBackend] = False,
+    engine: Literal["auto", "always"] = "auto",
+) -> World:
+    """The World of a compiled scenario, which belongs to it."""
     with announced():
-        compiled = compile_scenario(descriptions)
         return World(compiled, _camera_backend(compiled, cameras), engine=engine)
 
 

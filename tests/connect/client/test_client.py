@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
-from itertools import islice
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import autodrive
 from autodrive import Client, Command, CommandError, NoSimulatorError
+from autodrive.connect.server import server as server_module
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.codec import encode
@@ -74,7 +76,7 @@ def test_the_first_step_pauses_and_the_next_one_continues(sim: Client, simulatio
 
 
 def test_frames_are_complete_and_in_order(sim: Client) -> None:
-    frames = list(islice(sim.frames(), 30))
+    frames = list(itertools.islice(sim.frames(), 30))
     ticks = [frame.tick for frame in frames]
     assert ticks == sorted(set(ticks))
     scan = frames[-1].vehicles["V1"].lidar
@@ -90,7 +92,7 @@ def test_wait_news_returns_once_for_each_update(sim: Client) -> None:
 
 def test_frames_can_be_requested_at_a_lower_rate(sim: Client) -> None:
     start = time.monotonic()
-    for _ in islice(sim.frames(rate=20.0), 11):
+    for _ in itertools.islice(sim.frames(rate=20.0), 11):
         pass
     assert time.monotonic() - start > 0.3  # ten intervals of 50 ms, the first two may be short; of each tick 0.1 s
     assert next(sim.frames()).tick > 0
@@ -203,6 +205,25 @@ def test_a_disconnected_client_no_longer_drives(sim: Client, server: Server) -> 
     wait_until(lambda: sim.status.drivers == {"V1": "script"})
     with pytest.raises(autodrive.AutodriveError, match="closed"):
         _ = other.frame
+
+
+def test_a_client_waits_for_a_simulator_that_starts(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long that takes: by the clock of this client it is longer than it waits for an answer."""
+    seconds, sent = itertools.count(), list[object]()
+    clock = SimpleNamespace(monotonic=lambda: float(next(seconds)), sleep=time.sleep)
+    monkeypatch.setattr("autodrive.connect.client.connection.time", clock)
+    monkeypatch.setattr(server_module, "encode", lambda message: sent.append(message) or encode(message))
+    with Server(None, PageOptions(port=0)) as server:
+
+        def serve() -> None:
+            wait_until(lambda: len(sent) > 15)
+            server.serve(Served(simulation, bare))
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        with Client(server.address, timeout=10.0) as sim:
+            assert sim.scene.title
+        thread.join()
 
 
 def test_a_client_finds_a_restarted_simulator(simulation: Simulation) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import Collision, Pause, SetSpeed
+from autodrive.protocol.native import Starting
 from autodrive.scenario.descriptions import Descriptions
 from autodrive.world import World
 from tests.support.native_clients import NativeClient, native_client, raw, scene_files
@@ -53,6 +55,33 @@ def test_a_client_gets_welcome_and_scene_before_the_first_frame(one: NativeClien
     types = [one.receive()["type"] for _ in range(8)]
     assert one.socket.subprotocol == "autodrive.v2"
     assert types.index("Scene") < types.index("Frame")
+
+
+def test_a_client_of_a_server_without_a_simulation_is_told_so_until_there_is_one(simulation: Simulation) -> None:
+    with Server(None, PageOptions(port=free_port())) as server:
+        with native_client(server, "early") as early:  # its Hello is sent now
+            assert early.receive() == {"type": "Starting", "stage": "starting", "part": "", "share": None}
+            early.send("Subscribe", frame_rate=7.0)
+            assert early.socket.ping().wait(LIMIT)
+            server.starting = Starting("compiling", "tyre force", 0.25)
+            while (message := early.receive())["stage"] == "starting":
+                pass
+            assert message == {"type": "Starting", "stage": "compiling", "part": "tyre force", "share": 0.25}
+            server.serve(Served(simulation, scene_files))
+            while (message := early.receive())["type"] == "Starting":
+                pass
+            assert (message["type"], message["name"]) == ("Welcome", "early")
+            wait_until(lambda: [one.subscription.frame_rate for one in server.hub.clients] == [7.0])
+        with native_client(server, "late") as late:
+            assert late.receive()["type"] == "Welcome"
+
+
+def test_a_server_without_a_simulation_closes_the_connections_of_its_clients() -> None:
+    with Server(None, PageOptions(port=free_port())) as server, native_client(server) as early:
+        early.receive()
+        server.close()
+        with pytest.raises(ConnectionClosed):
+            _ = [early.receive() for _ in itertools.count()]
 
 
 @pytest.mark.parametrize(("version", "message"), [(1, "Fault"), (3, "Error")])

@@ -1,5 +1,7 @@
-// The message below the toolbar while there is no connection (the page keeps the last image) or the physics cannot continue.
+// The message below the toolbar while the simulator starts, while there is no connection (the page keeps the last image),
+// or if the physics cannot continue.
 import { type Actions, sentence } from '../actions'
+import type { Starting } from '../messages'
 import type { Store } from '../store'
 import { h, setText } from './element'
 import { clock } from './hud_rows'
@@ -10,6 +12,12 @@ function lost(store: Store): string {
   return `${sentence(store.connectionError.value)} The page tries to connect again.${time}`
 }
 
+/** What the simulator does before it has a world. */
+function starting({ stage, part, share }: Starting): string {
+  const done = share === null ? '' : `, ${Math.round(100 * share)} %`
+  return sentence(`${stage}${done}${part && ` (${part})`}`)
+}
+
 /** Delay before the first message [ms]; most connections open sooner. */
 const DELAY = 400
 
@@ -17,19 +25,35 @@ export function banner(store: Store, actions: Actions): HTMLElement {
   const text = h('span')
   const spinner = h('i', { class: 'spinner' })
   const reset = h('button', { testid: 'banner-reset', onclick: () => void actions.reset() }, 'Reset')
-  const line = h('div', { class: 'hint banner', testid: 'banner', role: 'alert', hidden: true }, spinner, text, reset)
+  const bar = h('progress', { testid: 'starting', 'aria-label': 'Start of the simulator' })
+  const line = h(
+    'div',
+    { class: 'hint banner', testid: 'banner', role: 'alert', hidden: true },
+    spinner,
+    text,
+    reset,
+    bar,
+  )
   let timer = 0
+  store.starting.watch((now) => {
+    if (!now) return
+    setText(text, starting(now))
+    if (now.share === null) bar.removeAttribute('value')
+    else bar.value = now.share
+  })
   store.link.watch((link) => {
     window.clearTimeout(timer)
     document.documentElement.toggleAttribute('data-lost', link === 'lost')
     spinner.hidden = link === 'open'
     reset.hidden = link !== 'open'
+    bar.hidden = link !== 'starting'
+    line.ariaBusy = String(link === 'starting') // a screen reader does not read each step
     if (link === 'open') {
       line.hidden = true
       return
     }
-    setText(text, link === 'connecting' ? 'Connecting to the simulator…' : lost(store))
-    if (link === 'lost') line.hidden = false
+    if (link !== 'starting') setText(text, link === 'connecting' ? 'Connecting to the simulator…' : lost(store))
+    if (link !== 'connecting') line.hidden = false
     else timer = window.setTimeout(() => (line.hidden = false), DELAY)
   })
   store.status.watch((status) => {

@@ -56,7 +56,7 @@ export class Link {
   }
 
   private receive(message: ServerMessage): void {
-    if (message.type === 'Welcome') this.retryDelay = RETRY
+    if (message.type === 'Welcome' || message.type === 'Starting') this.retryDelay = RETRY
     this.onMessage(message)
   }
 }

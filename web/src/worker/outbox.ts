@@ -42,6 +42,7 @@ export class Outbox {
     switch (message.type) {
       case 'Frame':
       case 'Status':
+      case 'Starting':
       case 'Rendered':
         return `${this.count} ${message.type}`
       case 'Scan':

@@ -189,6 +189,7 @@ class Connection:
                     raise NoSimulatorError(f"no Welcome came from {self.address} within {self.timeout:g} s")
                 for data in socket.receive(left):
                     self._take(data)
+                    end = time.monotonic() + self.timeout  # a simulator that is starting says so until it is ready
                 self._check_welcome()
         except NoSimulatorError as error:
             socket.close()

@@ -24,7 +24,6 @@ from autodrive.connect.server.served import Served
 from autodrive.protocol.codec import encode
 from autodrive.protocol.native import (
     PROTOCOL,
-    SUBPROTOCOL,
     ClientMessage,
     Drive,
     Error,
@@ -95,9 +94,7 @@ class Hub:
     # -- one client ---------------------------------------------------------------------------------------------
 
     async def serve(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Accept a WebSocket (ASGI) and serve its client until it disconnects."""
-        offered = scope["subprotocols"]
-        await send({"type": "websocket.accept", "subprotocol": SUBPROTOCOL if SUBPROTOCOL in offered else None})
+        """Serve the client of an accepted WebSocket (ASGI) until it disconnects."""
 
         async def send_bytes(message: bytes) -> None:
             await send({"type": "websocket.send", "bytes": message})

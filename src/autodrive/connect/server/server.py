@@ -10,7 +10,10 @@ import secrets
 import socket
 import threading
 import time
+from collections import deque
+from contextlib import AsyncExitStack
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 
@@ -21,7 +24,9 @@ from autodrive.connect.server.connections import HttpProtocol, WebSocketProtocol
 from autodrive.connect.server.files import page_files
 from autodrive.connect.server.hub import Hub
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.web import WebApplication
+from autodrive.connect.server.web import Receive, Scope, Send, WebApplication
+from autodrive.protocol.codec import encode
+from autodrive.protocol.native import SUBPROTOCOL, Starting
 from autodrive.protocol.ports import PORT
 
 log = logging.getLogger(__name__)
@@ -30,6 +35,10 @@ PORTS = 20
 """Number of ports that are tried, from the default one on."""
 LOG_INTERVAL = 10.0
 """Errors of the same kind are logged once in this time [s]."""
+STARTING_INTERVAL = 0.2
+"""Time between two messages to a client that waits for the simulation [s]."""
+MAX_EARLY = 100
+"""Messages that such a client may send."""
 MESSAGE_LIMIT = 2**16
 """A client that sends a longer message [bytes] is disconnected."""
 
@@ -37,11 +46,11 @@ MESSAGE_LIMIT = 2**16
 class Server:
     """Serves a Simulation to browsers and programs: `start`, then `url` is the link to open; `close` stops it.
 
-    `page`: folder of the built page; None: only the WebSocket and the scene files. Raises `AutodriveError` for a token
-    that is not allowed.
+    `served` None: clients are told what `starting` says until `serve` is called. `page`: folder of the built page;
+    None: only the WebSocket and the scene files. Raises `AutodriveError` for a token that is not allowed.
     """
 
-    def __init__(self, served: Served, options: PageOptions | None = None, *, page: Path | None = None) -> None:
+    def __init__(self, served: Served | None, options: PageOptions | None = None, *, page: Path | None = None) -> None:
         options = options or PageOptions()
         self.host = options.host
         if options.token is not None:
@@ -51,7 +60,9 @@ class Server:
         self._wanted_port = options.port
         self._port = 0
         self._policy = AccessPolicy(self.token, options.allowed_origins)
-        self.hub = Hub(served)
+        self._hub = None if served is None else Hub(served)
+        self.starting = Starting("starting")
+        """What clients are told while nothing is served; may be set in any thread."""
         self._thread: threading.Thread | None = None
         self.web_server: uvicorn.Server | None = None
 
@@ -65,6 +76,12 @@ class Server:
         """Host and port for clients, 'host:port'."""
         host = _reachable(self.host)
         return f"[{host}]:{self._port}" if ":" in host else f"{host}:{self._port}"
+
+    @property
+    def hub(self) -> Hub:
+        """The connections of the clients with the simulation."""
+        assert self._hub is not None, "nothing is served yet"
+        return self._hub
 
     @property
     def clients(self) -> int:
@@ -92,6 +109,12 @@ class Server:
         self._thread.start()
         is_ready.wait()
 
+    def serve(self, served: Served) -> None:
+        """Serve a simulation from now on. The server was started without one."""
+        hub = Hub(served)
+        asyncio.run_coroutine_threadsafe(self._hubs.enter_async_context(hub), self._loop).result()
+        self._hub = hub
+
     def close(self) -> None:
         """Disconnect all clients and end the thread."""
         if self._thread is None:
@@ -112,7 +135,9 @@ class Server:
         """Run the hub and the web server in the thread, until `close`."""
         page = {} if self._page is None else page_files(self._page)
         application = WebApplication(
-            self._policy, lambda path: page.get(path) or self.hub.files.get(path), self.hub.serve
+            self._policy,
+            lambda path: page.get(path) or (self._hub.files.get(path) if self._hub else None),
+            self._serve_client,
         )
         config = uvicorn.Config(
             application,  # type: ignore[arg-type]
@@ -130,9 +155,40 @@ class Server:
         )
         self.web_server = uvicorn.Server(config)
         logging.getLogger("uvicorn.error").addFilter(_admits)
-        is_ready.set()
-        async with self.hub:
+        self._loop = asyncio.get_running_loop()
+        async with AsyncExitStack() as self._hubs:
+            is_ready.set()
+            if self._hub is not None:
+                await self._hubs.enter_async_context(self._hub)
             await self.web_server.serve(sockets=[listener])
+
+    async def _serve_client(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Accept a WebSocket, and serve its client as soon as there is something to serve."""
+        is_offered = SUBPROTOCOL in scope["subprotocols"]
+        await send({"type": "websocket.accept", "subprotocol": SUBPROTOCOL if is_offered else None})
+        early = deque[dict[str, Any]]()
+        if self._hub is None:
+            await self._tell_until_served(receive, send, early)
+
+        async def receive_all() -> dict[str, Any]:
+            return early.popleft() if early else await receive()
+
+        await self.hub.serve(scope, receive_all, send)
+
+    async def _tell_until_served(self, receive: Receive, send: Send, early: deque[dict[str, Any]]) -> None:
+        """Send `starting` until there is a hub; what the client sends meanwhile goes to `early`."""
+
+        async def read() -> None:  # the pings of a client that has sent something are not answered until that is read
+            while len(early) < MAX_EARLY:
+                early.append(await receive())
+
+        reading = asyncio.create_task(read())
+        try:
+            while self._hub is None:
+                await send({"type": "websocket.send", "bytes": encode(self.starting)})
+                await asyncio.sleep(STARTING_INTERVAL)
+        finally:
+            reading.cancel()
 
 
 _throttle = LogThrottle(LOG_INTERVAL, time.monotonic)
