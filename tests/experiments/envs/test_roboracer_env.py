@@ -15,7 +15,7 @@ from autodrive.experiments.envs.conditions import Conditions
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.race_env import RaceParallelEnv
 from autodrive.experiments.envs.race_tracks import APART, AREA, ROWS, RaceTracks
-from autodrive.experiments.envs.roboracer_env import RoboRacerEnv
+from autodrive.experiments.envs.roboracer_env import RoboRacerEnv, RoboRacerVectorEnv
 from autodrive.experiments.envs.time_trial import FAILURE
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.tracks.generate import generate_track
@@ -210,3 +210,15 @@ def test_a_car_sees_the_other_ones() -> None:
     behind = race.possible_agents[int(race.distance.argmin())]
     ahead = observations[behind][SCAN:][np.abs(BEARINGS) < 60]
     assert ahead.min() < 1.0
+
+
+def test_each_episode_has_its_own_weather() -> None:
+    vector = RoboRacerVectorEnv(3, rain=(0.2, 1.0), threads=1)
+    vector.reset(seed=1)
+    dry = RoboRacerVectorEnv(3, threads=1)
+    dry.reset(seed=1)
+    friction = vector.batch.worlds.wheels["forward"][:, 0, 1] / dry.batch.worlds.wheels["forward"][:, 0, 1]
+    assert len({*friction.tolist()}) > 1
+    assert ((0.7 <= friction) & (friction <= 0.9)).all()
+    with pytest.raises(SpecError, match="fog"):
+        RoboRacerVectorEnv(1, fog=(0.0, 2.0))

@@ -31,7 +31,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
     or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
     width of the track and at least 1 m. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
-    `latency`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
+    `latency`, `fog`, `rain`, `snow`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
     """
 
     @with_suggestions
@@ -48,6 +48,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         mass: Range = 1.0,
         noise: Range = 0.0,
         latency: Range = 0.0,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         observation: Observation | None = None,
@@ -57,7 +60,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         render_mode: str | None = None,
     ) -> None:
         """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
-        self.conditions = Conditions(friction, mass, noise, latency)
+        self.conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
         super().__init__(
             num_envs,
             TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length, radius=track_radius),
@@ -82,8 +85,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     def _reset_worlds(self, rows: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         generators = [self._rngs[row] for row in rows.tolist()]
         drawn = np.array([self.conditions.draw(one) for one in generators if one is not None])
+        weathers = [self.conditions.draw_weather(one) for one in generators if one is not None]
         friction, mass, noise, latency = drawn.T
-        self.batch.reset(rows, seeds, poses=poses, grip=friction, mass=mass, noise=noise)
+        self.batch.reset(rows, seeds, poses=poses, grip=friction, mass=mass, noise=noise, weather=weathers)
         self._driver.reset(rows, latency[:, None])
 
 
