@@ -886,10 +886,24 @@ export interface ObjectFrame {
 }
 
 /**
+ * What the weather of a Frame means for its first vehicle.
+ *
+ * `grip`: factor of the friction of its tyres. `sight` [m] infinite in clear air. `lidar_dark`, `lidar_bright`: range
+ * of its LIDAR at a reflectivity of 10 % and of 80 % [m]; None without a LIDAR.
+ */
+export interface WeatherEffects {
+  grip: number
+  sight: number
+  lidar_dark: number | null
+  lidar_bright: number | null
+}
+
+/**
  * The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
  *
  * `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
- * midnight [s], None if the light is fixed. `weather` is None under a clear sky over dry ground.
+ * midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under
+ * a clear sky over dry ground.
  */
 export interface Frame {
   type: 'Frame'
@@ -901,6 +915,7 @@ export interface Frame {
   scene_light: boolean
   time_of_day: number | null
   weather: Weather | null
+  weather_effects: WeatherEffects | null
 }
 
 /**

@@ -188,6 +188,19 @@ class Weather(Displayed, frozen=True, gc=False):
     snow_cover: Share | None = None
 
 
+class WeatherEffects(Displayed, frozen=True, gc=False):
+    """What the weather of a Frame means for its first vehicle.
+
+    `grip`: factor of the friction of its tyres. `sight` [m] infinite in clear air. `lidar_dark`, `lidar_bright`: range
+    of its LIDAR at a reflectivity of 10 % and of 80 % [m]; None without a LIDAR.
+    """
+
+    grip: float
+    sight: float
+    lidar_dark: float | None
+    lidar_bright: float | None
+
+
 class SetWeather(msgspec.Struct, frozen=True, tag=True):
     """Set the weather, all of it: what `weather` leaves out is none. The ground follows with its time constants."""
 
@@ -647,7 +660,8 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     """The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
 
     `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
-    midnight [s], None if the light is fixed. `weather` is None under a clear sky over dry ground.
+    midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under
+    a clear sky over dry ground.
     """
 
     time: float
@@ -658,6 +672,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     scene_light: bool
     time_of_day: float | None = None
     weather: Weather | None = None
+    weather_effects: WeatherEffects | None = None
 
     def __repr__(self) -> str:
         return display.frame_text(self)

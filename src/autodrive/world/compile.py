@@ -25,15 +25,16 @@ from autodrive.physics.sensors.own import OwnSensors, problem
 from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
-from autodrive.physics.weather import TARGETS
-from autodrive.protocol.messages import Weather
+from autodrive.physics.weather import TARGETS, detection_range, extinction, road, sight, wet_reflectivity
+from autodrive.protocol.messages import Weather, WeatherEffects
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.descriptions import Specs
 from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map
 from autodrive.scenario.maps.mjcf import world_mjcf
+from autodrive.scenario.maps.spec import GroundSpec
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
-from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
+from autodrive.scenario.vehicles.parameters import surface_of, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.scenario.vehicles.stability import is_stable, longest_substep
 from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings
@@ -202,6 +203,19 @@ def set_factors(
         for name, place in c.spec.vehicles.items()
     }
     return c.spec.model_copy(update={"vehicles": placed}), vehicles
+
+
+def weather_effects(weather: Weather, ground: GroundSpec, vehicle: VehicleSpec) -> WeatherEffects:
+    """What that weather means for a vehicle; its LIDAR sees no farther than its `range_max`."""
+    wetness, lost, lidar = weather.wetness or 0.0, extinction(weather), vehicle.sensors.lidar
+
+    def seen(reflectivity: float) -> float | None:
+        if lidar is None:
+            return None
+        wet = reflectivity + wetness * (wet_reflectivity(reflectivity) - reflectivity)
+        return min(lidar.range_max, detection_range(wet, lost, lidar.range_max, lidar.rated_reflectivity))
+
+    return WeatherEffects(road(surface_of(vehicle, ground), weather).grip, sight(weather), seen(0.1), seen(0.8))
 
 
 def wheels_in(c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather) -> Table:

@@ -21,6 +21,7 @@ from autodrive.protocol.messages import (
     RaceState,
     VehicleFrame,
     Weather,
+    WeatherEffects,
     WheelsReading,
 )
 from autodrive.world.compile import CompiledScenario
@@ -58,6 +59,7 @@ class FrameBuilder:
         time_of_day: float | None = None,
         *,
         weather: Weather | None = None,
+        weather_effects: WeatherEffects | None = None,
         races: Sequence[RaceState] | None = None,
     ) -> Frame:
         """The Frame of the State at `time` [s]; what is given of the vehicles is by their number."""
@@ -81,6 +83,7 @@ class FrameBuilder:
             scene_light=scene_light,
             time_of_day=time_of_day,
             weather=weather,
+            weather_effects=weather_effects,
         )
 
     def _vehicle_frame(

@@ -31,7 +31,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
     or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
     width of the track and at least 1 m. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
-    `latency`, `fog`, `rain`, `snow`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
+    `latency`, `fog`, `rain`, `snow`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that
+    follow.
     """
 
     @with_suggestions

@@ -117,9 +117,7 @@ def wheel_table(
     table = np.zeros(4 * len(vehicles), dtype=WHEEL)
     for i, (spec, factor) in enumerate(zip(vehicles, grips, strict=True)):
         rows = table[4 * i : 4 * i + 4]
-        own = spec.wheels.weather
-        surface = SURFACES[ground.surface] if own is None else Surface(**own.model_dump())
-        state = road(surface, weather)
+        state = road(surface_of(spec, ground), weather)
         grip = ground.grip * factor * state.grip
         rows["rolling_resistance"] = state.resistance
         rows["hub"] = spec.hubs
@@ -130,6 +128,12 @@ def wheel_table(
         _set_suspension(rows, spec, dt)
         _set_tyres(rows, spec, grip, dt)
     return table
+
+
+def surface_of(spec: VehicleSpec, ground: GroundSpec) -> Surface:
+    """What water and snow do to the tyres of a vehicle."""
+    own = spec.wheels.weather
+    return SURFACES[ground.surface] if own is None else Surface(**own.model_dump())
 
 
 def _set_wheels(rows: Table, spec: VehicleSpec) -> None:
