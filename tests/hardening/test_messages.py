@@ -198,6 +198,7 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
     {"type": "Hold", "vehicle": "V1", "position": None},
     {"type": "SetSceneLight", "enabled": False},
     {"type": "SetTimeOfDay", "time": 3600.0, "scale": 60.0},
+    {"type": "SetWeather", "weather": {"rain": 0.5, "wetness": None}},
     {"type": "SetDrivingMode", "vehicle": "V1", "is_autonomous": True},
     {"type": "LoadScenario", "name": "plane"},
     {"type": "Place", "name": "V1", "x": 0.3, "y": 0.3, "yaw": 0.0},

@@ -81,6 +81,8 @@ def cut_off(send: Callable[[int], object], most: int = 1000) -> None:
         ("Teleport", {"vehicle": "V" * 60_000, "x": 0.0, "y": 0.0}),
         ("Hold", {"vehicle": "V1", "position": [HUGE, 0.0, 0.0]}),
         ("SetTimeOfDay", {"time": float("inf")}),
+        ("SetWeather", {"weather": {"rain": 2.0}}),
+        ("SetWeather", {"weather": {"fog": float("nan")}}),
         ("SetTimeOfDay", {"time": 0.0, "scale": HUGE}),
         ("AddBox", {"name": "box", "x": 0.5, "y": 0.5, "size": [-1.0, 1.0, 1.0]}),
         ("AddBox", {"name": "box", "x": 0.5, "y": 0.5, "mass": HUGE}),

@@ -124,6 +124,30 @@ export interface SetTimeOfDay {
 }
 
 /**
+ * Weather, and the state of the ground; the default is a clear sky over dry ground.
+ *
+ * `wetness` and `snow_cover` of the ground: None lets them follow rain and snow, a number holds them. A Frame has
+ * their values. See `docs/weather.md` for the amounts in units of physics.
+ */
+export interface Weather {
+  clouds: number
+  fog: number
+  rain: number
+  snow: number
+  wind: number
+  wetness: number | null
+  snow_cover: number | null
+}
+
+/**
+ * Set the weather, all of it: what `weather` leaves out is none. The ground follows with its time constants.
+ */
+export interface SetWeather {
+  type: 'SetWeather'
+  weather?: Weather
+}
+
+/**
  * Set the source of commands of a vehicle: a person (manual; scripts are ignored) or a script (autonomous).
  */
 export interface SetDrivingMode {
@@ -549,7 +573,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 }
 
 /**
@@ -1011,10 +1035,24 @@ export interface ObjectFrame {
 }
 
 /**
+ * What the weather of a Frame means for its first vehicle.
+ *
+ * `grip`: factor of the friction of its tyres. `sight` [m] infinite in clear air. `lidar_dark`, `lidar_bright`: range
+ * of its LIDAR at a reflectivity of 10 % and of 80 % [m]; None without a LIDAR.
+ */
+export interface WeatherEffects {
+  grip: number
+  sight: number
+  lidar_dark: number | null
+  lidar_bright: number | null
+}
+
+/**
  * The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
  *
  * `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
- * midnight [s], None if the light is fixed.
+ * midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under
+ * a clear sky over dry ground.
  */
 export interface Frame {
   type: 'Frame'
@@ -1025,6 +1063,8 @@ export interface Frame {
   events: (Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged)[]
   scene_light: boolean
   time_of_day: number | null
+  weather: Weather | null
+  weather_effects: WeatherEffects | null
 }
 
 /**
@@ -1063,7 +1103,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 
 export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

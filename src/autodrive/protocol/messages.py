@@ -168,6 +168,45 @@ class SetTimeOfDay(msgspec.Struct, frozen=True, tag=True):
     scale: Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)] = 0.0
 
 
+Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+"""From nothing (0) to the greatest amount (1)."""
+
+
+class Weather(Displayed, frozen=True, gc=False):
+    """Weather, and the state of the ground; the default is a clear sky over dry ground.
+
+    `wetness` and `snow_cover` of the ground: None lets them follow rain and snow, a number holds them. A Frame has
+    their values. See `docs/weather.md` for the amounts in units of physics.
+    """
+
+    clouds: Share = 0.0
+    fog: Share = 0.0
+    rain: Share = 0.0
+    snow: Share = 0.0
+    wind: Share = 0.0
+    wetness: Share | None = None
+    snow_cover: Share | None = None
+
+
+class WeatherEffects(Displayed, frozen=True, gc=False):
+    """What the weather of a Frame means for its first vehicle.
+
+    `grip`: factor of the friction of its tyres. `sight` [m] infinite in clear air. `lidar_dark`, `lidar_bright`: range
+    of its LIDAR at a reflectivity of 10 % and of 80 % [m]; None without a LIDAR.
+    """
+
+    grip: float
+    sight: float
+    lidar_dark: float | None
+    lidar_bright: float | None
+
+
+class SetWeather(msgspec.Struct, frozen=True, tag=True):
+    """Set the weather, all of it: what `weather` leaves out is none. The ground follows with its time constants."""
+
+    weather: Weather = Weather()
+
+
 class SetDrivingMode(msgspec.Struct, frozen=True, tag=True):
     """Set the source of commands of a vehicle: a person (manual; scripts are ignored) or a script (autonomous)."""
 
@@ -338,6 +377,7 @@ Operation: TypeAlias = (
     | Hold
     | SetSceneLight
     | SetTimeOfDay
+    | SetWeather
     | SetDrivingMode
     | Retire
     | LoadScenario
@@ -696,7 +736,8 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     """The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
 
     `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
-    midnight [s], None if the light is fixed.
+    midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under
+    a clear sky over dry ground.
     """
 
     time: float
@@ -706,6 +747,8 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     events: tuple[Event, ...]
     scene_light: bool
     time_of_day: float | None = None
+    weather: Weather | None = None
+    weather_effects: WeatherEffects | None = None
 
     def __repr__(self) -> str:
         return display.frame_text(self)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
+from msgspec import structs
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Discriminator,
     Field,
     FieldSerializationInfo,
@@ -20,7 +23,10 @@ from pydantic import (
 )
 
 from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec
+from autodrive.base.suggest import suggest
 from autodrive.physics.sensors.settings import SensorSettings
+from autodrive.protocol.messages import Weather
+from autodrive.protocol.weather import PRESETS
 from autodrive.scenario.maps.spec import MapSpec
 
 DEFAULT = "mini_map"
@@ -120,6 +126,50 @@ NamedOrOwnMap: TypeAlias = Annotated[
     Annotated[str, Tag("str")] | Annotated[MapSpec, Tag("dict[str, Any]")], Discriminator(_type_of_map)
 ]
 """A name, a file, or the map itself; errors are those of the one that is given."""
+Amount: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
+"""From nothing (0) to the greatest amount (1)."""
+
+
+class WeatherSpec(Spec):
+    """The weather at the start, none by default; in a file also the name of a weather, such as heavy_rain."""
+
+    clouds: Amount = 0.0
+    fog: Amount = 0.0
+    rain: Amount = 0.0
+    snow: Amount = 0.0
+    wind: Amount = 0.0
+    """Slants rain and snow in images; no force on vehicles."""
+    wetness: Amount | None = None
+    """Of the ground; left out: as after a long time of that rain, and it follows later changes."""
+    snow_cover: Amount | None = None
+    """Likewise of the snow on it."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_name(cls, value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        if value not in PRESETS:
+            raise ValueError(f"the weather '{value}' is not known. {suggest(value, list(PRESETS))}")
+        return structs.asdict(PRESETS[value])
+
+    @property
+    def message(self) -> Weather:
+        """The same as a message."""
+        return Weather(**self.model_dump())
+
+
+def _seconds(value: Any) -> Any:
+    """A time of day 'HH:MM' or 'HH:MM:SS' in seconds."""
+    if not isinstance(value, str):
+        return value
+    if not (found := re.fullmatch(r"(\d{1,2}):(\d{2})(?::(\d{2}))?", value)) or not int(found[1]) < 24:
+        raise ValueError(f"must be seconds since midnight or HH:MM, such as 18:30, not '{value[:20]}'")
+    return 3600.0 * int(found[1]) + 60.0 * int(found[2]) + int(found[3] or 0)
+
+
+TimeOfDay: TypeAlias = Annotated[float, BeforeValidator(_seconds), Field(ge=0.0, lt=86400.0)]
+"""Since midnight [s], or a text such as '18:30'."""
 
 
 class ScenarioSpec(Spec):
@@ -142,6 +192,10 @@ class ScenarioSpec(Spec):
     """Boxes of the map that are left out. One of that name in `boxes` takes its place."""
     scene_light: bool = True
     """True: day; False: night."""
+    time_of_day: TimeOfDay | None = None
+    """Time since midnight [s], or 'HH:MM', instead of `scene_light`; it stands still."""
+    weather: WeatherSpec = WeatherSpec()
+    """Weather and ground at the start: amounts, or a name such as heavy_rain."""
     tick: float = Field(default=0.01, ge=1e-5, le=0.1)
     """Simulated time between Frames [s]."""
     substep: float = Field(default=0.001, ge=1e-5, le=0.005)

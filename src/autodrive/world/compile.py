@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from autodrive.base.arrays import Integers
 from autodrive.base.errors import EngineError, SensorError, SpecError
 from autodrive.base.specs import Place, Problem, SpecProblems
 from autodrive.base.suggest import suggest
@@ -18,20 +19,23 @@ from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
 from autodrive.physics.grid import fixed_grid
-from autodrive.physics.model import Model, Shapes
+from autodrive.physics.model import Model, Shapes, Table
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.own import OwnSensors, problem
 from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
+from autodrive.physics.weather import TARGETS, detection_range, extinction, road, sight, wet_reflectivity
+from autodrive.protocol.messages import Weather, WeatherEffects
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.descriptions import Specs
 from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map, problem_texts, problems_of_draft
 from autodrive.scenario.maps.mjcf import world_mjcf
 from autodrive.scenario.maps.placing import MapProblem
+from autodrive.scenario.maps.spec import GroundSpec
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
-from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
+from autodrive.scenario.vehicles.parameters import surface_of, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.scenario.vehicles.stability import is_stable, longest_substep
 from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings
@@ -51,6 +55,8 @@ class CompiledScenario:
     """By name, in the order of the rows of the Model."""
     configured: dict[str, dict[str, ConfiguredSensor]]
     """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
+    targets: Integers
+    """What each shape is for a LIDAR; see `SensorTables`."""
     sensors: SensorSuite
     own_sensors: OwnSensors
     cameras: dict[str, dict[str, CameraSpec]]
@@ -119,11 +125,14 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         vehicles=vehicle_table(vehicles, engine, geoms, spec.substep),
         wheels=wheel_table(
             [*vehicles.values()],
-            [map_.ground.grip * placement.grip_factor for placement in spec.vehicles.values()],
+            [placement.grip_factor for placement in spec.vehicles.values()],
             spec.substep,
+            map_.ground,
+            Weather(),
         ),
         shapes=shapes,
     )
+    targets = _targets(map_, boxes, [owners[geom.number] for geom in geoms], shapes)
     state = empty_state(model, engine.body_count)
     objects = {box.name: engine.body(box.name)[1] for box in boxes}
     own = OwnSensors(
@@ -146,10 +155,12 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         map=map_,
         vehicles=vehicles,
         configured=configured,
+        targets=targets,
         sensors=SensorSuite(
             configured,
             shapes,
             state,
+            targets,
             substep=Fraction(str(spec.substep)),
             substeps=spec.substeps,
             gravity=spec.gravity,
@@ -186,8 +197,8 @@ def set_factors(
     vehicles = {name: vehicle.with_mass_factor(of[name]["mass"]) for name, vehicle in c.vehicles.items()}
     for row, vehicle in zip(c.model.vehicles, vehicles.values(), strict=True):
         row["mass"], row["inertia"] = vehicle.body.mass, vehicle.body.inertia
-    grips = [c.map.ground.grip * (c.spec.vehicles[name].grip_factor * its["grip"]) for name, its in of.items()]
-    c.model.wheels[:] = wheel_table([*vehicles.values()], grips, c.spec.substep)
+    grips = [c.spec.vehicles[name].grip_factor * its["grip"] for name, its in of.items()]
+    c.model.wheels[:] = wheel_table([*vehicles.values()], grips, c.spec.substep, c.map.ground, Weather())
     c.sensors.set_noise_factors([its["noise"] for its in of.values()])
     placed = {
         name: place.model_copy(
@@ -196,6 +207,36 @@ def set_factors(
         for name, place in c.spec.vehicles.items()
     }
     return c.spec.model_copy(update={"vehicles": placed}), vehicles
+
+
+def weather_effects(weather: Weather, ground: GroundSpec, vehicle: VehicleSpec) -> WeatherEffects:
+    """What that weather means for a vehicle; its LIDAR sees no farther than its `range_max`."""
+    wetness, lost, lidar = weather.wetness or 0.0, extinction(weather), vehicle.sensors.lidar
+
+    def seen(reflectivity: float) -> float | None:
+        if lidar is None:
+            return None
+        wet = reflectivity + wetness * (wet_reflectivity(reflectivity) - reflectivity)
+        return min(lidar.range_max, detection_range(wet, lost, lidar.range_max, lidar.rated_reflectivity))
+
+    return WeatherEffects(road(surface_of(vehicle, ground), weather).grip, sight(weather), seen(0.1), seen(0.8))
+
+
+def wheels_in(c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather) -> Table:
+    """`Model.wheels` in that weather, as `set_weather` sets it."""
+    grips = [placement.grip_factor for placement in spec.vehicles.values()]
+    return wheel_table([*vehicles.values()], grips, c.spec.substep, c.map.ground, weather)
+
+
+def set_weather(
+    c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather, seed: int
+) -> None:
+    """Set the tyres and the LIDARs for that weather; `spec`, `vehicles`: with the factors of `set_factors`.
+
+    `seed`: of the last reset.
+    """
+    c.model.wheels[:] = wheels_in(c, spec, vehicles, weather)
+    c.sensors.set_weather(weather, seed)
 
 
 def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
@@ -234,6 +275,13 @@ def _shapes(geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
         n_fixed=n_fixed,
         grid=fixed_grid(kind[:n_fixed], size[:n_fixed], position[:n_fixed], rotation[:n_fixed]),
     )
+
+
+def _targets(map_: Map, boxes: Sequence[BoxPlacement], owners: Sequence[str], shapes: Shapes) -> Integers:
+    """What each shape is for a LIDAR: numbers of `weather.TARGETS`."""
+    kinds = {shape.name.split("/")[0]: shape.material for shape in map_.statics} | {box.name: "box" for box in boxes}
+    names = ["vehicle" if v >= 0 else kinds[owner] for owner, v in zip(owners, shapes.vehicle.tolist(), strict=True)]
+    return np.array([TARGETS[name] for name in names], np.int64)
 
 
 def on_grid(spec: ScenarioSpec, map_: Map) -> ScenarioSpec:

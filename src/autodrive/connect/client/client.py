@@ -18,7 +18,7 @@ from autodrive.base.suggest import with_suggestions
 from autodrive.connect.client.client_socket import Address
 from autodrive.connect.client.connection import LOADING, Connection
 from autodrive.connect.client.view import View
-from autodrive.protocol.commands import check_commands
+from autodrive.protocol.commands import check_commands, check_weather
 from autodrive.protocol.messages import (
     AddBox,
     Command,
@@ -41,10 +41,13 @@ from autodrive.protocol.messages import (
     SetSceneLight,
     SetSensor,
     SetSpeed,
+    SetTimeOfDay,
+    SetWeather,
     Step,
     Teleport,
     Undo,
     UseMap,
+    Weather,
 )
 from autodrive.protocol.native import (
     ConnectBridge,
@@ -289,6 +292,17 @@ class Client:
     def set_scene_light(self, enabled: bool) -> Frame:
         """Switch to day (True) or night (False)."""
         return self.connection.request(SetSceneLight(bool(enabled)))
+
+    def set_time_of_day(self, time: float | None, scale: float = 0.0) -> Frame:
+        """Let sun and sky follow a time of day [s since midnight], None: the present one; see `SetTimeOfDay`."""
+        seconds = None if time is None else _number("time", time)
+        return self.connection.request(SetTimeOfDay(seconds, _number("scale", scale)))
+
+    def set_weather(self, weather: Weather | None = None) -> Frame:
+        """Set the weather, for example `Weather(rain=0.6)`; None: clear. The ground follows."""
+        weather = Weather() if weather is None else weather
+        check_weather(weather)
+        return self.connection.request(SetWeather(weather))
 
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> Frame:
         """Let a vehicle obey a script (autonomous, True) or a person (manual, False)."""

@@ -36,7 +36,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
     or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
     width of the track and at least 1 m. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
-    `latency`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
+    `latency`, `fog`, `rain`, `snow`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that
+    follow.
     """
 
     @with_suggestions
@@ -55,6 +56,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         mass: Range = 1.0,
         noise: Range = 0.0,
         latency: Range = 0.0,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         observation: Observation | None = None,
@@ -69,7 +73,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
             errors.append(f"rivalry: must be a number from 0 to 10, and 0 for a single car, not {rivalry!r}")
         if errors:
             raise SpecError(errors)
-        self.conditions = Conditions(friction, mass, noise, latency)
+        self.conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
         super().__init__(
             num_envs,
             TimeTrial(
@@ -106,8 +110,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         generators = [self._rngs[world] for world in worlds.tolist()]
         drawn = [self.conditions.draw(one) for one in generators if one is not None for _ in range(self.car_count)]
+        weathers = [self.conditions.draw_weather(one) for one in generators if one is not None]
         friction, mass, noise, latency = self._of_worlds(np.array(drawn)).transpose(2, 0, 1)
-        self.batch.reset(worlds, seeds, poses=poses, grip=friction, mass=mass, noise=noise)
+        self.batch.reset(worlds, seeds, poses=poses, grip=friction, mass=mass, noise=noise, weather=weathers)
         self._driver.reset(worlds, latency)
 
 
