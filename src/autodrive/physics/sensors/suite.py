@@ -14,7 +14,7 @@ from autodrive.base.arrays import Integers, read_only_copy
 from autodrive.base.compile_ahead import compile_ahead
 from autodrive.base.jit import resolved
 from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.catalog import CHANNELS, SENSORS, VALUES
+from autodrive.physics.sensors.catalog import NOISY_VALUES, SENSORS, VALUES
 from autodrive.physics.sensors.columns import motion_of, working_memory
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.lidar_weather import set_lidar_weather
@@ -184,7 +184,7 @@ class SensorSuite:
                 columns.sweep_ranges[0, i, : spec.rays] = its_columns.sweep_ranges[0, i, : spec.rays]
                 columns.sweep_hits[0, i, : spec.rays] = -1  # the shapes have other numbers
         else:
-            noise.bias[0, i, CHANNELS[name]] = its_noise.bias[0, i, CHANNELS[name]]
+            noise.bias[0, i, NOISY_VALUES[name]] = its_noise.bias[0, i, NOISY_VALUES[name]]
         self._latest[i][name], self._times[i][s] = before._latest[i][name], before._times[i][s]
 
     def _reader(self, i: int, s: int) -> Reader:

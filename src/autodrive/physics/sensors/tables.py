@@ -10,7 +10,7 @@ import numpy as np
 
 from autodrive.base.arrays import Integers
 from autodrive.physics.model import columns as table_columns
-from autodrive.physics.sensors.catalog import ALWAYS_READ, CHANNELS, KINDS, NUMBERS, SENSORS, VALUES
+from autodrive.physics.sensors.catalog import ALWAYS_READ, KINDS, NOISY_VALUES, NUMBERS, SENSORS, VALUES
 from autodrive.physics.sensors.columns import NoiseColumns, ReadingColumns, SensorTables
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.lidar_weather import WIDTH
@@ -106,7 +106,7 @@ def reset_noise(
         rows = spec.channel_noise()
         if rows:
             columns.is_noisy[k, i, s] = not all(one.is_silent for one in rows)
-            columns.channels[k, i, CHANNELS[sensor]] = [(one.sigma, one.offset, one.walk, one.step) for one in rows]
+            columns.channels[k, i, NOISY_VALUES[sensor]] = [(one.sigma, one.offset, one.walk, one.step) for one in rows]
         if isinstance(spec, LidarSpec):
             noise = spec.noise
             columns.is_noisy[k, i, s] = noise != type(noise)()
@@ -115,14 +115,14 @@ def reset_noise(
             continue
         stream = columns.stream[k, i, s]
         stream[:] = new_stream(random_generator(seed, name, sensor))
-        columns.bias[k, i, CHANNELS[sensor]] = [one.offset * normal(stream) for one in rows]
+        columns.bias[k, i, NOISY_VALUES[sensor]] = [one.offset * normal(stream) for one in rows]
         if isinstance(spec, LidarSpec):
             columns.lidar[k, i, 4] = 1.0 + spec.noise.scale * normal(stream)
 
 
 def noise_columns(n: int, v: int) -> NoiseColumns:
     """No noise yet; see `reset_noise`."""
-    sensors, channels = len(SENSORS), CHANNELS[SENSORS[-1]].stop
+    sensors, channels = len(SENSORS), NOISY_VALUES[SENSORS[-1]].stop
     return NoiseColumns(
         is_noisy=np.zeros((n, v, sensors), np.bool_),
         stream=np.zeros((n, v, sensors, 3), np.uint64),
