@@ -26,7 +26,7 @@ class ConformanceError(AutodriveError):
         super().__init__("\n".join([f"{subject} does not conform:", *(f"  - {error}" for error in errors)]))
 
 
-class CheckedBridge(Protocol):
+class Bridge(Protocol):
     """Connects a running Simulation to something else; a Sink of that Simulation while it is started."""
 
     def start(self) -> None:
@@ -42,7 +42,7 @@ class CheckedBridge(Protocol):
         ...
 
 
-def check_bridge(make: Callable[[Simulation], CheckedBridge], *, scenario: str | Path = "plane", ticks: int = 200) -> None:
+def check_bridge(make: Callable[[Simulation], Bridge], *, scenario: str | Path = "plane", ticks: int = 200) -> None:
     """Check a bridge whose peer does not answer. Raises `ConformanceError`.
 
     `make` returns a bridge that is not started, for a Simulation that runs as fast as it can. The rules:
