@@ -1,9 +1,10 @@
 """CPU time of a vector environment: environment steps a second, and what the environment adds to the batch call.
 
-    uv run benchmarks/envs.py [--id NigelNavigation-v0] [--num-envs 256] [--frame-skip 1] [--threads 1]
+    uv run benchmarks/envs.py [--id NigelNavigation-v0] [--num-envs 256] [--frame-skip 1] [--threads 1] [--cars 2]
 
 Medians of rounds, CPU time of all threads. All cars drive with random actions, each held for half a second, so that
-episodes end and start again. The batch calls (`step`, `reset`) are timed inside of the environment's, in the same run.
+episodes end and start again. `--cars`: of each race of RoboRacer-v0. The batch calls (`step`, `reset`) are timed inside
+of the environment's, in the same run.
 """
 
 from __future__ import annotations
@@ -42,10 +43,11 @@ def main() -> None:
     parser.add_argument("--num-envs", type=int, default=256)
     parser.add_argument("--frame-skip", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--cars", type=int)
     options = parser.parse_args()
-    envs: Any = gymnasium.make_vec(
-        f"autodrive:{options.id}", options.num_envs, frame_skip=options.frame_skip, threads=options.threads
-    )
+    settings = {"frame_skip": options.frame_skip, "threads": options.threads}
+    settings |= {"cars": options.cars} if options.cars else {}
+    envs: Any = gymnasium.make_vec(f"autodrive:{options.id}", options.num_envs, **settings)
     envs.batch.step, envs.batch.reset = Timed(envs.batch.step), Timed(envs.batch.reset)
     rng = np.random.default_rng(1)
     envs.reset(seed=1)

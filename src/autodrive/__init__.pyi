@@ -39,6 +39,7 @@ from .protocol.messages import RangeReading as RangeReading
 from .protocol.messages import SetBack as SetBack
 from .protocol.messages import TailLights as TailLights
 from .protocol.messages import VehicleFrame as VehicleFrame
+from .protocol.messages import Weather as Weather
 from .protocol.messages import WheelsReading as WheelsReading
 from .protocol.messages import WrongWay as WrongWay
 from .scenario import BoxSpec as BoxSpec

@@ -61,6 +61,15 @@ REQUESTS: st.SearchStrategy[Any] = st.one_of(
     st.builds(messages.SaveScenario),
     st.sampled_from([None, 7, "Reset", {}, messages.Reset, object(), Command()]),
 )
+PARTS = st.one_of(
+    st.builds(
+        messages.MapModule, st.sampled_from(["curved_road", "lawn", "construction_box", "", "x.yaml"]), PLACES, PLACES
+    ),
+    st.builds(messages.MapModule, NAMES, NUMBERS, NUMBERS, NUMBERS, st.one_of(FLAGS, NUMBERS), NUMBERS),
+    st.builds(messages.MapWall, st.lists(st.tuples(PLACES, PLACES), max_size=4), NUMBERS, NUMBERS),
+    st.builds(messages.MapBlock, PLACES, PLACES, st.floats(0.1, 1.0), st.floats(0.1, 1.0), st.floats(0.1, 1.0)),
+    st.builds(messages.MapProp, NAMES, NUMBERS, NUMBERS, NUMBERS),
+)
 EDITS: st.SearchStrategy[Any] = st.one_of(
     st.builds(messages.Place, st.one_of(NEW, NAMES), PLACES, PLACES, PLACES),
     st.builds(messages.Place, NAMES, NUMBERS, NUMBERS, NUMBERS),
@@ -68,6 +77,8 @@ EDITS: st.SearchStrategy[Any] = st.one_of(
     st.builds(messages.AddBox, st.one_of(NEW, NAMES), NUMBERS, NUMBERS, NUMBERS, VECTORS, NUMBERS),
     st.builds(messages.RemoveBox, st.one_of(NEW, NAMES)),
     st.builds(messages.SetSensor, NAMES, SENSORS, FLAGS, st.one_of(st.none(), st.floats(1, 100), NUMBERS), NOISES),
+    st.builds(messages.EditMap, st.dictionaries(st.one_of(NEW, NAMES), st.one_of(st.none(), PARTS, NUMBERS))),
+    st.builds(messages.UseMap, st.one_of(SCENARIOS, NAMES)),
     st.builds(messages.Undo),
     st.builds(messages.Redo),
 )

@@ -29,6 +29,7 @@ CALLS: dict[str, Callable[[World], object]] = {
     "set_driving_mode": lambda world: world.set_driving_mode("V1", True),
     "set_scene_light": lambda world: world.set_scene_light(False),
     "set_time_of_day": lambda world: world.set_time_of_day(0.0),
+    "set_weather": lambda world: world.set_weather(),
     "look": lambda world: world.look(),
     "close": lambda world: world.close(),
 }

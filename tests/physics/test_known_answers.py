@@ -174,10 +174,9 @@ def test_pushed_box_slides_its_friction_distance_after_the_car_brakes(world_with
     frame = drive(world, 3.0, throttle=1.0)
     before = float(frame.objects["box"].pose.position[0])
     assert before > 0.6  # it was pushed
-    v = frame.vehicles["V1"].speed
+    v = float(world.compiled.state.qvel[world.compiled.engine.body("box")[2]])  # up to 12 % above that of the car
     slid = float(drive(world, 1.0).objects["box"].pose.position[0]) - before
-    # the car pushes it in small jerks, so that it is up to 12 % faster than the car
-    assert slid == pytest.approx(v**2 / (2 * 0.6 * G), rel=0.25)
+    assert slid == pytest.approx(v**2 / (2 * 0.6 * G), rel=0.08)
 
 
 def test_wheels_on_a_body_apply_the_reaction_to_it(world_with: WorldWith) -> None:

@@ -9,7 +9,18 @@ from msgspec.structs import replace
 
 import autodrive
 from autodrive import Command, Simulation
-from autodrive.protocol.messages import AddBox, Hold, LoadScenario, Reset, SetDrivingMode, SetTimeOfDay, Teleport, Undo
+from autodrive.protocol.messages import (
+    AddBox,
+    Hold,
+    LoadScenario,
+    Reset,
+    SetDrivingMode,
+    SetTimeOfDay,
+    SetWeather,
+    Teleport,
+    Undo,
+    Weather,
+)
 from autodrive.recording import Recorder, RecordingError
 from autodrive.recording import open as open_recording
 from autodrive.recording.resimulation import first_difference, resimulate
@@ -33,6 +44,7 @@ def test_everything_that_a_simulation_does_is_repeated(tmp_path: Path) -> None:
         requests = [
             Teleport("V1", 1.0, 2.0, 0.5),
             SetTimeOfDay(3600.0 * 7, 60.0),
+            SetWeather(Weather(fog=0.5, rain=0.8)),
             AddBox("crate", 2.0, 2.5),
             Undo(),
             SetDrivingMode("V1", is_autonomous=False),

@@ -92,6 +92,9 @@ class LongDrive:
                 world.set_scene_light(rng.random() < 0.5)
             case 6:
                 world.set_time_of_day(rng.uniform(0.0, 86400.0), rng.choice([0.0, 60.0]))
+            case 24:
+                rain, snow, fog = (rng.choice([0.0, 0.0, 0.5, 1.0]) for _ in range(3))
+                world.set_weather(autodrive.Weather(fog=fog, rain=rain, snow=snow))
             case 7:
                 world.set_driving_mode(rng.choice(world.vehicle_names), rng.random() < 0.5)
             case number if number < 24:

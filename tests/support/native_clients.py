@@ -38,7 +38,7 @@ def scene_files(world: World) -> SceneFiles:
     scene = Scene(
         scenario=world.spec.title,
         title=world.spec.title,
-        map=world.spec.map,
+        map=world.spec.map_name,
         tick=world.tick_duration,
         model="scene/map.glb",
         vehicles={},

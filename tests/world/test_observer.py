@@ -9,7 +9,16 @@ import pytest
 
 import autodrive
 from autodrive import Command, CommandError
-from autodrive.protocol.messages import Frame, Hold, Reset, SetDrivingMode, SetSceneLight, SetTimeOfDay
+from autodrive.protocol.messages import (
+    Frame,
+    Hold,
+    Reset,
+    SetDrivingMode,
+    SetSceneLight,
+    SetTimeOfDay,
+    SetWeather,
+    Weather,
+)
 from autodrive.world.observer import Request, ResetTo, Restored, SetPoses
 
 
@@ -45,6 +54,7 @@ def test_an_observer_hears_all_that_a_world_is_given_and_does() -> None:
     world.hold("V1", None)
     world.set_scene_light(False)
     world.set_time_of_day(100.0, 2.0)
+    world.set_weather(Weather(rain=0.5))
     world.restore(saved)
     world.look()
     world.observers.remove(notes)
@@ -62,6 +72,7 @@ def test_an_observer_hears_all_that_a_world_is_given_and_does() -> None:
         Hold("V1", None),
         *(SetSceneLight(False), 0),
         *(SetTimeOfDay(100.0, 2.0), 0),
+        *(SetWeather(Weather(rain=0.5)), 0),
         *(Restored(), 0),
     ]
 

@@ -47,7 +47,7 @@ export class Actions {
 
   /** Moves the camera nearer by a click of the mouse wheel, or farther: -1. */
   zoom(click: 1 | -1): void {
-    if (this.store.isEditing.value) this.view?.zoomEdit(click)
+    if (this.store.isMapViewed) this.view?.zoomEdit(click)
     else zoomCamera(this.store, click)
   }
 

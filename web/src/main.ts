@@ -1,5 +1,8 @@
 // Entry point of the page: creates the connection, the store, the panels and the 3D view.
 import { Actions } from './actions'
+import { listenToBuildKeys } from './building/build_keys'
+import { buildPointer } from './building/build_pointer'
+import { Builder } from './building/builder'
 import { Connection } from './connection'
 import { Driver } from './driving/driver'
 import { listenToGamepad } from './driving/gamepad'
@@ -11,6 +14,7 @@ import { editPointer } from './editing/pointer'
 import { logOf } from './log'
 import { Headlights, Indicators } from './messages'
 import { banner } from './panels/banner'
+import { build } from './panels/build'
 import { connectDialog } from './panels/connect'
 import { description } from './panels/description'
 import { edit } from './panels/edit'
@@ -54,6 +58,7 @@ const trails = new Trails()
 followViewInLink(store)
 const programs = connectDialog(store)
 const editor = new Editor(store, actions)
+const builder = new Builder(store, actions)
 
 /** Actions of keys that are not held. */
 const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
@@ -69,6 +74,7 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   menu: () => (store.isMenuOpen.value = !store.isMenuOpen.value),
   hud: () => (store.isHudOpen.value = !store.isHudOpen.value),
   edit: () => (store.isEditing.value = !store.isEditing.value),
+  build: () => (store.isBuilding.value = !store.isBuilding.value),
   help: keys.toggle,
   log: () => (store.isLogOpen.value = !store.isLogOpen.value),
   minimap: () => (store.isMapOpen.value = !store.isMapOpen.value),
@@ -123,8 +129,10 @@ document.body.append(
 canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
-document.body.append(...edit(store, editor, view))
+canvas.after(buildPointer(store, builder, canvas, view))
+document.body.append(...edit(store, editor, view), ...build(store, builder, editor, view))
 listenToEditKeys(store, editor, () => driver.stop())
+listenToBuildKeys(store, builder, editor, () => driver.stop())
 listenToKeyboard(driver, (action) => KEY_ACTIONS[action]?.())
 listenToGamepad(driver)
 requestRemoteView(store, connection, canvas)

@@ -124,6 +124,30 @@ export interface SetTimeOfDay {
 }
 
 /**
+ * Weather, and the state of the ground; the default is a clear sky over dry ground.
+ *
+ * `wetness` and `snow_cover` of the ground: None lets them follow rain and snow, a number holds them. A Frame has
+ * their values. See `docs/weather.md` for the amounts in units of physics.
+ */
+export interface Weather {
+  clouds: number
+  fog: number
+  rain: number
+  snow: number
+  wind: number
+  wetness: number | null
+  snow_cover: number | null
+}
+
+/**
+ * Set the weather, all of it: what `weather` leaves out is none. The ground follows with its time constants.
+ */
+export interface SetWeather {
+  type: 'SetWeather'
+  weather?: Weather
+}
+
+/**
  * Set the source of commands of a vehicle: a person (manual; scripts are ignored) or a script (autonomous).
  */
 export interface SetDrivingMode {
@@ -201,6 +225,82 @@ export interface SetSensor {
 }
 
 /**
+ * A placed module: x, y [m] and heading yaw [rad] of the middle of its footprint.
+ *
+ * `module`: a name of `MapScene.modules`. `open`: ports that may stay unconnected; True: all. Terrain and boxes only:
+ * `length` and `width` [m]; None: as in the module's file. Boxes only: `height` [m], `mass` [kg], and `z` [m], the
+ * height of the underside above the ground.
+ */
+export interface MapModule {
+  type: 'MapModule'
+  module: string
+  x: number
+  y: number
+  yaw: number
+  open: boolean | (string)[]
+  length: number | null
+  width: number | null
+  height: number | null
+  z: number
+  mass: number | null
+}
+
+/**
+ * A wall along a line through points x, y [m], from the last to the first if `is_closed`; thickness, height [m].
+ */
+export interface MapWall {
+  type: 'MapWall'
+  points: ([number, number])[]
+  height: number
+  thickness: number
+  is_closed: boolean
+}
+
+/**
+ * A static box on the ground, such as a building: middle x, y [m], heading yaw [rad], sizes [m].
+ */
+export interface MapBlock {
+  type: 'MapBlock'
+  x: number
+  y: number
+  length: number
+  width: number
+  height: number
+  yaw: number
+}
+
+/**
+ * A traffic sign or traffic light at x, y [m] whose face looks along yaw [rad]; `kind`: one of `MapScene.props`.
+ */
+export interface MapProp {
+  type: 'MapProp'
+  kind: string
+  x: number
+  y: number
+  yaw: number
+}
+
+/**
+ * Add, replace or remove (None) parts of the map, by name. It is one edit, however many parts it has.
+ *
+ * `seen`: the parts as the client knows them; None: not there. If a part is different now, because another client has
+ * changed it, the edit is refused.
+ */
+export interface EditMap {
+  type: 'EditMap'
+  parts: Record<string, MapModule | MapWall | MapBlock | MapProp | null>
+  seen?: Record<string, MapModule | MapWall | MapBlock | MapProp | null>
+}
+
+/**
+ * Replace the map by a map of the simulator, one of `MapScene.templates`.
+ */
+export interface UseMap {
+  type: 'UseMap'
+  name: string
+}
+
+/**
  * Revert the latest edit.
  */
 export interface Undo {
@@ -219,6 +319,14 @@ export interface Redo {
  */
 export interface SaveScenario {
   type: 'SaveScenario'
+  title?: string
+}
+
+/**
+ * Request the map with all edits, as YAML, in the `text` of the Response, with that title if there is one.
+ */
+export interface SaveMap {
+  type: 'SaveMap'
   title?: string
 }
 
@@ -465,7 +573,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 }
 
 /**
@@ -566,6 +674,58 @@ export interface Timeline {
 }
 
 /**
+ * A port of a module: a pose x, y [m], yaw [rad] that faces outward, and the width of its road [m].
+ *
+ * `state` in a map: 'joined' to another port; 'open': it may stay unconnected; 'free': it is not connected yet;
+ * 'wrong': a port near it does not fit. In a module: 'free'.
+ */
+export interface MapPort {
+  x: number
+  y: number
+  yaw: number
+  width: number
+  state: 'joined' | 'open' | 'free' | 'wrong'
+}
+
+/**
+ * What is wrong with the map, where [m], and which parts it concerns.
+ *
+ * `repair`: parts with which an `EditMap` repairs it; empty if that is not known.
+ */
+export interface MapProblem {
+  kind: string
+  text: string
+  x: number
+  y: number
+  parts: (string)[]
+  repair: Record<string, MapModule | MapWall | MapBlock | MapProp>
+}
+
+/**
+ * A module that a map can have. `image`: address of its drawing from above (SVG), relative to the page.
+ */
+export interface ModuleScene {
+  title: string
+  type: string
+  length: number
+  width: number
+  image: string
+  ports: Record<string, MapPort>
+}
+
+/**
+ * The map as `EditMap` changes it.
+ */
+export interface MapScene {
+  parts: Record<string, MapModule | MapWall | MapBlock | MapProp>
+  ports: Record<string, Record<string, MapPort>>
+  problems: (MapProblem)[]
+  modules: Record<string, ModuleScene>
+  props: (string)[]
+  templates: Record<string, string>
+}
+
+/**
  * What a client needs to draw the world; sent after the Welcome, and before the Frames of another World.
  *
  * Another scenario has another World, and so has an edit that does not only move things.
@@ -585,6 +745,7 @@ export interface Scene {
   plan: Plan | null
   warm_up_laps: number
   timeline: Timeline | null
+  map_scene: MapScene | null
 }
 
 /**
@@ -874,10 +1035,24 @@ export interface ObjectFrame {
 }
 
 /**
+ * What the weather of a Frame means for its first vehicle.
+ *
+ * `grip`: factor of the friction of its tyres. `sight` [m] infinite in clear air. `lidar_dark`, `lidar_bright`: range
+ * of its LIDAR at a reflectivity of 10 % and of 80 % [m]; None without a LIDAR.
+ */
+export interface WeatherEffects {
+  grip: number
+  sight: number
+  lidar_dark: number | null
+  lidar_bright: number | null
+}
+
+/**
  * The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
  *
  * `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
- * midnight [s], None if the light is fixed.
+ * midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under
+ * a clear sky over dry ground.
  */
 export interface Frame {
   type: 'Frame'
@@ -888,6 +1063,8 @@ export interface Frame {
   events: (Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged)[]
   scene_light: boolean
   time_of_day: number | null
+  weather: Weather | null
+  weather_effects: WeatherEffects | null
 }
 
 /**
@@ -901,7 +1078,8 @@ export interface Curve {
 /**
  * A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
  *
- * `text`: the scenario as YAML, for a `SaveScenario`; the path of the file, for a `StopRecording` or `SaveRecording`.
+ * `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
+ * or `SaveRecording`.
  * `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
  */
 export interface Response {
@@ -925,9 +1103,11 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | Undo | Redo | SaveScenario | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 
 export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
+
+export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 

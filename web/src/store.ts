@@ -79,6 +79,8 @@ export class Store {
   /** Whether a click on the ground sets a point of a measured distance. */
   readonly isMeasuring = new Observable(false)
   readonly isEditing = new Observable(false)
+  /** Whether the map is being built; never together with `isEditing`. */
+  readonly isBuilding = new Observable(false)
   /** Name of the vehicle or object that is selected in Edit mode; empty: none. */
   readonly selection = new Observable('')
   /** Whether the scenario has edits that this page has not saved in a file. */
@@ -93,4 +95,17 @@ export class Store {
   readonly frameRate = new Observable(0)
   /** Changes with each image of the 3D view, after its cameras have moved. */
   readonly imageCount = new Observable(0)
+
+  constructor() {
+    const pair = [this.isEditing, this.isBuilding]
+    for (const [i, one] of pair.entries())
+      one.watch((isOn) => {
+        if (isOn) pair[1 - i].value = false
+      })
+  }
+
+  /** Whether the camera looks at the map, for Edit mode and Build mode. */
+  get isMapViewed(): boolean {
+    return this.isEditing.value || this.isBuilding.value
+  }
 }

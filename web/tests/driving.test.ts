@@ -182,7 +182,7 @@ describe('keys', () => {
   test('Backspace resets only with Shift, and "?" is the help on every layout', () => {
     expect(actionOf(new KeyboardEvent('keydown', { code: 'Backspace', key: 'Backspace' }))).toBeUndefined()
     expect(actionOf(new KeyboardEvent('keydown', { code: 'Minus', key: '?', shiftKey: true }))).toBe('help')
-    expect(actionOf(new KeyboardEvent('keydown', { code: 'KeyZ', key: 'x' }))).toBeUndefined()
+    expect(actionOf(new KeyboardEvent('keydown', { code: 'F9', key: 'x' }))).toBeUndefined()
   })
 })
 

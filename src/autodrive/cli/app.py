@@ -27,6 +27,7 @@ from autodrive.cli.race import race
 from autodrive.cli.replay import replay
 from autodrive.cli.run import run, run_default
 from autodrive.cli.urdf import urdf
+from autodrive.cli.weather import weather
 
 app = typer.Typer(name="autodrive", add_completion=True, rich_markup_mode=None, pretty_exceptions_enable=False)
 
@@ -86,6 +87,7 @@ app.command()(browse.show)
 app.command()(browse.check)
 app.command()(new)
 app.command()(urdf)
+app.command()(weather)
 app.command()(doctor)
 app.command()(replay)
 app.command()(film)

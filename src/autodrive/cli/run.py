@@ -15,6 +15,7 @@ from autodrive.base.pace import MAX_SPEED, MIN_SPEED
 from autodrive.cli.narrated import narrated
 from autodrive.cli.options import Browser, Headless, Host, Port, Record, Token
 from autodrive.cli.stopping import StopSignals
+from autodrive.cli.weather import environment
 from autodrive.protocol.devkit_profile import DevkitKeys, DevkitSettings, Handshake, LidarFormat, Side
 from autodrive.protocol.ports import DEVKIT_PORT
 
@@ -82,6 +83,12 @@ def run(
         str, typer.Option(metavar="N|max", help="Simulated seconds per second; max: as fast as possible.")
     ] = "1",
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of all noise.  [default: seed of the scenario]")] = None,
+    weather: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="VALUE", help="Weather and time of day, e.g. rain=0.6, heavy_fog, time=18:30; repeatable."
+        ),
+    ] = None,
     summary: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Write the summary of the run to that file.")
     ] = None,
@@ -136,6 +143,7 @@ def run(
         duration=duration,
         speed=_speed(speed),
         seed=seed,
+        environment=environment(weather) if weather else {},
         devkit=address(devkit) if devkit else None,
         devkit_settings=DevkitSettings(
             profile=devkit_profile,

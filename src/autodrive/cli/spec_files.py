@@ -13,9 +13,9 @@ from autodrive.base.errors import SpecError
 from autodrive.base.specs import Spec, joined
 from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, find, names, read
-from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_sensors_of
+from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario, with_paths_of
 from autodrive.scenario.files import described
-from autodrive.scenario.maps.map import Map, MapSpec, load_map
+from autodrive.scenario.maps.map import Map, MapSpec, load_map, map_warnings
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.tracks.checks import track_errors
 from autodrive.scenario.tracks.track import Track, TrackSpec
@@ -74,6 +74,7 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str, list[str]]:
         if kind == "map":
             errors = []
             load_map(path)
+            warnings = map_warnings(path)
         elif kind == "track" and not errors:
             places = {"walls": source.at("walls"), "centre line": source.at("centre_line")}
             errors += [
@@ -88,7 +89,7 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str, list[str]]:
         elif isinstance(spec, ScenarioSpec):
             from autodrive.world.factory import compile_scenario
 
-            descriptions = described(with_sensors_of(spec, path.parent), source)
+            descriptions = described(with_paths_of(spec, path.parent), source)
             warnings = joined(compile_scenario(descriptions).warnings, descriptions.lines)
     except SpecError as error:
         errors += error.errors

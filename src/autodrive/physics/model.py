@@ -78,6 +78,7 @@ WHEEL = columns(
     radius=np.float64,  # [m]
     inertia=np.float64,  # about the axle [kg m^2]
     damping_rate=np.float64,  # [N m s/rad]
+    rolling_resistance=np.float64,  # per load, besides the damping
     sprung_mass=np.float64,  # [kg]
     force_height=np.float64,  # of the point where the ground's force acts, above the base of the wheel [m]
     stiffness=np.float64,  # of the suspension [N/m]

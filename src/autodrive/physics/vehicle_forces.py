@@ -100,6 +100,9 @@ def apply_forces(i: int, rotation: Rotation, model: Model, state: State, scratch
             spin += contact["spin_gain"] * torque
         if is_braking and wheel["is_braked"]:
             spin = braked_spin(spin, v["brake_torque"], contact["spin_gain"])
+        if wheel["rolling_resistance"] > 0.0:
+            resistance = wheel["rolling_resistance"] * contact["load"] * wheel["radius"]
+            spin = braked_spin(spin, resistance, contact["spin_gain"])
         state.wheel_angular_velocity[row] = spin
         state.wheel_rotation[row] += spin * dt
         _apply_wheel_force(i, w, is_braking and wheel["is_braked"], rotation, model, state, scratch)

@@ -12,9 +12,10 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 import numpy as np
+from msgspec import structs
 
 from autodrive.base.errors import CommandError
-from autodrive.protocol.messages import Command, Headlights, Indicators, Operation
+from autodrive.protocol.messages import Command, Headlights, Indicators, Operation, Weather
 
 MAX_DISTANCE = 1e4
 """A vehicle or an object is placed at most this far from the origin of the map, along each axis [m]."""
@@ -79,6 +80,18 @@ def check_seed(seed: object) -> None:
     """Raises `CommandError` for a number that is not the seed of a random stream."""
     if not isinstance(seed, Integral) or not 0 <= int(seed) < 2**63:
         raise CommandError(f"a seed must be a whole number from 0 to 2^63 - 1, not {reprlib.repr(seed)}")
+
+
+def check_weather(weather: object) -> None:
+    """Raises `CommandError` unless it is a `Weather` whose amounts are numbers from 0 to 1."""
+    if not isinstance(weather, Weather):
+        raise CommandError(f"the weather must be a Weather, such as Weather(rain=0.6), not {reprlib.repr(weather)}")
+    for name, amount in structs.asdict(weather).items():
+        is_held = name in ("wetness", "snow_cover")
+        if not ((amount is None and is_held) or (is_number(amount) and 0.0 <= amount <= 1.0)):
+            raise CommandError(
+                f"{name} of the weather must be a number from 0 to 1{' or None' * is_held}, not {reprlib.repr(amount)}"
+            )
 
 
 def is_number(value: object, limit: float = sys.float_info.max) -> bool:

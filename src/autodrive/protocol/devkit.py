@@ -38,7 +38,18 @@ from autodrive.protocol.devkit_profile import (
     LidarFormat,
     Profile,
 )
-from autodrive.protocol.messages import Command, Headlights, Hold, Indicators, LidarScan
+from autodrive.protocol.messages import (
+    Command,
+    Headlights,
+    Hold,
+    Indicators,
+    LidarScan,
+    Operation,
+    SetTimeOfDay,
+    SetWeather,
+    Weather,
+)
+from autodrive.protocol.weather import PRESETS
 
 if TYPE_CHECKING:
     from autodrive.protocol.messages import Array, Frame, VehicleFrame
@@ -300,6 +311,33 @@ ENVIRONMENT = {
 }
 """Smallest and largest value of each key of time of day and weather, since 2023. 'Time': minutes since midnight, used
 without 'Auto Time'; 'Time Scale': seconds of the day per second, used with it."""
+
+
+TIME_SCALE = 60.0
+"""Time scale of a script that sends none: the default of the devkit of 2025."""
+
+
+def environment_operations(before: Mapping[str, float], now: Mapping[str, float]) -> list[Operation]:
+    """What a script requests that has changed the values of `ENVIRONMENT`: time of day and weather."""
+    auto, scale, time = ([one.get(key) for one in (before, now)] for key in ("Auto Time", "Time Scale", "Time"))
+    operations: list[Operation] = []
+    if auto[1] and (auto[0] != auto[1] or scale[0] != scale[1]):
+        operations.append(SetTimeOfDay(None, TIME_SCALE if scale[1] is None else scale[1]))
+    elif not auto[1] and time[1] is not None and (auto[0], time[0]) != (auto[1], time[1]):
+        operations.append(SetTimeOfDay(60.0 * time[1]))
+    if weather(now) != weather(before):
+        operations.append(SetWeather(weather(now)))
+    return operations
+
+
+def weather(environment: Mapping[str, float]) -> Weather:
+    """The weather that a script has set.
+
+    'Weather' is a number of `PRESETS` from 1, or 0 for the amounts of the other keys, which are used without it, too.
+    """
+    if number := int(environment.get("Weather", 0.0)):
+        return [*PRESETS.values()][number - 1]
+    return Weather(**{key.lower(): environment.get(key, 0.0) for key in ("Clouds", "Fog", "Rain", "Snow")})
 
 
 def _read_value(

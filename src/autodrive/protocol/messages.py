@@ -168,6 +168,45 @@ class SetTimeOfDay(msgspec.Struct, frozen=True, tag=True):
     scale: Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)] = 0.0
 
 
+Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+"""From nothing (0) to the greatest amount (1)."""
+
+
+class Weather(Displayed, frozen=True, gc=False):
+    """Weather, and the state of the ground; the default is a clear sky over dry ground.
+
+    `wetness` and `snow_cover` of the ground: None lets them follow rain and snow, a number holds them. A Frame has
+    their values. See `docs/weather.md` for the amounts in units of physics.
+    """
+
+    clouds: Share = 0.0
+    fog: Share = 0.0
+    rain: Share = 0.0
+    snow: Share = 0.0
+    wind: Share = 0.0
+    wetness: Share | None = None
+    snow_cover: Share | None = None
+
+
+class WeatherEffects(Displayed, frozen=True, gc=False):
+    """What the weather of a Frame means for its first vehicle.
+
+    `grip`: factor of the friction of its tyres. `sight` [m] infinite in clear air. `lidar_dark`, `lidar_bright`: range
+    of its LIDAR at a reflectivity of 10 % and of 80 % [m]; None without a LIDAR.
+    """
+
+    grip: float
+    sight: float
+    lidar_dark: float | None
+    lidar_bright: float | None
+
+
+class SetWeather(msgspec.Struct, frozen=True, tag=True):
+    """Set the weather, all of it: what `weather` leaves out is none. The ground follows with its time constants."""
+
+    weather: Weather = Weather()
+
+
 class SetDrivingMode(msgspec.Struct, frozen=True, tag=True):
     """Set the source of commands of a vehicle: a person (manual; scripts are ignored) or a script (autonomous)."""
 
@@ -236,6 +275,75 @@ class SetSensor(msgspec.Struct, frozen=True, tag=True):
     noise: Literal["ideal", "file", "realistic", "strong"] | None = None
 
 
+class MapModule(msgspec.Struct, frozen=True, tag=True):
+    """A placed module: x, y [m] and heading yaw [rad] of the middle of its footprint.
+
+    `module`: a name of `MapScene.modules`. `open`: ports that may stay unconnected; True: all. Terrain and boxes only:
+    `length` and `width` [m]; None: as in the module's file. Boxes only: `height` [m], `mass` [kg], and `z` [m], the
+    height of the underside above the ground.
+    """
+
+    module: Annotated[str, msgspec.Meta(max_length=1000)]
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate = 0.0
+    open: bool | tuple[Name, ...] = False
+    length: float | None = None
+    width: float | None = None
+    height: float | None = None
+    z: float = 0.0
+    mass: float | None = None
+
+
+class MapWall(msgspec.Struct, frozen=True, tag=True):
+    """A wall along a line through points x, y [m], from the last to the first if `is_closed`; thickness, height [m]."""
+
+    points: tuple[tuple[Coordinate, Coordinate], ...]
+    height: float
+    thickness: float = 0.1
+    is_closed: bool = False
+
+
+class MapBlock(msgspec.Struct, frozen=True, tag=True):
+    """A static box on the ground, such as a building: middle x, y [m], heading yaw [rad], sizes [m]."""
+
+    x: Coordinate
+    y: Coordinate
+    length: float
+    width: float
+    height: float
+    yaw: Coordinate = 0.0
+
+
+class MapProp(msgspec.Struct, frozen=True, tag=True):
+    """A traffic sign or traffic light at x, y [m] whose face looks along yaw [rad]; `kind`: one of `MapScene.props`."""
+
+    kind: Name
+    x: Coordinate
+    y: Coordinate
+    yaw: Coordinate
+
+
+MapPart: TypeAlias = MapModule | MapWall | MapBlock | MapProp
+
+
+class EditMap(msgspec.Struct, frozen=True, tag=True):
+    """Add, replace or remove (None) parts of the map, by name. It is one edit, however many parts it has.
+
+    `seen`: the parts as the client knows them; None: not there. If a part is different now, because another client has
+    changed it, the edit is refused.
+    """
+
+    parts: Annotated[dict[Name, MapPart | None], msgspec.Meta(max_length=1000)]
+    seen: Annotated[dict[Name, MapPart | None], msgspec.Meta(max_length=1000)] = {}
+
+
+class UseMap(msgspec.Struct, frozen=True, tag=True):
+    """Replace the map by a map of the simulator, one of `MapScene.templates`."""
+
+    name: Name
+
+
 class Undo(msgspec.Struct, frozen=True, tag=True):
     """Revert the latest edit."""
 
@@ -250,7 +358,13 @@ class SaveScenario(msgspec.Struct, frozen=True, tag=True):
     title: Annotated[str, msgspec.Meta(max_length=200)] = ""
 
 
-Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor
+class SaveMap(msgspec.Struct, frozen=True, tag=True):
+    """Request the map with all edits, as YAML, in the `text` of the Response, with that title if there is one."""
+
+    title: Annotated[str, msgspec.Meta(max_length=200)] = ""
+
+
+Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap
 
 Operation: TypeAlias = (
     Reset
@@ -263,6 +377,7 @@ Operation: TypeAlias = (
     | Hold
     | SetSceneLight
     | SetTimeOfDay
+    | SetWeather
     | SetDrivingMode
     | Retire
     | LoadScenario
@@ -270,6 +385,7 @@ Operation: TypeAlias = (
     | Undo
     | Redo
     | SaveScenario
+    | SaveMap
 )
 
 
@@ -620,7 +736,8 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     """The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
 
     `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
-    midnight [s], None if the light is fixed.
+    midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under
+    a clear sky over dry ground.
     """
 
     time: float
@@ -630,6 +747,8 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     events: tuple[Event, ...]
     scene_light: bool
     time_of_day: float | None = None
+    weather: Weather | None = None
+    weather_effects: WeatherEffects | None = None
 
     def __repr__(self) -> str:
         return display.frame_text(self)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from autodrive.protocol.messages import CameraIntrinsics, Command, Frame, LidarScan, Name, Operation, Pose
+from autodrive.protocol.messages import CameraIntrinsics, Command, Frame, LidarScan, MapPart, Name, Operation, Pose
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.protocol.replay import Curve, RecordingOperation, RecordingStatus, Timeline
 
@@ -200,6 +200,66 @@ class Plan(msgspec.Struct, frozen=True):
     bounds: tuple[float, float, float, float]
 
 
+class MapPort(msgspec.Struct, frozen=True):
+    """A port of a module: a pose x, y [m], yaw [rad] that faces outward, and the width of its road [m].
+
+    `state` in a map: 'joined' to another port; 'open': it may stay unconnected; 'free': it is not connected yet;
+    'wrong': a port near it does not fit. In a module: 'free'.
+    """
+
+    x: float
+    y: float
+    yaw: float
+    width: float
+    state: Literal["joined", "open", "free", "wrong"] = "free"
+
+
+class ModuleScene(msgspec.Struct, frozen=True):
+    """A module that a map can have. `image`: address of its drawing from above (SVG), relative to the page."""
+
+    title: str
+    type: str
+    """'road', 'intersection', 'parking', 'terrain' or 'obstruction'."""
+    length: float
+    """Of the footprint along x [m]."""
+    width: float
+    """Along y [m]."""
+    image: str
+    ports: dict[str, MapPort]
+    """In the axes of the module, without the blind ones."""
+
+
+class MapProblem(msgspec.Struct, frozen=True):
+    """What is wrong with the map, where [m], and which parts it concerns.
+
+    `repair`: parts with which an `EditMap` repairs it; empty if that is not known.
+    """
+
+    kind: str
+    """'unconnected', 'apart', 'turned' and 'width' of ports; 'overlap' of modules."""
+    text: str
+    x: float
+    y: float
+    parts: list[str]
+    repair: dict[str, MapPart]
+
+
+class MapScene(msgspec.Struct, frozen=True):
+    """The map as `EditMap` changes it."""
+
+    parts: dict[str, MapPart]
+    """By name."""
+    ports: dict[str, dict[str, MapPort]]
+    """Of the modules among the parts, in the map."""
+    problems: list[MapProblem]
+    modules: dict[str, ModuleScene]
+    """That can be placed."""
+    props: list[str]
+    """Kinds of signs and traffic lights."""
+    templates: dict[str, str]
+    """Maps for `UseMap`: name -> title."""
+
+
 class Scene(msgspec.Struct, frozen=True, tag=True):
     """What a client needs to draw the world; sent after the Welcome, and before the Frames of another World.
 
@@ -228,6 +288,8 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """Laps of the race that are driven first and do not count."""
     timeline: Timeline | None = None
     """The recording that is shown; None: this is a simulation."""
+    map_scene: MapScene | None = None
+    """The map as it can be edited; None if it is a race track."""
 
 
 class BridgeStatus(msgspec.Struct, frozen=True):
@@ -306,7 +368,8 @@ class Rendered(msgspec.Struct, frozen=True, tag=True, gc=False):
 class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
 
-    `text`: the scenario as YAML, for a `SaveScenario`; the path of the file, for a `StopRecording` or `SaveRecording`.
+    `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
+    or `SaveRecording`.
     `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
     """
 

@@ -17,7 +17,7 @@ from autodrive.base.arrays import element_type
 from autodrive.protocol import channels, native
 from autodrive.protocol.channels import HudRow, Plot, Signal
 from autodrive.protocol.codec import CODES
-from autodrive.protocol.messages import Command, Event
+from autodrive.protocol.messages import Command, Event, MapPart
 
 _ARRAYS = {"<f8": "Float64Array", "<i8": "BigInt64Array", "<f4": "Float32Array", "|u1": "Uint8Array"}
 _PLAIN = {
@@ -32,6 +32,7 @@ _PLAIN = {
 _UNIONS = {
     "ServerOperation": native.ServerOperation,
     "Event": Event,
+    "MapPart": MapPart,
     "ClientMessage": native.ClientMessage,
     "ServerMessage": native.ServerMessage,
 }

@@ -154,7 +154,7 @@ def _meshes(world: World) -> list[tuple[str, str, bytes]]:
     from autodrive.graphics.meshes import store  # noqa: PLC0415  what builds meshes waits until one is needed
 
     return [
-        ("map", *store.file("map", world.map)),
+        ("map", *store.file("map", world.map, is_kept=not world.specs.map.is_draft)),
         *((f"vehicle/{name}", *store.file("vehicle", spec)) for name, spec in world.vehicle_specs.items()),
         *((f"object/{name}", *store.file("box", box.size)) for name, box in world.boxes.items()),
     ]

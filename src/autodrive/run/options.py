@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from autodrive.connect.server.served import PageOptions
 from autodrive.protocol.devkit_profile import DevkitSettings
@@ -27,6 +28,8 @@ class RunOptions(PageOptions):
     """Simulated seconds per second of wall time; None: as fast as possible."""
     seed: int | None = None
     """Seed of all noise; None: the seed of the scenario."""
+    environment: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the scenario that are replaced: `weather`, `time_of_day`."""
     devkit: tuple[str, int] | None = None
     """Host and port of the devkit script to connect to; None: no connection until a client requests one."""
     devkit_settings: DevkitSettings = DevkitSettings()  # noqa: RUF009  it is frozen

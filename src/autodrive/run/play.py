@@ -14,6 +14,7 @@ from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.registration import IDS
 from autodrive.experiments.envs.settings import TASKS
 from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.experiments.policies.policy import Driver
 from autodrive.experiments.policies.racer import PolicyRacer
 from autodrive.run.race import RaceOptions
 from autodrive.run.race import race as run_race
@@ -66,12 +67,13 @@ def play_environment(policy: Policy, steps: int | None = None) -> None:
     seen = _observation(policy)
     env = gymnasium.make(f"autodrive:{ids[policy.task]}", observation=seen, render_mode="human")
     names = [feature.name for feature in observed(TASKS[policy.task](1), seen)]
-    places = [names.index(name) for name in policy.inputs]
+    driver = Driver(policy, names)
     features: np.ndarray = env.reset(seed=0)[0]
     for _ in itertools.count() if steps is None else range(steps):
-        features, _, terminated, truncated, _ = env.step(policy.act(features[places]))
+        features, _, terminated, truncated, _ = env.step(driver.act(features))
         if terminated or truncated:
             features = env.reset()[0]
+            driver.begin()
     env.close()
 
 
@@ -80,6 +82,8 @@ def _observation(policy: Policy) -> Observation:
     task = TASKS[policy.task](1)
     choices: tuple[Observation, ...] = ("state", "lidar")
     for choice in choices:
-        if set(policy.inputs) <= {feature.name for feature in observed(task, choice)}:
+        if set(policy.readings) <= {feature.name for feature in observed(task, choice)}:
             return choice
-    raise AutodriveError(f"the task '{policy.task}' does not have all inputs of the policy: {', '.join(policy.inputs)}")
+    raise AutodriveError(
+        f"the task '{policy.task}' does not have all inputs of the policy: {', '.join(policy.readings)}"
+    )

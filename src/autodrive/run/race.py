@@ -29,6 +29,7 @@ from autodrive.protocol.messages import (
     SaveScenario,
     SetSceneLight,
     SetTimeOfDay,
+    SetWeather,
     Step,
 )
 from autodrive.protocol.native import Drive, SetCamera
@@ -55,7 +56,7 @@ TICK = 0.025
 CHECK_INTERVAL = 0.2
 """Wall time between two looks at the scripts [s]."""
 ALLOWED = (
-    *(Pause, Resume, Retire, SetSceneLight, SetTimeOfDay, SaveScenario),
+    *(Pause, Resume, Retire, SetSceneLight, SetTimeOfDay, SetWeather, SaveScenario),
     *(SetCamera, StartRecording, StopRecording, SaveRecording, PlotRecording),
 )
 """Operations of viewers that a race takes: those of a marshal, and what only changes the view."""

@@ -180,7 +180,7 @@ def run_summary(
     return Summary(
         version=__version__,
         scenario=scenario,
-        map=spec.map,
+        map=spec.map_name,
         seed=spec.seed,
         speed="max" if simulation.speed is None else simulation.speed,
         ended_by=ended_by,

@@ -140,7 +140,7 @@ class WorldLoader:
             self.cameras.set_wanted(self._is_wanted)
 
     def _spec(self, name: str) -> ScenarioSpec:
-        """The scenario with the driving mode and seed of the options, so that a reset keeps them."""
+        """The scenario with driving mode, seed, weather and time of day of the options, so that a reset keeps them."""
         options = self._options
         spec = load_scenario(name)
         is_autonomous = options.driving_mode == "autonomous"
@@ -149,7 +149,7 @@ class WorldLoader:
             for name, placement in spec.vehicles.items()
         }
         seed = spec.seed if options.seed is None else options.seed
-        return spec.model_copy(update={"vehicles": vehicles, "seed": seed})
+        return spec.model_copy(update={"vehicles": vehicles, "seed": seed, **options.environment})
 
     def _check_quality(self) -> None:
         """Raises `AutodriveError` for an unknown quality of the cameras."""

@@ -11,4 +11,4 @@ from autodrive.scenario.scenario import Scenario as Scenario
 from autodrive.scenario.scenario import ScenarioSpec as ScenarioSpec
 from autodrive.scenario.scenario import VehiclePlacement as VehiclePlacement
 from autodrive.scenario.scenario import load_scenario as load_scenario
-from autodrive.scenario.scenario import with_sensors_of as with_sensors_of
+from autodrive.scenario.scenario import with_paths_of as with_paths_of

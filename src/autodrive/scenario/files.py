@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import yaml
@@ -20,12 +21,11 @@ from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, DescribedMap, MapSpec, Placement
 from autodrive.scenario.race_rules import RaceRules
-from autodrive.scenario.scenario import RaceSpec, ScenarioSpec, with_sensors_of
+from autodrive.scenario.scenario import YAML, RaceSpec, ScenarioSpec, with_modules, with_paths_of
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
 T = TypeVar("T", bound=Spec)
-YAML = (".yaml", ".yml")
 
 
 def read_scenario(scenario: str | Path | ScenarioSpec) -> Descriptions:
@@ -34,7 +34,7 @@ def read_scenario(scenario: str | Path | ScenarioSpec) -> Descriptions:
         return described(scenario)
     source = yaml_files.source(yaml_files.find("scenario", scenario))
     spec = yaml_files.checked_source(source, ScenarioSpec)
-    return described(with_sensors_of(spec, Path(source.path).parent), source)
+    return described(with_paths_of(spec, Path(source.path).parent), source)
 
 
 def described(
@@ -48,8 +48,10 @@ def described(
 
     if known and scenario.map == known.specs.scenario.map:
         map_, lines = known.specs.map, {key: line for key, line in known.lines.items() if key[0] == "map"}
+    elif source and isinstance(source.tree.get("map"), dict):
+        map_, lines = _own_map(scenario.map, source)
     else:
-        map_, lines = read_map(scenario.map)
+        map_, lines = read_map(scenario.map, known=known.specs.map.modules if known else {})
     lines |= {("scenario", *key): line for key, line in source.lines.items()} if source else {}
     types = dict.fromkeys(one.type for one in scenario.vehicles.values())
     race = scenario.race or (RaceSpec() if isinstance(map_.found, TrackSpec) else None)
@@ -80,10 +82,12 @@ def _own_sensor(reference: str) -> Callable[[], Any] | str:
         return f"'{reference}' cannot be loaded: {type(error).__name__}: {error}"
 
 
-def read_map(name: str | Path | MapSpec) -> tuple[DescribedMap, dict[Key, int]]:
-    """A map or track with its modules, and the lines of its keys."""
+def read_map(
+    name: str | Path | MapSpec, *, known: Mapping[str, Described[ModuleSpec]] = MappingProxyType({})
+) -> tuple[DescribedMap, dict[Key, int]]:
+    """A map or track with its modules, and the lines of its keys; `known`: modules that a MapSpec need not read."""
     if isinstance(name, MapSpec):
-        return _with_modules(Described("map", name), name.placements), {}
+        return _with_modules(Described("map", name), name.placements, known), {}
     try:
         path = _find_map(name)
         source = yaml_files.source(path)
@@ -138,6 +142,11 @@ def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> 
     return _renamed(scenario, path_of)
 
 
+def map_text(spec: MapSpec) -> str:
+    """The map as YAML, with the keys that were given."""
+    return _text(spec.model_dump(mode="json", exclude_unset=True))
+
+
 def scenario_text(spec: ScenarioSpec) -> str:
     """The scenario as YAML. Paths of files become absolute, so that the text may be saved in any folder."""
     spec = _renamed(spec, lambda _, name: str(Path(name).absolute()) if Path(name).suffix in YAML else name)
@@ -145,8 +154,12 @@ def scenario_text(spec: ScenarioSpec) -> str:
         name: {"type": one.type, "x": one.x, "y": one.y} | one.model_dump(mode="json", exclude_defaults=True)
         for name, one in spec.vehicles.items()
     }
-    tree = {"title": spec.title, "map": spec.map, "vehicles": {}} | spec.model_dump(mode="json", exclude_defaults=True)
-    tree["vehicles"] = vehicles
+    tree = {"title": spec.title, "map": None, "vehicles": {}} | spec.model_dump(mode="json", exclude_defaults=True)
+    tree |= {"map": spec.model_dump(mode="json", include={"map"})["map"], "vehicles": vehicles}
+    return _text(tree)
+
+
+def _text(tree: dict[str, Any]) -> str:
     return yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
 
 
@@ -186,12 +199,24 @@ def _placements(tree: Any) -> Iterator[Placement | None]:
             yield None
 
 
-def _with_modules(of: Described[MapSpec], placements: Iterable[Placement | None]) -> DescribedMap:
+def _own_map(found: str | MapSpec, source: Source) -> tuple[DescribedMap, dict[Key, int]]:
+    """The map in the file of a scenario; `found` is no MapSpec if it is not valid."""
+    spec = found if isinstance(found, MapSpec) else None
+    of = Described("map", spec, path=source.path)
+    lines = {key: line for key, line in source.lines.items() if key[0] == "map"}
+    return _with_modules(of, spec.placements if spec else _placements(source.tree["map"])), lines
+
+
+def _with_modules(
+    of: Described[MapSpec],
+    placements: Iterable[Placement | None],
+    known: Mapping[str, Described[ModuleSpec]] = MappingProxyType({}),
+) -> DescribedMap:
     """A map with the modules that it names. Relative paths of modules start at its folder."""
     numbered = tuple((number, one) for number, one in enumerate(placements, 1) if one)
     folder = Path(of.path).parent if of.path else None
     modules = {
-        name: read_module(folder / name if folder and name.endswith(YAML) else name)
+        name: known.get(name) or read_module(folder / name if folder and name.endswith(YAML) else name)
         for name in dict.fromkeys(one.module for _, one in numbered)
     }
     return DescribedMap(of.name, of.found, of.error, of.path, of.text, numbered, modules)
@@ -199,7 +224,9 @@ def _with_modules(of: Described[MapSpec], placements: Iterable[Placement | None]
 
 def _files(specs: Specs) -> dict[str, Described[Any]]:
     race = specs.scenario.race or RaceSpec()
-    found: dict[str, Described[Any]] = {f"map/{specs.scenario.map}": specs.map}
+    found: dict[str, Described[Any]] = {}
+    if isinstance(specs.scenario.map, str):
+        found[f"map/{specs.scenario.map}"] = specs.map
     found |= {f"vehicle/{name}": one for name, one in specs.vehicles.items()}
     found |= {f"ruleset/{race.rules}": specs.rules} if specs.rules else {}
     found |= {f"track/{race.track}": specs.track} if specs.track else {}
@@ -215,4 +242,8 @@ def _renamed(scenario: ScenarioSpec, there: Callable[[str, str], str]) -> Scenar
     if race is not None:
         names = {"rules": there("ruleset", race.rules), "track": race.track and there("track", race.track)}
         race = race.model_copy(update=names)
-    return scenario.model_copy(update={"map": there("map", scenario.map), "vehicles": vehicles, "race": race})
+    scenario = scenario.model_copy(update={"vehicles": vehicles, "race": race})
+    if isinstance(scenario.map, str):
+        return scenario.model_copy(update={"map": there("map", scenario.map)})
+    own_map = with_modules(scenario.map, lambda name: there("module", name))
+    return scenario.model_copy(update={"map": own_map})

@@ -3,14 +3,31 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from msgspec import structs
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    FieldSerializationInfo,
+    Tag,
+    field_serializer,
+    field_validator,
+    model_validator,
+)
 
 from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec
+from autodrive.base.suggest import suggest
 from autodrive.physics.sensors.settings import SensorSettings
+from autodrive.protocol.messages import Weather
+from autodrive.protocol.weather import PRESETS
+from autodrive.scenario.maps.spec import MapSpec
 
 DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
@@ -20,6 +37,8 @@ MAX_VEHICLES = 100
 """Of a scenario."""
 MAX_BOXES = 1000
 """Of a scenario, with those of its map."""
+YAML = (".yaml", ".yml")
+"""Suffixes by which the path of a file differs from a name."""
 
 
 def _class_in_file(text: str) -> str:
@@ -99,6 +118,60 @@ class RaceSpec(Spec):
     """Laps that count, instead of those of the rules."""
 
 
+def _type_of_map(given: Any) -> str:
+    return "dict[str, Any]" if isinstance(given, dict | MapSpec) else "str"
+
+
+NamedOrOwnMap: TypeAlias = Annotated[
+    Annotated[str, Tag("str")] | Annotated[MapSpec, Tag("dict[str, Any]")], Discriminator(_type_of_map)
+]
+"""A name, a file, or the map itself; errors are those of the one that is given."""
+Amount: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
+"""From nothing (0) to the greatest amount (1)."""
+
+
+class WeatherSpec(Spec):
+    """The weather at the start, none by default; in a file also the name of a weather, such as heavy_rain."""
+
+    clouds: Amount = 0.0
+    fog: Amount = 0.0
+    rain: Amount = 0.0
+    snow: Amount = 0.0
+    wind: Amount = 0.0
+    """Slants rain and snow in images; no force on vehicles."""
+    wetness: Amount | None = None
+    """Of the ground; left out: as after a long time of that rain, and it follows later changes."""
+    snow_cover: Amount | None = None
+    """Likewise of the snow on it."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_name(cls, value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        if value not in PRESETS:
+            raise ValueError(f"the weather '{value}' is not known. {suggest(value, list(PRESETS))}")
+        return structs.asdict(PRESETS[value])
+
+    @property
+    def message(self) -> Weather:
+        """The same as a message."""
+        return Weather(**self.model_dump())
+
+
+def _seconds(value: Any) -> Any:
+    """A time of day 'HH:MM' or 'HH:MM:SS' in seconds."""
+    if not isinstance(value, str):
+        return value
+    if not (found := re.fullmatch(r"(\d{1,2}):(\d{2})(?::(\d{2}))?", value)) or not int(found[1]) < 24:
+        raise ValueError(f"must be seconds since midnight or HH:MM, such as 18:30, not '{value[:20]}'")
+    return 3600.0 * int(found[1]) + 60.0 * int(found[2]) + int(found[3] or 0)
+
+
+TimeOfDay: TypeAlias = Annotated[float, BeforeValidator(_seconds), Field(ge=0.0, lt=86400.0)]
+"""Since midnight [s], or a text such as '18:30'."""
+
+
 class ScenarioSpec(Spec):
     """The start of a run; `autodrive.Scenario` is the same class.
 
@@ -107,8 +180,8 @@ class ScenarioSpec(Spec):
 
     title: str = ""
     """Title shown in lists and on the page."""
-    map: str = "plane"
-    """Name or file of the MapSpec."""
+    map: NamedOrOwnMap = "plane"
+    """Name or file of the MapSpec, or the map itself."""
     vehicles: Annotated[dict[str, VehiclePlacement], Field(max_length=MAX_VEHICLES)] = Field(
         default_factory=lambda: {"V1": VehiclePlacement()}
     )
@@ -119,6 +192,10 @@ class ScenarioSpec(Spec):
     """Boxes of the map that are left out. One of that name in `boxes` takes its place."""
     scene_light: bool = True
     """True: day; False: night."""
+    time_of_day: TimeOfDay | None = None
+    """Time since midnight [s], or 'HH:MM', instead of `scene_light`; it stands still."""
+    weather: WeatherSpec = WeatherSpec()
+    """Weather and ground at the start: amounts, or a name such as heavy_rain."""
     tick: float = Field(default=0.01, ge=1e-5, le=0.1)
     """Simulated time between Frames [s]."""
     substep: float = Field(default=0.001, ge=1e-5, le=0.005)
@@ -155,6 +232,16 @@ class ScenarioSpec(Spec):
                 raise ValueError(f"a name is letters, digits and '_', such as V1 or box_1, not '{name[:100]}'")
         return named
 
+    @field_serializer("map")
+    def _map_as_written(self, map_: str | MapSpec, info: FieldSerializationInfo) -> Any:
+        """Without defaults: some keys of a placement are allowed for some modules only."""
+        return map_ if isinstance(map_, str) else map_.model_dump(mode=info.mode, exclude_unset=True)
+
+    @property
+    def map_name(self) -> str:
+        """Name or file of the map, or the title of the scenario's own map."""
+        return self.map if isinstance(self.map, str) else self.map.title
+
     @property
     def substeps(self) -> int:
         """Number of substeps in a tick."""
@@ -169,11 +256,11 @@ def load_scenario(name: str | Path) -> ScenarioSpec:
     """Load a scenario by name or file. Raises `SpecError` with all errors."""
     from autodrive.base.yaml_files import find, read  # noqa: PLC0415  compiling needs no files
 
-    return with_sensors_of(read("scenario", name, ScenarioSpec), find("scenario", name).parent)
+    return with_paths_of(read("scenario", name, ScenarioSpec), find("scenario", name).parent)
 
 
-def with_sensors_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
-    """The scenario with the absolute paths of its own sensors, which are relative to that folder."""
+def with_paths_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
+    """The scenario with absolute paths of own sensors and of modules of its own map, which start at that folder."""
     vehicles = {
         name: one.model_copy(
             update={"own_sensors": {key: str(folder.absolute() / path) for key, path in one.own_sensors.items()}}
@@ -181,4 +268,18 @@ def with_sensors_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
         for name, one in spec.vehicles.items()
         if one.own_sensors
     }
-    return spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
+    spec = spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
+    if isinstance(spec.map, str):
+        return spec
+    return spec.model_copy(update={"map": with_modules_at(spec.map, folder)})
+
+
+def with_modules_at(map_: MapSpec, folder: Path) -> MapSpec:
+    """The map with absolute paths of its modules, which are relative to that folder."""
+    return with_modules(map_, lambda name: str(folder.absolute() / name) if Path(name).suffix in YAML else name)
+
+
+def with_modules(map_: MapSpec, there: Callable[[str], str]) -> MapSpec:
+    """The map with other names of its modules."""
+    placements = tuple(one.model_copy(update={"module": there(one.module)}) for one in map_.placements)
+    return map_.model_copy(update={"placements": placements}) if placements else map_

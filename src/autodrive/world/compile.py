@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from autodrive.base.arrays import Integers
 from autodrive.base.errors import EngineError, SensorError, SpecError
 from autodrive.base.specs import Place, Problem, SpecProblems
 from autodrive.base.suggest import suggest
@@ -18,19 +19,23 @@ from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
 from autodrive.physics.grid import fixed_grid
-from autodrive.physics.model import Model, Shapes
+from autodrive.physics.model import Model, Shapes, Table
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.own import OwnSensors, problem
 from autodrive.physics.sensors.settings import ConfiguredSensor, configured_sensors
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
+from autodrive.physics.weather import TARGETS, detection_range, extinction, road, sight, wet_reflectivity
+from autodrive.protocol.messages import Weather, WeatherEffects
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.descriptions import Specs
-from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map
+from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map, problem_texts, problems_of_draft
 from autodrive.scenario.maps.mjcf import world_mjcf
+from autodrive.scenario.maps.placing import MapProblem
+from autodrive.scenario.maps.spec import GroundSpec
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
-from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
+from autodrive.scenario.vehicles.parameters import surface_of, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.scenario.vehicles.stability import is_stable, longest_substep
 from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings
@@ -50,6 +55,8 @@ class CompiledScenario:
     """By name, in the order of the rows of the Model."""
     configured: dict[str, dict[str, ConfiguredSensor]]
     """Sensors and cameras, also those that are off, by vehicle name and sensor name."""
+    targets: Integers
+    """What each shape is for a LIDAR; see `SensorTables`."""
     sensors: SensorSuite
     own_sensors: OwnSensors
     cameras: dict[str, dict[str, CameraSpec]]
@@ -64,6 +71,8 @@ class CompiledScenario:
     """Movable objects: name -> index of the pose in `State.qpos`."""
     boxes: list[BoxPlacement]
     """The same objects in the same order, as they were placed."""
+    map_problems: list[MapProblem]
+    """What is wrong with a map that is being built, but can be simulated."""
     race: Race | None
     """None if the scenario has none."""
     owners: list[str]
@@ -75,7 +84,7 @@ class CompiledScenario:
 def compile_specs(specs: Specs) -> CompiledScenario:
     """Compiles a scenario. Raises `SpecProblems` with all problems."""
     spec = specs.scenario
-    map_, vehicles, problems = _load(specs)
+    map_, vehicles, problems, map_problems = _load(specs)
     if map_ is None:
         raise SpecProblems(problems)
     spec = on_grid(spec, map_)
@@ -86,7 +95,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
     twice = _names_used_twice(spec, map_, boxes)
     problems = [*overlapping_boxes(spec, map_, boxes), *problems, *wrong_sensors, *wrong_own_sensors]
     problems += [*unknown_boxes, *wrong_race, *twice]
-    warnings = placement_warnings(spec, map_, vehicles, boxes)
+    warnings = placement_warnings(spec, map_, vehicles, boxes) + [(_at("map"), ": ", *one.text) for one in map_problems]
     if len(boxes) > MAX_BOXES:
         text = f": {len(boxes)} boxes with those of the map; at most {MAX_BOXES} are possible"
         problems.append((_at("boxes"), text))
@@ -116,11 +125,14 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         vehicles=vehicle_table(vehicles, engine, geoms, spec.substep),
         wheels=wheel_table(
             [*vehicles.values()],
-            [map_.ground.grip * placement.grip_factor for placement in spec.vehicles.values()],
+            [placement.grip_factor for placement in spec.vehicles.values()],
             spec.substep,
+            map_.ground,
+            Weather(),
         ),
         shapes=shapes,
     )
+    targets = _targets(map_, boxes, [owners[geom.number] for geom in geoms], shapes)
     state = empty_state(model, engine.body_count)
     objects = {box.name: engine.body(box.name)[1] for box in boxes}
     own = OwnSensors(
@@ -143,10 +155,12 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         map=map_,
         vehicles=vehicles,
         configured=configured,
+        targets=targets,
         sensors=SensorSuite(
             configured,
             shapes,
             state,
+            targets,
             substep=Fraction(str(spec.substep)),
             substeps=spec.substeps,
             gravity=spec.gravity,
@@ -161,6 +175,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         scratch=scratch(model, engine.body_count),
         objects=objects,
         boxes=boxes,
+        map_problems=map_problems,
         race=race,
         owners=owners,
         warnings=warnings,
@@ -182,8 +197,8 @@ def set_factors(
     vehicles = {name: vehicle.with_mass_factor(of[name]["mass"]) for name, vehicle in c.vehicles.items()}
     for row, vehicle in zip(c.model.vehicles, vehicles.values(), strict=True):
         row["mass"], row["inertia"] = vehicle.body.mass, vehicle.body.inertia
-    grips = [c.map.ground.grip * (c.spec.vehicles[name].grip_factor * its["grip"]) for name, its in of.items()]
-    c.model.wheels[:] = wheel_table([*vehicles.values()], grips, c.spec.substep)
+    grips = [c.spec.vehicles[name].grip_factor * its["grip"] for name, its in of.items()]
+    c.model.wheels[:] = wheel_table([*vehicles.values()], grips, c.spec.substep, c.map.ground, Weather())
     c.sensors.set_noise_factors([its["noise"] for its in of.values()])
     placed = {
         name: place.model_copy(
@@ -194,6 +209,36 @@ def set_factors(
     return c.spec.model_copy(update={"vehicles": placed}), vehicles
 
 
+def weather_effects(weather: Weather, ground: GroundSpec, vehicle: VehicleSpec) -> WeatherEffects:
+    """What that weather means for a vehicle; its LIDAR sees no farther than its `range_max`."""
+    wetness, lost, lidar = weather.wetness or 0.0, extinction(weather), vehicle.sensors.lidar
+
+    def seen(reflectivity: float) -> float | None:
+        if lidar is None:
+            return None
+        wet = reflectivity + wetness * (wet_reflectivity(reflectivity) - reflectivity)
+        return min(lidar.range_max, detection_range(wet, lost, lidar.range_max, lidar.rated_reflectivity))
+
+    return WeatherEffects(road(surface_of(vehicle, ground), weather).grip, sight(weather), seen(0.1), seen(0.8))
+
+
+def wheels_in(c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather) -> Table:
+    """`Model.wheels` in that weather, as `set_weather` sets it."""
+    grips = [placement.grip_factor for placement in spec.vehicles.values()]
+    return wheel_table([*vehicles.values()], grips, c.spec.substep, c.map.ground, weather)
+
+
+def set_weather(
+    c: CompiledScenario, spec: ScenarioSpec, vehicles: Mapping[str, VehicleSpec], weather: Weather, seed: int
+) -> None:
+    """Set the tyres and the LIDARs for that weather; `spec`, `vehicles`: with the factors of `set_factors`.
+
+    `seed`: of the last reset.
+    """
+    c.model.wheels[:] = wheels_in(c, spec, vehicles, weather)
+    c.sensors.set_weather(weather, seed)
+
+
 def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
     """The race of a scenario, and problems. On a race track laps are always timed."""
     spec = specs.scenario
@@ -201,7 +246,7 @@ def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
     try:
         track = Track.of(specs.track.spec, specs.track.name) if specs.track else map_.track
         if track is None:
-            return None, [(_at("race"), f": map '{spec.map}' is no track; set 'track'")] if spec.race else []
+            return None, [(_at("race"), f": map '{spec.map_name}' is no track; set 'track'")] if spec.race else []
         assert specs.rules is not None
         rules = specs.rules.spec
         if race.laps is not None:
@@ -232,6 +277,13 @@ def _shapes(geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
     )
 
 
+def _targets(map_: Map, boxes: Sequence[BoxPlacement], owners: Sequence[str], shapes: Shapes) -> Integers:
+    """What each shape is for a LIDAR: numbers of `weather.TARGETS`."""
+    kinds = {shape.name.split("/")[0]: shape.material for shape in map_.statics} | {box.name: "box" for box in boxes}
+    names = ["vehicle" if v >= 0 else kinds[owner] for owner, v in zip(owners, shapes.vehicle.tolist(), strict=True)]
+    return np.array([TARGETS[name] for name in names], np.int64)
+
+
 def on_grid(spec: ScenarioSpec, map_: Map) -> ScenarioSpec:
     """On a race track, vehicles without a pose start on the grid behind the start line."""
     if map_.track is None:
@@ -250,11 +302,13 @@ def _at(*location: str | int) -> Place:
     return Place("scenario", location)
 
 
-def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem]]:
-    """The map without its faulty placements, the valid vehicles, and the problems of all files."""
-    map_, of_map = compile_map(specs.map)
-    path = specs.map.path
-    problems: list[Problem] = [(_at("map"), ": ", *one, f"  ({path})" if path else "") for one in of_map]
+def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Problem], list[MapProblem]]:
+    """The map without its faulty placements, the valid vehicles, the problems of all files, and those of a draft."""
+    map_, found = compile_map(specs.map)
+    is_file = isinstance(specs.scenario.map, str)
+    path = f"  ({specs.map.path})" if is_file and specs.map.path else ""
+    texts = problem_texts(specs.map, found, has_name=is_file)
+    problems: list[Problem] = [(_at("map"), ": ", *one, path) for one in texts]
     vehicles: dict[str, VehicleSpec] = {}
     for name, placement in specs.scenario.vehicles.items():
         try:
@@ -262,7 +316,7 @@ def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Proble
         except SpecError as error:
             path = f"  ({error.path})" if error.path else ""
             problems += [(_at("vehicles", name, "type"), f": {text}{path}") for text in error.errors]
-    return map_, vehicles, problems
+    return map_, vehicles, problems, problems_of_draft(specs.map, found)
 
 
 def _unstable_vehicles(vehicles: dict[str, VehicleSpec], spec: ScenarioSpec) -> list[Problem]:

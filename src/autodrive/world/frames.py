@@ -12,7 +12,18 @@ from autodrive.base.suggest import ByName
 from autodrive.base.units import RPM
 from autodrive.physics.actuators.lights import lit_lamps
 from autodrive.physics.state import State, numbers, places
-from autodrive.protocol.messages import Event, Frame, Lights, ObjectFrame, Pose, RaceState, VehicleFrame, WheelsReading
+from autodrive.protocol.messages import (
+    Event,
+    Frame,
+    Lights,
+    ObjectFrame,
+    Pose,
+    RaceState,
+    VehicleFrame,
+    Weather,
+    WeatherEffects,
+    WheelsReading,
+)
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import VehicleControls
 
@@ -47,6 +58,8 @@ class FrameBuilder:
         scene_light: bool,
         time_of_day: float | None = None,
         *,
+        weather: Weather | None = None,
+        weather_effects: WeatherEffects | None = None,
         races: Sequence[RaceState] | None = None,
     ) -> Frame:
         """The Frame of the State at `time` [s]; what is given of the vehicles is by their number."""
@@ -69,6 +82,8 @@ class FrameBuilder:
             events=events,
             scene_light=scene_light,
             time_of_day=time_of_day,
+            weather=weather,
+            weather_effects=weather_effects,
         )
 
     def _vehicle_frame(

@@ -40,7 +40,7 @@ def overlapping_boxes(spec: ScenarioSpec, map_: Map, boxes: Sequence[BoxPlacemen
     others = [one for one in (*boxes, *map_.statics) if one.name not in spec.boxes]
     solids: list[Solid] = [(_at("boxes", box.name), box.plan, *box.span) for box in own]
     solids += [(f"'{one.name}'", one.plan, *one.span) for one in others]
-    return overlaps(solids, len(own))
+    return [one.text for one in overlaps(solids, len(own))]
 
 
 def placement_warnings(

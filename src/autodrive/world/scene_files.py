@@ -20,6 +20,7 @@ from autodrive.protocol.messages import Pose
 from autodrive.protocol.native import Lamp, Plan, Scene, SensorScene, VehicleScene
 from autodrive.scenario import MAX_BOXES
 from autodrive.scenario.maps.draw import drawn_bounds, to_svg
+from autodrive.world.editing.map_scene import map_scene
 
 if TYPE_CHECKING:
     from autodrive.physics.sensors.noise import NoiseSpec
@@ -49,9 +50,9 @@ class SceneFiles:
         scene = Scene(
             scenario=scenario,
             title=world.spec.title,
-            map=world.spec.map,
+            map=world.spec.map_name,
             tick=world.tick_duration,
-            model=files.url("map", world.map),
+            model=files.url("map", world.map, is_kept=not world.specs.map.is_draft),
             plan=files.plan(world.map),
             vehicles={
                 name: _vehicle(spec, world.spec.vehicles[name].type, world.sensors[name], files)
@@ -62,6 +63,7 @@ class SceneFiles:
             scene_cameras=scene_cameras(),
             object_sizes={name: box.size for name, box in world.boxes.items()},
             warm_up_laps=world.race.rules.warm_up_laps if world.race else 0,
+            map_scene=map_scene(world, files.add),
         )
         return SceneFiles(scene, files.content)
 
@@ -70,9 +72,9 @@ class SceneFiles:
 class _Files:
     content: dict[str, bytes] = field(default_factory=dict)
 
-    def url(self, kind: store.Kind, of: Any) -> str:
-        """Address of the file, relative to the page."""
-        return self.add(*store.file(kind, of))
+    def url(self, kind: store.Kind, of: Any, *, is_kept: bool = True) -> str:
+        """Address of the file, relative to the page; `is_kept`: in the cache."""
+        return self.add(*store.file(kind, of, is_kept=is_kept))
 
     def add(self, name: str, data: bytes) -> str:
         """Add a file; its address."""

@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from autodrive.base.errors import SnapshotError
+from autodrive.physics.model import Table
 from autodrive.physics.state import State
+from autodrive.physics.weather import ChangingWeather
 from autodrive.protocol.messages import Frame
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import VehicleControls
@@ -31,13 +33,14 @@ class Snapshot(NamedTuple):
     cameras: Any
     controls: Sequence[VehicleControls]
     light: SceneLight
+    weather: ChangingWeather
     held: dict[str, tuple[float, ...]]
     frame: Frame
 
 
-def identity(c: CompiledScenario) -> str:
-    """Hash of everything that a snapshot must have in common with a world."""
-    tables = c.model.vehicles.tolist(), c.model.wheels.tolist()
+def identity(c: CompiledScenario, wheels: Table) -> str:
+    """Hash of everything that a snapshot must have in common with a world; `wheels`: on a dry road."""
+    tables = c.model.vehicles.tolist(), wheels.tolist()
     parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables, c.sensors.noise_factors
     race = c.race.identity if c.race else ""
     return hashlib.sha256(repr(parts).encode() + race.encode() + c.map.drivable_edges.tobytes()).hexdigest()

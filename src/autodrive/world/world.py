@@ -27,7 +27,8 @@ from autodrive.base.transforms import (
 from autodrive.physics.sensors.own import OwnSensor, problem
 from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, copied, numbers
 from autodrive.physics.tick import advance, place
-from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, is_number
+from autodrive.physics.weather import ChangingWeather
+from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, check_weather, is_number
 from autodrive.protocol.messages import (
     Command,
     Event,
@@ -38,9 +39,12 @@ from autodrive.protocol.messages import (
     SetDrivingMode,
     SetSceneLight,
     SetTimeOfDay,
+    SetWeather,
+    Weather,
 )
+from autodrive.protocol.weather import is_clear
 from autodrive.scenario import FACTOR_LIMITS
-from autodrive.world.compile import CompiledScenario, set_factors
+from autodrive.world.compile import CompiledScenario, set_factors, set_weather, weather_effects, wheels_in
 from autodrive.world.controls import Controls
 from autodrive.world.frames import FrameBuilder
 from autodrive.world.light import SceneLight
@@ -55,6 +59,8 @@ if TYPE_CHECKING:
     from autodrive.graphics.cameras.backend import CameraBackend
 
 
+WEATHER_PERIOD = 0.1
+"""Tyres and LIDARs follow a ground that becomes wet or dry in steps of this time [s]."""
 DRAWING_WIDTH = 400.0
 """Width of the map in a notebook [pixels]."""
 
@@ -98,6 +104,10 @@ class World(OneThread):
         """Probable mistakes in the scenario, as parts of their texts; see `autodrive.base.specs.joined`."""
         self.tick_duration = compiled.spec.tick
         self._seed = compiled.spec.seed
+        self._weather, self._weather_now, self._weather_effects = ChangingWeather(), None, None
+        self._weather_ticks = max(1, round(WEATHER_PERIOD / compiled.spec.tick))
+        self._follows_weather = False
+        """Whether wetness or snow cover of the ground are changing."""
         self._start: Floats = compiled.engine.start
         """`State.qpos` after a reset."""
         self._substeps = compiled.spec.substeps
@@ -124,7 +134,7 @@ class World(OneThread):
     def __repr__(self) -> str:
         cameras = "no cameras" if self._cameras is None else "with cameras"
         return (
-            f"<World of map '{self.spec.map}' at {self.time:g} s: vehicles {', '.join(self.vehicle_names)}; "
+            f"<World of map '{self.spec.map_name}' at {self.time:g} s: vehicles {', '.join(self.vehicle_names)}; "
             f"{len(self.boxes)} objects; {cameras}>"
         )
 
@@ -168,6 +178,8 @@ class World(OneThread):
         controls.update(self._tick)
         if race is not None:
             race.restrain(self.time, controls.throttle)
+        if self._follows_weather and self._tick % self._weather_ticks == 0:
+            self._apply_weather()
         is_sound = self._advance(*self._moved, self._tick * self._substeps, self._substeps, self._always_engine)
         self._tick += 1
         time = self.time
@@ -214,13 +226,15 @@ class World(OneThread):
         c.contacts.pair_count[0] = 0
         self._tick = 0
         self._controls.reset()
-        self._light = SceneLight(self.spec.scene_light)
+        self._light = SceneLight(self.spec.scene_light, self.spec.time_of_day)
         self._poses.held = {}
         self._referee.reset()
         place(c.model, c.state, c.views)
         if self.race is not None:
             self.race.reset(self._ground_poses(), c.state.vehicle_position)
         c.sensors.reset(self._seed)
+        self._weather = ChangingWeather.settled(self.spec.weather.message)
+        self._apply_weather(is_reset=True)
         c.own_sensors.reset(self._seed)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
@@ -318,7 +332,7 @@ class World(OneThread):
     @cached_property
     def _identity(self) -> str:
         """Of the world, for its snapshots."""
-        return identity(self.compiled)
+        return identity(self.compiled, wheels_in(self.compiled, self.spec, self.vehicle_specs, Weather()))
 
     @by_one_thread
     def continue_from(self, before: World) -> None:
@@ -339,11 +353,13 @@ class World(OneThread):
                 column[:] = old
         self._tick, self._seed = before._tick, before._seed
         self._light, self._poses.held = before._light, dict(before._poses.held)
+        self._weather = before._weather
         self._controls.restore(before._controls.save())
         self._referee.restore(before._referee.save())
         if self.race is not None and before.race is not None and self.race.identity == before.race.identity:
             self.race.restore(before.race.save())
         place(c.model, c.state, c.views)
+        self._apply_weather()
         c.sensors.continue_from(b.sensors, self._seed, self._tick * self._substeps)
         c.own_sensors.continue_from(b.own_sensors)
         if self._cameras is not None:
@@ -430,6 +446,42 @@ class World(OneThread):
         self._tell(lambda: SetTimeOfDay(time_of_day, scale))
         self._set_light(light)
 
+    @property
+    def weather(self) -> Weather | None:
+        """The weather with wetness and snow cover of the ground; None: clear, over dry ground."""
+        return self._weather_now
+
+    @by_one_thread
+    def set_weather(self, weather: Weather | None = None) -> None:
+        """Set the weather from now on; None: clear. The ground becomes wet, white or dry with its time constants.
+
+        Raises `CommandError` if an amount is not a number from 0 to 1.
+        """
+        weather = Weather() if weather is None else weather
+        check_weather(weather)
+        self._weather = self._weather.following(weather, self.time)
+        self._tell(lambda: SetWeather(weather))
+        before = self._weather_now
+        self._apply_weather()
+        self._show(is_moved=before != self._weather_now)
+
+    def _apply_weather(self, *, is_reset: bool = False) -> None:
+        """Let tyres, LIDARs and Frames have the weather of now, or of the latest multiple of `WEATHER_PERIOD`.
+
+        `is_reset`: tyres and LIDARs are as in clear weather.
+        """
+        numerator, denominator = self._tick_ratio
+        latest = (self._tick - self._tick % self._weather_ticks) * numerator / denominator
+        time = max(latest, self._weather.since)
+        now = self._weather.at(time)
+        self._follows_weather = not self._weather.is_settled(time)
+        shown = None if is_clear(now) else now
+        if shown != self._weather_now or (is_reset and shown is not None):
+            self._weather_now = shown
+            set_weather(self.compiled, self.spec, self.vehicle_specs, now, self._seed)
+            first = self.vehicle_specs[self.vehicle_names[0]]
+            self._weather_effects = None if shown is None else weather_effects(now, self.map.ground, first)
+
     def _set_light(self, light: SceneLight) -> None:
         before = self.scene_light, self.time_of_day
         self._light = light
@@ -451,6 +503,7 @@ class World(OneThread):
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
             light=self._light,
+            weather=self._weather,
             held=dict(self._poses.held),
             frame=self.frame,
         )
@@ -464,7 +517,7 @@ class World(OneThread):
         check_snapshot(
             saved,
             self._identity,
-            self.spec.map,
+            self.spec.map_name,
             self.compiled.state,
             needs_cameras=self._cameras is not None and self._cameras.save() is not None,
         )
@@ -485,6 +538,8 @@ class World(OneThread):
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
         self._light, self._poses.held = saved.light, dict(saved.held)
+        self._weather = saved.weather
+        self._apply_weather()
         self._tell(Restored)
         return self._publish(saved.frame)
 
@@ -563,6 +618,8 @@ class World(OneThread):
             events,
             scene_light,
             time_of_day,
+            weather=self._weather_now,
+            weather_effects=self._weather_effects,
             races=self.race and self.race.states(time),
         )
         return self._publish(frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved))

@@ -12,6 +12,7 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.native import Scene, VehicleScene
 from autodrive.world import World
+from autodrive.world.editing.map_scene import map_scene
 from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
 from tests.support.waiting import LIMIT
@@ -25,7 +26,9 @@ def bare(world: World) -> SceneFiles:
         name: VehicleScene("nigel", "", 0.15, 0.5236, {}, ["front", "rear"], None, 0.14, 0.03, 0.44, {})
         for name in world.vehicle_specs
     }
-    return SceneFiles(Scene(world.spec.title, world.spec.title, "", world.tick_duration, "", vehicles, {}, {}, {}), {})
+    title, town = world.spec.title, map_scene(world, lambda name, _: name)
+    scene = Scene(title, title, "", world.tick_duration, "", vehicles, {}, {}, {}, map_scene=town)
+    return SceneFiles(scene, {})
 
 
 def started(world: World) -> World:

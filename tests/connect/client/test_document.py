@@ -29,7 +29,7 @@ def test_what_the_document_shows_runs(
 
 
 def test_document_has_examples() -> None:
-    assert len(CODE) == 5
+    assert len(CODE) == 6
 
 
 def test_the_lockstep_example_gives_the_same_twice_and_reaches_its_line(server: Server) -> None:

@@ -9,6 +9,8 @@ import pytest
 import autodrive
 from autodrive import Client, CommandError
 from autodrive.connect.server.server import Server
+from autodrive.protocol.messages import MapModule, MapPart
+from autodrive.scenario.maps.map import load_map
 from tests.support.waiting import LIMIT, wait_until
 
 
@@ -37,6 +39,33 @@ def test_a_sensor_of_a_vehicle_is_set(sim: Client) -> None:
     wait_until(lambda: sim.frame.vehicles["V1"].lidar is None)
     with pytest.raises(CommandError, match="Did you mean 'lidar'"):
         sim.set_sensor("V1", "lidr")
+
+
+def test_two_clients_build_a_map_together(server: Server, sim: Client, tmp_path: Path) -> None:
+    with Client(server.address, name="other", timeout=LIMIT) as other:
+        sim.edit_map({"a": MapModule("straight_road", 3.0, 0.0)})
+
+        def parts(client: Client) -> dict[str, MapPart]:
+            assert client.scene.map_scene is not None
+            return client.scene.map_scene.parts
+
+        wait_until(lambda: "a" in parts(other))
+        seen = {"a": parts(other)["a"]}
+        assert parts(sim) == parts(other)
+        other.edit_map({"b": MapModule("straight_road", 3.6, 0.0)}, seen={"b": None})
+        wait_until(lambda: "b" in parts(sim))
+        sim.edit_map({"a": MapModule("straight_road", 3.0, 0.0, open=True)}, seen=seen)
+        with pytest.raises(CommandError, match="'a' was changed by another client meanwhile"):
+            other.edit_map({"a": None}, seen=seen)
+        wait_until(lambda: other.status.undo == "change a")
+        assert other.map_text() == sim.map_text()
+        other.undo()
+        wait_until(lambda: parts(sim)["a"] == seen["a"])
+        sim.use_map("mini_map")
+        wait_until(lambda: "lawn_1" in parts(other))
+        sim.undo()
+    (tmp_path / "map.yaml").write_text(sim.map_text("Ours"))
+    assert load_map(tmp_path / "map.yaml").title == "Ours"
 
 
 def test_the_text_of_the_scenario_is_that_of_the_edited_world(sim: Client, tmp_path: Path) -> None:

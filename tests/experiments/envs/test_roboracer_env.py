@@ -15,7 +15,7 @@ from autodrive.experiments.envs.conditions import Conditions
 from autodrive.experiments.envs.episodes import observed
 from autodrive.experiments.envs.race_env import RaceParallelEnv
 from autodrive.experiments.envs.race_tracks import APART, AREA, ROWS, RaceTracks
-from autodrive.experiments.envs.roboracer_env import RoboRacerEnv
+from autodrive.experiments.envs.roboracer_env import RoboRacerEnv, RoboRacerVectorEnv
 from autodrive.experiments.envs.time_trial import FAILURE
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.tracks.generate import generate_track
@@ -210,3 +210,92 @@ def test_a_car_sees_the_other_ones() -> None:
     behind = race.possible_agents[int(race.distance.argmin())]
     ahead = observations[behind][SCAN:][np.abs(BEARINGS) < 60]
     assert ahead.min() < 1.0
+
+
+def races(count: int, **settings: Any) -> Any:
+    return gymnasium.make_vec(
+        "autodrive:RoboRacer-v0", count, vectorization_mode="vector_entry_point", observation="lidar", **settings
+    )
+
+
+def test_races_of_a_vector_environment_have_the_bits_of_parallel_ones() -> None:
+    """Environment k is car k % 3 of world k // 3, with its own conditions."""
+    conditions = {"friction": (0.8, 1.2), "mass": (0.8, 1.2), "noise": 1.0, "latency": (0.0, 0.03)}
+    many = races(6, cars=3, autoreset_mode="SameStep", **conditions)
+    worlds = [RaceParallelEnv(3, laps=1, **conditions) for _ in range(2)]
+    seen, _ = many.reset(seed=5)
+    firsts = [world.reset(seed=5 + k)[0] for k, world in enumerate(worlds)]
+    assert seen.tolist() == [first[f"V{i}"].tolist() for first in firsts for i in (1, 2, 3)]
+    for step in range(60):
+        actions = np.array([action_for(one, 1.0 + 0.2 * (k % 3)) for k, one in enumerate(seen)])
+        seen, reward, terminated, truncated, _ = many.step(actions)
+        expected = [world.step({f"V{i + 1}": actions[3 * k + i] for i in range(3)}) for k, world in enumerate(worlds)]
+        assert seen.tolist() == [one[0][f"V{i}"].tolist() for one in expected for i in (1, 2, 3)], step
+        assert reward.tolist() == [one[1][f"V{i}"] for one in expected for i in (1, 2, 3)]
+        assert not terminated.any()
+        assert not truncated.any()
+    assert (many.distance > 0.5 - 3.0).all()
+
+
+def test_a_collision_ends_the_race_of_its_world_only() -> None:
+    many = races(4, cars=2, autoreset_mode="SameStep")
+    seen, _ = many.reset(seed=1)
+    while True:
+        actions = np.array([action_for(one, 1.0) for one in seen])
+        actions[2] = 0.3, 1.0  # the first car of the second world drives into the wall
+        seen, reward, terminated, truncated, info = many.step(actions)
+        assert many.steps[0] < 400
+        if terminated.any():
+            break
+    assert terminated.tolist() == [False, False, True, False]
+    assert truncated.tolist() == [False, False, False, True]
+    assert reward[2] == FAILURE
+    assert info["_final_obs"].tolist() == [False, False, True, True]
+    assert many.steps.tolist()[2:] == [0, 0]
+    assert (many.steps[:2] > 0).all()
+    assert sorted(many.distance[2:].tolist()) == pytest.approx([-2.0, -1.0], abs=1e-9)
+
+
+def test_rivalry_rewards_what_a_car_gains_on_the_others() -> None:
+    alone, rivals = (races(3, cars=3, rivalry=factor) for factor in (0.0, 0.5))
+    for env in (alone, rivals):
+        env.reset(seed=2)
+    actions = np.array([[0.1, 0.0], [0.06, 0.0], [0.03, 0.0]])
+    for step in range(40):
+        own, more = (env.step(actions)[1] for env in (alone, rivals))
+        others = (own.sum() - own) / 2.0  # without a collision the reward is the distance
+        assert more - own == pytest.approx(0.5 * (own - others), abs=1e-12)
+        assert own[0] > own[2] > 0.0 or step < 39
+
+
+@pytest.mark.parametrize(
+    ("count", "settings", "message"),
+    [
+        (3, {"cars": 2}, "num_envs: with 2 cars in a world it must be a multiple, not 3"),
+        (9, {"cars": 9}, "cars: must be a whole number from 1 to 8, not 9"),
+        (2, {"rivalry": 0.5}, "rivalry: must be a number from 0 to 10, and 0 for a single car, not 0.5"),
+    ],
+)
+def test_wrong_settings_of_a_race_are_named(count: int, settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(SpecError, match=message):
+        races(count, **settings)
+
+
+def test_a_mask_does_not_separate_the_cars_of_a_world() -> None:
+    many = races(4, cars=2, autoreset_mode="Disabled")
+    many.reset(seed=1)
+    with pytest.raises(ValueError, match="the same for all cars of a world"):
+        many.reset(options={"reset_mask": np.array([True, False, False, False])})
+    many.reset(options={"reset_mask": np.array([True, True, False, False])})
+
+
+def test_each_episode_has_its_own_weather() -> None:
+    vector = RoboRacerVectorEnv(3, rain=(0.2, 1.0), threads=1)
+    vector.reset(seed=1)
+    dry = RoboRacerVectorEnv(3, threads=1)
+    dry.reset(seed=1)
+    friction = vector.batch.worlds.wheels["forward"][:, 0, 1] / dry.batch.worlds.wheels["forward"][:, 0, 1]
+    assert len({*friction.tolist()}) > 1
+    assert ((friction >= 0.7) & (friction <= 0.9)).all()
+    with pytest.raises(SpecError, match="fog"):
+        RoboRacerVectorEnv(1, fog=(0.0, 2.0))

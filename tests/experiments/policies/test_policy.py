@@ -22,7 +22,8 @@ from autodrive.connect.devkit import Server
 from autodrive.experiments.envs.episodes import Episodes, observed
 from autodrive.experiments.envs.task import CarReadings
 from autodrive.experiments.envs.time_trial import TimeTrial
-from autodrive.experiments.policies import Policy
+from autodrive.experiments.policies import Memory, Policy
+from autodrive.experiments.policies.policy import Driver
 from autodrive.experiments.policies.racer import INPUTS, PERIOD, PolicyRacer, drive_laps, sectors
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Command
@@ -52,13 +53,14 @@ def test_the_outputs_are_those_of_matrices_in_numpy(seed: int) -> None:
         values = np.tanh(weight.astype(float) @ values + bias)
     weight, bias = policy.layers[-1]
     drive, steer = np.clip(weight.astype(float) @ values + bias, -1.0, 1.0)
-    assert policy.act(features) == pytest.approx((0.2 * (drive + 1.0), steer), abs=1e-12)
+    assert policy.outputs(features) == pytest.approx((drive, steer), abs=1e-12)
+    assert Driver(policy, INPUTS).act(features) == pytest.approx((0.2 * (drive + 1.0), steer), abs=1e-12)
 
 
 def test_large_numbers_saturate() -> None:
     policy = random_policy()
     for sign in (-1.0, 1.0):
-        throttle, steering = policy.act(np.full(len(INPUTS), sign * 1e30))
+        throttle, steering = Driver(policy, INPUTS).act(np.full(len(INPUTS), sign * 1e30))
         assert 0.0 <= throttle <= 0.4
         assert -1.0 <= steering <= 1.0
 
@@ -68,9 +70,65 @@ def test_a_file_has_everything(tmp_path: Path) -> None:
     policy.save(tmp_path / "policy.npz")
     loaded = Policy.load(tmp_path / "policy.npz")
     features = np.linspace(-1.0, 1.0, len(INPUTS))
-    assert loaded.act(features) == policy.act(features)
+    assert loaded.outputs(features).tolist() == policy.outputs(features).tolist()
     for name in ("task", "inputs", "scale", "throttle", "training"):
         assert getattr(loaded, name) == getattr(policy, name)
+
+
+def test_a_policy_reads_the_last_moments_and_its_own_outputs() -> None:
+    """In a network without layers between, whose outputs are known; at the start the first reading counts for all."""
+    weight = np.array([[1.0, -0.5, 0.0], [0.25, 0.0, 0.5]], np.float32)
+    policy = Policy(
+        "time_trial",
+        ("speed@2", "drive@1", "steer@3"),
+        (1.0, 1.0, 1.0),
+        (-1.0, 1.0),
+        ((weight, np.zeros(2, np.float32)),),
+    )
+    assert policy.readings == ("speed",)
+    driver = Driver(policy, ("yaw_rate", "speed"))
+    for _ in range(2):
+        speeds = np.random.default_rng(1).uniform(-0.4, 0.4, 20).tolist()
+        drive, steer = [0.0] * 3, [0.0] * 3
+        for k, speed in enumerate(speeds):
+            then = speeds[max(k - 2, 0)]
+            expected = then - 0.5 * drive[-1], 0.25 * then + 0.5 * steer[-3]
+            assert driver.act(np.array([9.0, speed])) == pytest.approx(expected, abs=1e-6)
+            drive.append(expected[0])
+            steer.append(expected[1])
+        driver.begin()
+
+
+def test_cars_have_memories_of_their_own() -> None:
+    """Each row is that of a car alone, when episodes begin at different times."""
+    inputs, readings = ("a", "b@3", "drive@1", "steer@2"), ("a", "b")
+    rng = np.random.default_rng(2)
+    together, alone = Memory(inputs, readings, 4), [Memory(inputs, readings) for _ in range(4)]
+    for k in range(40):
+        given, outputs = rng.normal(size=(4, 2)), rng.normal(size=(4, 2))
+        begins = rng.random(4) < 0.2 if k else np.ones(4, np.bool_)
+        together.add(given)
+        together.begin(given[begins], begins)
+        for car, one in enumerate(alone):
+            (one.begin if begins[car] else one.add)(given[car : car + 1])
+            assert one.inputs[0].tolist() == together.inputs[car].tolist()
+            one.put_out(outputs[car : car + 1])
+        together.put_out(outputs)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("speed@0", "input 'speed@0' of the policy: after '@' come the steps ago, 1 to 100"),
+        ("speed@101", "1 to 100"),
+        ("speed@x", "1 to 100"),
+        ("drive", "input 'drive' of the policy is its own output"),
+        ("grip@2", "the policy reads grip, which is not among its readings"),
+    ],
+)
+def test_a_moment_that_cannot_be_is_refused(name: str, message: str) -> None:
+    with pytest.raises(AutodriveError, match=message):
+        Driver(random_policy(inputs=(name,)), INPUTS)
 
 
 def changed(file: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None]) -> None:
@@ -129,9 +187,9 @@ def test_a_racer_reads_what_the_environment_shows() -> None:
     seen: list[np.ndarray] = []
 
     class Spy(Policy):
-        def act(self, features: np.ndarray) -> tuple[float, float]:
-            seen.append(features)
-            return 0.1, 0.05
+        def outputs(self, inputs: np.ndarray) -> np.ndarray:
+            seen.append(inputs)
+            return np.zeros(2)
 
     racer = PolicyRacer(Spy("time_trial", INPUTS, (1.0,) * 57, (0.0, 1.0), random_policy().layers))
     for _ in range(60):

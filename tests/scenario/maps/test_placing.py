@@ -8,7 +8,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from autodrive.base.errors import SpecError
-from autodrive.scenario.maps.map import load_map, load_module
+from autodrive.base.specs import Place, joined
+from autodrive.scenario.files import read_map
+from autodrive.scenario.maps.map import compile_map, load_map, load_module
+from autodrive.scenario.maps.placing import join, place
 from autodrive.scenario.maps.spec import MapSpec, Placement
 
 angles = st.floats(-180.0, 180.0)
@@ -179,3 +182,65 @@ def test_module_files_may_be_in_the_folder_of_the_map(tmp_path):
     path = tmp_path / "arena.yaml"
     path.write_text("title: Arena\nplacements:\n  - {module: round.yaml, x: 4, y: 0}\n")
     assert load_map(path).drivable.distance(shapely.Point(4.0, 0.0)) == 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    names=chains, moved=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)), turned=st.floats(-40.0, 40.0),
+    which=st.integers(0, 5),
+)  # fmt: skip
+def test_what_a_problem_says_repairs_the_map(names, moved, turned, which):
+    """The numbers of a problem are compared with what they lead to, not with their formula."""
+    placements = chain(["straight_road", *names], 0.0, 0.0, 0.0)
+    placements = [one.model_copy(update={"open": True}) for one in placements]
+    which = which % len(placements)
+    one = placements[which]
+    placements[which] = one.model_copy(
+        update={"x": one.x + moved[0], "y": one.y + moved[1], "yaw_deg": one.yaw_deg + turned}
+    )
+    for _ in range(4 * len(placements)):
+        described, _lines = read_map(MapSpec(title="Chain", placements=tuple(placements)))
+        placed, problems = place(described)
+        joins, problems = join(placed, is_complete=True)
+        repairable = [one for one in problems if one.kind in ("apart", "turned")]
+        if not repairable:
+            break
+        assert joined([repairable[0].text], {}) != [""]
+        problem = repairable[0]
+        assert isinstance(problem.other, Place)
+        index = problem.other.location[1]
+        second = placements[index]
+        x, y = second.x + problem.dx, second.y + problem.dy
+        if problem.kind == "turned":  # about the port
+            port = problem.other_port.pose
+            c, s = math.cos(problem.turn), math.sin(problem.turn)
+            x, y = (
+                port[0] + c * (second.x - port[0]) - s * (second.y - port[1]),
+                port[1] + s * (second.x - port[0]) + c * (second.y - port[1]),
+            )
+        placements[index] = second.model_copy(
+            update={"x": x, "y": y, "yaw_deg": second.yaw_deg + math.degrees(problem.turn)}
+        )
+    else:
+        pytest.fail("it has problems after each repair")
+    if abs(turned) < 1.0 and max(map(abs, moved)) < 0.05 and math.hypot(*moved) > 1e-2:
+        assert joins
+
+
+def test_each_problem_names_its_parts_and_its_ports():
+    spec = MapSpec(
+        title="Wrong",
+        placements=(
+            Placement(module="straight_road", x=0.0, y=0.0, open=("west",)),
+            Placement(module="straight_road", x=0.65, y=0.0, open=("east",)),
+            Placement(module="straight_road", x=5.0, y=0.0, open=("west",)),
+            Placement(module="road_patch", x=5.1, y=0.0, open=True),
+        ),
+    )
+    _, problems = compile_map(read_map(spec)[0])
+    found = {(one.kind, getattr(one.part, "location", ())[1:], getattr(one.port, "name", "")) for one in problems}
+    assert ("apart", (0,), "east") in found
+    assert any(kind == "overlap" and index == (2,) for kind, index, _ in found)
+    apart = next(one for one in problems if one.kind == "apart")
+    assert (apart.dx, apart.dy) == pytest.approx((-0.05, 0.0))
+    assert getattr(apart.other_port, "name", "") == "west"

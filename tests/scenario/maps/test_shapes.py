@@ -12,7 +12,7 @@ from autodrive.scenario.maps.shapes import CHORD_ERROR, Arc, Line, Polygon, Rect
 
 
 def test_rectangle_has_its_area_and_turns_about_its_centre():
-    shape = Rectangle(x=1.0, y=2.0, yaw_deg=90.0, length=0.6, width=0.2).geometry()
+    shape = Rectangle(shape="rectangle", x=1.0, y=2.0, yaw_deg=90.0, length=0.6, width=0.2).geometry()
     assert shape.area == pytest.approx(0.12, abs=1e-12)  # rounding only
     assert shape.bounds == pytest.approx((0.9, 1.7, 1.1, 2.3), abs=1e-12)
 

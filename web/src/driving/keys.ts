@@ -30,6 +30,7 @@ export type KeyAction =
   | 'full-screen'
   | 'screenshot'
   | 'edit'
+  | 'build'
   | 'help'
   | 'close'
   | 'pause'
@@ -82,6 +83,7 @@ export const KEYS: Record<string, readonly Key[]> = {
     { action: 'full-screen', codes: ['KeyF'], description: 'Full screen' },
     { action: 'screenshot', codes: ['KeyI'], description: 'Screenshot of the view' },
     { action: 'edit', codes: ['KeyJ'], description: 'Edit mode' },
+    { action: 'build', codes: ['KeyZ'], description: 'Build mode' },
     { action: 'help', codes: ['F1'], description: 'This help, also ?' },
     { action: 'close', codes: ['Escape'], description: 'Close what is open' },
   ],

@@ -112,3 +112,13 @@ function isInside(at: Point, corners: readonly Point[], margin: number): boolean
     return cross(a, b, at) >= -margin * Math.hypot(b[0] - a[0], b[1] - a[1])
   })
 }
+
+/** An element of a drawing. */
+export function svg<Name extends keyof SVGElementTagNameMap>(
+  name: Name,
+  attributes: Record<string, string>,
+): SVGElementTagNameMap[Name] {
+  const element = document.createElementNS('http://www.w3.org/2000/svg', name)
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value)
+  return element
+}

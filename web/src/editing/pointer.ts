@@ -3,7 +3,17 @@ import type { Pose } from '../messages'
 import type { SceneView } from '../scene/view'
 import type { Placement, Store } from '../store'
 import type { Editor } from './editor'
-import { cornersOf, type Extent, extentOf, handleOf, isHit, middleOf, type Point, type Projection } from './outline'
+import {
+  cornersOf,
+  type Extent,
+  extentOf,
+  handleOf,
+  isHit,
+  middleOf,
+  type Point,
+  type Projection,
+  svg,
+} from './outline'
 
 /** Distance within which the pointer hits the handle, and a thing, for a mouse and for a finger [CSS pixels]. */
 const REACH = { handle: { fine: 12, coarse: 24 }, thing: { fine: 2, coarse: 14 } }
@@ -163,13 +173,4 @@ function bearing({ placed, extent }: Outlined, ground: Point): number {
 export function turnAboutMiddle(editor: Editor, { placed, extent }: Outlined, yaw: number): void {
   const [x, y] = middleOf(placed, extent)
   editor.show({ x: x - extent.ahead * Math.cos(yaw), y: y - extent.ahead * Math.sin(yaw), yaw })
-}
-
-function svg<Name extends keyof SVGElementTagNameMap>(
-  name: Name,
-  attributes: Record<string, string>,
-): SVGElementTagNameMap[Name] {
-  const element = document.createElementNS('http://www.w3.org/2000/svg', name)
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value)
-  return element
 }

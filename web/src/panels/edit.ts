@@ -23,12 +23,12 @@ export function edit(store: Store, editor: Editor, view: () => SceneView | null)
   const show = (): void => {
     buttons.hidden = !store.isEditing.value
     details.hidden = !store.isEditing.value || !isPanelOpen.value
-    document.documentElement.toggleAttribute('data-editing', store.isEditing.value)
+    document.documentElement.toggleAttribute('data-editing', store.isMapViewed)
   }
   // the panels end above the bar
-  new ResizeObserver(() =>
-    document.documentElement.style.setProperty('--edit-bar', `${buttons.offsetHeight}px`),
-  ).observe(buttons)
+  new ResizeObserver(() => {
+    if (store.isEditing.value) document.documentElement.style.setProperty('--edit-bar', `${buttons.offsetHeight}px`)
+  }).observe(buttons)
   isPanelOpen.watch(show)
   store.isEditing.watch((isEditing) => {
     show()
@@ -52,22 +52,28 @@ function bar(
     void editor.addBox(at[0], at[1])
   }
   const buttons = {
-    add: button('edit-add', 'Add box', ADD, 'Add a box in the middle of the view', add),
-    remove: button('edit-remove', 'Delete', REMOVE, 'Delete the selected box (Delete)', () => void editor.remove()),
-    left: button('edit-left', 'Turn left', TURN_LEFT, 'Turn left by 15° ([)', () => turn(TURN), true),
-    right: button('edit-right', 'Turn right', TURN_RIGHT, 'Turn right by 15° (])', () => turn(-TURN), true),
-    undo: button('edit-undo', 'Undo', UNDO, '', () => void editor.undo()),
-    redo: button('edit-redo', 'Redo', REDO, '', () => void editor.redo()),
-    save: button(
+    add: barButton('edit-add', 'Add box', ADD, 'Add a box in the middle of the view', add),
+    remove: barButton('edit-remove', 'Delete', REMOVE, 'Delete the selected box (Delete)', () => void editor.remove()),
+    left: barButton('edit-left', 'Turn left', TURN_LEFT, 'Turn left by 15° ([)', () => turn(TURN), true),
+    right: barButton('edit-right', 'Turn right', TURN_RIGHT, 'Turn right by 15° (])', () => turn(-TURN), true),
+    undo: barButton('edit-undo', 'Undo', UNDO, '', () => void editor.undo()),
+    redo: barButton('edit-redo', 'Redo', REDO, '', () => void editor.redo()),
+    save: barButton(
       'edit-save',
       'Save as scenario',
       SAVE,
       'Download the scenario as a YAML file',
       () => void saveScenario(store, editor),
     ),
-    details: button('edit-details', 'Details', DETAILS, 'Show the selected thing, the next box and the sensors', () => {
-      isPanelOpen.value = !isPanelOpen.value
-    }),
+    details: barButton(
+      'edit-details',
+      'Details',
+      DETAILS,
+      'Show the selected thing, the next box and the sensors',
+      () => {
+        isPanelOpen.value = !isPanelOpen.value
+      },
+    ),
     done: h(
       'button',
       { testid: 'edit-done', class: 'primary', onclick: () => (store.isEditing.value = false) },
@@ -76,8 +82,8 @@ function bar(
   }
   isPanelOpen.watch((isOpen) => buttons.details.setAttribute('aria-expanded', String(isOpen)))
   store.status.watch((status) => {
-    name(buttons.undo, 'Undo', status?.undo ?? '', 'Ctrl+Z')
-    name(buttons.redo, 'Redo', status?.redo ?? '', 'Ctrl+Shift+Z')
+    nameEdit(buttons.undo, 'Undo', status?.undo ?? '', 'Ctrl+Z')
+    nameEdit(buttons.redo, 'Redo', status?.redo ?? '', 'Ctrl+Shift+Z')
   })
   const showSelection = (): void => {
     buttons.remove.disabled = !editor.isBoxSelected
@@ -89,7 +95,8 @@ function bar(
   return h('section', { class: 'edit-bar', testid: 'edit-bar', 'aria-label': 'Edit mode' }, tools)
 }
 
-function button(
+/** A button of the bar. */
+export function barButton(
   testid: string,
   label: string,
   path: string,
@@ -102,7 +109,7 @@ function button(
 }
 
 /** Names the edit that Undo or Redo would change. */
-function name(button: HTMLButtonElement, label: string, edit: string, keys: string): void {
+export function nameEdit(button: HTMLButtonElement, label: string, edit: string, keys: string): void {
   button.disabled = !edit
   button.title = edit ? `${label}: ${edit} (${keys})` : `${label} (${keys})`
   button.setAttribute('aria-label', edit ? `${label}: ${edit}` : label)
@@ -133,9 +140,9 @@ function selection(store: Store, editor: Editor): HTMLElement {
     } else store.warning.value = 'A position and a heading are numbers.'
     show(true)
   }
-  const x = number('edit-x', { step: 0.05, onchange: place })
-  const y = number('edit-y', { step: 0.05, onchange: place })
-  const yaw = number('edit-yaw', { step: 5, onchange: place, title: 'Left turns are positive; 0 looks along x' })
+  const x = numberField('edit-x', { step: 0.05, onchange: place })
+  const y = numberField('edit-y', { step: 0.05, onchange: place })
+  const yaw = numberField('edit-yaw', { step: 5, onchange: place, title: 'Left turns are positive; 0 looks along x' })
 
   function show(isForced: boolean): void {
     const names = editor.names
@@ -164,14 +171,14 @@ function nextBox(editor: Editor): HTMLElement {
     editor.shape.value = { size: [length, width, height], mass: Number(mass.value) }
   }
   const sizes = [...'xyz'].map((axis, i) =>
-    number(`edit-size-${axis}`, {
+    numberField(`edit-size-${axis}`, {
       min: 0.01,
       step: 0.05,
       'aria-label': `${['Length', 'Width', 'Height'][i]} of the next box [m]`,
       onchange: set,
     }),
   )
-  const mass = number('edit-mass', { min: 0.001, step: 0.1, onchange: set })
+  const mass = numberField('edit-mass', { min: 0.001, step: 0.1, onchange: set })
   editor.shape.watch((shape) => {
     for (const [i, field] of sizes.entries()) field.value = String(shape.size[i])
     mass.value = String(shape.mass)
@@ -183,7 +190,7 @@ function nextBox(editor: Editor): HTMLElement {
   )
 }
 
-function number(testid: string, attributes: Record<string, unknown>): HTMLInputElement {
+export function numberField(testid: string, attributes: Record<string, unknown>): HTMLInputElement {
   return h('input', { type: 'number', testid, ...(attributes as Record<string, string>) })
 }
 

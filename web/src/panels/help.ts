@@ -38,6 +38,17 @@ const OTHERS: Record<string, readonly [string, string][]> = {
     ['Ctrl | Z', 'Undo'],
     ['Ctrl | Shift | Z', 'Redo'],
   ],
+  'Build mode': [
+    ['Click', 'On an open end: offer pieces; on a piece: select it, then drag it'],
+    ['N', 'Go to the next open end'],
+    ['← | →', 'Another piece'],
+    ['R | Shift | R', 'Turn to the next or previous end'],
+    ['M', 'Mirror'],
+    ['Enter', 'Set the piece'],
+    ['Delete', 'Remove the selected piece'],
+    ['Ctrl | D', 'Take a copy of the selected piece'],
+    ['Esc', 'Put the piece away; then leave'],
+  ],
   Gamepad: [
     ['Left stick', 'Steer'],
     ['Triggers', 'Drive forward (right) or in reverse (left)'],

@@ -8,6 +8,11 @@ export const HAZARD = 'M12 4 2.5 20h19zM12 10l-4 6.7h8z'
 export const LOW_BEAM = 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7l-6 2M8 11.5l-6 2M8.5 16l-6 2'
 export const HIGH_BEAM = 'M13 5c5 0 8 3 8 7s-3 7-8 7c-1.5-4-1.5-10 0-14M9 7H3M8 12H2M9 17H3'
 export const EDIT = 'M4 20l1-5L16 4l4 4L9 19zM14 6l4 4'
+// a road with its middle line, and a bend
+export const BUILD = 'M4 20V9a5 5 0 0 1 5-5h11M10 20V10h10M7 20v-3M7 13v-3M12 7h3'
+export const MIRROR = 'M12 3v18M9 7 4 17h5zM15 7l5 10h-5z'
+export const COPY = 'M9 9h11v11H9zM5 15H4V4h11v1'
+export const SET = 'M5 12.5 10 17 19.5 7'
 export const CAMERA = 'M4 8h3l2-3h6l2 3h3v11H4zM12 9.5a3.5 3.5 0 1 1 0 7a3.5 3.5 0 1 1 0-7'
 // a vehicle from the side, and an arrow to the next
 export const VEHICLE =

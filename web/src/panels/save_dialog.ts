@@ -1,4 +1,5 @@
 // The dialog that saves the edited scenario: its title and the name of its file.
+import type { Builder } from '../building/builder'
 import type { Editor } from '../editing/editor'
 import { scenarioTitle } from '../scenario_title'
 import type { Store } from '../store'
@@ -12,14 +13,35 @@ const EDITED = ' (edited)'
 export async function saveScenario(store: Store, editor: Editor): Promise<boolean> {
   const scene = store.scene.value
   const before = scene ? scenarioTitle(scene.scenario, scene.title) : ''
-  const limits = { required: true, maxlength: 200, autocomplete: 'off' }
   const value = before.endsWith(EDITED) ? before : `${before}${EDITED}`
-  const title = h('input', { type: 'text', testid: 'save-title', value, ...limits })
-  const name = h('input', { type: 'text', testid: 'save-name', value: editor.fileName, ...limits })
+  const { fields, title, name } = named(value, editor.fileName)
+  const choice = await ask('save-dialog', 'Save as scenario', fields, [['save', 'Save', true]])
+  return choice === 'save' && editor.save(title.value.trim(), name.value.trim())
+}
+
+/** Asks for title and name, then downloads the map, or its scenario; returns whether it was saved. */
+export async function saveMap(builder: Builder, saveWithVehicles: () => Promise<boolean>): Promise<boolean> {
+  const { fields, title, name } = named('My map', 'my_map')
+  const problems = builder.scene?.problems.length ?? 0
+  const note =
+    problems > 0 && h('p', {}, `${problems} problems are left. The file says that the map is a draft; it can be run.`)
+  const choices = [
+    ['scenario', 'Save as scenario'],
+    ['map', 'Save the map', true],
+  ] as const
+  const choice = await ask('save-map', 'Save the map', [...fields, note], choices)
+  if (choice === 'scenario') return saveWithVehicles()
+  return choice === 'map' && builder.save(title.value.trim(), name.value.trim())
+}
+
+/** Fields for the title and the name of a file. */
+function named(givenTitle: string, givenName: string) {
+  const limits = { required: true, maxlength: 200, autocomplete: 'off' }
+  const title = h('input', { type: 'text', testid: 'save-title', value: givenTitle, ...limits })
+  const name = h('input', { type: 'text', testid: 'save-name', value: givenName, ...limits })
   const fields = [
     h('label', { class: 'named' }, h('span', {}, 'Title'), title),
     h('label', { class: 'named' }, h('span', {}, 'Name of the file, without .yaml'), name),
   ]
-  const choice = await ask('save-dialog', 'Save as scenario', fields, [['save', 'Save', true]])
-  return choice === 'save' && editor.save(title.value.trim(), name.value.trim())
+  return { fields, title, name }
 }

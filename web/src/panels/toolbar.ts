@@ -3,7 +3,7 @@
 import type { Observable } from '../observable'
 import type { Store } from '../store'
 import { h, icon, setText } from './element'
-import { EDIT, HUD, MENU } from './icons'
+import { BUILD, EDIT, HUD, MENU } from './icons'
 
 export function toolbar(store: Store, showHelp: () => void): HTMLElement {
   const label = { 'aria-label': 'Help', title: 'Keys and controls (?)' }
@@ -14,6 +14,7 @@ export function toolbar(store: Store, showHelp: () => void): HTMLElement {
     h('h1', { testid: 'title' }, 'AutoDRIVE Simulator'),
     run(store),
     opener('edit', 'Edit', EDIT, 'J', store.isEditing),
+    opener('build', 'Build', BUILD, 'Z', store.isBuilding),
     h('button', { class: 'round', testid: 'help', onclick: showHelp, ...label }, '?'),
     opener('hud', 'HUD', HUD, 'U', store.isHudOpen),
   )

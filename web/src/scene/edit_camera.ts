@@ -26,11 +26,11 @@ export class EditCamera {
     this.controls.screenSpacePanning = false
   }
 
-  /** Sets `camera`. When Edit mode starts, it looks at `around`. */
-  update(camera: PerspectiveCamera, around: Vector3): void {
+  /** Sets `camera`. When Edit mode starts, it looks at `around`, from `times` the usual distance. */
+  update(camera: PerspectiveCamera, around: Vector3, times = 1): void {
     if (!this.isOpen) {
       this.controls.target.set(around.x, around.y, 0)
-      this.camera.position.set(around.x, around.y - SOUTH, ABOVE)
+      this.camera.position.set(around.x, around.y - times * SOUTH, times * ABOVE)
     }
     this.isOpen = this.controls.enabled = true
     this.camera.aspect = camera.aspect

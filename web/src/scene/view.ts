@@ -36,6 +36,8 @@ export interface SceneView {
   groundPoint(x: number, y: number): [x: number, y: number] | null
   /** In Edit mode: moves the camera above a point of the map [m] that is outside the image or covered by a panel. */
   showPlace(x: number, y: number): void
+  /** In Edit mode: moves the camera above a point of the map [m]. */
+  lookAt(x: number, y: number): void
   /** In Edit mode: moves the camera nearer by that number of clicks. */
   zoomEdit(clicks: number): void
   /** The present image with the labels of the vehicles, as a PNG file; null if there is none. */
@@ -55,6 +57,8 @@ const WHEEL = { passive: false, capture: true }
 const STREAM_ASPECT = 16 / 9
 /** Time between two images that the page draws while it waits for the first one of the simulator [s]. */
 const WAITING_PERIOD = 0.5
+/** First distance of the camera in Build mode; 1: that of Edit mode. */
+const BUILD_DISTANCE = 1.8
 const NO_WEBGL = 'WebGL is not available in this browser. The simulator renders the scene.'
 const TOO_SLOW = 'This computer renders slowly. The simulator renders the scene.'
 
@@ -126,8 +130,12 @@ class View implements SceneView {
 
   showPlace(x: number, y: number): void {
     const at = this.screenPoint(x, y, 0)
-    if (this.store.isEditing.value && (!at || document.elementFromPoint(...at) !== this.canvas))
+    if (this.store.isMapViewed && (!at || document.elementFromPoint(...at) !== this.canvas))
       this.editCamera.moveTo(x, y)
+  }
+
+  lookAt(x: number, y: number): void {
+    this.editCamera.moveTo(x, y)
   }
 
   zoomEdit(clicks: number): void {
@@ -290,7 +298,7 @@ class View implements SceneView {
   }
 
   private zoom(event: WheelEvent): void {
-    if (this.store.isEditing.value) return // the camera of Edit mode zooms
+    if (this.store.isMapViewed) return // the camera of Edit mode zooms
     event.preventDefault()
     event.stopImmediatePropagation()
     const { store } = this
@@ -332,9 +340,9 @@ class View implements SceneView {
     const zoom = lensZoomOf(store) * (isStream ? Math.max(1, viewpoints.camera.aspect / STREAM_ASPECT) : 1)
     const view = { height: store.birdHeight.value, halfLength: spec.half_length, zoom }
     viewpoints.update(store.camera.value, scene, vehicle, dt, view)
-    if (store.isEditing.value && !isStream) {
+    if (store.isMapViewed && !isStream) {
       viewpoints.controls.enabled = false
-      this.editCamera.update(viewpoints.camera, vehicle.position)
+      this.editCamera.update(viewpoints.camera, vehicle.position, store.isBuilding.value ? BUILD_DISTANCE : 1)
       showPreview(state, store.preview.value, scene)
     } else this.editCamera.close()
     up.set(0, 1, 0).applyQuaternion(viewpoints.camera.quaternion)

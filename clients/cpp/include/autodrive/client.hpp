@@ -67,6 +67,12 @@ public:
     /// Moves a vehicle to x, y [m] and a heading [rad], at rest.
     Frame teleport(const std::string& vehicle, double x, double y, double yaw = 0.0);
 
+    /// Lets sun and sky follow a time of day [s since midnight]; `scale`: seconds of the day per simulated second.
+    Frame set_time_of_day(double time, double scale = 0.0);
+
+    /// Sets the weather; the wetness and the snow cover of the ground follow unless they are set.
+    Frame set_weather(const Weather& weather = {});
+
     /// Sends any operation of the protocol, and returns the Frame after it.
     Frame request(const Json& request);
 

@@ -81,6 +81,17 @@ struct Event {
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< position [m]
 };
 
+/// Weather: amounts from 0 to 1, and the state of the ground.
+struct Weather {
+    double clouds = 0.0;               ///< [0, 1]
+    double fog = 0.0;                  ///< [0, 1]
+    double rain = 0.0;                 ///< [0, 1]
+    double snow = 0.0;                 ///< [0, 1]
+    double wind = 0.0;                 ///< [0, 1]
+    std::optional<double> wetness;     ///< of the ground; none: it follows the rain
+    std::optional<double> snow_cover;  ///< of the ground; none: it follows the snow
+};
+
 /// State of the world after a tick.
 struct Frame {
     double time = 0.0;                             ///< time since the last reset [s]
@@ -89,6 +100,8 @@ struct Frame {
     std::map<std::string, Pose> objects;           ///< movable objects
     std::vector<Event> events;                     ///< since the previous Frame
     bool scene_light = true;                       ///< true: day, false: night
+    std::optional<double> time_of_day;             ///< [s since midnight]; none: the light is fixed
+    std::optional<Weather> weather;                ///< none: clear sky over dry ground
 };
 
 /// An image of a sensor camera, not decoded.

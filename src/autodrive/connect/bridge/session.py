@@ -30,7 +30,7 @@ from autodrive.connect.bridge.flow_control import RESEND_DELAY, FlowControl
 from autodrive.connect.bridge.metrics import Metrics
 from autodrive.protocol import devkit
 from autodrive.protocol.devkit_profile import PROFILES
-from autodrive.protocol.messages import Command, Hold, Reset, SetTimeOfDay
+from autodrive.protocol.messages import Command, Hold, Reset
 
 if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection
@@ -56,10 +56,6 @@ CLOSE_TIMEOUT = 0.2
 
 IMAGE_WAIT = 2.0
 """The first telemetry waits for an image of each camera, at most for this time [s]."""
-
-_WEATHER = {"Weather", "Clouds", "Fog", "Rain", "Snow"}
-_TIME_SCALE = 60.0
-"""Time scale of a script that sends none: the default of the devkit of 2025."""
 
 _CAN_ACK_AT_ONCE = hasattr(socket, "TCP_QUICKACK")
 """True on Linux. Other systems request no acknowledgements: the server sends them in a second small packet after the
@@ -201,7 +197,6 @@ class Session:
         for hold in message.holds:
             is_autonomous = vehicles[hold.vehicle].is_autonomous
             self._holds[hold.vehicle] = hold if is_autonomous else Hold(hold.vehicle, None)
-        self._note_weather(message.environment)
         self._environment |= message.environment
         self._request_operations(self._simulation.frame)
         self._metrics.note_ignored(message.ignored)
@@ -221,7 +216,8 @@ class Session:
             if self._requested_holds.get(vehicle, Hold(vehicle, None)) != hold:
                 self._requested_holds[vehicle] = hold
                 operations.append(hold)
-        operations += self._time_of_day()
+        operations += devkit.environment_operations(self._requested_environment, self._environment)
+        self._requested_environment = dict(self._environment)
         for operation in operations:
             try:
                 self._simulation.request(operation)
@@ -229,23 +225,6 @@ class Session:
                 self._metrics.warn("operation", f"refused: {error}")
         if operations:
             self._requested_at = frame
-
-    def _time_of_day(self) -> list[Operation]:
-        """The time of day, if the script has changed it."""
-        before, self._requested_environment = self._requested_environment, dict(self._environment)
-        auto, scale, time = (
-            [values.get(key) for values in (before, self._environment)] for key in ("Auto Time", "Time Scale", "Time")
-        )
-        if auto[1] and (auto[0] != auto[1] or scale[0] != scale[1]):
-            return [SetTimeOfDay(None, _TIME_SCALE if scale[1] is None else scale[1])]
-        if not auto[1] and time[1] is not None and (auto[0], time[0]) != (auto[1], time[1]):
-            return [SetTimeOfDay(60.0 * time[1])]
-        return []
-
-    def _note_weather(self, environment: dict[str, float]) -> None:
-        """Note once that there is no weather."""
-        if not _WEATHER & self._environment.keys() and _WEATHER & environment.keys():
-            log.info("devkit bridge: the script sets the weather; ignored, because this simulator has no weather")
 
     def _note_detection(self) -> None:
         counters, detection = self._metrics.counters, self._detection

@@ -18,14 +18,16 @@ from autodrive.base.suggest import with_suggestions
 from autodrive.connect.client.client_socket import Address
 from autodrive.connect.client.connection import LOADING, Connection
 from autodrive.connect.client.view import View
-from autodrive.protocol.commands import check_commands
+from autodrive.protocol.commands import check_commands, check_weather
 from autodrive.protocol.messages import (
     AddBox,
     Command,
+    EditMap,
     Frame,
     Headlights,
     Indicators,
     LoadScenario,
+    MapPart,
     Operation,
     Pause,
     Place,
@@ -33,14 +35,19 @@ from autodrive.protocol.messages import (
     RemoveBox,
     Reset,
     Resume,
+    SaveMap,
     SaveScenario,
     SetDrivingMode,
     SetSceneLight,
     SetSensor,
     SetSpeed,
+    SetTimeOfDay,
+    SetWeather,
     Step,
     Teleport,
     Undo,
+    UseMap,
+    Weather,
 )
 from autodrive.protocol.native import (
     ConnectBridge,
@@ -286,6 +293,17 @@ class Client:
         """Switch to day (True) or night (False)."""
         return self.connection.request(SetSceneLight(bool(enabled)))
 
+    def set_time_of_day(self, time: float | None, scale: float = 0.0) -> Frame:
+        """Let sun and sky follow a time of day [s since midnight], None: the present one; see `SetTimeOfDay`."""
+        seconds = None if time is None else _number("time", time)
+        return self.connection.request(SetTimeOfDay(seconds, _number("scale", scale)))
+
+    def set_weather(self, weather: Weather | None = None) -> Frame:
+        """Set the weather, for example `Weather(rain=0.6)`; None: clear. The ground follows."""
+        weather = Weather() if weather is None else weather
+        check_weather(weather)
+        return self.connection.request(SetWeather(weather))
+
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> Frame:
         """Let a vehicle obey a script (autonomous, True) or a person (manual, False)."""
         return self.connection.request(SetDrivingMode(vehicle, bool(is_autonomous)))
@@ -333,6 +351,25 @@ class Client:
         """Set a sensor or camera of a vehicle; an omitted value is as in the vehicle's file. See `SetSensor`."""
         settings = SetSensor(vehicle, sensor, bool(is_on), None if rate is None else _number("rate", rate), noise)
         return self.connection.request(settings)
+
+    def edit_map(
+        self, parts: Mapping[str, MapPart | None], *, seen: Mapping[str, MapPart | None] | None = None
+    ) -> Frame:
+        """Add, replace or remove (None) parts of the map, by name, as one edit; `scene.map_scene.parts` are those now.
+
+        `seen`: parts as they were when you read them; None: not there. Raises `AutodriveError` if another client has
+        changed one of them since, and if the map would not be possible.
+        """
+        return self.connection.request(EditMap(dict(parts), dict(seen or {})))
+
+    def use_map(self, name: str) -> Frame:
+        """Replace the map by one of the simulator, see `scene.map_scene.templates`, for example to build on it."""
+        return self.connection.request(UseMap(name))
+
+    def map_text(self, title: str = "") -> str:
+        """The map with all edits, as YAML, with that title if there is one."""
+        self.connection.request(SaveMap(title))
+        return self.connection.text
 
     def undo(self) -> Frame:
         """Revert the latest edit; `status.undo` names it."""

@@ -13,7 +13,19 @@ from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.connect.client.client_socket import Address, ClientSocket, NoSimulatorError
 from autodrive.connect.client.view import View
 from autodrive.protocol.codec import decode_server, encode
-from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Pause, Redo, RemoveBox, Resume, SetSensor, Undo
+from autodrive.protocol.messages import (
+    AddBox,
+    EditMap,
+    Frame,
+    LoadScenario,
+    Pause,
+    Redo,
+    RemoveBox,
+    Resume,
+    SetSensor,
+    Undo,
+    UseMap,
+)
 from autodrive.protocol.native import (
     PROTOCOL,
     ClientMessage,
@@ -27,7 +39,7 @@ from autodrive.protocol.native import (
 
 LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
-LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, Undo, Redo)
+LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, EditMap, UseMap, Undo, Redo)
 """Operations that compile a scenario."""
 RETRY = 0.2
 """Time between two attempts to reconnect [s]."""

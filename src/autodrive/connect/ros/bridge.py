@@ -21,8 +21,17 @@ from autodrive.connect.ros.direct_source import DirectSource
 from autodrive.connect.ros.message import Message, Node, Subscription, Time, Topic
 from autodrive.connect.ros.robot import Robot, Transform
 from autodrive.connect.ros.source import Update, VehicleInfo
-from autodrive.connect.ros.topics import CLOCK, TF, TF_STATIC, WORLD_TOPICS, light_topic, published
+from autodrive.connect.ros.topics import (
+    CLOCK,
+    ENVIRONMENT_TOPICS,
+    TF,
+    TF_STATIC,
+    WORLD_TOPICS,
+    light_topic,
+    published,
+)
 from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
+from autodrive.protocol.devkit import ENVIRONMENT, environment_operations
 from autodrive.protocol.messages import Collision, Command, Frame, Operation, Reset, SetDrivingMode, Teleport
 from autodrive.protocol.native import Scene, Status
 
@@ -59,6 +68,8 @@ class Bridge:
         self._sent: dict[str, float] = {}
         self._tick = -1
         self._is_reset_held = False
+        self._environment: dict[str, float] = {}
+        """Time of day and weather, by the keys of the devkit."""
         self._throttle = LogThrottle(WARNING_INTERVAL, clock)
         self._last_warning = ""
         self._time = 0.0
@@ -69,7 +80,8 @@ class Bridge:
             else DevkitSource(config, node.now, self._commands, self._wait_for_answers)
         )
         world = published(config, WORLD_TOPICS)
-        node.add_topics([*world, *self._light_topics], [*self._light_subscriptions(), *self._league_subscriptions()])
+        inputs = [*self._light_subscriptions(), *self._environment_subscriptions(), *self._league_subscriptions()]
+        node.add_topics([*world, *self._light_topics], inputs)
         self.on_vehicles({"V1": VehicleInfo.of(config.car, 1, config.vehicle_type)})
 
     def start(self) -> None:
@@ -342,6 +354,26 @@ class Bridge:
             Subscription(topic.name.replace("state", "command"), topic.type, topic.text, partial(on_light, number))
             for number, topic in enumerate(self._light_topics, start=1)
         ]
+
+    # -- time of day and weather ----------------------------------------------------------------------------------
+
+    def _environment_subscriptions(self) -> list[Subscription]:
+        if self.config.is_league:
+            return []
+        return [
+            Subscription(f"autodrive/environment/{name}", type_, text, partial(self._on_environment, key))
+            for key, (name, type_, text) in ENVIRONMENT_TOPICS.items()
+        ]
+
+    def _on_environment(self, key: str, message: Any) -> None:
+        least, most = ENVIRONMENT[key]
+        before, now = self._environment, self._environment | {key: min(max(float(message.data), least), most)}
+        self._environment = now
+        if isinstance(self._source, DevkitSource):
+            self._source.environment = now
+        else:
+            for operation in environment_operations(before, now):
+                self._try(operation)
 
     # -- source ---------------------------------------------------------------------------------------------------
 

@@ -83,6 +83,8 @@ class DevkitSource:
         """Vehicles whose reset command is true."""
         self.traffic_lights: dict[int, int] = {}
         """Commanded states by number."""
+        self.environment: dict[str, float] = {}
+        """Commanded time of day and weather, by key."""
 
     def serve(self, listener: Listener) -> None:
         """Run until the listener is closed. Raises `OSError` if the port is in use."""
@@ -159,6 +161,7 @@ class DevkitSource:
             vehicle.command = command
         if devkit.is_prefixed and not self._config.is_league:
             answer |= {f"TL{n} State": str(self.traffic_lights.get(n, 0)) for n in range(1, TRAFFIC_LIGHTS + 1)}
+            answer |= {key: str(bool(one) if key == "Auto Time" else one) for key, one in self.environment.items()}
         return answer
 
 

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from itertools import count
 
-from autodrive.protocol.messages import LoadScenario, Reset, Seek, SetSceneLight, SetSpeed, SetTimeOfDay
+from autodrive.protocol.messages import LoadScenario, Reset, Seek, SetSceneLight, SetSpeed, SetTimeOfDay, SetWeather
 from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera
 
 MAX_PENDING = 64
@@ -15,7 +15,7 @@ MAX_PENDING = 64
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
 
-REPLACED = (Reset, LoadScenario, Seek, SetSpeed, SetSceneLight, SetTimeOfDay, SetCamera, ConnectBridge)
+REPLACED = (Reset, LoadScenario, Seek, SetSpeed, SetSceneLight, SetTimeOfDay, SetWeather, SetCamera, ConnectBridge)
 """Of several such requests in a row only the last one is executed; it answers all of them."""
 
 

@@ -16,7 +16,7 @@ from autodrive.base.suggest import suggest
 from autodrive.base.token_bucket import TokenBucket
 from autodrive.connect.server.driving import taken
 from autodrive.connect.server.request_queue import BURST, MAX_PENDING, SHARE, Entry, RequestQueue
-from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Operation, Place, SaveScenario, Step
+from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Operation, Place, SaveMap, SaveScenario, Step
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.world.editing.edits import edited
@@ -296,10 +296,12 @@ class Requests:
             self._frame_queue.deliver()
 
     def _text(self, operation: Operation) -> str:
-        """The text of the Response: the scenario as it is now, or a warning about the place of a vehicle or box."""
+        """The text of the Response: the scenario or map as it is now, or a warning about a vehicle or box."""
         match operation:
             case SaveScenario(title=title):
                 return self._simulation.scenario_text(title)
+            case SaveMap(title=title):
+                return self._simulation.map_text(title)
             case Place(name=name) | AddBox(name=name):
                 return "\n".join(joined(warnings_about(name, self._simulation.world.warnings), {}))
         return ""

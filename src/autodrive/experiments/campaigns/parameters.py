@@ -33,7 +33,7 @@ DRIVER = re.compile(r"driver\.([A-Za-z_]\w*)")
 WARM = re.compile(r"vehicles\.(\w+)\.(x|y|yaw_deg|mass_factor|grip_factor|noise_factor)|boxes\.(\w+)\.(x|y|yaw_deg)")
 """Paths that a compiled world can take: it need not be compiled again."""
 MAP = "map."
-"""Start of the path of a field of the map's file, such as 'map.ground.grip'."""
+"""Start of the path of a field of the map, such as 'map.ground.grip'."""
 OF_VEHICLE = re.compile(r"vehicles\.(\w+)\.spec\.(.+)")
 """Path of a field of a vehicle's file, such as 'vehicles.V1.spec.wheels.radius'."""
 
@@ -79,7 +79,7 @@ def applied(descriptions: Descriptions, values: Mapping[str, Value]) -> Descript
     for path, value in values.items():
         if path == LATENCY or DRIVER.fullmatch(path):
             continue
-        if path.startswith(MAP):
+        if path.startswith(MAP) and isinstance(scenario.map, str):
             files.setdefault("map", {})[path.removeprefix(MAP)] = value
         elif found := OF_VEHICLE.fullmatch(path):
             files.setdefault(found[1], {})[found[2]] = value

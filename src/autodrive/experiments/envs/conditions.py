@@ -1,10 +1,10 @@
-"""Settings of a curriculum: friction, mass, noise and latency, drawn for each episode."""
+"""Settings of a curriculum: friction, mass, noise, latency and weather, drawn for each episode."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import SpecError
+from autodrive.protocol.messages import Weather
 from autodrive.world.batch import BatchWorld
 from autodrive.world.batch.batch_world import LIMITS
 
@@ -19,6 +20,8 @@ Range: TypeAlias = float | tuple[float, float]
 """One value, or the least and the greatest one."""
 MOST_LATENCY = 0.5
 """[s]."""
+WEATHER = ("fog", "rain", "snow")
+"""The amounts of a `Weather` that are drawn."""
 
 
 class Drawn(NamedTuple):
@@ -42,6 +45,12 @@ class Conditions:
     """Factor of the noise of the sensors, 0 to 100; 1: that of the data sheets."""
     latency: Range = 0.0
     """Time from an action until the car obeys it [s], 0 to 0.5; rounded to ticks."""
+    fog: Range = 0.0
+    """Amount, 0 to 1; see `Weather`. The weather is the same for all cars of a world."""
+    rain: Range = 0.0
+    """Likewise."""
+    snow: Range = 0.0
+    """Likewise."""
 
     def __post_init__(self) -> None:
         errors = range_errors(
@@ -50,6 +59,7 @@ class Conditions:
                 "mass": (self.mass, *LIMITS["mass"]),
                 "noise": (self.noise, *LIMITS["noise"]),
                 "latency": (self.latency, 0.0, MOST_LATENCY),
+                **{name: (getattr(self, name), 0.0, 1.0) for name in WEATHER},
             }
         )
         if errors:
@@ -57,9 +67,17 @@ class Conditions:
 
     def draw(self, rng: np.random.Generator) -> Drawn:
         """Of one car, each from its range with equal probability."""
-        ranges = (getattr(self, field.name) for field in fields(self))
-        pairs = [one if isinstance(one, tuple) else (one, one) for one in ranges]
-        return Drawn(*(least + (most - least) * float(rng.random()) for least, most in pairs))
+        return Drawn(*(_drawn(getattr(self, name), rng) for name in Drawn._fields))
+
+    def draw_weather(self, rng: np.random.Generator) -> Weather:
+        """Of one world, likewise; without a range of weather, no random number is drawn."""
+        ranges = {name: getattr(self, name) for name in WEATHER}
+        return Weather(**{name: _drawn(one, rng) if isinstance(one, tuple) else one for name, one in ranges.items()})
+
+
+def _drawn(given: Range, rng: np.random.Generator) -> float:
+    least, most = given if isinstance(given, tuple) else (given, given)
+    return least + (most - least) * float(rng.random())
 
 
 def range_errors(given: Mapping[str, tuple[object, float, float]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The Gymnasium vector environment: many cars, each in a world of its own, stepped by one compiled call."""
+"""The Gymnasium vector environment: many cars, each in a world of its own or some in each, in one compiled call."""
 
 from __future__ import annotations
 
@@ -17,12 +17,16 @@ from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import batch_camera
 from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of
-from autodrive.experiments.envs.task import Bools, CarReadings, Observation, Start, Task
+from autodrive.experiments.envs.task import Bools, CarReadings, Ground, Observation, Outcome, Start, Task
 from autodrive.world.batch import BatchWorld
 
 
 class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
-    """Environment k has the bits of a `DrivingEnv` that is reset with its seed and driven with its actions."""
+    """Environment k has the bits of a `DrivingEnv` that is reset with its seed and driven with its actions.
+
+    If the scenario of the task has several cars, environment k is car k % cars of world k // cars. The episodes of a
+    world begin together and end together: if that of one car ends, the others are truncated.
+    """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
@@ -54,17 +58,20 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
                 [f"render_mode {render_mode!r}: a vector environment draws no images for people; use gymnasium.make"]
             )
         self.num_envs = num_envs
+        self.car_count = len(self.task.scenario.vehicles)
+        """Cars of a world."""
+        if num_envs % self.car_count:
+            raise SpecError([f"num_envs: with {self.car_count} cars in a world it must be a multiple, not {num_envs}"])
         self.single_observation_space = observation_space(self.task, seen)
         self.single_action_space = action_space(self.settings)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._max_steps = max_episode_steps
-        self.batch = BatchWorld(self.task.scenario, num_envs, threads=threads)
+        self.batch = BatchWorld(self.task.scenario, num_envs // self.car_count, threads=threads)
         """The worlds."""
-        self._cars = CarReadings.of_batch(self.batch.readings)  # views: the batch always writes the same arrays
         self._camera = batch_camera(self.task.scenario) if seen == "camera" else None
         self._episodes = Episodes(self.task, seen, num_envs)
-        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self._rngs: list[np.random.Generator | None] = [None] * self.batch.n
         self.steps = np.zeros(num_envs, np.int64)
         """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
         self._has_ended = np.zeros(num_envs, np.bool_)
@@ -72,17 +79,21 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Start an episode in every world, or in those of `options["reset_mask"]`; world k gets `seed` + k."""
+        """Start an episode in every world, or in those of `options["reset_mask"]`; world k gets `seed` + k.
+
+        Several seeds: one for each world.
+        """
         super().reset(seed=seed if isinstance(seed, int) else None)
-        seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else seed or [None] * self.num_envs
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"there must be {self.num_envs} seeds, one for each environment, not {len(seeds)}")
-        rows = np.flatnonzero(self._mask(options))
-        for row in rows.tolist():
-            if seeds[row] is not None:
-                self._rngs[row] = seeding.np_random(seeds[row])[0]
-        self._begin(rows)
-        self._has_ended[rows] = False
+        count = self.batch.n
+        seeds = [seed + k for k in range(count)] if isinstance(seed, int) else seed or [None] * count
+        if len(seeds) != count:
+            raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
+        mask = self._mask(options)
+        for world in np.flatnonzero(self._of_worlds(mask).any(axis=1)).tolist():
+            if seeds[world] is not None:
+                self._rngs[world] = seeding.np_random(seeds[world])[0]
+        self._begin(mask)
+        self._has_ended[mask] = False
         return self._observations(), {}
 
     def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
@@ -91,22 +102,23 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         if ended.any() and self.autoreset_mode == AutoresetMode.DISABLED:
             raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
         commands = commands_of(actions, self.settings, self.num_envs)
-        self._drive(commands[:, None])
-        outcome = self._episodes.advance(self._cars, self.batch.readings.is_unstable)
+        self._drive(self._of_worlds(commands))
+        outcome = self._judge()
         self.steps += 1
         terminated = outcome.has_ended
-        truncated = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self.steps >= self._max_steps
+        is_late = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self.steps >= self._max_steps
+        truncated = is_late | (np.repeat(self._of_worlds(terminated).any(axis=1), self.car_count) & ~terminated)
         reward, is_success, stepped = outcome.reward, outcome.is_success, np.ones(self.num_envs, np.bool_)
         info: dict[str, Any] = {}
         if self.autoreset_mode == AutoresetMode.NEXT_STEP and ended.any():
-            self._begin(np.flatnonzero(ended))
+            self._begin(ended)
             stepped = ~ended
             reward[ended], terminated[ended], truncated[ended], is_success[ended] = 0.0, False, False, False
         self._has_ended = ended = terminated | truncated
         if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
             self._has_ended = np.zeros(self.num_envs, np.bool_)
             info |= self._final(ended, is_success)
-            self._begin(np.flatnonzero(ended))
+            self._begin(ended)
             stepped = ~ended
             is_success = is_success & stepped
         if stepped.any():
@@ -128,28 +140,41 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
             return numbers
         return {"image": self._camera.render(self.batch.readings), "state": numbers}
 
-    def _begin(self, rows: NDArray[np.intp]) -> None:
-        """Start an episode in these worlds."""
+    def _of_worlds(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values of the environments, shape (num_envs, ...), as those of worlds and cars, shape (worlds, cars, ...)."""
+        return values.reshape(-1, self.car_count, *values.shape[1:])
+
+    def _begin(self, mask: Bools) -> None:
+        """Start episodes of these environments, which are all of some worlds."""
+        worlds = np.flatnonzero(self._of_worlds(mask)[:, 0])
         starts: list[Start] = []
         seeds: list[int] = []
-        for row in rows.tolist():
-            rng = self._rngs[row]
+        for world in worlds.tolist():
+            rng = self._rngs[world]
             if rng is None:
-                rng = self._rngs[row] = seeding.np_random()[0]
+                rng = self._rngs[world] = seeding.np_random()[0]
             seeds.append(int(rng.integers(2**31)))
-            starts.append(self.task.start(rng))
-        poses = {name: np.array([start.poses[name] for start in starts]) for name in starts[0].poses}
-        self._reset_worlds(rows, np.array(seeds), poses)
-        self._episodes.begin(rows, starts, self._cars)
+            starts += self.task.starts(rng)
+        poses: dict[str, list[Ground]] = {}
+        for name, pose in (item for start in starts for item in start.poses.items()):
+            poses.setdefault(name, []).append(pose)
+        self._reset_worlds(worlds, np.array(seeds), {name: np.array(all_) for name, all_ in poses.items()})
+        rows = np.flatnonzero(mask)
+        self._episodes.begin(rows, starts, CarReadings.of_batch(self.batch.readings))
         self.steps[rows] = 0
 
     def _drive(self, commands: NDArray[Any]) -> None:
-        """Run the ticks of one action, shape (n, 1, 2)."""
+        """Run the ticks of one action, shape (worlds, cars, 2)."""
         self.batch.step(commands, self.settings.frame_skip)
 
-    def _reset_worlds(self, rows: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
+    def _judge(self) -> Outcome:
+        """What the last action led to."""
+        is_unstable = np.repeat(self.batch.readings.is_unstable, self.car_count)
+        return self._episodes.advance(CarReadings.of_batch(self.batch.readings), is_unstable)
+
+    def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         """Return these worlds to the start."""
-        self.batch.reset(rows, seeds, poses=poses)
+        self.batch.reset(worlds, seeds, poses=poses)
 
     def _final(self, ended: Bools, is_success: Bools) -> dict[str, Any]:
         """Observations and infos of the episodes that have just ended."""
@@ -161,7 +186,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         return {"final_obs": observations, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy()}
 
     def _mask(self, options: dict[str, Any] | None) -> Bools:
-        """The worlds to reset."""
+        """The environments to reset."""
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, np.bool_)
@@ -169,6 +194,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
             raise ValueError(f"options['reset_mask'] must be a numpy array of bool of shape ({self.num_envs},)")
         if not mask.any():
             raise ValueError("options['reset_mask'] must have at least one True")
+        if (self._of_worlds(mask) != self._of_worlds(mask)[:, :1]).any():
+            raise ValueError("options['reset_mask'] must be the same for all cars of a world")
         return mask
 
 

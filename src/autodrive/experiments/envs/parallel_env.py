@@ -18,13 +18,10 @@ from autodrive.experiments.envs.conditions import whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
-from autodrive.experiments.envs.settings import Action, Settings, action_space, commands_of
+from autodrive.experiments.envs.settings import MOST_CARS, Action, Settings, action_space, commands_of
 from autodrive.experiments.envs.task import Bools, CarReadings, Observation, Outcome, Start
 from autodrive.experiments.envs.time_trial import TimeTrial
 from autodrive.protocol.messages import Command, Frame
-
-FEWEST, MOST = 2, 8
-"""Cars."""
 
 
 class Cars(ParallelEnv[str, Any, Any]):
@@ -108,7 +105,7 @@ class Cars(ParallelEnv[str, Any, Any]):
 
 def checked_cars(cars: int) -> int:
     """The number of cars. Raises `SpecError`."""
-    if errors := whole_number_errors({"cars": (cars, FEWEST, MOST)}):
+    if errors := whole_number_errors({"cars": (cars, 2, MOST_CARS)}):
         raise SpecError(errors)
     return cars
 

@@ -47,18 +47,21 @@ class RaceParallelEnv(Cars):
         mass: Range = 1.0,
         noise: Range = 0.0,
         latency: Range = 0.0,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
         max_episode_steps: int | None = 4800,
         observation: Observation = "lidar",
         action: Action = "continuous",
         frame_skip: int = 5,
     ) -> None:
-        """`friction`, `mass`, `noise`, `latency`: see `Conditions`; each car has its own.
+        """`friction`, `mass`, `noise`, `latency`, of each car, and `fog`, `rain`, `snow`: see `Conditions`.
 
         Raises `SpecError` for wrong settings.
         """
         if observation == "camera":
             raise SpecError(["observation: a race has no images. Known: state, lidar"])
-        self.conditions = Conditions(friction, mass, noise, latency)
+        self.conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
         settings = Settings(TimeTrial.name, observation, action, frame_skip)
         super().__init__(
             TimeTrial(frame_skip, tracks, track_seed, checked_cars(cars), laps), settings, max_episode_steps
@@ -80,14 +83,15 @@ class RaceParallelEnv(Cars):
         poses = {name: np.array(pose) for start in starts for name, pose in start.poses.items()}
         drawn = np.array([self.conditions.draw(rng) for _ in self.possible_agents])
         friction, mass, noise, latency = drawn.T[:, None]
-        self.batch.reset(WORLD, [seed], poses=poses, grip=friction, mass=mass, noise=noise)
+        weather = self.conditions.draw_weather(rng)
+        self.batch.reset(WORLD, [seed], poses=poses, grip=friction, mass=mass, noise=noise, weather=weather)
         self._driver.reset(WORLD, latency)
-        return CarReadings.of_first_world(self.batch.readings)
+        return CarReadings.of_batch(self.batch.readings)
 
     def _drive(self, commands: NDArray[np.float64]) -> tuple[CarReadings, Bools]:
         self._driver.step(commands[None])
         readings = self.batch.readings
-        return CarReadings.of_first_world(readings), np.full(len(commands), readings.is_unstable[0])
+        return CarReadings.of_batch(readings), np.full(len(commands), readings.is_unstable[0])
 
     def _judged(self, outcome: Outcome) -> tuple[Bools, list[dict[str, Any]]]:
         driven = self.distance

@@ -1,4 +1,4 @@
-"""The Gymnasium environments of the car RoboRacer: the time trial, on the batch."""
+"""The Gymnasium environments of the car RoboRacer: time trials and races, on the batch."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Drive, Range
+from autodrive.experiments.envs.conditions import Conditions, Drive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
-from autodrive.experiments.envs.settings import Action
-from autodrive.experiments.envs.task import Observation
+from autodrive.experiments.envs.settings import MOST_CARS, Action
+from autodrive.experiments.envs.task import Observation, Outcome
 from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
+from autodrive.protocol.commands import is_number
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats, Integers
@@ -26,12 +27,17 @@ IMAGE_SIZE = 640, 360
 
 
 class RoboRacerVectorEnv(DrivingVectorEnv):
-    """Many time trials, each in a world of its own: see `autodrive.experiments.envs.time_trial`.
+    """Many time trials, or races of several cars: see `autodrive.experiments.envs.time_trial`.
+
+    With `cars` 2 to 8, environment k is car k % cars of world k // cars. The cars start from a grid; if one of them
+    collides, the race ends for all. `rivalry` adds to the reward of each step the distance that the car gains on the
+    mean of its rivals in that step [m], times this factor.
 
     `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
     or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
     width of the track and at least 1 m. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
-    `latency`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that follow.
+    `latency`, `fog`, `rain`, `snow`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that
+    follow.
     """
 
     @with_suggestions
@@ -39,6 +45,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         self,
         num_envs: int = 1,
         *,
+        cars: int = 1,
+        rivalry: float = 0.0,
         tracks: int = 3,
         track_seed: int = 0,
         track_width: Range = WIDTH,
@@ -48,6 +56,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         mass: Range = 1.0,
         noise: Range = 0.0,
         latency: Range = 0.0,
+        fog: Range = 0.0,
+        rain: Range = 0.0,
+        snow: Range = 0.0,
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         observation: Observation | None = None,
@@ -57,10 +68,17 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         render_mode: str | None = None,
     ) -> None:
         """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
-        self.conditions = Conditions(friction, mass, noise, latency)
+        errors = whole_number_errors({"cars": (cars, 1, MOST_CARS)})
+        if not (is_number(rivalry) and 0.0 <= rivalry <= (10.0 if cars > 1 else 0.0)):
+            errors.append(f"rivalry: must be a number from 0 to 10, and 0 for a single car, not {rivalry!r}")
+        if errors:
+            raise SpecError(errors)
+        self.conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
         super().__init__(
             num_envs,
-            TimeTrial(frame_skip, tracks, track_seed, width=track_width, length=track_length, radius=track_radius),
+            TimeTrial(
+                frame_skip, tracks, track_seed, cars, width=track_width, length=track_length, radius=track_radius
+            ),
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             observation=observation,
@@ -70,6 +88,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
             render_mode=render_mode,
         )
         self._driver = Drive(self.batch, frame_skip)
+        self._rivalry = rivalry
 
     @property
     def distance(self) -> Floats:
@@ -79,12 +98,22 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     def _drive(self, commands: NDArray[Any]) -> None:
         self._driver.step(commands)
 
-    def _reset_worlds(self, rows: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
-        generators = [self._rngs[row] for row in rows.tolist()]
-        drawn = np.array([self.conditions.draw(one) for one in generators if one is not None])
-        friction, mass, noise, latency = drawn.T
-        self.batch.reset(rows, seeds, poses=poses, grip=friction, mass=mass, noise=noise)
-        self._driver.reset(rows, latency[:, None])
+    def _judge(self) -> Outcome:
+        before = self.distance
+        outcome = super()._judge()
+        if self._rivalry:
+            gain = self._of_worlds(self.distance - before)
+            rivals = (gain.sum(axis=1, keepdims=True) - gain) / (self.car_count - 1)
+            outcome.reward[:] += self._rivalry * (gain - rivals).ravel()
+        return outcome
+
+    def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
+        generators = [self._rngs[world] for world in worlds.tolist()]
+        drawn = [self.conditions.draw(one) for one in generators if one is not None for _ in range(self.car_count)]
+        weathers = [self.conditions.draw_weather(one) for one in generators if one is not None]
+        friction, mass, noise, latency = self._of_worlds(np.array(drawn)).transpose(2, 0, 1)
+        self.batch.reset(worlds, seeds, poses=poses, grip=friction, mass=mass, noise=noise, weather=weathers)
+        self._driver.reset(worlds, latency)
 
 
 class RoboRacerEnv(gymnasium.Env[Any, Any]):

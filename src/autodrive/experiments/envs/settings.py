@@ -28,6 +28,8 @@ MOST_TICKS = 50
 CHOICES: Floats = np.array([(throttle, steering) for throttle in (-1, 0, 1) for steering in (-1, -0.5, 0, 0.5, 1)])
 """Throttle and steering of each discrete action, shape (15, 2)."""
 
+MOST_CARS = 8
+"""Of a race, or on one lane."""
 IMAGE_WIDTH, IMAGE_HEIGHT = 128, 96
 """Of the observation 'camera' [pixels]."""
 

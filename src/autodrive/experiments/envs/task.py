@@ -74,16 +74,15 @@ class CarReadings(NamedTuple):
 
     @classmethod
     def of_batch(cls, readings: Readings) -> CarReadings:
-        """The first car of each world; views, which the next step of the batch overwrites."""
-        cars: list[Any] = [getattr(readings, name)[:, 0] for name in cls._fields[1:9]]
-        return cls._make([readings.time, *cars, readings.object_pose[:, :, :3]])
+        """The cars of all worlds, one world after the other.
 
-    @classmethod
-    def of_first_world(cls, readings: Readings) -> CarReadings:
-        """All cars of the first world of a batch; views but for the time and the objects."""
-        cars: list[Any] = [getattr(readings, name)[0] for name in cls._fields[1:9]]
+        Views, which the next step of the batch overwrites, but for the time and the objects of several cars.
+        """
         count = readings.position.shape[1]
-        time, objects = np.full(count, readings.time[0]), np.repeat(readings.object_pose[:1, :, :3], count, axis=0)
+        cars: list[Any] = [one.reshape(-1, *one.shape[2:]) for one in (getattr(readings, f) for f in cls._fields[1:9])]
+        time, objects = readings.time, readings.object_pose[:, :, :3]
+        if count > 1:
+            time, objects = np.repeat(time, count), np.repeat(objects, count, axis=0)
         return cls._make([time, *cars, objects])
 
     def rows(self, rows: NDArray[np.intp]) -> CarReadings:
@@ -177,6 +176,10 @@ class Task(ABC):
     @abstractmethod
     def start(self, rng: np.random.Generator) -> Start:
         """Draw the start of an episode."""
+
+    def starts(self, rng: np.random.Generator) -> list[Start]:
+        """Draw the start of the episodes of all cars of a world, in order."""
+        return [self.start(rng)]
 
     @abstractmethod
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:

@@ -119,7 +119,9 @@ class TimeTrial(Task):
         return Start({"V1": (x, y, wrapped(yaw + turn))}, (float(track), float(place), 0.0, 0.0))
 
     def starts(self, rng: np.random.Generator) -> list[Start]:
-        """A grid of all cars behind a start line anywhere on one of the tracks, in a random order."""
+        """A grid of all cars behind a start line anywhere on one of the tracks, in a random order. One car: `start`."""
+        if len(self.scenario.vehicles) == 1:
+            return [self.start(rng)]
         track = int(rng.integers(len(self.tracks.count)))
         line = int(rng.integers(self.tracks.count[track]))
         names = list(self.scenario.vehicles)

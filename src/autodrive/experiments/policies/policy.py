@@ -1,5 +1,8 @@
 """A policy: a network from numbers that a car senses to throttle and steering, in NumPy.
 
+A policy may read the last moments: the input `yaw_rate@2` is the reading `yaw_rate` two steps ago, and `drive@1` and
+`steer@1` are its own outputs one step ago, -1 to 1. `Memory` keeps them.
+
 A file of a policy is an .npz archive (`numpy.savez`): the arrays `weight_0`, `bias_0`, `weight_1` ... of the layers,
 and `about`, JSON with the other attributes of `Policy`.
 """
@@ -30,6 +33,11 @@ DATA = Path(__file__).parents[2] / "scenario" / "data" / "policies"
 MOST_BYTES = 2**26
 """Largest file that is read; a policy has some 100 kB."""
 
+OUTPUTS = "drive", "steer"
+"""Names of a policy's own outputs, which it may read as they were one step ago or more."""
+LONGEST = 100
+"""Steps ago of the oldest moment that a policy may read."""
+
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
@@ -40,9 +48,10 @@ class Policy:
     task: str
     """Name of the task of `autodrive.experiments.envs` that it was trained for."""
     inputs: tuple[str, ...]
-    """Names of the features that it reads, in order (`autodrive.experiments.envs.episodes.observed`)."""
+    """Names of the numbers that go in, in order: features (`autodrive.experiments.envs.episodes.observed`) and own
+    outputs, of now or, with `@k`, of k steps ago."""
     scale: tuple[float, ...]
-    """Factor of each feature."""
+    """Factor of each input."""
     throttle: tuple[float, float]
     """Throttle of the output -1 and of the output 1."""
     layers: tuple[Layer, ...]
@@ -54,6 +63,7 @@ class Policy:
         width = len(self.inputs)
         if len(self.scale) != width:
             raise AutodriveError(f"a policy with {width} inputs needs as many scales, not {len(self.scale)}")
+        moments(self.inputs)
         for number, (weight, bias) in enumerate(self.layers):
             if weight.ndim != 2 or bias.shape != weight.shape[:1] or weight.shape[1] != width:
                 raise AutodriveError(
@@ -66,18 +76,20 @@ class Policy:
         if not self.layers or width != 2:
             raise AutodriveError(f"the last layer of a policy has two outputs, throttle and steering, not {width}")
 
-    def act(self, features: NDArray[Any]) -> tuple[float, float]:
-        """Throttle and steering, -1 to 1, left positive, for the features `inputs`, shape (n_input,).
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """Names of the features that it reads, now or earlier."""
+        return tuple(dict.fromkeys(name for name, _ in moments(self.inputs) if name not in OUTPUTS))
+
+    def outputs(self, inputs: NDArray[Any]) -> Floats:
+        """Drive and steer, -1 to 1, for the numbers `inputs`, shape (n_input,).
 
         The bits are the same on every processor.
         """
-        values = np.asarray(features, np.float64) * np.array(self.scale)
+        values = np.asarray(inputs, np.float64) * np.array(self.scale)
         for weight, bias in self.layers[:-1]:
             values = _layer(weight, bias, values, is_inner=True)
-        values = _layer(*self.layers[-1], values, is_inner=False)
-        drive, steer = np.clip(values, -1.0, 1.0).tolist()
-        low, high = self.throttle
-        return low + (high - low) * 0.5 * (drive + 1.0), steer
+        return np.clip(_layer(*self.layers[-1], values, is_inner=False), -1.0, 1.0)
 
     def save(self, file: Path) -> None:
         """Write the file. Raises `AutodriveError` if that is not possible."""
@@ -131,6 +143,78 @@ class Policy:
         except Exception as error:  # numpy, zipfile and json raise what they like for damaged files
             reason = " ".join(str(error).split()) or type(error).__name__
             raise SpecError([f"{file} is not a policy: {reason}"]) from None
+
+
+class Memory:
+    """What `count` cars read and what their policy put out in the last steps, as far as its inputs need it."""
+
+    def __init__(self, inputs: tuple[str, ...], readings: Sequence[str], count: int = 1) -> None:
+        """`readings`: names of the numbers given to `add` and `begin`. Raises `AutodriveError` if one is missing."""
+        columns = [*readings, *OUTPUTS]
+        needed = moments(inputs)
+        if unknown := [name for name, _ in needed if name not in columns]:
+            raise AutodriveError(f"the policy reads {unknown[0]}, which is not among its readings")
+        self._columns = np.array([columns.index(name) for name, _ in needed])
+        self._ago = np.array([ago for _, ago in needed])
+        self._past = np.zeros((int(self._ago.max(initial=0)) + 1, count, len(columns)))
+
+    def begin(self, readings: NDArray[Any], cars: Any = slice(None)) -> None:
+        """An episode of those cars begins with these readings, shape (n, n_reading): they count for all moments."""
+        self._past[:, cars, : -len(OUTPUTS)] = readings
+        self._past[:, cars, -len(OUTPUTS) :] = 0.0
+
+    def add(self, readings: NDArray[Any]) -> None:
+        """The readings of all cars one step later, shape (count, n_reading)."""
+        self._past[1:] = self._past[:-1].copy()
+        self._past[0, :, : -len(OUTPUTS)] = readings
+
+    def put_out(self, outputs: NDArray[Any]) -> None:
+        """The outputs of all cars in this step, shape (count, 2)."""
+        self._past[0, :, -len(OUTPUTS) :] = outputs
+
+    @property
+    def inputs(self) -> Floats:
+        """Of all cars in this step, shape (count, n_input)."""
+        return self._past[self._ago, :, self._columns].T
+
+
+class Driver:
+    """A policy that drives one car, and what it remembers of the episode."""
+
+    def __init__(self, policy: Policy, readings: Sequence[str]) -> None:
+        """`readings`: names of the numbers given to `act`. Raises `AutodriveError` if the policy needs others."""
+        self.policy = policy
+        self._memory = Memory(policy.inputs, readings)
+        self._has_begun = False
+
+    def begin(self) -> None:
+        """Forget everything: a new episode begins."""
+        self._has_begun = False
+
+    def act(self, readings: NDArray[Any]) -> tuple[float, float]:
+        """Throttle and steering, -1 to 1, left positive, for the readings of one more step, shape (n_reading,)."""
+        (self._memory.add if self._has_begun else self._memory.begin)(readings[None])
+        self._has_begun = True
+        outputs = self.policy.outputs(self._memory.inputs[0])
+        self._memory.put_out(outputs)
+        low, high = self.policy.throttle
+        drive, steer = outputs.tolist()
+        return low + (high - low) * 0.5 * (drive + 1.0), steer
+
+
+def moments(inputs: Sequence[str]) -> list[tuple[str, int]]:
+    """Name and number of steps ago of each input. Raises `AutodriveError` if one cannot be."""
+    found = []
+    for one in inputs:
+        name, at, ago = one.partition("@")
+        if at and not (ago.isdecimal() and 1 <= int(ago) <= LONGEST):
+            raise AutodriveError(f"input '{one[:80]}' of the policy: after '@' come the steps ago, 1 to {LONGEST}")
+        if name in OUTPUTS and not at:
+            raise AutodriveError(
+                f"input '{name}' of the policy is its own output: it can be read one step later, '{name}@1'"
+            )
+        found.append((name, int(ago) if at else 0))
+    return found
 
 
 @jit

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.experiments.policies.policy import Driver
 from autodrive.protocol.messages import Command, VehicleFrame
 from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
@@ -34,17 +35,16 @@ INPUTS = ("speed", "yaw_rate", "steering", *(f"range_{bearing:g}" for bearing in
 
 
 class PolicyRacer:
-    """One car. It remembers the last angles of the wheels, for the speed.
+    """One car. It remembers the last angles of the wheels, for the speed, and what the policy remembers.
 
     Raises `AutodriveError` if the policy needs other readings.
     """
 
     def __init__(self, policy: Policy) -> None:
-        unknown = sorted(set(policy.inputs) - set(INPUTS))
+        unknown = sorted(set(policy.readings) - set(INPUTS))
         if unknown:
             raise AutodriveError(f"the policy reads {unknown[0]}, which no script can read in a race")
-        self.policy = policy
-        self._places = np.array([INPUTS.index(name) for name in policy.inputs])
+        self._driver = Driver(policy, INPUTS)
         self._angle: float | None = None
 
     def command(self, angles: Floats, yaw_rate: float, steering: float, ranges: Floats) -> tuple[float, float]:
@@ -57,8 +57,7 @@ class PolicyRacer:
         speed = 0.0 if self._angle is None else WHEEL_RADIUS * (angle - self._angle) / PERIOD
         self._angle = angle
         speed = min(max(speed, SPEEDS[0]), SPEEDS[1])
-        features = np.concatenate([[speed, yaw_rate, steering], sectors(ranges)])
-        return self.policy.act(features[self._places])
+        return self._driver.act(np.concatenate([[speed, yaw_rate, steering], sectors(ranges)]))
 
     def act(self, car: VehicleFrame) -> Command:
         """The command for a Frame of the car."""

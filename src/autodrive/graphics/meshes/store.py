@@ -91,10 +91,13 @@ def box(size: tuple[float, float, float]) -> Asset:
     return _asset("box", size)
 
 
-def file(kind: Kind, of: Any) -> tuple[str, bytes]:
-    """Name and content of the .glb file of a vehicle (its Spec), a map or a box (its size); the name is a hash."""
+def file(kind: Kind, of: Any, *, is_kept: bool = True) -> tuple[str, bytes]:
+    """Name and content of the .glb file of a vehicle (its Spec), a map or a box (its size); the name is a hash.
+
+    `is_kept`: in the cache; False for one of the many states of a map that is being built.
+    """
     name = file_name(kind, of)
-    return name, _cached(name, lambda: _build(kind, of))[1]
+    return name, _cached(name, lambda: _build(kind, of), is_kept=is_kept)[1]
 
 
 def description(spec: VehicleSpec, name: str) -> dict[str, bytes]:
@@ -121,7 +124,7 @@ def cached(name: str, build: Callable[[], Asset]) -> Asset:
     return _cached(name, build)[0]
 
 
-def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
+def _cached(name: str, build: Callable[[], Asset], *, is_kept: bool = True) -> tuple[Asset, bytes]:
     """The asset, and the content of its .glb file."""
     path = folder() / f"{name}.msgpack"
     try:
@@ -132,8 +135,9 @@ def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
         log.warning("%s; it is built again", error)
     asset = build()
     data = pack(asset, write_glb(asset))
-    with contextlib.suppress(OSError):
-        write_cached(path, data)
+    if is_kept:
+        with contextlib.suppress(OSError):
+            write_cached(path, data)
     return unpack(data)  # identical to a later read from the cache, which has its textures as JPEG
 
 

@@ -53,5 +53,5 @@ def _places(counts: list[int]) -> dict[str, slice]:
 
 VALUES = _places([kind.VALUES for kind in KINDS.values()])
 """Places of the values of each sensor in `ReadingColumns.values`."""
-CHANNELS = _places([kind.CHANNELS for kind in KINDS.values()])
+NOISY_VALUES = _places([kind.NOISY_VALUES for kind in KINDS.values()])
 """Places of its channels of noise."""

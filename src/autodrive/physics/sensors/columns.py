@@ -31,6 +31,10 @@ class NoiseColumns(NamedTuple):
     """Of each channel, shape (n, v, c)."""
     lidar: Floats
     """sigma, relative_sigma, step, dropout, and the scale of all ranges, shape (n, v, 5)."""
+    weather: Floats
+    """What the weather does to each LIDAR, see `lidar_weather`; zeros: nothing."""
+    weather_stream: NDArray[np.uint64]
+    """`random_stream.Stream` of each LIDAR in the weather, shape (n, v, 3)."""
 
 
 class ReadingColumns(NamedTuple):
@@ -48,6 +52,8 @@ class ReadingColumns(NamedTuple):
     """Number of the scan in progress of a rolling LIDAR, and its next ray, shape (n, v, 2)."""
     sweep_ranges: Floats
     """Its inverse ranges [1/m], shape (n, v, most rays of a LIDAR); without a rolling LIDAR, shape (n, v, 0)."""
+    sweep_hits: Integers
+    """Shapes that its rays hit in weather, likewise."""
 
 
 class Motion(NamedTuple):
@@ -102,6 +108,8 @@ class Working(NamedTuple):
     """Outlines of these shapes, shape (n_shape, 10); without a LIDAR, shape (0, 10)."""
     inverse_range: Floats
     """[1/m], shape (most rays of a LIDAR,)."""
+    hits: Integers
+    """Number of the shape that each ray hits, -1 for the ground; only in weather. Likewise."""
     values: Floats
     """Shape (9,)."""
 
@@ -115,6 +123,8 @@ class SensorTables(NamedTuple):
     """Columns `tables.VEHICLE_SENSORS`, shape (v,)."""
     rays: Floats
     """Constants of the rays of all sensors, which each sensor defines (`Sampled.ray_constants`), shape (4, n_ray)."""
+    targets: Integers
+    """What each shape is for a LIDAR, a number of `weather.TARGETS`, shape (n_shape,)."""
 
 
 class Memory(NamedTuple):
@@ -188,5 +198,6 @@ def working_memory(shapes: Shapes, v: int, rays: int) -> Working:
         near=np.zeros(len(shapes.kind), np.int64),
         views=np.zeros((len(shapes.kind) if rays else 0, 10)),
         inverse_range=np.zeros(rays),
+        hits=np.zeros(rays, np.int64),
         values=np.zeros(9),
     )

@@ -39,7 +39,7 @@ class EncoderSpec(SensorSpec, Sampled):
     """Two encoders, one on the shaft of each rear motor."""
 
     VALUES: ClassVar[int] = 2
-    CHANNELS: ClassVar[int] = 2
+    NOISY_VALUES: ClassVar[int] = 2
     COLUMNS: ClassVar[Mapping[str, Any]] = {"ticks_per_radian": np.float64}
     STRONG: ClassVar[float] = 0.05
     sample: ClassVar[Any] = sample

@@ -50,8 +50,11 @@ def cast_fan(
     near: Integers,
     views: Floats,
     inverse_range: Floats,
+    hits: Integers,
 ) -> None:
     """Write the inverse range [1/m] of each ray, shape (n_ray,): 0 for no hit, infinity inside a shape.
+
+    Write the number of the shape that it hits to `hits`, or -1, unless `hits` is empty.
 
     `cosines` and `sines` are those of the ray angles, shape (n_ray,); the angles start at `angle_min` and increase by
     `angle_increment` > 0 [rad]. Shapes of `vehicle` are ignored; shapes beyond `range_max` [m] may be ignored. `near`
@@ -66,6 +69,7 @@ def cast_fan(
     pz = vehicle_position[2] + lever[2]
     x0, y0, z0, x1, y1, z1, x2, y2, z2 = rotation_from_quaternion(compose(vehicle_orientation, mount_orientation))
     rays_per_radian = 1.0 / angle_increment
+    hits[:] = -1
     if pz <= 0.0:
         inverse_range[:] = math.inf  # the space below the floor is solid
         return
@@ -124,7 +128,10 @@ def cast_fan(
                 for i in range(lo, hi + 1):
                     cos, sin = cosines[i], sines[i]
                     r = (ex[0] * cos + ey[0] * sin, ex[1] * cos + ey[1] * sin, ex[2] * cos + ey[2] * sin)
-                    inverse_range[i] = max(inverse_range[i], inverse_distance(int(kind[g]), s, o, r))
+                    w = inverse_distance(int(kind[g]), s, o, r)
+                    if len(hits) > 0 and w > inverse_range[i]:
+                        hits[i] = g
+                    inverse_range[i] = max(inverse_range[i], w)
             continue
         near[count] = g
         one = views[count]
@@ -140,6 +147,38 @@ def cast_fan(
                 _draw_box(cosines, sines, inverse_range, lo, hi, one)
             else:
                 _draw_round(cosines, sines, inverse_range, lo, hi, one)
+            start, end = start + TURN, end + TURN
+    if len(hits) > 0:
+        _note_hits(cosines, sines, inverse_range, fan_end, rays_per_radian, kind, near, views[:count], hits)
+
+
+@jit_uncounted
+def _note_hits(
+    cosines: Floats,
+    sines: Floats,
+    inverse_range: Floats,
+    fan_end: float,
+    rays_per_radian: float,
+    kind: Integers,
+    near: Integers,
+    views: Floats,
+    hits: Integers,
+) -> None:
+    """Write the number of the shape to the rays whose inverse range is that of its outline, which has been drawn."""
+    for k in range(len(views)):
+        one = views[k]
+        start, end = one[0], one[0] + one[1]
+        while start < fan_end:
+            lo, hi = _rays_between(start, end, rays_per_radian, len(inverse_range))
+            for i in range(lo, hi + 1):
+                cos, sin = cosines[i], sines[i]
+                if kind[near[k]] == BOX:
+                    w = min(one[6] * cos + one[7] * sin, one[8] * cos + one[9] * sin)
+                else:
+                    m, z = one[5] * cos + one[6] * sin, one[7] * cos + one[8] * sin
+                    w = one[2] * cos + one[3] * sin + math.sqrt(max(one[4] - m * m - z * z, 0.0))
+                if abs(w - inverse_range[i]) <= 1e-12 * w:
+                    hits[i] = near[k]
             start, end = start + TURN, end + TURN
 
 

@@ -106,7 +106,7 @@ class ImuSpec(SensorSpec, Sampled):
     """A nine-axis IMU."""
 
     VALUES: ClassVar[int] = 13
-    CHANNELS: ClassVar[int] = 9
+    NOISY_VALUES: ClassVar[int] = 9
     COLUMNS: ClassVar[Mapping[str, Any]] = {"gravity": np.float64}
     sample: ClassVar[Any] = sample
 

@@ -26,7 +26,7 @@ class IpsSpec(SensorSpec, Sampled):
     """Measures the position of one point of the vehicle, by default the centre of the rear axle."""
 
     VALUES: ClassVar[int] = 3
-    CHANNELS: ClassVar[int] = 3
+    NOISY_VALUES: ClassVar[int] = 3
     STRONG: ClassVar[float] = 0.05
     sample: ClassVar[Any] = sample
 

@@ -9,12 +9,13 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.arrays import Floats, Integers, read_only_copy
 from autodrive.base.elementary import cos, sin
 from autodrive.base.jit import inlined
 from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, mount_orientation, mount_position
 from autodrive.physics.sensors.fan import cast_fan
 from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise, classify, measure_with_noise
+from autodrive.physics.sensors.lidar_weather import THRESHOLD, pass_weather
 from autodrive.physics.sensors.sensor import STRONG, Distance, Mount, NoisePreset, NoisySpec, Rate, Reader, Sampled
 from autodrive.physics.sensors.sweep import Timing, cast_sweep
 from autodrive.protocol.messages import LidarScan
@@ -29,7 +30,8 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
         return
     first, last = row["first"][due.s], row["last"][due.s]
     rays = last - first
-    inverse_range = memory.working.inverse_range[:rays]
+    inverse_range, hits = memory.working.inverse_range[:rays], memory.working.hits[:rays]
+    is_weather = memory.noise.weather[k, i, THRESHOLD] > 0.0
     cast_fan(
         memory.motion.vehicle_position[i],
         memory.motion.vehicle_orientation[i],
@@ -47,12 +49,14 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
         memory.working.near,
         memory.working.views,
         inverse_range,
+        hits if is_weather else hits[:0],
     )
     if row["is_clockwise"]:
         for a in range(rays // 2):
             b = rays - 1 - a
             inverse_range[a], inverse_range[b] = inverse_range[b], inverse_range[a]
-    _measure_ranges(due, row, memory, due.time, inverse_range)
+            hits[a], hits[b] = hits[b], hits[a]
+    _measure_ranges(due, row, memory, due.time, inverse_range, hits)
     if row["is_rolling"]:
         memory.readings.sweep[k, i, 0], memory.readings.sweep[k, i, 1] = 1, 0
 
@@ -95,17 +99,23 @@ def _sweep(due: Due, row: Any, memory: Memory) -> None:
             memory.shapes,
             memory.working.near,
             inverse_range,
+            memory.readings.sweep_hits[k, i, :rays],
         )
         if progress[1] < rays:
             return
-        _measure_ranges(due, row, memory, progress[0] / row["scan_rate"], inverse_range)
+        _measure_ranges(
+            due, row, memory, progress[0] / row["scan_rate"], inverse_range, memory.readings.sweep_hits[k, i, :rays]
+        )
         progress[0] += 1
         progress[1] = 0
 
 
 @inlined
-def _measure_ranges(due: Due, row: Any, memory: Memory, time: float, inverse_range: Floats) -> None:
-    """Writes the ranges of a scan that was complete at `time` [s]."""
+def _measure_ranges(due: Due, row: Any, memory: Memory, time: float, inverse_range: Floats, hits: Integers) -> None:
+    """Writes the ranges of a scan that was complete at `time` [s]; `hits`: see `Working`."""
+    weather = memory.noise.weather[due.k, due.i]
+    if weather[THRESHOLD] > 0.0:
+        pass_weather(inverse_range, hits, memory.sensors.targets, weather, memory.noise.weather_stream[due.k, due.i])
     noise, low, high = memory.noise, row["scan_range_min"], row["scan_range_max"]
     memory.readings.time[due.k, due.i, due.s] = time
     ranges = memory.readings.lidar_ranges[due.k, due.i, : len(inverse_range)]
@@ -153,6 +163,8 @@ class LidarSpec(NoisySpec, Sampled):
     """A smaller range [m] is reported as -inf (REP 117)."""
     range_max: Distance = 12.0
     """A greater range [m] is reported as +inf (REP 117)."""
+    rated_reflectivity: float = Field(default=0.1, ge=1e-3, le=1.0)
+    """Reflectivity of the darkest surface that it detects at `range_max` in clear air; only weather makes use of it."""
     intensity: float = Field(default=47.0, ge=0.0, le=1e6)
     """Constant value that is reported for every ray."""
     is_rolling: bool = False

@@ -73,7 +73,7 @@ class RangeSpec(SensorSpec, Sampled):
     """A range sensor along the x axis of its mount; by default the HC-SR04 (data sheet: 0.02 to 4 m, 15 deg)."""
 
     VALUES: ClassVar[int] = 1
-    CHANNELS: ClassVar[int] = 1
+    NOISY_VALUES: ClassVar[int] = 1
     COLUMNS: ClassVar[Mapping[str, Any]] = {"sees_ground": np.bool_, "range_min": np.float64, "range_max": np.float64}
     STRONG: ClassVar[float] = 0.05
     sample: ClassVar[Any] = sample

@@ -8,7 +8,7 @@ from typing import Any
 
 from autodrive.base.jit import inlined, inlined_part, jit_uncounted
 from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.catalog import CHANNELS, KINDS, SENSORS, VALUES
+from autodrive.physics.sensors.catalog import KINDS, NOISY_VALUES, SENSORS, VALUES
 from autodrive.physics.sensors.columns import Due, Memory, Motion, NoiseColumns, ReadingColumns, SensorTables, Working
 from autodrive.physics.sensors.tables import ABSENT
 
@@ -27,7 +27,7 @@ def _no_sensor(k: int, i: int, now: int, substeps: int, time: float, row: Any, m
 
 def _followed_by(before: Callable[..., None], s: int) -> Callable[..., None]:
     """The function that samples sensor s of a vehicle, if it is due, after those `before` it."""
-    function, values, channels = KINDS[SENSORS[s]].sample, VALUES[SENSORS[s]], CHANNELS[SENSORS[s]]
+    function, values, channels = KINDS[SENSORS[s]].sample, VALUES[SENSORS[s]], NOISY_VALUES[SENSORS[s]]
     first, last, channel, channel_end = values.start, values.stop, channels.start, channels.stop
 
     def sample_sensors(k: int, i: int, now: int, substeps: int, time: float, row: Any, memory: Memory) -> None:

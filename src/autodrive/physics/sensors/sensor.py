@@ -97,7 +97,7 @@ class Sampled:
 
     VALUES: ClassVar[int] = 0
     """Number of its values in `ReadingColumns.values`."""
-    CHANNELS: ClassVar[int] = 0
+    NOISY_VALUES: ClassVar[int] = 0
     """Number of values that have the noise of a `NoiseSpec` of their own."""
     COLUMNS: ClassVar[Mapping[str, Any]] = {}
     """Its own columns of `SensorTables.vehicles`, name -> type."""
@@ -114,7 +114,7 @@ class Sampled:
 
     def channel_noise(self) -> list[NoiseSpec]:
         """The noise of each channel; one noise is that of all channels."""
-        return [self.noise] * self.CHANNELS  # type: ignore[attr-defined]  # pyright: ignore
+        return [self.noise] * self.NOISY_VALUES  # type: ignore[attr-defined]  # pyright: ignore
 
     def reader(self, readings: ReadingColumns, vehicle: int, first: int) -> Reader:
         """Of a sensor of that vehicle in a single world, whose values begin at `first`."""

@@ -7,15 +7,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import read_only_copy
+from autodrive.base.arrays import Integers, read_only_copy
 from autodrive.base.compile_ahead import compile_ahead
 from autodrive.base.jit import resolved
 from autodrive.physics.model import Shapes
-from autodrive.physics.sensors.catalog import CHANNELS, SENSORS, VALUES
+from autodrive.physics.sensors.catalog import NOISY_VALUES, SENSORS, VALUES
 from autodrive.physics.sensors.columns import motion_of, working_memory
 from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar_weather import set_lidar_weather
 from autodrive.physics.sensors.sampling import sample
 from autodrive.physics.sensors.sensor import Reader
 from autodrive.physics.sensors.settings import ConfiguredSensor
@@ -30,6 +32,7 @@ from autodrive.physics.sensors.tables import (
     starting_only,
 )
 from autodrive.physics.state import State
+from autodrive.protocol.messages import Weather
 
 NEVER = [math.nan] * len(SENSORS)
 """Times of the readings of a vehicle before the first."""
@@ -43,12 +46,15 @@ class SensorSuite:
         vehicles: Mapping[str, Mapping[str, ConfiguredSensor]],
         shapes: Shapes,
         state: State,
+        targets: Integers | None = None,
         *,
         substep: Fraction,
         substeps: int,
         gravity: float,
     ) -> None:
         """`vehicles`: the sensors by name of the vehicle and of the sensor. `shapes`, `state`: those of the world.
+
+        `targets`: see `SensorTables`; left out: all shapes are like the ground.
 
         `substep` [s] is the unit of simulated time, and a tick has so many `substeps`. `gravity` [m/s^2] is positive
         downward.
@@ -57,7 +63,8 @@ class SensorSuite:
         self._specs = {
             name: {sensor: its.spec for sensor, its in sensors.items()} for name, sensors in vehicles.items()
         }
-        self._tables = sensor_tables(self._configured, substep, gravity)
+        targets = np.zeros(len(shapes.kind), np.int64) if targets is None else targets
+        self._tables = sensor_tables(self._configured, substep, gravity, targets)
         self._rays, self._rolling_rays = most_rays(self._tables)
         self._noise = noise_columns(1, len(vehicles))
         self._columns = reading_columns(1, len(vehicles), self._rays, self._rolling_rays)
@@ -88,6 +95,12 @@ class SensorSuite:
         for i, (name, specs) in enumerate(self._specs.items()):
             reset_noise(self._noise, 0, i, name, specs, self.noise_factors[i], seed)
         self._times = [list(NEVER) for _ in self._times]
+
+    def set_weather(self, weather: Weather, seed: int) -> None:
+        """The weather from now on, which ends at a reset; `seed`: that of the last reset."""
+        for i, (name, specs) in enumerate(self._specs.items()):
+            if isinstance(spec := specs.get("lidar"), LidarSpec):
+                set_lidar_weather(self._noise, 0, i, name, weather, spec, seed)
 
     def sample(self, now: int) -> None:
         """Sample the sensors that are due at `now` [substeps since the reset]; call it at 0 and after each tick."""
@@ -137,7 +150,8 @@ class SensorSuite:
     def _changing(self) -> list[NDArray[Any]]:
         """The columns that later readings depend on."""
         noise, columns = self._noise, self._columns
-        changing = [noise.stream, noise.bias, noise.lidar, columns.time, columns.sweep, columns.sweep_ranges]
+        changing = [noise.stream, noise.bias, noise.lidar, noise.weather, noise.weather_stream]
+        changing += [columns.time, columns.sweep, columns.sweep_ranges, columns.sweep_hits]
         return [*changing, *self._working.before] if self._rolling_rays else changing
 
     def _run(self, now: int, tables: SensorTables) -> None:
@@ -164,11 +178,13 @@ class SensorSuite:
         columns.time[0, i, s] = its_columns.time[0, i, s]
         if isinstance(spec := self._configured[i][name].spec, LidarSpec):
             noise.lidar[0, i] = its_noise.lidar[0, i]
+            noise.weather_stream[0, i] = its_noise.weather_stream[0, i]
             columns.sweep[0, i] = its_columns.sweep[0, i]
             if spec.is_rolling:
                 columns.sweep_ranges[0, i, : spec.rays] = its_columns.sweep_ranges[0, i, : spec.rays]
+                columns.sweep_hits[0, i, : spec.rays] = -1  # the shapes have other numbers
         else:
-            noise.bias[0, i, CHANNELS[name]] = its_noise.bias[0, i, CHANNELS[name]]
+            noise.bias[0, i, NOISY_VALUES[name]] = its_noise.bias[0, i, NOISY_VALUES[name]]
         self._latest[i][name], self._times[i][s] = before._latest[i][name], before._times[i][s]
 
     def _reader(self, i: int, s: int) -> Reader:

@@ -46,8 +46,11 @@ def cast_sweep(
     shapes: Shapes,
     near: Integers,
     inverse_range: Floats,
+    hits: Integers,
 ) -> int:
     """Write the inverse range [1/m] of the rays of a scan that are due at `time`, from `first` on; return the next ray.
+
+    Also write the number of the shape that each ray hits, -1 for the ground.
 
     See `fan.cast_fan` for all rays at one instant. The poses before are those at `time_before` [s]. The vehicle rotates
     at a constant rate in between. Position and rotation matrix of a moving shape are interpolated linearly; for a
@@ -78,6 +81,7 @@ def cast_sweep(
             nearest = math.inf  # the space below the floor is solid
         elif ray[2] < 0.0:
             nearest = -ray[2] / p[2]
+        hits[i] = -1
         for k in range(found):
             g = near[k]
             if shapes.vehicle[g] == vehicle:
@@ -93,7 +97,8 @@ def cast_sweep(
                 _in_shape(shape_rotation_before, shape_rotation, g, f, (-dx, -dy, -dz)),
                 _in_shape(shape_rotation_before, shape_rotation, g, f, ray),
             )
-            nearest = max(nearest, w)
+            if w > nearest:
+                nearest, hits[i] = w, g
         inverse_range[i] = nearest
     return rays
 

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from autodrive.base.arrays import Integers
 from autodrive.physics.model import columns as table_columns
-from autodrive.physics.sensors.catalog import ALWAYS_READ, CHANNELS, KINDS, NUMBERS, SENSORS, VALUES
+from autodrive.physics.sensors.catalog import ALWAYS_READ, KINDS, NOISY_VALUES, NUMBERS, SENSORS, VALUES
 from autodrive.physics.sensors.columns import NoiseColumns, ReadingColumns, SensorTables
 from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar_weather import WIDTH
 from autodrive.physics.sensors.random_stream import new_stream, normal
 from autodrive.physics.sensors.sensor import Mount, Schedule, random_generator
 from autodrive.physics.sensors.settings import ConfiguredSensor
@@ -31,11 +33,12 @@ ABSENT = -1
 
 
 def sensor_tables(
-    vehicles: Sequence[Mapping[str, ConfiguredSensor]], substep: Fraction, gravity: float
+    vehicles: Sequence[Mapping[str, ConfiguredSensor]], substep: Fraction, gravity: float, targets: Integers
 ) -> SensorTables:
     """The tables of the sensors of each vehicle by name; `substep` [s] is the unit of simulated time.
 
-    `gravity` [m/s^2], positive downward, is that of an IMU that measures the specific force.
+    `gravity` [m/s^2], positive downward, is that of an IMU that measures the specific force. `targets`: see
+    `SensorTables`.
     """
     table = np.zeros(len(vehicles), VEHICLE_SENSORS)
     rays = [np.zeros((4, 0))]
@@ -54,7 +57,10 @@ def sensor_tables(
             for name, value in spec.parameters(gravity).items():
                 row[name] = value
     return SensorTables(
-        substep=(substep.numerator, substep.denominator), vehicles=table, rays=np.concatenate(rays, axis=1)
+        substep=(substep.numerator, substep.denominator),
+        vehicles=table,
+        rays=np.concatenate(rays, axis=1),
+        targets=targets,
     )
 
 
@@ -87,11 +93,12 @@ def _schedule(spec: Any, is_on: bool, substep: Fraction) -> tuple[int, int]:
 def reset_noise(
     columns: NoiseColumns, k: int, i: int, name: str, specs: Mapping[str, Any], factor: float, seed: int
 ) -> None:
-    """Sets the noise of vehicle i of world k, which has this `name`, to its start.
+    """Sets the noise of vehicle i of world k, which has this `name`, to its start; ends its weather.
 
     Each sensor has a random stream, which depends on `seed`, `name` and the name of the sensor.
     """
     columns.is_noisy[k, i] = False
+    columns.weather[k, i], columns.weather_stream[k, i] = 0.0, 0
     for s, sensor in enumerate(SENSORS):
         if sensor not in specs:
             continue
@@ -99,7 +106,7 @@ def reset_noise(
         rows = spec.channel_noise()
         if rows:
             columns.is_noisy[k, i, s] = not all(one.is_silent for one in rows)
-            columns.channels[k, i, CHANNELS[sensor]] = [(one.sigma, one.offset, one.walk, one.step) for one in rows]
+            columns.channels[k, i, NOISY_VALUES[sensor]] = [(one.sigma, one.offset, one.walk, one.step) for one in rows]
         if isinstance(spec, LidarSpec):
             noise = spec.noise
             columns.is_noisy[k, i, s] = noise != type(noise)()
@@ -108,20 +115,22 @@ def reset_noise(
             continue
         stream = columns.stream[k, i, s]
         stream[:] = new_stream(random_generator(seed, name, sensor))
-        columns.bias[k, i, CHANNELS[sensor]] = [one.offset * normal(stream) for one in rows]
+        columns.bias[k, i, NOISY_VALUES[sensor]] = [one.offset * normal(stream) for one in rows]
         if isinstance(spec, LidarSpec):
             columns.lidar[k, i, 4] = 1.0 + spec.noise.scale * normal(stream)
 
 
 def noise_columns(n: int, v: int) -> NoiseColumns:
     """No noise yet; see `reset_noise`."""
-    sensors, channels = len(SENSORS), CHANNELS[SENSORS[-1]].stop
+    sensors, channels = len(SENSORS), NOISY_VALUES[SENSORS[-1]].stop
     return NoiseColumns(
         is_noisy=np.zeros((n, v, sensors), np.bool_),
         stream=np.zeros((n, v, sensors, 3), np.uint64),
         channels=np.zeros((n, v, channels, 4)),
         bias=np.zeros((n, v, channels)),
         lidar=np.zeros((n, v, 5)),
+        weather=np.zeros((n, v, WIDTH)),
+        weather_stream=np.zeros((n, v, 3), np.uint64),
     )
 
 
@@ -134,4 +143,5 @@ def reading_columns(n: int, v: int, rays: int, rolling_rays: int) -> ReadingColu
         lidar_ranges=np.full((n, v, rays), np.nan),
         sweep=np.zeros((n, v, 2), np.int64),
         sweep_ranges=np.zeros((n, v, rolling_rays)),
+        sweep_hits=np.zeros((n, v, rolling_rays), np.int64),
     )

@@ -21,7 +21,7 @@ from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.area import drivable_edges
 from autodrive.scenario.maps.lanes import LaneGraph, Piece, lane_graph
 from autodrive.scenario.maps.module import MarkingKind, Module, compile_module
-from autodrive.scenario.maps.placing import PlacedModule, PortId, Solid, join, overlaps, place
+from autodrive.scenario.maps.placing import OF_DRAFT, MapProblem, PlacedModule, PortId, Solid, join, overlaps, place
 from autodrive.scenario.maps.props import Prop, prop_shapes
 from autodrive.scenario.maps.shapes import Pose, rectangle
 from autodrive.scenario.maps.solids import BoxPlacement, StaticShape, block_shape, wall_shapes
@@ -94,9 +94,19 @@ def load_map(name: str | Path | MapSpec) -> Map:
 
     described, lines = files.read_map(name)
     map_, problems = compile_map(described)
-    if problems or map_ is None:
-        raise SpecError(specs.joined(problems, lines), described.path)
+    texts = problem_texts(described, problems)
+    if texts or map_ is None:
+        raise SpecError(specs.joined(texts, lines), described.path)
     return map_
+
+
+def map_warnings(name: str | Path | MapSpec) -> list[str]:
+    """What is not finished in a map that is being built, with lines."""
+    from autodrive.scenario import files  # noqa: PLC0415  as above
+
+    described, lines = files.read_map(name)
+    _, problems = compile_map(described)
+    return specs.joined([one.text for one in problems_of_draft(described, problems)], lines)
 
 
 def load_module(name: str | Path) -> Module:
@@ -107,17 +117,30 @@ def load_module(name: str | Path) -> Module:
 
 
 @functools.lru_cache(maxsize=8)
-def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[specs.Problem, ...]]:
-    """The map without its faulty placements, None if its file is not valid; and what is wrong."""
+def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[MapProblem, ...]]:
+    """The map without its faulty placements, None if its file is not valid; and what else is wrong."""
     spec = described.found
     if isinstance(spec, TrackSpec):
         return track_map(Track.of(spec, described.name)), ()
     placed, problems = place(described)
     joins, unjoined = join(placed, is_complete=spec is not None and len(placed) == len(spec.placements))
     map_, more = _compiled(spec, described.name, placed, joins) if spec else (None, _overlaps(placed, ()))
+    return map_, (*problems, *unjoined, *more)
+
+
+def problems_of_draft(described: DescribedMap, problems: Sequence[MapProblem]) -> list[MapProblem]:
+    """What may be wrong because the map is being built."""
+    return [one for one in problems if described.is_draft and one.kind in OF_DRAFT]
+
+
+def problem_texts(
+    described: DescribedMap, problems: Sequence[MapProblem], *, has_name: bool = True
+) -> list[specs.Problem]:
+    """The messages of the errors of a file, and of what else is wrong; those begin with the name of the map."""
     of_file = described.error.errors if described.error else []
-    prefix = f"map '{described.name}': "
-    return map_, (*((text,) for text in of_file), *((prefix, *one) for one in (*problems, *unjoined, *more)))
+    prefix = f"map '{described.name}': " if has_name else ""
+    allowed = problems_of_draft(described, problems)
+    return [*((text,) for text in of_file), *((prefix, *one.text) for one in problems if one not in allowed)]
 
 
 def track_map(track: Track) -> Map:
@@ -151,7 +174,7 @@ def track_map(track: Track) -> Map:
 
 def _compiled(
     spec: MapSpec, name: str, placed: list[PlacedModule], joins: dict[PortId, PortId]
-) -> tuple[Map, list[specs.Problem]]:
+) -> tuple[Map, list[MapProblem]]:
     statics, props, places = _statics(spec)
     obstructions = [one for one in placed if one.module.spec.type == "obstruction"]
     boxes = tuple(_box(one) for one in obstructions)
@@ -189,7 +212,7 @@ def _too_large(
     statics: tuple[StaticShape, ...],
     places: list[Place],
     bounds: tuple[float, float, float, float],
-) -> specs.Problem:
+) -> MapProblem:
     """The problem of a map that is too large, with the place of what is farthest from its other parts."""
     x0, y0, x1, y1 = bounds
     axis = 0 if x1 - x0 > y1 - y0 else 1
@@ -198,7 +221,7 @@ def _too_large(
     middle = np.median(low + high) / 2.0
     label = labels[int(np.argmax(np.maximum(high - middle, middle - low)))]
     size = f"{x1 - x0:.4g} m x {y1 - y0:.4g} m"
-    return label, f": the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m"
+    return MapProblem("extent", label, f": the map is {size}; it must be at most {MAX_EXTENT:g} m x {MAX_EXTENT:g} m")
 
 
 def _enclosure(spec: MapSpec, drivable: BaseGeometry) -> BaseGeometry | None:
@@ -212,7 +235,7 @@ def _united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     return shapely.set_precision(shapely.union_all(wider).buffer(-GRID, join_style="mitre"), GRID)
 
 
-def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[specs.Problem]:
+def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> list[MapProblem]:
     """Flat modules must not overlap each other; boxes must not overlap boxes or static shapes."""
     flat = [one for one in placed if one.module.spec.type not in {"terrain", "obstruction"}]
     boxes = [one for one in placed if one.module.spec.type == "obstruction"]
@@ -221,21 +244,23 @@ def _overlaps(placed: list[PlacedModule], statics: tuple[StaticShape, ...]) -> l
         low, high = shape.span
         solid.append((f"'{shape.name}'", shape.plan, low, high))
     return [
-        *overlaps([(one.label, one.footprint, 0.0, 1.0) for one in flat], len(flat)),
+        *overlaps([(one.label, one.footprint, 0.0, 1.0) for one in flat], len(flat), "overlap"),
         *overlaps(solid, len(boxes)),
     ]
 
 
-def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[Place]) -> list[specs.Problem]:
+def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[Place]) -> list[MapProblem]:
     """Solid objects are identified by name, so each name must be unique. `labels` say where they are."""
     places: dict[str, list[Place]] = {}
     for solid, label in zip(solids, labels, strict=True):
         places.setdefault(solid.name, []).append(label)
-    problems: list[specs.Problem] = [
-        (places[name][0], f": the name '{name}' is reserved; choose another one") for name in RESERVED if name in places
+    problems = [
+        MapProblem("name", places[name][0], f": the name '{name}' is reserved; choose another one")
+        for name in RESERVED
+        if name in places
     ]
     return problems + [
-        (where[1], f": the name '{name}' is used by {len(where)} solid objects; names must be unique")
+        MapProblem("name", where[1], f": the name '{name}' is used by {len(where)} solid objects; names must be unique")
         for name, where in places.items()
         if len(where) > 1
     ]

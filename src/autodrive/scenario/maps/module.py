@@ -72,6 +72,7 @@ class StopLine(Spec):
 class Bay(Rectangle):
     """A parking space for one vehicle: a rectangle with the heading of a parked vehicle."""
 
+    shape: Literal["rectangle"] = "rectangle"
     name: Name
 
 

@@ -1,11 +1,12 @@
-"""Placement of modules in a map: connects ports, finds overlaps, reports errors."""
+"""Placement of modules in a map: connects ports, finds overlaps, reports problems."""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import shapely
@@ -74,10 +75,66 @@ class PlacedModule:
         return own.length or spec.length, own.width or spec.width, own.height or spec.height
 
 
-def place(described: DescribedMap) -> tuple[list[PlacedModule], list[Problem]]:
+ProblemKind: TypeAlias = Literal[
+    "module", "field", "name", "corners", "extent", "unconnected", "apart", "turned", "width", "overlap", "solids"
+]
+"""Of a file: 'module'. Too large: 'corners', 'extent'. Of ports: 'unconnected', 'apart', 'turned', 'width'. 'overlap':
+roads overlap; 'solids': boxes, walls or blocks do."""
+
+
+OF_DRAFT: frozenset[ProblemKind] = frozenset({"unconnected", "apart", "turned", "width", "overlap"})
+"""What may be wrong while a map is being built: such a map can be simulated."""
+
+
+@dataclass(frozen=True)
+class MapProblem:
+    """What is wrong with a map; `text` follows from the other values."""
+
+    kind: ProblemKind
+    part: Place | str
+    """The placement, wall, block or sign."""
+    detail: str = ""
+    """The end of the text, if it does not follow from the values below."""
+    port: PlacedPort | None = None
+    other: Place | str = ""
+    """The second part of two."""
+    other_port: PlacedPort | None = None
+    dx: float = 0.0
+    """Moving the second module by (dx, dy) [m] or turning it by `turn` [rad], left positive, repairs it."""
+    dy: float = 0.0
+    turn: float = 0.0
+    area: float = 0.0
+    """Of an overlap [m^2]."""
+
+    @property
+    def text(self) -> Problem:
+        """The parts of the message."""
+        if self.detail:
+            return self.part, self.detail
+        if self.area:
+            return self.part, " overlaps ", self.other, f" by {self.area * 1e4:.4g} cm^2. Move one of them."
+        assert self.port is not None
+        if self.other_port is None:
+            return self.part, f": port '{self.port.name}' is not connected. {_fix(self.port)}"
+        ports_of = f": port '{self.port.name}' and port '{self.other_port.name}' of "
+        return self.part, ports_of, self.other, f" {self._mismatch(self.port, self.other_port)}"
+
+    def _mismatch(self, first: PlacedPort, second: PlacedPort) -> str:
+        if self.kind == "apart":
+            return (
+                f"do not meet: the first is at ({_text(first.pose[0])}, {_text(first.pose[1])}), the second "
+                f"{math.hypot(self.dx, self.dy):.3g} m away. Move the second module by ({_text(self.dx)}, "
+                f"{_text(self.dy)}) m"
+            )
+        if self.kind == "turned":
+            return f"do not face each other: turn the second module by {self.turn / DEGREE:.4g} degrees"
+        return f"are not equally wide: {first.width:.4g} m and {second.width:.4g} m"
+
+
+def place(described: DescribedMap) -> tuple[list[PlacedModule], list[MapProblem]]:
     """The placed modules, and a problem for each module, port and field that is not valid."""
     placed: list[PlacedModule] = []
-    problems: list[Problem] = []
+    problems: list[MapProblem] = []
     names: set[str] = set()
     corners = 0
     for number, placement in described.placements:
@@ -85,31 +142,31 @@ def place(described: DescribedMap) -> tuple[list[PlacedModule], list[Problem]]:
         label = Place("map", ("placements", number - 1), title)
         of = described.modules[placement.module]
         if of.found is None:
-            problems.append((label, f": {of.error}"))
+            problems.append(MapProblem("module", label, f": {of.error}"))
             continue
         module = compile_module(of)
         corners += module.corners
         if corners > MAX_CORNERS:
             text = f": the modules up to here have {corners} corners; at most {MAX_CORNERS} are possible"
-            problems.append((label, text))
+            problems.append(MapProblem("corners", label, text))
             break
-        problems += [(label, f": {text}") for text in _disallowed_fields(placement, module)]
+        problems += [MapProblem("field", label, f": {text}") for text in _disallowed_fields(placement, module)]
         name = placement.name or f"{module.name}_{number}"
         if name in names:
-            problems.append((label, f": the name '{name}' is already used; names must be unique"))
+            problems.append(MapProblem("name", label, f": the name '{name}' is already used; names must be unique"))
         names.add(name)
         placed.append(_placed(label, name, module, placement))
     return placed, problems
 
 
-def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[PortId, PortId], list[Problem]]:
+def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[PortId, PortId], list[MapProblem]]:
     """The connected ports (in both directions), and a problem for each port that is unconnected or does not match.
 
     If some placements are not valid (`is_complete` False), unconnected ports are no problem.
     """
     ports = [(i, port) for i, one in enumerate(placed) for port in one.ports if not port.is_blind]
     joins: dict[PortId, PortId] = {}
-    problems: list[Problem] = []
+    problems: list[MapProblem] = []
     if not ports:
         return joins, problems
     at = np.array([port.pose[:2] for _, port in ports])
@@ -120,19 +177,18 @@ def join(placed: Sequence[PlacedModule], *, is_complete: bool) -> tuple[dict[Por
         j, other = ports[nearest]
         if distance[nearest] > REACH:
             if is_complete and not port.is_open:
-                problems.append((placed[i].label, f": port '{port.name}' is not connected. {_fix(port)}"))
+                problems.append(MapProblem("unconnected", placed[i].label, port=port))
             continue
-        mismatch = _mismatch(port, other)
+        mismatch = _mismatch(placed[i].label, port, placed[j].label, other)
         if not mismatch:
             joins[i, port.name] = (j, other.name)
         elif i < j or np.hypot(*(at - at[nearest]).T)[k] > REACH:
-            ports_of = f": port '{port.name}' and port '{other.name}' of "
-            problems.append((placed[i].label, ports_of, placed[j].label, f" {mismatch}"))
+            problems.append(mismatch)
     return joins, problems
 
 
-def overlaps(solids: Sequence[Solid], movable: int) -> list[Problem]:
-    """A problem for each pair of solids that overlap.
+def overlaps(solids: Sequence[Solid], movable: int, kind: ProblemKind = "solids") -> list[MapProblem]:
+    """A problem of that kind for each pair of solids that overlap.
 
     At least one of a pair is among the first `movable` solids: the others may overlap each other.
     """
@@ -145,12 +201,12 @@ def overlaps(solids: Sequence[Solid], movable: int) -> list[Problem]:
     span = np.array([(low, high) for _, _, low, high in solids])
     common = np.minimum(span[first, 1], span[second, 1]) - np.maximum(span[first, 0], span[second, 0])
     is_error = (area > SLIVER) & (common > PORT_TOLERANCE)
-    problems: list[Problem] = [
-        (solids[i][0], " overlaps ", solids[j][0], f" by {a * 1e4:.4g} cm^2. Move one of them.")
+    problems = [
+        MapProblem(kind, solids[i][0], other=solids[j][0], area=float(a))
         for i, j, a in sorted(zip(first[is_error], second[is_error], area[is_error], strict=True))
     ]
     more = len(problems) - MAX_ERRORS
-    return [*problems[:MAX_ERRORS], (f"and {more} more overlaps",)] if more > 0 else problems
+    return [*problems[:MAX_ERRORS], MapProblem(kind, "", f"and {more} more overlaps")] if more > 0 else problems
 
 
 def _placed(label: Place, name: str, module: Module, placement: Placement) -> PlacedModule:
@@ -161,7 +217,7 @@ def _placed(label: Place, name: str, module: Module, placement: Placement) -> Pl
     )
     ports = []
     for port_name, port in spec.ports.items():
-        x, y = moved(np.array([[port.x, port.y]]), pose)[0]
+        x, y = moved(np.array([[port.x, port.y]]), pose)[0].tolist()
         yaw = pose[2] + port.yaw_deg * DEGREE
         ports.append(PlacedPort(port_name, (x, y, yaw), port.width, port.is_blind, port_name in opened))
     return PlacedModule(
@@ -191,21 +247,16 @@ def _disallowed_fields(placement: Placement, module: Module) -> list[str]:
     return errors
 
 
-def _mismatch(a: PlacedPort, b: PlacedPort) -> str:
-    """The error between two ports that should be connected, and how to fix it; '' if they match."""
-    dx, dy = b.pose[0] - a.pose[0], b.pose[1] - a.pose[1]
-    distance = math.hypot(dx, dy)
-    if distance > PORT_TOLERANCE:
-        return (
-            f"do not meet: the first is at ({_text(a.pose[0])}, {_text(a.pose[1])}), the second {distance:.3g} m away. "
-            f"Move the second module by ({_text(-dx)}, {_text(-dy)}) m"
-        )
-    turn = math.remainder(b.pose[2] - a.pose[2] - math.pi, 2.0 * math.pi)
+def _mismatch(part: Place, a: PlacedPort, other: Place, b: PlacedPort) -> MapProblem | None:
+    """The problem of two ports that should be connected; None if they match."""
+    found = functools.partial(MapProblem, part=part, port=a, other=other, other_port=b)
+    dx, dy = a.pose[0] - b.pose[0], a.pose[1] - b.pose[1]
+    if math.hypot(dx, dy) > PORT_TOLERANCE:
+        return found("apart", dx=dx, dy=dy)
+    turn = -math.remainder(b.pose[2] - a.pose[2] - math.pi, 2.0 * math.pi)
     if abs(turn) > HEADING_TOLERANCE:
-        return f"do not face each other: turn the second module by {-turn / DEGREE:.4g} degrees"
-    if abs(a.width - b.width) > PORT_TOLERANCE:
-        return f"are not equally wide: {a.width:.4g} m and {b.width:.4g} m"
-    return ""
+        return found("turned", turn=turn)
+    return found("width") if abs(a.width - b.width) > PORT_TOLERANCE else None
 
 
 def _fix(port: PlacedPort) -> str:

@@ -53,7 +53,7 @@ class _Dashed(Spec):
 class Rectangle(Spec):
     """A rectangle around its centre; `length` along x and `width` along y before its rotation."""
 
-    shape: Literal["rectangle"] = "rectangle"
+    shape: Literal["rectangle"]
     x: Coordinate = 0.0
     y: Coordinate = 0.0
     yaw_deg: Degrees = 0.0

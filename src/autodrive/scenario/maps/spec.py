@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -60,7 +60,9 @@ class GroundSpec(Spec):
     friction: Friction = 0.6
     """Coulomb coefficient between the ground and bodies such as boxes (Unity's default material)."""
     grip: Friction = 1.0
-    """Factor on the friction of the tyres: 1 on a dry road, less on a wet road."""
+    """Factor on the friction of the tyres, 1 on a dry road; the weather multiplies it."""
+    surface: Literal["asphalt", "concrete", "gravel", "earth"] = "asphalt"
+    """What water and snow do to it, unless the file of the vehicle has `wheels.weather`."""
 
 
 class MapSpec(Spec):
@@ -68,6 +70,8 @@ class MapSpec(Spec):
 
     title: str
     note: str = ""
+    is_draft: bool = False
+    """True: it is being built; ports without a fitting neighbour and modules that overlap are warnings."""
     ground: GroundSpec = GroundSpec()
     paved: Shapes = ()
     """Drivable ground in addition to the roads of the modules."""
@@ -93,3 +97,8 @@ class DescribedMap(Described[MapSpec | TrackSpec]):
     """Numbers, from 1, and Specs: all, or the valid ones of a file that is not valid."""
     modules: Mapping[str, Described[ModuleSpec]] = field(default_factory=dict)
     """By name in the placements."""
+
+    @property
+    def is_draft(self) -> bool:
+        """Whether it is being built."""
+        return isinstance(self.found, MapSpec) and self.found.is_draft

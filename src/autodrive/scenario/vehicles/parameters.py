@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,12 @@ from autodrive.base.units import RPM
 from autodrive.physics.actuators.drivetrain import DrivetrainSpec
 from autodrive.physics.engine import Engine, Geom
 from autodrive.physics.model import BOX, COVER, CURVE_POINTS, VEHICLE, WHEEL, Table
+from autodrive.physics.weather import SURFACES, Surface, road
+from autodrive.protocol.messages import Weather
 from autodrive.scenario.vehicles.spec import MagicFormulaSpec, VehicleSpec
+
+if TYPE_CHECKING:
+    from autodrive.scenario.maps.spec import GroundSpec
 
 AIR_DENSITY = 1.2
 """At 20 degrees Celsius and sea level [kg/m^3]."""
@@ -101,11 +107,19 @@ def _farthest(corners: Floats, centre: Floats) -> float:
     return math.hypot(*np.maximum(np.abs(corners[0] - centre), np.abs(corners[1] - centre)).tolist())
 
 
-def wheel_table(vehicles: Sequence[VehicleSpec], grips: Sequence[float], dt: float) -> Table:
-    """`Model.wheels` for a substep of `dt` [s]; `grips`: factors of the friction values of each vehicle's wheels."""
+def wheel_table(
+    vehicles: Sequence[VehicleSpec], grips: Sequence[float], dt: float, ground: GroundSpec, weather: Weather
+) -> Table:
+    """`Model.wheels` for a substep of `dt` [s] on that ground in that weather.
+
+    `grips`: factors of the friction values of each vehicle's wheels, besides those of the ground.
+    """
     table = np.zeros(4 * len(vehicles), dtype=WHEEL)
-    for i, (spec, grip) in enumerate(zip(vehicles, grips, strict=True)):
+    for i, (spec, factor) in enumerate(zip(vehicles, grips, strict=True)):
         rows = table[4 * i : 4 * i + 4]
+        state = road(surface_of(spec, ground), weather)
+        grip = ground.grip * factor * state.grip
+        rows["rolling_resistance"] = state.resistance
         rows["hub"] = spec.hubs
         for axle, wheels in ((spec.axles.front, rows[:2]), (spec.axles.rear, rows[2:])):
             for field in ("is_steered", "is_driven", "is_braked"):
@@ -114,6 +128,12 @@ def wheel_table(vehicles: Sequence[VehicleSpec], grips: Sequence[float], dt: flo
         _set_suspension(rows, spec, dt)
         _set_tyres(rows, spec, grip, dt)
     return table
+
+
+def surface_of(spec: VehicleSpec, ground: GroundSpec) -> Surface:
+    """What water and snow do to the tyres of a vehicle."""
+    own = spec.wheels.weather
+    return SURFACES[ground.surface] if own is None else Surface(**own.model_dump())
 
 
 def _set_wheels(rows: Table, spec: VehicleSpec) -> None:

@@ -14,6 +14,7 @@ from autodrive.physics.actuators.lights import LightsSpec
 from autodrive.physics.actuators.steering import SteeringSpec
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.catalog import SensorSuiteSpec
+from autodrive.physics.weather import SNOW_RESISTANCE
 from autodrive.physics.wheel import magic_shape
 from autodrive.protocol.devkit_profile import PROFILES
 
@@ -181,6 +182,17 @@ class RegularisationSpec(Spec):
     """Natural frequency of the car on these springs [Hz]."""
 
 
+class TyreWeatherSpec(Spec):
+    """What water and snow do to the tyres, on any surface."""
+
+    wet_grip: float = Field(ge=0.01, le=10.0)
+    """Friction on a wet road relative to a dry one."""
+    snow_grip: float = Field(ge=0.01, le=10.0)
+    """Likewise on snow."""
+    snow_resistance: float = Field(default=SNOW_RESISTANCE, ge=0.0, le=1.0)
+    """Rolling resistance on snow per load, in addition to that on a dry road."""
+
+
 class WheelSpec(Spec):
     """The four equal wheels (report, table 9); their tyres have two friction curves or the magic formula."""
 
@@ -199,6 +211,8 @@ class WheelSpec(Spec):
     sideways_friction: FrictionCurve | None = None
     magic_formula: MagicFormulaSpec | None = None
     regularisation: RegularisationSpec
+    weather: TyreWeatherSpec | None = None
+    """What water and snow do to the tyres; left out: as the surface of the map says."""
 
     @model_validator(mode="after")
     def _has_a_collider(self) -> WheelSpec:

@@ -20,8 +20,12 @@ from autodrive.base.jit import resolved
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.physics.model import Table
+from autodrive.physics.sensors.lidar import LidarSpec
+from autodrive.physics.sensors.lidar_weather import set_lidar_weather
 from autodrive.physics.sensors.tables import most_rays, reset_noise, sensor_tables
-from autodrive.protocol.commands import MAX_DISTANCE, check_seed
+from autodrive.physics.weather import ChangingWeather
+from autodrive.protocol.commands import MAX_DISTANCE, check_seed, check_weather
+from autodrive.protocol.messages import Weather
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
 from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
@@ -87,7 +91,8 @@ class BatchWorld(OneThread):
         self.tick_duration = spec.tick
         self._tick = Fraction(str(spec.tick))
         self._substeps = spec.substeps
-        self._sensors = sensor_tables(list(c.configured.values()), Fraction(str(spec.substep)), spec.gravity)
+        substep = Fraction(str(spec.substep))
+        self._sensors = sensor_tables(list(c.configured.values()), substep, spec.gravity, c.targets)
         rays, rolling_rays = most_rays(self._sensors)
         self._has_rolling_lidar = rolling_rays > 0
         self.worlds = empty_worlds(c, n, rays, rolling_rays)
@@ -98,6 +103,8 @@ class BatchWorld(OneThread):
         self._seeds = [seed + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
         """Of the present episodes."""
+        self._weathers = [ChangingWeather().at(0.0)] * n
+        """Likewise, with wetness and snow cover."""
         self._has_own_vehicles = np.zeros(n, np.bool_)
         self._specs = {
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
@@ -117,7 +124,8 @@ class BatchWorld(OneThread):
         self.reset()
 
     def __repr__(self) -> str:
-        return f"<BatchWorld of {self.n} worlds of map '{self.spec.map}': vehicles {', '.join(self.vehicle_names)}>"
+        vehicles = ", ".join(self.vehicle_names)
+        return f"<BatchWorld of {self.n} worlds of map '{self.spec.map_name}': vehicles {vehicles}>"
 
     @by_one_thread
     def step(self, commands: ArrayLike, ticks: int = 1) -> Readings:
@@ -154,6 +162,7 @@ class BatchWorld(OneThread):
         mass: ArrayLike = 1.0,
         grip: ArrayLike = 1.0,
         noise: ArrayLike = 1.0,
+        weather: Weather | Sequence[Weather] | None = None,
     ) -> Readings:
         """Return some worlds to the start, all at once; nothing of their last episode remains.
 
@@ -166,6 +175,8 @@ class BatchWorld(OneThread):
         the throttle and the steering that they have obeyed, by name, shape (m, 5) or (5,); the others start at rest.
         `vehicles`: other parameters of dynamics and actuators until the next reset, by name, a Spec for each of the m
         worlds; colliders, sensors and the longest dead times remain those of the scenario.
+        `weather`: until the next reset, one for all or one for each of the m worlds; None: that of the scenario.
+        Wetness and snow cover are steady.
 
         Raises `CommandError` for wrong values, and for poses that let two bodies overlap; nothing has changed then.
         """
@@ -177,6 +188,7 @@ class BatchWorld(OneThread):
         qpos = self._checked_starts(poses or {}, chosen)
         moving = {self._vehicle(name): self._checked_motion(name, one, chosen) for name, one in (motions or {}).items()}
         own = self._checked_vehicles(vehicles or {}, chosen)
+        weathers = self._checked_weathers(self.spec.weather.message if weather is None else weather, chosen)
         w = self.worlds
         for column in w.state:
             column[chosen] = 0.0
@@ -185,10 +197,11 @@ class BatchWorld(OneThread):
             column[chosen] = 0
         w.last_contact[chosen] = NEVER
         w.has_collided[chosen] = w.is_off_road[chosen] = False
-        tables: dict[tuple[float, ...], tuple[Table, Table]] = {}
+        tables: dict[tuple[object, ...], tuple[Table, Table]] = {}
         for row, k in enumerate(chosen.tolist()):
             self._seeds[k] = new_seeds[row]
-            self._set_parameters(k, {name: values[row] for name, values in factors.items()}, own[row], tables)
+            its_factors = {name: values[row] for name, values in factors.items()}
+            self._set_parameters(k, its_factors, own[row], weathers[row], tables)
         for i, motion in moving.items():
             self._set_motion(chosen, i, motion)
         self._begin(*self._begin_arguments(chosen))
@@ -245,24 +258,28 @@ class BatchWorld(OneThread):
         k: int,
         factors: Mapping[str, Floats],
         own: Mapping[str, VehicleSpec],
-        tables: dict[tuple[float, ...], tuple[Table, Table]],
+        weather: Weather,
+        tables: dict[tuple[object, ...], tuple[Table, Table]],
     ) -> None:
         """Set the tables and the noise of world k. `tables`: those of Specs that other worlds have, too."""
         w = self.worlds
         is_other = any((before[k] != factors[name]).any() for name, before in self._factors.items())
-        if is_other or own or self._has_own_vehicles[k]:
+        if is_other or own or self._has_own_vehicles[k] or weather != self._weathers[k]:
+            self._weathers[k] = weather
             for name, before in self._factors.items():
                 before[k] = factors[name]
             self._has_own_vehicles[k] = bool(own)
-            key = (*map(id, own.values()), *factors["mass"].tolist(), *factors["grip"].tolist())
+            key = (*map(id, own.values()), *factors["mass"].tolist(), *factors["grip"].tolist(), weather)
             if key not in tables:
-                tables[key] = self._tables(factors["mass"].tolist(), factors["grip"].tolist(), own)
+                tables[key] = self._tables(factors["mass"].tolist(), factors["grip"].tolist(), own, weather)
             w.vehicles[k], w.wheels[k] = tables[key]
         for i, (name, specs_of) in enumerate(self._specs.items()):
             reset_noise(w.noise, k, i, name, specs_of, float(factors["noise"][i]), self._seeds[k])
+            if isinstance(lidar := specs_of.get("lidar"), LidarSpec):
+                set_lidar_weather(w.noise, k, i, name, weather, lidar, self._seeds[k])
 
     def _tables(
-        self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec]
+        self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec], weather: Weather
     ) -> tuple[Table, Table]:
         """Tables of vehicles and wheels of a world."""
         c, placed = self.compiled, self.spec.vehicles
@@ -273,8 +290,8 @@ class BatchWorld(OneThread):
         vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep) if own else c.model.vehicles.copy()
         for row, spec in zip(vehicles, specs.values(), strict=True):
             row["mass"], row["inertia"] = spec.body.mass, spec.body.inertia
-        grips = [c.map.ground.grip * (p.grip_factor * one) for p, one in zip(placed.values(), grips, strict=True)]
-        return vehicles, wheel_table([*specs.values()], grips, c.spec.substep)
+        grips = [p.grip_factor * one for p, one in zip(placed.values(), grips, strict=True)]
+        return vehicles, wheel_table([*specs.values()], grips, c.spec.substep, c.map.ground, weather)
 
     def _set_motion(self, chosen: Integers, i: int, motion: Floats) -> None:
         """Set velocities and actuators of a vehicle at the start, whose pose is set; `motion` has the shape (m, 5)."""
@@ -387,6 +404,15 @@ class BatchWorld(OneThread):
                         f"{part}.dead_time of '{name}' is longer"
                     )
         return [{name: specs[row] for name, specs in vehicles.items()} for row in range(len(chosen))]
+
+    def _checked_weathers(self, weather: Weather | Sequence[Weather], chosen: Integers) -> list[Weather]:
+        """The weather of each chosen world, with wetness and snow cover."""
+        given = [weather] * len(chosen) if isinstance(weather, Weather) else list(weather)
+        if len(given) != len(chosen):
+            raise CommandError(f"there must be a Weather for each of the {len(chosen)} worlds, not {len(given)}")
+        for one in given:
+            check_weather(one)
+        return [ChangingWeather.settled(one).at(0.0) for one in given]
 
     def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers) -> Floats:
         """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""

@@ -9,13 +9,14 @@ from typing import TypeAlias
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
-from autodrive.protocol.messages import AddBox, Edit, Place, RemoveBox
-from autodrive.scenario import ScenarioSpec
-from autodrive.scenario.descriptions import Descriptions
+from autodrive.protocol.messages import AddBox, Edit, EditMap, Place, RemoveBox, UseMap
+from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.world import World
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.editing.edits import edited, name_of
+from autodrive.world.editing.map_edits import edited_map, name_of_edit, own_map, parts_of
 from autodrive.world.factory import compile_scenario
+from autodrive.world.poses import overlapping
 
 MAX_EDITS = 200
 """Edits that can be undone; older ones are forgotten."""
@@ -29,8 +30,8 @@ class Change:
     """An edit that was made."""
 
     name: str
-    before: ScenarioSpec
-    after: ScenarioSpec
+    before: Specs
+    after: Specs
     poses_before: Poses
     poses_after: Poses
 
@@ -59,14 +60,22 @@ class Editor:
 
     def edit(self, world: World, edit: Edit) -> World:
         """Make an edit; the World after it, which may be a new one. Raises `AutodriveError`; then nothing changes."""
-        spec = world.spec
-        after = edited(spec, world.boxes, edit)
+        specs = replace(world.specs, scenario=world.spec)
         before: dict[str, Floats | None] = {}
-        if isinstance(edit, Place | RemoveBox):
-            before = {edit.name: world.pose(edit.name)}
-        moved: Poses = {edit.name: None} if isinstance(edit, Place | AddBox) else {}
+        moved: Poses = {}
+        if isinstance(edit, EditMap | UseMap):
+            after, name = edited_map(specs, edit), name_of_edit(edit, specs)
+            changed = edit.parts if isinstance(edit, EditMap) else parts_of(own_map(after)) | dict.fromkeys(world.boxes)
+            before = {one: world.pose(one) for one in changed if one in world.boxes}
+            moved = dict.fromkeys(changed)
+        else:
+            after, name = replace(specs, scenario=edited(world.spec, world.boxes, edit)), name_of(edit)
+            if isinstance(edit, Place | RemoveBox):
+                before = {edit.name: world.pose(edit.name)}
+            if isinstance(edit, Place | AddBox):
+                moved = {edit.name: None}
         result = self._changed(world, after, moved)
-        self._undo.append(Change(name_of(edit), spec, after, before, moved))
+        self._undo.append(Change(name, specs, after, before, moved))
         self._redo.clear()
         return result
 
@@ -98,11 +107,15 @@ class Editor:
         self._undo.clear()
         self._redo.clear()
 
-    def _changed(self, world: World, spec: ScenarioSpec, poses: Poses) -> World:
-        """The World of another scenario; `poses` are those of the things that are placed."""
-        descriptions = Descriptions(replace(world.specs, scenario=spec))
+    def _changed(self, world: World, specs: Specs, poses: Poses) -> World:
+        """The World of other Specs; `poses` are those of the vehicles and boxes that are placed, if there are such."""
+        descriptions = Descriptions(specs)
         compiled = compile_scenario(descriptions)
-        targets = {name: _start(compiled, name) if pose is None else pose for name, pose in poses.items()}
+        targets = {
+            name: _start(compiled, name) if pose is None else pose
+            for name, pose in poses.items()
+            if name in compiled.objects or name in compiled.vehicles
+        }
         if _bodies(compiled) == _bodies(world):
             world.set_poses(targets)
             world.start_from(compiled)
@@ -113,6 +126,7 @@ class Editor:
         try:
             made.continue_from(world)
             made.set_poses(targets)
+            _check_is_free(made, world)
         except BaseException:
             made.close()
             raise
@@ -124,10 +138,22 @@ def _start(compiled: CompiledScenario, name: str) -> Floats:
     return compiled.engine.start[qpos : qpos + 7]
 
 
+def _check_is_free(made: World, before: World) -> None:
+    """Raises `CommandError` if a vehicle or a box is in a wall, block or sign that was not there before."""
+    there = set(before.map.statics)
+    new = {one.name for one in made.map.statics if one not in there}
+    if not new:
+        return
+    for pair in overlapping(made.compiled):
+        if fixed := new & {*pair}:
+            name = next(iter({*pair} - fixed), pair[0])
+            raise CommandError(f"'{name}' is where '{fixed.pop()}' would be: move one of them")
+
+
 def _bodies(of: CompiledScenario | World) -> object:
     """What makes a World but poses."""
     boxes = of.boxes.values() if isinstance(of, World) else of.boxes
     vehicles = {
         name: one.model_copy(update={"x": 0.0, "y": 0.0, "yaw_deg": 0.0}) for name, one in of.spec.vehicles.items()
     }
-    return vehicles, [(box.name, box.size, box.mass) for box in boxes]
+    return id(of.specs.map), vehicles, [(box.name, box.size, box.mass) for box in boxes]

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 from autodrive.base.errors import CommandError
 from autodrive.base.specs import checked
 from autodrive.base.suggest import suggest
-from autodrive.protocol.messages import AddBox, Edit, Place, RemoveBox, SetSensor
+from autodrive.protocol.messages import AddBox, Place, RemoveBox, SetSensor
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.solids import BoxPlacement
 
+ObjectEdit: TypeAlias = Place | AddBox | RemoveBox | SetSensor
 
-def edited(spec: ScenarioSpec, boxes: Mapping[str, BoxPlacement], edit: Edit) -> ScenarioSpec:
+
+def edited(spec: ScenarioSpec, boxes: Mapping[str, BoxPlacement], edit: ObjectEdit) -> ScenarioSpec:
     """The scenario after an edit; `boxes` are all boxes of the world, also those of the map.
 
     Raises `AutodriveError` for a name that is not known and for values that a scenario cannot have.
@@ -45,7 +47,7 @@ def edited(spec: ScenarioSpec, boxes: Mapping[str, BoxPlacement], edit: Edit) ->
     return checked(tree, ScenarioSpec)
 
 
-def name_of(edit: Edit) -> str:
+def name_of(edit: ObjectEdit) -> str:
     """The edit in a few words, for the button that undoes it."""
     match edit:
         case Place(name=name):

@@ -9,12 +9,13 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.messages import Command, Frame, Operation
 from autodrive.protocol.native import Source
-from autodrive.scenario.files import scenario_text
+from autodrive.scenario.files import map_text, scenario_text
+from autodrive.world.editing.map_edits import saved_map
 from autodrive.world.simulation.clock import Clock, WallClock
 from autodrive.world.simulation.control import Publisher
 
@@ -103,8 +104,14 @@ class Paced(Publisher, ABC):
     def scenario_text(self, title: str = "") -> str:
         """The scenario as it is now, as the text of a YAML file, with that title if there is one."""
         world = self.world
-        changes = {"scene_light": world.scene_light, "title": title or world.spec.title}
+        changes: dict[str, Any] = {"scene_light": world.scene_light, "title": title or world.spec.title}
+        if not isinstance(world.spec.map, str):
+            changes["map"] = saved_map(world)
         return scenario_text(world.spec.model_copy(update=changes))
+
+    def map_text(self, title: str = "") -> str:
+        """The map as it is now, as the text of a YAML file, with that title. Raises `CommandError` for a race track."""
+        return map_text(saved_map(self.world, title))
 
     @abstractmethod
     def start(self) -> None:

@@ -16,6 +16,7 @@ from autodrive.protocol.commands import check_commands, is_number
 from autodrive.protocol.messages import (
     AddBox,
     Command,
+    EditMap,
     Frame,
     Hold,
     LoadScenario,
@@ -27,15 +28,18 @@ from autodrive.protocol.messages import (
     Reset,
     Resume,
     Retire,
+    SaveMap,
     SaveScenario,
     SetDrivingMode,
     SetSceneLight,
     SetSensor,
     SetSpeed,
     SetTimeOfDay,
+    SetWeather,
     Step,
     Teleport,
     Undo,
+    UseMap,
 )
 from autodrive.protocol.native import Source
 from autodrive.world.editing.editor import Editor
@@ -320,13 +324,13 @@ class Simulation(Paced):
                 self.world.reset(seed)
                 self._editor.on_reset()
                 self.error = ""
-            case Place() | AddBox() | RemoveBox() | SetSensor():
+            case Place() | AddBox() | RemoveBox() | SetSensor() | EditMap() | UseMap():
                 self._use(self._editor.edit(self.world, request))
             case Undo():
                 self._use(self._editor.undo(self.world))
             case Redo():
                 self._use(self._editor.redo(self.world))
-            case SaveScenario():
+            case SaveScenario() | SaveMap():
                 pass  # the caller reads the scenario from the world; the request only waits for earlier ones
             case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
                 self.world.teleport(vehicle, x, y, yaw)
@@ -336,6 +340,8 @@ class Simulation(Paced):
                 self.world.set_scene_light(enabled)
             case SetTimeOfDay(time=time_of_day, scale=scale):
                 self.world.set_time_of_day(time_of_day, scale)
+            case SetWeather(weather=weather):
+                self.world.set_weather(weather)
             case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
                 self.world.set_driving_mode(vehicle, is_autonomous)
             case Retire(vehicle=vehicle, reason=reason, is_disqualified=is_disqualified):

@@ -126,6 +126,14 @@ AUTODRIVE_INLINE Frame Client::teleport(const std::string& vehicle, double x, do
     return request({{"type", "Teleport"}, {"vehicle", vehicle}, {"x", x}, {"y", y}, {"yaw", yaw}});
 }
 
+AUTODRIVE_INLINE Frame Client::set_time_of_day(double time, double scale) {
+    return request({{"type", "SetTimeOfDay"}, {"time", time}, {"scale", scale}});
+}
+
+AUTODRIVE_INLINE Frame Client::set_weather(const Weather& weather) {
+    return request({{"type", "SetWeather"}, {"weather", wire::weather(weather)}});
+}
+
 AUTODRIVE_INLINE Frame Client::request(const Json& request) {
     const std::int64_t id = next_id_++;
     send({{"type", "Request"}, {"id", id}, {"operation", request}});

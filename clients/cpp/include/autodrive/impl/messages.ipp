@@ -62,11 +62,26 @@ inline VehicleFrame vehicle(const Json& json) {
     return vehicle;
 }
 
+inline Weather weather(const Json& json) {
+    return {json.at("clouds"), json.at("fog"),     json.at("rain"),      json.at("snow"),
+            json.at("wind"),   json.at("wetness").get<double>(), json.at("snow_cover").get<double>()};
+}
+
+inline Json weather(const Weather& weather) {
+    Json json = {{"clouds", weather.clouds}, {"fog", weather.fog}, {"rain", weather.rain}, {"snow", weather.snow},
+                 {"wind", weather.wind}};
+    if (weather.wetness) json["wetness"] = *weather.wetness;
+    if (weather.snow_cover) json["snow_cover"] = *weather.snow_cover;
+    return json;
+}
+
 inline Frame frame(const Json& json) {
     Frame frame;
     frame.time = json.at("time");
     frame.tick = json.at("tick");
     frame.scene_light = json.at("scene_light");
+    if (const auto time = json.find("time_of_day"); time != json.end() && !time->is_null()) frame.time_of_day = time->get<double>();
+    if (const auto now = json.find("weather"); now != json.end() && !now->is_null()) frame.weather = weather(*now);
     for (const auto& [name, value] : json.at("vehicles").items()) frame.vehicles[name] = vehicle(value);
     for (const auto& [name, value] : json.at("objects").items()) frame.objects[name] = pose(value.at("pose"));
     for (const Json& event : json.at("events"))

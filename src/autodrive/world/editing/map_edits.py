@@ -1,0 +1,190 @@
+"""Applies an edit to the map of a scenario: its modules, walls, blocks, signs and traffic lights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import msgspec
+
+from autodrive.base import yaml_files
+from autodrive.base.errors import CommandError
+from autodrive.base.specs import checked
+from autodrive.base.suggest import suggest
+from autodrive.protocol.messages import EditMap, MapBlock, MapModule, MapPart, MapProp, MapWall, UseMap
+from autodrive.scenario.descriptions import Specs
+from autodrive.scenario.files import read_map
+from autodrive.scenario.maps.props import PropSpec
+from autodrive.scenario.maps.solids import BlockSpec, WallSpec
+from autodrive.scenario.maps.spec import DescribedMap, MapSpec, Placement
+from autodrive.scenario.scenario import YAML, with_modules_at
+
+if TYPE_CHECKING:
+    from autodrive.world import World
+
+Entry: TypeAlias = Placement | WallSpec | BlockSpec | PropSpec
+KEYS: Mapping[type[MapPart], str] = {MapModule: "placements", MapWall: "walls", MapBlock: "blocks", MapProp: "props"}
+"""The list of a MapSpec that contains parts of that type."""
+NOUNS = {MapModule: "a module", MapWall: "a wall", MapBlock: "a block", MapProp: "a sign or traffic light"}
+
+
+def edited_map(specs: Specs, edit: EditMap | UseMap) -> Specs:
+    """The Specs after an edit of the map. Raises `AutodriveError`."""
+    if isinstance(edit, UseMap):
+        known = yaml_files.names("map")
+        if edit.name not in known:
+            raise CommandError(f"map '{edit.name}' is not known. {suggest(edit.name, known)}")
+        return _with_map(specs, edit.name, read_map(edit.name)[0])
+    spec = own_map(specs)
+    now = parts_of(spec)
+    for name, part in edit.seen.items():
+        if now.get(name) != part:
+            raise CommandError(f"'{name}' was changed by another client meanwhile: edit it again as it is now")
+    folder = Path(specs.map.path).parent.absolute()
+    modules = {str(folder / one) if one.endswith(YAML) else one: its for one, its in specs.map.modules.items()}
+    known = sorted({*yaml_files.names("module"), *modules})
+    for part in edit.parts.values():
+        if isinstance(part, MapModule) and part.module not in known:
+            raise CommandError(f"module '{part.module}' is not known. {suggest(part.module, known)}")
+    spec = _changed(spec, edit.parts)
+    return _with_map(specs, spec, read_map(spec, known=modules)[0])
+
+
+def own_map(specs: Specs) -> MapSpec:
+    """The MapSpec, with absolute paths of its modules. Raises `CommandError` for a race track."""
+    spec = specs.map.found
+    if not isinstance(spec, MapSpec):
+        raise CommandError(f"map '{specs.map.name}' is a race track: it has no parts that can be edited")
+    return with_modules_at(spec, Path(specs.map.path).parent) if specs.map.path else spec
+
+
+def saved_map(world: World, title: str = "") -> MapSpec:
+    """The map of a World for a file: a draft without problems is one no more. Raises `CommandError`, see `own_map`."""
+    spec = own_map(world.specs)
+    tree = {key: getattr(spec, key) for key in spec.model_fields_set} | ({"title": title} if title else {})
+    if not world.compiled.map_problems:
+        tree.pop("is_draft", None)
+    return checked(tree, MapSpec)
+
+
+def parts_of(spec: MapSpec) -> dict[str, MapPart]:
+    """The parts of a map, by name; of several parts with one name only the first."""
+    parts: dict[str, MapPart] = {}
+    for key in KEYS.values():
+        for number, entry in enumerate(getattr(spec, key), 1):
+            parts.setdefault(name_of_entry(entry, number), _part(entry))
+    return parts
+
+
+def name_of_entry(entry: Entry, number: int) -> str:
+    """The name of a part; `number` in its list, from 1."""
+    match entry:
+        case Placement(module=module):
+            return entry.name or f"{Path(module).stem}_{number}"
+        case BlockSpec():
+            return entry.name or f"block_{number}"
+        case PropSpec(kind=kind):
+            return entry.name or f"{kind}_{number}"
+    return entry.name
+
+
+def name_of_edit(edit: EditMap | UseMap, before: Specs) -> str:
+    """The edit in a few words, for the button that undoes it."""
+    if isinstance(edit, UseMap):
+        return f"use the map {edit.name}"
+    there = parts_of(own_map(before))
+    verb = "change"
+    if not there.keys() & edit.parts.keys():
+        verb = "add"
+    elif not any(edit.parts.values()):
+        verb = "remove"
+    elif all(part and _is_moved(there.get(name), part) for name, part in edit.parts.items()):
+        verb = "move"
+    names = [*edit.parts]
+    return f"{verb} {names[0]}" if len(names) == 1 else f"{verb} {len(names)} parts of the map"
+
+
+def _is_moved(before: MapPart | None, part: MapPart) -> bool:
+    """Whether only the pose differs."""
+    if isinstance(before, MapWall) or isinstance(part, MapWall) or before is None:
+        return False
+    return msgspec.structs.replace(before, x=part.x, y=part.y, yaw=part.yaw) == part
+
+
+def _with_map(specs: Specs, map_: str | MapSpec, described: DescribedMap) -> Specs:
+    boxes = parts_of(described.found) if isinstance(described.found, MapSpec) else {}
+    removed = tuple(name for name in specs.scenario.removed_boxes if name in boxes)
+    scenario = specs.scenario.model_copy(update={"map": map_, "removed_boxes": removed})
+    return replace(specs, scenario=scenario, map=described)
+
+
+def _changed(spec: MapSpec, parts: Mapping[str, MapPart | None]) -> MapSpec:
+    """Parts that are not named keep their place in the file and their names."""
+    left = dict(parts)
+    lists: dict[str, list[Any]] = {}
+    for kind, key in KEYS.items():
+        entries = lists.setdefault(key, [])
+        given: tuple[Entry, ...] = getattr(spec, key)
+        for number, entry in enumerate(given, 1):
+            name = name_of_entry(entry, number)
+            if name not in left:
+                is_shifted = number > len(entries) + 1  # another one was removed before it
+                entries.append(entry.model_copy(update={"name": name}) if is_shifted else entry)
+                continue
+            part = left.pop(name)
+            if isinstance(part, kind):
+                entries.append(_entry(name, part))
+            elif part is not None:
+                raise CommandError(f"'{name}' is {NOUNS[kind]}; it cannot become {NOUNS[type(part)]}")
+    for name, part in left.items():
+        if part is None:
+            raise CommandError(f"'{name}' is not in the map. {suggest(name, list(parts_of(spec)))}")
+        lists[KEYS[type(part)]].append(_entry(name, part))
+    kept = {key: getattr(spec, key) for key in spec.model_fields_set} | {"is_draft": True}
+    return checked(kept | {key: one for key, one in lists.items() if one or key in kept}, MapSpec)
+
+
+def _part(entry: Entry) -> MapPart:
+    match entry:
+        case Placement():
+            own = entry.open, entry.length, entry.width, entry.height, entry.z, entry.mass
+            return MapModule(entry.module, entry.x, entry.y, _yaw(entry), *own)
+        case WallSpec():
+            return MapWall(entry.points, entry.height, entry.thickness, entry.is_closed)
+        case BlockSpec():
+            return MapBlock(entry.x, entry.y, entry.length, entry.width, entry.height, _yaw(entry))
+    return MapProp(entry.kind, entry.x, entry.y, _yaw(entry))
+
+
+def _yaw(entry: Placement | BlockSpec | PropSpec) -> float:
+    return math.radians(math.remainder(entry.yaw_deg, 360.0))
+
+
+def _entry(name: str, part: MapPart) -> dict[str, Any]:
+    """The values of a part as in a map's file, to 1 um and 1e-6 degrees, without those that are the default."""
+    values = {key: value for key, value in _given(part).items() if value is not None}
+    if not all(map(math.isfinite, _numbers(values))):
+        raise CommandError(f"'{name}' cannot be placed: its values must be finite numbers")
+    if "yaw" in values:
+        values["yaw_deg"] = _rounded(math.degrees(math.remainder(values.pop("yaw"), 2.0 * math.pi)))
+    for key in {"x", "y", "points"} & values.keys():
+        values[key] = _rounded(values[key])
+    return {"name": name, **values}
+
+
+def _given(part: MapPart) -> dict[str, Any]:
+    fields = {field.name: field.default for field in msgspec.structs.fields(part)}
+    return {key: value for key, default in fields.items() if (value := getattr(part, key)) != default}
+
+
+def _numbers(value: Any) -> list[float]:
+    if isinstance(value, dict | list | tuple):
+        return [one for inner in (value.values() if isinstance(value, dict) else value) for one in _numbers(inner)]
+    return [value] if isinstance(value, float) else []
+
+
+def _rounded(value: Any) -> Any:
+    return round(value, 6) + 0.0 if isinstance(value, float | int) else tuple(map(_rounded, value))

@@ -1,0 +1,163 @@
+"""The weather of a World: set, followed, saved, recorded, and in batches with the same bits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import autodrive
+from autodrive import Command, CommandError, Scenario, Weather, World
+from autodrive.base.errors import SpecError
+from autodrive.protocol.messages import Frame
+from autodrive.protocol.weather import PRESETS
+
+FORWARD = {"V1": Command(throttle=0.5, steering=0.1)}
+STORM = Weather(clouds=1.0, fog=0.3, rain=0.8, snow=0.2, wind=0.5)
+
+
+def bits(frame: Frame) -> bytes:
+    vehicle = frame.vehicles["V1"]
+    assert vehicle.lidar is not None
+    return vehicle.pose.position.tobytes() + vehicle.velocity.tobytes() + vehicle.lidar.ranges.tobytes()
+
+
+def drive(world: World, ticks: int = 60) -> list[bytes]:
+    return [bits(world.step(FORWARD)) for _ in range(ticks)]
+
+
+def test_clear_weather_has_the_bits_of_none() -> None:
+    clear, none = autodrive.make(Scenario(weather={"clouds": 0.0})), autodrive.make()
+    assert clear.frame.weather is clear.weather is None
+    cloudy = autodrive.make(Scenario(map="mini_map", weather={"clouds": 1.0, "wind": 1.0}))
+    plain = autodrive.make(Scenario(map="mini_map"))
+    assert drive(cloudy) == drive(plain)  # neither tyres nor LIDAR see clouds
+    none.set_weather(STORM)
+    none.set_weather()
+    none.reset()
+    assert drive(none) == drive(autodrive.make())
+
+
+def test_a_scenario_starts_with_its_weather_and_time_of_day() -> None:
+    world = autodrive.make(Scenario(map="mini_map", weather="heavy_rain", time_of_day="18:30"))
+    assert world.frame.time_of_day == 18.5 * 3600.0
+    assert not world.frame.scene_light
+    assert world.frame.weather == Weather(clouds=1.0, rain=0.8, wetness=1.0, snow_cover=0.0)
+    world.set_weather()
+    for _ in range(11):
+        frame = world.step()
+    assert frame.weather is not None
+    assert frame.weather.rain == 0.0
+    assert frame.weather.wetness == pytest.approx(math.exp(-0.1 / 300.0))  # it dries
+    assert world.reset().weather == Weather(clouds=1.0, rain=0.8, wetness=1.0, snow_cover=0.0)
+
+
+def test_wrong_weather_is_refused() -> None:
+    with pytest.raises(SpecError, match="heavy_rain"):
+        autodrive.make(Scenario(weather="hevy_rain"))
+    with pytest.raises(SpecError, match="18:30"):
+        Scenario(time_of_day="half past six")
+    with pytest.raises(SpecError, match=r"weather\.rain"):
+        Scenario(weather={"rain": 1.5})
+    world = autodrive.make()
+    for wrong in (Weather(rain=1.5), Weather(fog=math.nan), Weather(wetness=-0.1), "rain"):
+        with pytest.raises(CommandError, match="weather"):
+            world.set_weather(wrong)  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
+    assert world.weather is None
+
+
+def test_same_weather_and_seed_have_the_same_bits() -> None:
+    one, same, other = (autodrive.make(Scenario(map="mini_map", weather={"fog": 0.8}), seed) for seed in (1, 1, 2))
+    reference = drive(one)
+    assert drive(same) == reference
+    assert drive(other) != reference
+    one.reset()
+    assert drive(one) == reference
+
+
+def test_a_snapshot_keeps_the_weather_and_the_changing_ground() -> None:
+    world, other = autodrive.make(), autodrive.make()
+    drive(world, 7)
+    world.set_weather(STORM)
+    drive(world, 16)  # not a multiple of the period in which the tyres follow the ground
+    saved = world.save()
+    reference = drive(world)
+    other.restore(saved)
+    assert other.weather == saved.frame.weather
+    assert drive(other) == reference
+    world.reset()
+    world.restore(saved)
+    assert drive(world) == reference
+
+
+def test_each_world_of_a_batch_has_its_own_weather() -> None:
+    spec = Scenario(map="mini_map", weather={"rain": 0.9, "fog": 0.5})
+    batch = autodrive.BatchWorld(spec, n=3, seed=4, threads=1)
+    single = autodrive.make(spec, 5)
+    for _ in range(60):
+        readings = batch.step([[[0.5, 0.1]]] * 3)
+        frame = single.step(FORWARD)
+    vehicle = frame.vehicles["V1"]
+    assert vehicle.lidar is not None
+    assert readings.position[1, 0].tobytes() == vehicle.pose.position.tobytes()
+    assert readings.lidar_ranges[1, 0].tobytes() == vehicle.lidar.ranges.tobytes()
+    batch.reset([0, 2], weather=[Weather(), Weather(fog=1.0)])
+    for _ in range(60):
+        readings = batch.step([[[0.5, 0.1]]] * 3)
+    clear = autodrive.make(Scenario(map="mini_map"), 4)
+    drive(clear)
+    scan = clear.frame.vehicles["V1"].lidar
+    assert scan is not None
+    assert readings.lidar_ranges[0, 0].tobytes() == scan.ranges.tobytes()
+    assert np.isinf(readings.lidar_ranges[2, 0]).sum() > np.isinf(readings.lidar_ranges[0, 0]).sum()
+    with pytest.raises(CommandError, match="each of the 3 worlds"):
+        batch.reset(weather=[Weather()])
+    with pytest.raises(CommandError, match="rain"):
+        batch.reset(weather=Weather(rain=2.0))
+    batch.reset()
+    assert batch.step([[[0.5, 0.1]]] * 3).lidar_ranges.shape[0] == 3
+
+
+def lidar_ranges(map_: str, weather: Weather, ticks: int = 100) -> np.ndarray:
+    """All scans of a car that stands still."""
+    world = autodrive.make(Scenario(map=map_))
+    world.set_weather(weather)
+    scans = {}
+    for _ in range(ticks):
+        scan = world.step().vehicles["V1"].lidar
+        assert scan is not None
+        if scan.time > 0.0:  # the first one was before the weather
+            scans[scan.time] = scan.ranges
+    return np.array([*scans.values()])
+
+
+def test_fog_hides_far_walls_and_returns_from_the_air() -> None:
+    clear, foggy = lidar_ranges("mini_map", Weather()), lidar_ranges("mini_map", Weather(fog=1.0))
+    near = clear < 0.8
+    assert near.any()
+    assert (foggy[near] == clear[near]).all()  # within the overlap the air returns nothing
+    far = (clear > 4.0) & np.isfinite(clear)
+    assert far.any()
+    changed = foggy[far] != clear[far]
+    assert changed.mean() > 0.95
+    false = foggy[far][changed & np.isfinite(foggy[far])]
+    # exponential beyond 1 m, with the mean 1 / (2 a + 2 / R2), a = ln 20 / 5 m
+    assert false.mean() == pytest.approx(1.0 + 1.0 / (2.0 * math.log(20.0) / 5.0 + 2.0), rel=0.1)
+    assert false.min() > 1.0
+
+
+def test_ips_imu_and_encoders_do_not_see_the_weather() -> None:
+    clear, storm = autodrive.make(), autodrive.make()
+    storm.set_weather(Weather(fog=1.0, clouds=1.0, wind=1.0))  # no water: the same grip
+    for _ in range(30):
+        one, other = clear.step(FORWARD).vehicles["V1"], storm.step(FORWARD).vehicles["V1"]
+        assert one.ips.position.tobytes() == other.ips.position.tobytes()
+        assert one.imu.linear_acceleration.tobytes() == other.imu.linear_acceleration.tobytes()
+        assert one.encoders.ticks.tobytes() == other.encoders.ticks.tobytes()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_each_preset_can_be_the_weather_of_a_scenario(name: str) -> None:
+    spec = Scenario(weather=name)
+    assert spec.weather.message == PRESETS[name]

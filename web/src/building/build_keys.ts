@@ -1,0 +1,48 @@
+// Keys of Build mode: pieces, turns, mirror images, undo and redo. Keys do not drive meanwhile.
+import type { Editor } from '../editing/editor'
+import type { Store } from '../store'
+import type { Builder } from './builder'
+
+/** Elements that need the keys themselves; on a button, Enter presses it. */
+const FIELDS = 'input:not([type="checkbox"]), select, textarea, dialog, [contenteditable]'
+const DRIVING = new Set(['KeyW', 'KeyA', 'KeyS', 'KeyD', 'ArrowUp', 'ArrowDown'])
+
+export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor, stopDriving: () => void): void {
+  const actions: Record<string, (isShifted: boolean) => void> = {
+    KeyR: (isShifted) => builder.turn(isShifted ? -1 : 1),
+    KeyM: () => builder.mirror(),
+    KeyN: () => builder.nextPort(),
+    ArrowRight: () => builder.step(1),
+    ArrowLeft: () => builder.step(-1),
+    Enter: () => void builder.set(),
+    Delete: () => void builder.remove(),
+    Backspace: () => void builder.remove(),
+    Escape: () => builder.cancel(),
+  }
+  const controlled: Record<string, (isShifted: boolean) => void> = {
+    z: (isShifted) => void (isShifted ? editor.redo() : editor.undo()),
+    y: () => void editor.redo(),
+    d: () => builder.duplicate(),
+  }
+
+  function onKey(event: KeyboardEvent): boolean {
+    if (!store.isBuilding.value || event.isComposing || event.altKey) return false
+    if (!(event.target instanceof HTMLElement) || event.target.closest(FIELDS)) return false
+    if (event.code === 'Enter' && event.target.closest('button')) return false
+    const isControlled = event.ctrlKey || event.metaKey
+    const act = isControlled ? controlled[event.key.toLowerCase()] : actions[event.code]
+    if (!(event.code === 'Enter' && event.repeat)) act?.(event.shiftKey)
+    return act !== undefined || (!isControlled && DRIVING.has(event.code))
+  }
+
+  window.addEventListener(
+    'keydown',
+    (event) => {
+      if (!onKey(event)) return
+      event.preventDefault()
+      event.stopImmediatePropagation()
+    },
+    { capture: true },
+  )
+  store.isBuilding.watch((isBuilding) => isBuilding && stopDriving())
+}

@@ -1,0 +1,413 @@
+// Build mode: the piece in hand, the selected part, and the requests that change the map.
+import { type Actions, sentence } from '../actions'
+import type { Point, Projection } from '../editing/outline'
+import { saveText } from '../editing/save_text'
+import type { MapModule, MapPart, MapProblem, MapProp, MapScene, ModuleScene, ServerOperation } from '../messages'
+import { Observable } from '../observable'
+import { stem } from '../scenario_title'
+import type { Store } from '../store'
+import {
+  fittingModules,
+  fittingPorts,
+  freePorts,
+  inMap,
+  isSamePlace,
+  meeting,
+  mirrorPort,
+  movedPart,
+  type PortPlace,
+  type Pose,
+  portAt,
+  portsOf,
+  snapped,
+  wrapped,
+} from './fitting'
+
+/** What the user is about to set: a module, a sign, or a wall or block of which some points are known. */
+export type Hand =
+  | { kind: 'module'; part: MapModule; port: string; target: PortPlace | null; moved: string }
+  | { kind: 'part'; part: MapPart; moved: string }
+  | { kind: 'wall'; points: Point[]; end: Point | null }
+  | { kind: 'block'; points: Point[]; end: Point | null }
+
+const QUARTER = Math.PI / 2
+const TURN = Math.PI / 12
+/** Sizes of new walls and blocks [m]. */
+const WALL = { thickness: 0.1, height: 0.25, is_closed: false }
+const BLOCK_HEIGHT = 0.3
+
+export class Builder {
+  readonly hand = new Observable<Hand | null>(null)
+  /** Name of the selected part; empty: none. */
+  readonly selected = new Observable('')
+  /** Names that this page has used, also of parts that the simulator has not added yet. */
+  private readonly taken = new Set<string>()
+
+  constructor(
+    private readonly store: Store,
+    private readonly actions: Actions,
+  ) {
+    store.scene.watch(() => {
+      if (this.selected.value && !this.scene?.parts[this.selected.value]) this.selected.value = ''
+    })
+    store.isBuilding.watch((isBuilding) => {
+      if (isBuilding) store.isMeasuring.value = false
+      else [this.hand.value, this.selected.value] = [null, '']
+    })
+  }
+
+  /** The map; null if it is a race track. */
+  get scene(): MapScene | null {
+    return this.store.scene.value?.map_scene ?? null
+  }
+
+  get part(): MapPart | null {
+    return this.scene?.parts[this.selected.value] ?? null
+  }
+
+  module(part: MapModule): ModuleScene | undefined {
+    return this.scene?.modules[part.module]
+  }
+
+  // -- the piece in hand ---------------------------------------------------------------------------------------
+
+  /** Takes a new module; the pointer moves it. */
+  take(name: string, at: Point): void {
+    const module = this.scene?.modules[name]
+    if (!module) return
+    const size = module.type === 'terrain' ? { length: 2, width: 2 } : {}
+    this.select('')
+    this.hand.value = {
+      ...{ kind: 'module', moved: '', target: null, port: Object.keys(module.ports)[0] ?? '' },
+      part: { ...plain(name), x: at[0], y: at[1], ...size },
+    }
+  }
+
+  takeProp(kind: string, at: Point): void {
+    this.select('')
+    this.hand.value = {
+      kind: 'part',
+      moved: '',
+      part: { type: 'MapProp', kind, x: at[0], y: at[1], yaw: 0 } as MapProp,
+    }
+  }
+
+  /** Starts a wall or a block, which the next clicks define. */
+  start(kind: 'wall' | 'block'): void {
+    this.select('')
+    this.hand.value = { kind, points: [], end: null }
+  }
+
+  /** Offers the pieces that fit to a port; the first one is in hand. */
+  offer(target: PortPlace): void {
+    const names = this.scene ? fittingModules(this.scene, target.width) : []
+    if (names.length === 0) return
+    const before = this.hand.value
+    const used = before?.kind === 'module' && names.includes(before.part.module) ? before.part.module : names[0]
+    this.select('')
+    this.join(used, target, this.portAfter(used, target))
+    this.actions.view?.showPlace(target.x, target.y)
+  }
+
+  /** Names of the modules between which the arrow keys step. */
+  get offered(): string[] {
+    const { scene } = this
+    const hand = this.hand.value
+    if (!scene) return []
+    return hand?.kind === 'module' && hand.target
+      ? fittingModules(scene, hand.target.width)
+      : Object.keys(scene.modules)
+  }
+
+  /** Takes the next or the previous piece. */
+  step(by: 1 | -1): void {
+    const hand = this.hand.value
+    const names = this.offered
+    if (hand?.kind !== 'module' || hand.moved || names.length === 0) return
+    this.change(names[(names.indexOf(hand.part.module) + by + names.length) % names.length])
+  }
+
+  /** Takes another piece at the same place. */
+  change(name: string): void {
+    const hand = this.hand.value
+    if (hand?.kind !== 'module') return
+    if (hand.target) this.join(name, hand.target)
+    else this.take(name, [hand.part.x, hand.part.y])
+  }
+
+  /** Goes to the next open end. */
+  nextPort(): void {
+    const { scene } = this
+    const ports = scene ? freePorts(scene) : []
+    if (ports.length === 0) return
+    const hand = this.hand.value
+    const target = hand?.kind === 'module' ? hand.target : null
+    const now = ports.findIndex(({ part, name }) => part === target?.part && name === target?.name)
+    this.offer(ports[(now + 1) % ports.length])
+  }
+
+  /** Joins the piece in hand by its next port, or turns what is in hand or selected. */
+  turn(by: 1 | -1): void {
+    const hand = this.hand.value
+    if (hand?.kind === 'module' && hand.target) {
+      const module = this.module(hand.part)
+      const names = module ? fittingPorts(module, hand.target.width) : []
+      const port = names[(names.indexOf(hand.port) + by + names.length) % names.length]
+      this.join(hand.part.module, hand.target, port)
+    } else if (hand?.kind === 'module' || hand?.kind === 'part') {
+      if (hand.part.type === 'MapWall') return
+      const part = { ...hand.part, yaw: wrapped(hand.part.yaw + by * this.stepOf(hand.part)) }
+      this.hand.value = { ...hand, part } as Hand
+    } else if (this.part) {
+      void this.put({ [this.selected.value]: movedPart(this.part, 0, 0, by * this.stepOf(this.part)) })
+    }
+  }
+
+  /** Joins the piece in hand by the port that makes it its mirror image; a piece that is not joined is turned. */
+  mirror(): void {
+    const hand = this.hand.value
+    const module = hand?.kind === 'module' ? this.module(hand.part) : undefined
+    if (hand?.kind !== 'module' || !module) return
+    const port = hand.port && mirrorPort(module, hand.port)
+    if (!port) this.store.notice.value = `${module.title} has no mirror image.`
+    else if (hand.target) this.join(hand.part.module, hand.target, port)
+    else {
+      const from = portAt(hand.part, module.ports[hand.port])
+      const { x, y, yaw } = meeting(module.ports[port], { ...from, yaw: from.yaw + Math.PI })
+      this.hand.value = { ...hand, port, part: { ...hand.part, x, y, yaw } }
+    }
+  }
+
+  /** Moves what is in hand to a point of the ground; it snaps to a port near the pointer unless it `isFree`. */
+  moveTo(ground: Point, pointer: Point, project: Projection, isFree: boolean): void {
+    const hand = this.hand.value
+    if (!hand) return
+    if (hand.kind === 'wall' || hand.kind === 'block') this.hand.value = { ...hand, end: ground }
+    else if (hand.kind === 'part') {
+      if (hand.part.type !== 'MapWall')
+        this.hand.value = { ...hand, part: { ...hand.part, x: ground[0], y: ground[1] } }
+    } else {
+      const part = { ...hand.part, x: ground[0], y: ground[1] }
+      const module = this.module(part)
+      const targets = this.scene && !isFree ? this.targets(hand.moved) : []
+      const found = module && snapped(module, { pose: part, port: hand.port }, targets, pointer, project)
+      this.hand.value = found
+        ? { ...hand, part: { ...part, ...found.pose }, port: found.port, target: found.target }
+        : { ...hand, part, target: null }
+    }
+  }
+
+  /** Adds a point of a wall or block; the wall is closed by a click near its first point. */
+  addPoint(point: Point, isAtStart: boolean): void {
+    const hand = this.hand.value
+    if (hand?.kind !== 'wall' && hand?.kind !== 'block') return
+    if (hand.kind === 'wall' && isAtStart && hand.points.length > 2) return void this.setWall(hand.points, true)
+    const points = [...hand.points, point]
+    if (hand.kind === 'block' && points.length === 2) void this.setBlock(points)
+    else this.hand.value = { ...hand, points }
+  }
+
+  /** Sets what is in hand; a joined road then goes on at its other end. */
+  async set(): Promise<void> {
+    const hand = this.hand.value
+    if (!hand) return
+    if (hand.kind === 'block') return
+    if (hand.kind === 'wall') return this.setWall(hand.points, false)
+    const name = hand.moved || this.freeName(stemOf(hand.part))
+    const next = hand.kind === 'module' && !hand.moved ? this.nextTarget(hand, name) : null
+    if (hand.moved) this.hand.value = null
+    if (!(await this.put({ [name]: hand.part }))) return
+    // the user may have taken something else meanwhile
+    if (this.hand.value !== hand) return
+    if (hand.kind === 'module' && hand.target) {
+      if (next) this.join(hand.part.module, next, hand.port)
+      else this.hand.value = null
+    }
+  }
+
+  /** Puts the piece in hand away; without one, forgets the selection; without that, leaves Build mode. */
+  cancel(): void {
+    if (this.hand.value) this.hand.value = null
+    else if (this.selected.value) this.selected.value = ''
+    else this.store.isBuilding.value = false
+  }
+
+  select(name: string): void {
+    this.hand.value = null
+    this.selected.value = name
+  }
+
+  // -- parts of the map ----------------------------------------------------------------------------------------
+
+  /** Takes the selected part in hand to move it. */
+  lift(): void {
+    const { part } = this
+    const moved = this.selected.value
+    if (part?.type === 'MapModule') {
+      const port = Object.keys(this.module(part)?.ports ?? {})[0] ?? ''
+      this.hand.value = { kind: 'module', part, port, target: null, moved }
+    } else if (part) this.hand.value = { kind: 'part', part, moved }
+  }
+
+  /** Takes a copy of the selected part in hand. */
+  duplicate(): void {
+    this.lift()
+    const hand = this.hand.value
+    if (hand?.kind === 'module') this.hand.value = { ...hand, moved: '', part: { ...hand.part, open: false } }
+    else if (hand?.kind === 'part') {
+      const part = movedPart(hand.part, 0.3, 0.3)
+      if (part.type === 'MapWall') void this.put({ [this.freeName('wall')]: part })
+      this.hand.value = part.type === 'MapWall' ? null : { ...hand, moved: '', part }
+    }
+  }
+
+  async remove(): Promise<void> {
+    const name = this.selected.value
+    if (this.part && (await this.put({ [name]: null }))) this.select('')
+  }
+
+  /** Changes values of the selected part. */
+  setValues(values: Partial<MapModule>): Promise<boolean> {
+    return this.put({ [this.selected.value]: { ...this.part, ...values } as MapPart })
+  }
+
+  /** Places the viewed vehicle on the lane that enters the selected module, so that it starts there. */
+  async placeVehicle(): Promise<void> {
+    const [port] = Object.values(this.scene?.ports[this.selected.value] ?? {})
+    if (!port) return
+    // traffic keeps right: the lane lies a quarter of the road to the right of its middle
+    const [x, y] = inMap(port, 0, 0.25 * port.width)
+    await this.request({ type: 'Place', name: this.store.vehicle.value, x, y, yaw: wrapped(port.yaw + Math.PI) })
+  }
+
+  /** Shows where a problem is. */
+  show({ x, y, parts }: MapProblem): void {
+    this.select(parts[parts.length - 1] ?? '')
+    this.actions.view?.lookAt(x, y)
+  }
+
+  repair({ repair }: MapProblem): Promise<boolean> {
+    return this.put(repair)
+  }
+
+  /** Starts from a map of the simulator. */
+  use(name: string): Promise<boolean> {
+    this.select('')
+    return this.request({ type: 'UseMap', name })
+  }
+
+  /** Downloads the map as a YAML file. */
+  async save(title: string, name: string): Promise<boolean> {
+    const text = await this.actions.textOf({ type: 'SaveMap', title })
+    if (text === null) return false
+    saveText(`${stem(name)}.yaml`, text, 'application/yaml')
+    this.store.hasUnsavedEdits.value = false
+    return true
+  }
+
+  /** Puts parts into the map, or removes them (null), as one edit; returns whether the simulator made it. */
+  put(parts: Record<string, MapPart | null>): Promise<boolean> {
+    const known = this.scene?.parts ?? {}
+    const seen = Object.fromEntries(Object.keys(parts).map((name) => [name, known[name] ?? null]))
+    return this.request({ type: 'EditMap', parts, seen })
+  }
+
+  private async request(operation: ServerOperation): Promise<boolean> {
+    const text = await this.actions.textOf(operation)
+    if (text) this.store.warning.value = sentence(text)
+    return text !== null
+  }
+
+  /** The piece of that name at a port, joined by its first port that fits, or by `port`. */
+  private join(name: string, target: PortPlace, port?: string): void {
+    const module = this.scene?.modules[name]
+    const by = module && (port ?? fittingPorts(module, target.width)[0])
+    if (!module || !by) return
+    const pose = meeting(module.ports[by], target)
+    const hand = this.hand.value
+    const moved = hand?.kind === 'module' ? hand.moved : ''
+    const part = hand?.kind === 'module' && hand.part.module === name ? hand.part : plain(name)
+    this.hand.value = { kind: 'module', moved, port: by, target, part: { ...part, ...pose } }
+  }
+
+  /** The port by which a module goes on where one of its kind ends: a curve after a curve bends the same way. */
+  private portAfter(name: string, { part, name: end, width }: PortPlace): string | undefined {
+    const [before, module] = [this.scene?.parts[part], this.scene?.modules[name]]
+    if (before?.type !== 'MapModule' || before.module !== name || !module) return undefined
+    return fittingPorts(module, width).find((one) => one !== end)
+  }
+
+  /** Ports to which a piece can snap; a piece that is moved leaves its neighbours behind. */
+  private targets(moved: string): PortPlace[] {
+    const { scene } = this
+    if (!scene) return []
+    if (!moved) return freePorts(scene)
+    const own = Object.values(scene.ports[moved] ?? {})
+    const isLeft = (port: Pose): boolean => own.some((one) => isSamePlace(one, port))
+    return portsOf(scene).filter((port) => port.part !== moved && (port.state !== 'joined' || isLeft(port)))
+  }
+
+  /** The other end of a piece that was set, if it is open; the road goes on there. */
+  private nextTarget({ part, port }: Hand & { kind: 'module' }, name: string): PortPlace | null {
+    const module = this.module(part)
+    if (!module || !this.scene) return null
+    const others = portsOf(this.scene)
+    const ends = Object.keys(module.ports)
+      .filter((one) => one !== port)
+      .map((one): PortPlace => {
+        const { width } = module.ports[one]
+        return { part: name, name: one, width, state: 'free', ...portAt(part, module.ports[one]) }
+      })
+    return ends.find((end) => !others.some((other) => isSamePlace(other, end))) ?? null
+  }
+
+  private async setWall(points: Point[], isClosed: boolean): Promise<void> {
+    if (points.length < 2) return
+    const wall: MapPart = { type: 'MapWall', points: points.map(([x, y]) => [x, y]), ...WALL, is_closed: isClosed }
+    if (await this.put({ [this.freeName('wall')]: wall })) this.hand.value = { kind: 'wall', points: [], end: null }
+  }
+
+  private async setBlock([[x0, y0], [x1, y1]]: Point[]): Promise<void> {
+    const [length, width] = [Math.max(Math.abs(x1 - x0), 0.01), Math.max(Math.abs(y1 - y0), 0.01)]
+    const middle = { x: 0.5 * (x0 + x1), y: 0.5 * (y0 + y1), yaw: 0 }
+    const block: MapPart = { type: 'MapBlock', ...middle, length, width, height: BLOCK_HEIGHT }
+    this.hand.value = { kind: 'block', points: [], end: null }
+    await this.put({ [this.freeName('block')]: block })
+  }
+
+  /** Angle by which a key turns a part [rad]. */
+  private stepOf(part: MapPart): number {
+    const hasPorts = part.type === 'MapModule' && Object.keys(this.module(part)?.ports ?? {}).length > 0
+    return hasPorts ? QUARTER : TURN
+  }
+
+  private freeName(start: string): string {
+    const { frame } = this.store
+    const used = { ...this.scene?.parts, ...frame.value?.objects, ...frame.value?.vehicles }
+    let number = 1
+    while (`${start}_${number}` in used || this.taken.has(`${start}_${number}`)) number++
+    this.taken.add(`${start}_${number}`)
+    return `${start}_${number}`
+  }
+}
+
+/** A module with the values of its file. */
+function plain(module: string): MapModule {
+  const own = { open: false, length: null, width: null, height: null, z: 0, mass: null }
+  return { type: 'MapModule', module, x: 0, y: 0, yaw: 0, ...own }
+}
+
+function stemOf(part: MapPart): string {
+  if (part.type === 'MapProp') return part.kind
+  return part.type === 'MapModule' ? stem(part.module.replace(/^.*\//, '')) : 'part'
+}
+
+/** The corners of a block between two of them. */
+export function blockCorners([x0, y0]: Point, [x1, y1]: Point): Point[] {
+  return [
+    [x0, y0],
+    [x1, y0],
+    [x1, y1],
+    [x0, y1],
+  ]
+}

@@ -1,0 +1,225 @@
+// Where pieces of a map go: poses of modules whose ports meet others, snapping, mirror images, outlines.
+import type { Point, Projection } from '../editing/outline'
+import type { MapModule, MapPart, MapPort, MapScene, ModuleScene } from '../messages'
+
+/** A place and a heading in the map [m], [rad]. */
+export interface Pose {
+  x: number
+  y: number
+  yaw: number
+}
+
+/** A port of a placed module. */
+export interface PortPlace extends Pose {
+  part: string
+  name: string
+  width: number
+  state: MapPort['state']
+}
+
+/** Largest difference of the widths of ports that fit, and largest distance of ports at the same place [m]. */
+const SAME = 1e-3
+/** Distance at which the pointer, and a port of the piece in hand, snap to a port [CSS pixels]. */
+const REACH = { pointer: 36, port: 22 }
+/** How far from a thin part the pointer still hits it [m]. */
+const SLACK = 0.06
+
+/** A point in the axes of a pose, in the map. */
+export function inMap({ x, y, yaw }: Pose, px: number, py: number): Point {
+  const [c, s] = [Math.cos(yaw), Math.sin(yaw)]
+  return [x + c * px - s * py, y + s * px + c * py]
+}
+
+/** A point of the map in the axes of a pose. */
+export function inPose({ x, y, yaw }: Pose, [px, py]: Point): Point {
+  const [c, s] = [Math.cos(yaw), Math.sin(yaw)]
+  return [c * (px - x) + s * (py - y), -s * (px - x) + c * (py - y)]
+}
+
+/** The ports of all modules of the map. */
+export function portsOf(scene: MapScene): PortPlace[] {
+  return Object.entries(scene.ports).flatMap(([part, ports]) =>
+    Object.entries(ports).map(([name, port]) => ({ part, name, ...port })),
+  )
+}
+
+/** Ports at which a piece can be set. */
+export function freePorts(scene: MapScene, except = ''): PortPlace[] {
+  return portsOf(scene).filter(({ part, state }) => part !== except && (state === 'free' || state === 'wrong'))
+}
+
+/** The port of a module that has that pose, in the map. */
+export function portAt(pose: Pose, port: MapPort): Pose {
+  const [x, y] = inMap(pose, port.x, port.y)
+  return { x, y, yaw: wrapped(pose.yaw + port.yaw) }
+}
+
+/** The pose in which a port of a module meets another port, which faces it. */
+export function meeting(port: MapPort, target: Pose): Pose {
+  const yaw = wrapped(target.yaw + Math.PI - port.yaw)
+  const [x, y] = inMap({ x: target.x, y: target.y, yaw }, -port.x, -port.y)
+  return { x, y, yaw }
+}
+
+export function isSamePlace(a: Pose, b: Pose): boolean {
+  return Math.hypot(a.x - b.x, a.y - b.y) < SAME
+}
+
+/** Names of the ports of a module that are as wide as another one. */
+export function fittingPorts({ ports }: ModuleScene, width: number): string[] {
+  return Object.keys(ports).filter((name) => Math.abs(ports[name].width - width) <= SAME)
+}
+
+/** Names of the modules that fit to a port. */
+export function fittingModules(scene: MapScene, width: number): string[] {
+  return Object.keys(scene.modules).filter((name) => fittingPorts(scene.modules[name], width).length > 0)
+}
+
+/** The port by which a module, joined there instead of by `port`, lies as its mirror image; null: there is none. */
+export function mirrorPort(module: ModuleScene, port: string): string | null {
+  const wanted = layoutAt(module, port).map(([x, y]): Point => [x, -y])
+  const isSame = (name: string): boolean => {
+    const there = layoutAt(module, name)
+    return wanted.every(([x, y]) => there.some(([a, b]) => Math.hypot(a - x, b - y) < 1e-6))
+  }
+  const found = fittingPorts(module, module.ports[port].width).filter(isSame)
+  return found.find((name) => name !== port) ?? found[0] ?? null
+}
+
+/** The middle of a module and its other ports, seen from a port. */
+function layoutAt(module: ModuleScene, port: string): Point[] {
+  const pose = meeting(module.ports[port], { x: 0, y: 0, yaw: 0 })
+  const others = Object.entries(module.ports).filter(([name]) => name !== port)
+  return [[pose.x, pose.y], ...others.map(([, { x, y }]) => inMap(pose, x, y))]
+}
+
+/** The pose in which a module in hand snaps to a port near the pointer, or near one of its ports; null: to none. */
+export function snapped(
+  module: ModuleScene,
+  hand: { pose: Pose; port: string },
+  targets: readonly PortPlace[],
+  pointer: Point,
+  project: Projection,
+): { pose: Pose; port: string; target: PortPlace } | null {
+  let best: { pose: Pose; port: string; target: PortPlace } | null = null
+  let least = 1
+  const own = Object.entries(module.ports).map(([name, port]) => {
+    const at = portAt(hand.pose, port)
+    return { name, port, shown: project(at.x, at.y, 0) }
+  })
+  for (const target of targets) {
+    const shown = project(target.x, target.y, 0)
+    const names = fittingPorts(module, target.width)
+    if (!shown || names.length === 0) continue
+    const port = names.includes(hand.port) ? hand.port : names[0]
+    const nearPointer = distance(shown, pointer) / REACH.pointer
+    if (nearPointer < least) {
+      least = nearPointer
+      best = { pose: meeting(module.ports[port], target), port, target }
+    }
+    for (const { name, port, shown: at } of own) {
+      const near = at ? distance(shown, at) / REACH.port : 1
+      if (!names.includes(name) || near >= least) continue
+      least = near
+      best = { pose: meeting(port, target), port: name, target }
+    }
+  }
+  return best
+}
+
+/** Length and width of a module in hand or in the map [m]. */
+export function sizeOf(part: Pick<MapModule, 'length' | 'width'>, module: ModuleScene): Point {
+  return [part.length ?? module.length, part.width ?? module.width]
+}
+
+/** The corners of a rectangle around a pose, from its front left. */
+export function corners(pose: Pose, [length, width]: Point): Point[] {
+  return [
+    [1, 1],
+    [-1, 1],
+    [-1, -1],
+    [1, -1],
+  ].map(([a, b]) => inMap(pose, (0.5 * a * length) as number, (0.5 * b * width) as number))
+}
+
+/** The line around a part in the map, or along it (a wall). */
+export function outlineOf(part: MapPart, scene: MapScene): Point[] {
+  switch (part.type) {
+    case 'MapModule': {
+      const module = scene.modules[part.module]
+      return module ? corners(part, sizeOf(part, module)) : []
+    }
+    case 'MapBlock':
+      return corners(part, [part.length, part.width])
+    case 'MapProp':
+      return corners(part, [0.08, 0.08])
+    case 'MapWall':
+      return part.points
+  }
+}
+
+/** Name of the part at a point of the ground: the smallest one; empty: none. */
+export function partAt(scene: MapScene, at: Point): string {
+  let [found, least] = ['', Number.POSITIVE_INFINITY]
+  for (const [name, part] of Object.entries(scene.parts)) {
+    const line = outlineOf(part, scene)
+    const isHit = part.type === 'MapWall' ? isNear(part, at) : line.length > 0 && isInside(line, at)
+    const area = part.type === 'MapWall' || part.type === 'MapProp' ? 0 : Math.abs(areaOf(line))
+    if (isHit && area < least) [found, least] = [name, area]
+  }
+  return found
+}
+
+/** A part that is moved by dx, dy [m] and turned about its middle [rad]. */
+export function movedPart(part: MapPart, dx: number, dy: number, turn = 0): MapPart {
+  if (part.type === 'MapWall')
+    return { ...part, points: part.points.map(([x, y]): [number, number] => [x + dx, y + dy]) }
+  return { ...part, x: part.x + dx, y: part.y + dy, yaw: wrapped(part.yaw + turn) }
+}
+
+/** An angle between -pi and pi [rad]. */
+export function wrapped(angle: number): number {
+  return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI))
+}
+
+/** CSS transform that shows a rectangle of that size [CSS pixels] with its corners at four points of the screen. */
+export function transformTo(width: number, height: number, [p0, p1, p2, p3]: readonly Point[]): string {
+  const [dx1, dx2, dx3] = [p1[0] - p2[0], p3[0] - p2[0], p0[0] - p1[0] + p2[0] - p3[0]]
+  const [dy1, dy2, dy3] = [p1[1] - p2[1], p3[1] - p2[1], p0[1] - p1[1] + p2[1] - p3[1]]
+  const det = dx1 * dy2 - dx2 * dy1
+  const g = (dx3 * dy2 - dx2 * dy3) / det
+  const h = (dx1 * dy3 - dx3 * dy1) / det
+  const across = [p1[0] - p0[0] + g * p1[0], p1[1] - p0[1] + g * p1[1], 0, g].map((value) => value / width)
+  const down = [p3[0] - p0[0] + h * p3[0], p3[1] - p0[1] + h * p3[1], 0, h].map((value) => value / height)
+  return `matrix3d(${[...across, ...down, 0, 0, 1, 0, p0[0], p0[1], 0, 1].join()})`
+}
+
+function distance(a: Point, b: Point): number {
+  return Math.hypot(a[0] - b[0], a[1] - b[1])
+}
+
+function areaOf(line: readonly Point[]): number {
+  return line.reduce((sum, [x, y], i) => {
+    const [a, b] = line[(i + 1) % line.length]
+    return sum + 0.5 * (x * b - a * y)
+  }, 0)
+}
+
+/** Whether a point is in a convex polygon. */
+function isInside(line: readonly Point[], [x, y]: Point): boolean {
+  const sides = line.map(([ax, ay], i) => {
+    const [bx, by] = line[(i + 1) % line.length]
+    return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+  })
+  return sides.every((side) => side >= 0) || sides.every((side) => side <= 0)
+}
+
+function isNear({ points, thickness, is_closed }: MapPart & { type: 'MapWall' }, at: Point): boolean {
+  const line = is_closed ? [...points, points[0]] : points
+  return line.slice(1).some((end, i) => {
+    const [start, dx, dy] = [line[i], end[0] - line[i][0], end[1] - line[i][1]]
+    const share = ((at[0] - start[0]) * dx + (at[1] - start[1]) * dy) / (dx * dx + dy * dy || 1)
+    const t = Math.max(0, Math.min(1, share))
+    return distance(at, [start[0] + t * dx, start[1] + t * dy]) <= 0.5 * thickness + SLACK
+  })
+}

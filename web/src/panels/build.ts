@@ -1,0 +1,281 @@
+// Build mode: its bar of buttons, and the panel with the pieces, the problems and the selected part.
+import type { Builder } from '../building/builder'
+import type { Editor } from '../editing/editor'
+import type { MapModule, MapScene } from '../messages'
+import { Observable } from '../observable'
+import { sceneUrl } from '../scene/assets'
+import type { SceneView } from '../scene/view'
+import type { Store } from '../store'
+import { barButton, nameEdit, numberField } from './edit'
+import { h, setText } from './element'
+import { choice, labelled, section, setOptions } from './fields'
+import { COPY, DETAILS, MIRROR, REDO, REMOVE, SAVE, SET, TURN_LEFT, UNDO } from './icons'
+import { saveMap, saveScenario } from './save_dialog'
+
+/** In a window of this width [CSS pixels] the panel would cover the scene; a button opens it. */
+const NARROW = 719
+const DEGREE = Math.PI / 180
+
+/** The bar and the panel; they are shown in Build mode. */
+export function build(store: Store, builder: Builder, editor: Editor, view: () => SceneView | null): HTMLElement[] {
+  const isPanelOpen = new Observable(innerWidth > NARROW)
+  const [buttons, details] = [bar(store, builder, editor, isPanelOpen), panel(store, builder, view, isPanelOpen)]
+  const show = (): void => {
+    const isBuilding = store.isBuilding.value
+    buttons.hidden = !isBuilding
+    details.hidden = !isBuilding || !isPanelOpen.value
+    if (isBuilding) document.documentElement.style.setProperty('--edit-bar', `${buttons.offsetHeight}px`)
+    document.documentElement.toggleAttribute('data-editing', store.isMapViewed)
+  }
+  new ResizeObserver(show).observe(buttons)
+  isPanelOpen.watch(show)
+  store.isEditing.watch(show)
+  store.isBuilding.watch((isBuilding) => {
+    show()
+    if (!isBuilding) return
+    store.isMenuOpen.value = false
+    if (!builder.scene) store.warning.value = 'This map is a race track, which is not built of modules.'
+  })
+  return [buttons, details]
+}
+
+function bar(store: Store, builder: Builder, editor: Editor, isPanelOpen: Observable<boolean>): HTMLElement {
+  const buttons = {
+    set: barButton('build-set', 'Set', SET, 'Set the piece in hand (Enter)', () => void builder.set()),
+    turn: barButton('build-turn', 'Turn', TURN_LEFT, 'Turn to the next end (R)', () => builder.turn(1)),
+    mirror: barButton('build-mirror', 'Mirror', MIRROR, 'Mirror the piece in hand (M)', () => builder.mirror()),
+    copy: barButton('build-copy', 'Copy', COPY, 'Take a copy of the selected piece (Ctrl+D)', () =>
+      builder.duplicate(),
+    ),
+    remove: barButton(
+      'build-remove',
+      'Delete',
+      REMOVE,
+      'Delete the selected piece (Delete)',
+      () => void builder.remove(),
+    ),
+    undo: barButton('build-undo', 'Undo', UNDO, '', () => void editor.undo()),
+    redo: barButton('build-redo', 'Redo', REDO, '', () => void editor.redo()),
+    save: barButton('build-save', 'Save', SAVE, 'Download the map or the scenario as a YAML file', () => void save()),
+    details: barButton('build-details', 'Pieces', DETAILS, 'Show the pieces and the problems', () => {
+      isPanelOpen.value = !isPanelOpen.value
+    }),
+    done: h(
+      'button',
+      { testid: 'build-done', class: 'primary', onclick: () => (store.isBuilding.value = false) },
+      'Done',
+    ),
+  }
+  const save = (): Promise<boolean> => saveMap(builder, () => saveScenario(store, editor))
+  isPanelOpen.watch((isOpen) => buttons.details.setAttribute('aria-expanded', String(isOpen)))
+  store.status.watch((status) => {
+    nameEdit(buttons.undo, 'Undo', status?.undo ?? '', 'Ctrl+Z')
+    nameEdit(buttons.redo, 'Redo', status?.redo ?? '', 'Ctrl+Shift+Z')
+  })
+  const show = (): void => {
+    const [hand, isSelected] = [builder.hand.value, builder.selected.value !== '']
+    buttons.set.disabled = !hand || hand.kind === 'block'
+    buttons.mirror.disabled = hand?.kind !== 'module'
+    buttons.turn.disabled = !isSelected && (!hand || hand.kind === 'wall' || hand.kind === 'block')
+    buttons.copy.disabled = buttons.remove.disabled = !isSelected
+  }
+  builder.hand.watch(show)
+  builder.selected.watch(show)
+  const tools = h('div', { class: 'edit-tools', role: 'toolbar', 'aria-label': 'Building' }, ...Object.values(buttons))
+  return h('section', { class: 'edit-bar', testid: 'build-bar', 'aria-label': 'Build mode' }, tools)
+}
+
+function panel(
+  store: Store,
+  builder: Builder,
+  view: () => SceneView | null,
+  isPanelOpen: Observable<boolean>,
+): HTMLElement {
+  return h(
+    'aside',
+    { class: 'panel menu edit build', id: 'build', testid: 'build', 'aria-label': 'Build' },
+    selection(store, builder),
+    pieces(store, builder, view, isPanelOpen),
+    problems(store, builder),
+    start(store, builder),
+  )
+}
+
+/** The palette: all modules with their drawings, then walls, blocks and signs. */
+function pieces(
+  store: Store,
+  builder: Builder,
+  view: () => SceneView | null,
+  isPanelOpen: Observable<boolean>,
+): HTMLElement {
+  const middle = (): readonly [number, number] => view()?.groundPoint(0.5 * innerWidth, 0.5 * innerHeight) ?? [0, 0]
+  const search = h('input', {
+    ...{ type: 'search', testid: 'build-search', placeholder: 'Search', 'aria-label': 'Search the pieces' },
+    oninput: () => filter(),
+  })
+  const grid = h('div', { class: 'pieces', testid: 'build-pieces' })
+  const hint = h('p', { class: 'edit-hint' }, 'Click an open end of a road, or take a piece. N: next open end.')
+  let shown: MapScene['modules'] | null = null
+
+  function card(id: string, title: string, image: HTMLElement | null, use: () => void): HTMLElement {
+    const onclick = (): void => {
+      use()
+      if (innerWidth <= NARROW) isPanelOpen.value = false
+    }
+    const button = h('button', { class: 'piece', testid: `piece-${id}`, title, onclick }, image, h('span', {}, title))
+    button.dataset.piece = id
+    return button
+  }
+
+  function fill(scene: MapScene): void {
+    const modules = Object.entries(scene.modules).map(([name, { title, image }]) => {
+      const drawing = h('img', { src: sceneUrl(image).href, alt: '', loading: 'lazy' })
+      return card(name, title, drawing, () => {
+        const hand = builder.hand.value
+        if (hand?.kind === 'module' && hand.target && !hand.moved) builder.change(name)
+        else builder.take(name, middle())
+      })
+    })
+    const walls = (['wall', 'block'] as const).map((kind) =>
+      card(kind, kind === 'wall' ? 'Wall' : 'Block', null, () => builder.start(kind)),
+    )
+    const signs = scene.props.map((kind) =>
+      card(`sign-${kind}`, words(kind), null, () => builder.takeProp(kind, middle())),
+    )
+    grid.replaceChildren(...modules, ...walls, ...signs)
+    filter()
+  }
+
+  /** Shows the pieces that fit: to the search, and to the open end. */
+  function filter(): void {
+    const wanted = search.value.trim().toLowerCase()
+    const hand = builder.hand.value
+    const fitting = hand?.kind === 'module' && hand.target ? new Set(builder.offered) : null
+    const held = hand?.kind === 'module' ? hand.part.module : ''
+    for (const button of grid.querySelectorAll<HTMLElement>('.piece')) {
+      const id = button.dataset.piece ?? ''
+      button.hidden =
+        !(button.textContent ?? '').toLowerCase().includes(wanted) || (fitting !== null && !fitting.has(id))
+      button.setAttribute('aria-pressed', String(id === held))
+    }
+  }
+
+  store.scene.watch((scene) => {
+    const map = scene?.map_scene
+    if (!map || JSON.stringify(map.modules) === JSON.stringify(shown)) return
+    shown = map.modules
+    fill(map)
+  })
+  builder.hand.watch(filter)
+  return section('Pieces', search, grid, hint)
+}
+
+/** The selected part and its values. */
+function selection(store: Store, builder: Builder): HTMLElement {
+  const title = h('p', { testid: 'build-selected', role: 'status' })
+  const fields = {
+    x: numberField('build-x', { step: 0.05, onchange: () => void move() }),
+    y: numberField('build-y', { step: 0.05, onchange: () => void move() }),
+    yaw: numberField('build-yaw', { step: 15, onchange: () => void move() }),
+    length: numberField('build-length', { step: 0.1, min: 0.01, onchange: () => void size() }),
+    width: numberField('build-width', { step: 0.1, min: 0.01, onchange: () => void size() }),
+  }
+  const isOpen = h('input', { type: 'checkbox', testid: 'build-open', role: 'switch' })
+  isOpen.addEventListener('change', () => void builder.setValues({ open: isOpen.checked }))
+  const rows = {
+    x: labelled('x [m]', fields.x),
+    y: labelled('y [m]', fields.y),
+    yaw: labelled('Heading [°]', fields.yaw),
+    length: labelled('Length [m]', fields.length),
+    width: labelled('Width [m]', fields.width),
+    open: labelled('Ends may stay open', isOpen),
+  }
+  const car = h('button', { testid: 'build-car', onclick: () => void builder.placeVehicle() }, 'Place the vehicle here')
+  const element = section('Selected', title, ...Object.values(rows), car)
+
+  async function move(): Promise<void> {
+    const [x, y, yaw] = [fields.x, fields.y, fields.yaw].map((field) => Number(field.value))
+    await builder.setValues({ x, y, yaw: yaw * DEGREE })
+    show()
+  }
+
+  async function size(): Promise<void> {
+    await builder.setValues({ length: Number(fields.length.value), width: Number(fields.width.value) })
+    show()
+  }
+
+  function show(): void {
+    const { part } = builder
+    element.hidden = !part
+    if (!part) return
+    const module = part.type === 'MapModule' ? builder.module(part) : undefined
+    setText(title, module ? `${builder.selected.value}: ${module.title}` : builder.selected.value)
+    const isSized = part.type === 'MapBlock' || module?.type === 'terrain' || module?.type === 'obstruction'
+    for (const name of ['x', 'y', 'yaw'] as const) rows[name].hidden = part.type === 'MapWall'
+    rows.length.hidden = rows.width.hidden = !isSized
+    car.hidden = rows.open.hidden = !module || Object.keys(module.ports).length === 0
+    if (part.type === 'MapWall') return
+    const sized = part as Pick<MapModule, 'length' | 'width'>
+    const values = { x: part.x, y: part.y, yaw: part.yaw / DEGREE, length: 0, width: 0 }
+    if (isSized) {
+      values.length = sized.length ?? module?.length ?? 0
+      values.width = sized.width ?? module?.width ?? 0
+    }
+    for (const [name, field] of Object.entries(fields)) {
+      const text = String(Math.round(1000 * values[name as keyof typeof values]) / 1000)
+      if (field.value !== text) field.value = text
+    }
+    isOpen.checked = part.type === 'MapModule' && part.open === true
+  }
+
+  builder.selected.watch(show)
+  store.scene.watch(show)
+  return element
+}
+
+/** What is wrong with the map, with the place and, where it is known, the repair. */
+function problems(store: Store, builder: Builder): HTMLElement {
+  const list = h('ul', { class: 'problems', testid: 'build-problems' })
+  const element = section('Problems', list)
+  const heading = element.querySelector('h2')
+  store.scene.watch((scene) => {
+    const found = scene?.map_scene?.problems ?? []
+    if (heading) setText(heading, found.length > 0 ? `Problems (${found.length})` : 'No problems')
+    list.replaceChildren(
+      ...found.map((problem) => {
+        const show = h('button', { onclick: () => builder.show(problem) }, 'Show me')
+        const label = problem.kind === 'unconnected' ? 'Leave open' : 'Repair'
+        const repair = h('button', { onclick: () => void builder.repair(problem) }, label)
+        const isKnown = Object.keys(problem.repair).length > 0
+        const row = h('div', { class: 'row' }, show, isKnown && repair)
+        const item = h('li', {}, h('span', {}, shortened(problem.text)), row)
+        item.dataset.kind = problem.kind
+        return item
+      }),
+    )
+  })
+  return element
+}
+
+/** Maps of the simulator to start from. */
+function start(store: Store, builder: Builder): HTMLElement {
+  const select = choice('build-template', (name) => name && void builder.use(name), {
+    'aria-label': 'Start from a map',
+  })
+  store.scene.watch((scene) => {
+    const templates = scene?.map_scene?.templates ?? {}
+    setOptions(select, { '': 'Choose a map', ...templates })
+    select.value = ''
+  })
+  return section('Start from', select)
+}
+
+/** The problem without the advice for a file. */
+function shortened(text: string): string {
+  return text.replace(/^placement \d+ '(.+?)': /, '$1: ').replace(/ Place a module with a port at .*$/s, '')
+}
+
+function words(name: string): string {
+  const text = name.replaceAll('_', ' ')
+  return text.charAt(0).toUpperCase() + text.slice(1)
+}

@@ -1,0 +1,290 @@
+// Build mode: where pieces go, keys and buttons, and the requests that they send.
+import { afterEach, beforeEach, expect, test, vi } from 'vitest'
+import { Actions } from '../src/actions'
+import { listenToBuildKeys } from '../src/building/build_keys'
+import { Builder } from '../src/building/builder'
+import {
+  corners,
+  fittingModules,
+  inMap,
+  inPose,
+  meeting,
+  mirrorPort,
+  movedPart,
+  partAt,
+  portAt,
+  snapped,
+  transformTo,
+} from '../src/building/fitting'
+import { Editor } from '../src/editing/editor'
+import type { Projection } from '../src/editing/outline'
+import type { EditMap, MapModule, MapPort, MapScene, ModuleScene } from '../src/messages'
+import { build } from '../src/panels/build'
+import type { Store } from '../src/store'
+import { connectedPage, frameOf, sceneOf, statusOf } from './support'
+
+const HALF = Math.PI / 2
+const above: Projection = (x, y) => [400 + 100 * x, 300 - 100 * y]
+
+function port(x: number, y: number, yaw: number, width = 0.6): MapPort {
+  return { x, y, yaw, width, state: 'free' }
+}
+
+const STRAIGHT: ModuleScene = {
+  ...{ title: 'Straight Road', type: 'road', length: 0.6, width: 0.6, image: 'scene/s.svg' },
+  ports: { east: port(0.3, 0, 0), west: port(-0.3, 0, Math.PI) },
+}
+const CURVE: ModuleScene = {
+  ...{ title: 'Curved Road', type: 'road', length: 1, width: 1, image: 'scene/c.svg' },
+  ports: { west: port(-0.5, -0.2, Math.PI), north: port(0.2, 0.5, HALF) },
+}
+/** Bays on one side only: it has no mirror image. */
+const PARKING: ModuleScene = {
+  ...{ title: 'Parking', type: 'parking', length: 2, width: 0.9, image: 'scene/p.svg' },
+  ports: { east: port(1, 0.15, 0) },
+}
+const LAWN: ModuleScene = { title: 'Lawn', type: 'terrain', length: 0.1, width: 0.1, image: 'scene/l.svg', ports: {} }
+const NARROW: ModuleScene = { ...STRAIGHT, title: 'Lane', ports: { east: port(0.3, 0, 0, 0.3) } }
+
+function part(module: string, x: number, y: number, yaw = 0): MapModule {
+  const own = { open: false, length: null, width: null, height: null, z: 0, mass: null }
+  return { type: 'MapModule', module, x, y, yaw, ...own }
+}
+
+function mapOf(parts: Record<string, MapModule> = {}, ports: MapScene['ports'] = {}): MapScene {
+  const modules = { curve: CURVE, lane: NARROW, lawn: LAWN, parking: PARKING, straight: STRAIGHT }
+  return { parts, ports, problems: [], modules, props: ['stop'], templates: { oval: 'Oval' } }
+}
+
+const opened: Store[] = []
+
+function page(map: MapScene = mapOf()) {
+  const it = connectedPage(['V1'])
+  const scene = { ...sceneOf(['V1']), map_scene: map }
+  it.socket.receive(scene)
+  const actions = new Actions(it.store, it.connection)
+  const builder = new Builder(it.store, actions)
+  const editor = new Editor(it.store, actions)
+  document.body.append(...build(it.store, builder, editor, () => null))
+  listenToBuildKeys(it.store, builder, editor, () => {})
+  it.store.isBuilding.value = true
+  opened.push(it.store)
+  return { ...it, builder }
+}
+
+function press(code: string, options: KeyboardEventInit = {}): void {
+  document.body.dispatchEvent(new KeyboardEvent('keydown', { code, key: code, bubbles: true, ...options }))
+}
+
+/** Moves that the open end of a straight road offers. */
+const AT_EAST = { road: { east: port(0.3, 0, 0), west: { ...port(-0.3, 0, Math.PI), state: 'joined' as const } } }
+
+// its listeners stay
+afterEach(() => {
+  for (const store of opened.splice(0)) store.isBuilding.value = false
+})
+
+beforeEach(() => {
+  document.body.replaceChildren()
+  vi.stubGlobal(
+    'ResizeObserver',
+    class {
+      observe(): void {}
+    },
+  )
+})
+
+test('a port of a module meets another: same place, opposite heading', () => {
+  for (const yaw of [0, 0.3, 2, -3])
+    for (const own of Object.values(CURVE.ports)) {
+      const met = portAt(meeting(own, { x: 2, y: -1, yaw }), own)
+      expect([met.x, met.y]).toEqual([expect.closeTo(2), expect.closeTo(-1)])
+      expect(Math.cos(met.yaw - yaw)).toBeCloseTo(-1)
+    }
+})
+
+test('points go to the axes of a pose and back', () => {
+  const pose = { x: 1, y: 2, yaw: 0.7 }
+  expect(inPose(pose, inMap(pose, 0.3, -0.4))).toEqual([expect.closeTo(0.3), expect.closeTo(-0.4)])
+})
+
+test('only modules with a port of that width fit', () => {
+  expect(fittingModules(mapOf(), 0.6)).toEqual(['curve', 'parking', 'straight'])
+  expect(fittingModules(mapOf(), 0.3)).toEqual(['lane'])
+})
+
+test('a curve is mirrored by its other port, a straight road is its own mirror image, parking on one side has none', () => {
+  expect(mirrorPort(CURVE, 'west')).toBe('north')
+  expect(['east', 'west']).toContain(mirrorPort(STRAIGHT, 'east'))
+  expect(mirrorPort(PARKING, 'east')).toBeNull()
+})
+
+test('a piece snaps to the port at the pointer, and with one of its own ports near another', () => {
+  const targets = [{ part: 'road', name: 'east', ...port(0.3, 0, 0) }]
+  const hand = { pose: { x: 2, y: 0, yaw: 0 }, port: 'west' }
+  expect(snapped(STRAIGHT, hand, targets, [440, 300], above)).toMatchObject({ port: 'west', pose: { x: 0.6 } })
+  const near = { pose: { x: 0.7, y: 0.1, yaw: 0 }, port: 'east' }
+  expect(snapped(STRAIGHT, near, targets, [470, 290], above)).toMatchObject({ port: 'west', pose: { x: 0.6, y: 0 } })
+  expect(snapped(STRAIGHT, hand, targets, [600, 300], above)).toBeNull()
+  expect(snapped(NARROW, hand, targets, [430, 300], above)).toBeNull()
+})
+
+test('a click hits the smallest part', () => {
+  const map = mapOf({ meadow: { ...part('lawn', 0, 0), length: 5, width: 5 }, road: part('straight', 1, 0, HALF) })
+  expect(partAt(map, [1.2, 0.2])).toBe('road')
+  expect(partAt(map, [2, 0])).toBe('meadow')
+  expect(partAt(map, [9, 0])).toBe('')
+  const wall = {
+    type: 'MapWall' as const,
+    points: [
+      [0, 0],
+      [2, 2],
+    ] as [number, number][],
+    height: 1,
+    thickness: 0.1,
+    is_closed: false,
+  }
+  expect(partAt({ ...map, parts: { ...map.parts, wall } }, [1.02, 1])).toBe('wall')
+  expect(movedPart(wall, 1, -1)).toMatchObject({
+    points: [
+      [1, -1],
+      [3, 1],
+    ],
+  })
+})
+
+test('the transform of a drawing puts its corners where they are wanted', () => {
+  const wanted = [
+    [10, 20],
+    [110, 30],
+    [90, 130],
+    [0, 90],
+  ] as const
+  const values = transformTo(200, 100, wanted).slice(9, -1).split(',').map(Number)
+  const shown = ([x, y]: readonly [number, number]) => {
+    const at = (row: number) => values[row] * x + values[4 + row] * y + values[12 + row]
+    return [at(0) / at(3), at(1) / at(3)]
+  }
+  const found = (
+    [
+      [0, 0],
+      [200, 0],
+      [200, 100],
+      [0, 100],
+    ] as const
+  ).map(shown)
+  expect(found.flat()).toEqual(wanted.flat().map((value) => expect.closeTo(value)))
+  expect(corners({ x: 0, y: 0, yaw: 0 }, [2, 1])[0]).toEqual([1, 0.5])
+})
+
+test('an open end offers pieces: arrows step, R and M turn, Enter sets, and the road goes on', async () => {
+  const { socket, builder, store } = page(mapOf({ road: part('straight', 0, 0) }, AT_EAST))
+  press('KeyN')
+  expect(builder.hand.value).toMatchObject({ part: { module: 'curve' }, port: 'west', target: { name: 'east' } })
+  press('ArrowRight')
+  expect(builder.hand.value).toMatchObject({ part: { module: 'parking' } })
+  press('ArrowLeft')
+  press('KeyR')
+  expect(builder.hand.value).toMatchObject({ port: 'north' })
+  press('KeyM')
+  expect(builder.hand.value).toMatchObject({ port: 'west', part: { x: 0.8, y: 0.2 } })
+  press('Enter')
+  expect(socket.request).toMatchObject({ type: 'EditMap', seen: { curve_1: null } })
+  expect(socket.request.parts).toMatchObject({ curve_1: { module: 'curve', x: 0.8, y: 0.2, yaw: 0 } })
+  socket.respond(frameOf(['V1']))
+  await vi.waitFor(() => expect(builder.hand.value).toMatchObject({ target: { part: 'curve_1', name: 'north' } }))
+  press('Enter') // before the new scene has arrived
+  expect(socket.request.parts).toMatchObject({ curve_2: { module: 'curve' } })
+  press('Escape')
+  expect(builder.hand.value).toBeNull()
+  press('Escape')
+  expect(store.isBuilding.value).toBe(false)
+})
+
+test('a refused piece stays in hand', async () => {
+  const { socket, builder } = page()
+  builder.take('curve', [1, 1])
+  press('Enter')
+  socket.respond('not here')
+  await new Promise((done) => setTimeout(done))
+  expect(builder.hand.value).toMatchObject({ part: { module: 'curve', x: 1 } })
+})
+
+test('the selected part is turned, copied and removed, with what the page knows of it', () => {
+  const road = part('straight', 1, 2)
+  const { socket, builder } = page(mapOf({ road }))
+  builder.select('road')
+  press('KeyR', { shiftKey: true })
+  expect(socket.request).toMatchObject({ parts: { road: { yaw: expect.closeTo(-HALF) } }, seen: { road } })
+  press('KeyD', { key: 'd', ctrlKey: true })
+  expect(builder.hand.value).toMatchObject({ moved: '', part: { module: 'straight', x: 1 } })
+  press('Escape')
+  builder.select('road')
+  press('Delete')
+  expect(socket.request).toMatchObject({ type: 'EditMap', parts: { road: null } })
+})
+
+test('a wall is drawn by points and closed at its first one; a block by two corners', () => {
+  const { socket, builder } = page()
+  builder.start('wall')
+  for (const [i, at] of (
+    [
+      [0, 0],
+      [1, 0],
+      [1, 1],
+    ] as const
+  ).entries())
+    builder.addPoint(at, i === 3)
+  builder.addPoint([0, 0], true)
+  const sent = socket.request as unknown as EditMap
+  expect(sent.parts.wall_1).toMatchObject({
+    points: [
+      [0, 0],
+      [1, 0],
+      [1, 1],
+    ],
+    is_closed: true,
+  })
+  builder.start('block')
+  builder.addPoint([0, 0], false)
+  builder.addPoint([2, -1], false)
+  expect(socket.request.parts).toMatchObject({ block_1: { x: 1, y: -0.5, length: 2, width: 1 } })
+})
+
+test('the palette is searched and shows what fits; problems have a place and a repair', () => {
+  const map = mapOf({ road: part('straight', 0, 0) }, AT_EAST)
+  const repair = { road: { ...part('straight', 0, 0), open: ['east'] } }
+  const text = "placement 1 'road': port 'east' is not connected. Place a module with a port at (0.3, 0)"
+  const { builder, socket } = page({
+    ...map,
+    problems: [{ kind: 'unconnected', text, x: 0.3, y: 0, parts: ['road'], repair }],
+  })
+  const visible = () =>
+    [...document.querySelectorAll<HTMLElement>('.piece')].filter((one) => !one.hidden).map((one) => one.dataset.piece)
+  expect(visible()).toEqual(['curve', 'lane', 'lawn', 'parking', 'straight', 'wall', 'block', 'sign-stop'])
+  press('KeyN')
+  expect(visible()).toEqual(['curve', 'parking', 'straight'])
+  press('Escape')
+  const search = document.querySelector<HTMLInputElement>('[data-testid="build-search"]')
+  if (search) search.value = 'curv'
+  search?.dispatchEvent(new Event('input'))
+  expect(visible()).toEqual(['curve'])
+  const item = document.querySelector('.problems li')
+  expect(item?.textContent).toContain("road: port 'east' is not connected.")
+  const [show, leave] = [...(item?.querySelectorAll('button') ?? [])]
+  show.click()
+  expect(builder.selected.value).toBe('road')
+  leave.click()
+  expect(socket.request).toMatchObject({ type: 'EditMap', parts: repair })
+})
+
+test('undo and redo are those of the simulator, and Edit mode ends', () => {
+  const { socket, store } = page()
+  store.isEditing.value = true
+  expect(store.isBuilding.value).toBe(false)
+  store.isBuilding.value = true
+  expect(store.isEditing.value).toBe(false)
+  socket.receive(statusOf({ undo: 'add curve_1' }))
+  press('KeyZ', { key: 'z', ctrlKey: true })
+  expect(socket.request).toMatchObject({ type: 'Undo' })
+})
