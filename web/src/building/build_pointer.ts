@@ -111,7 +111,7 @@ export function buildPointer(
     const at: Point = [event.clientX, event.clientY]
     if (event.type !== 'pointerup') return void (offset && isMoving && builder.cancel())
     if (offset && isMoving) void builder.set()
-    else if (box && isMoving) selectIn(start, box)
+    else if (box && isMoving) selectInside(start, box)
     else if (!isMoving) click(at, event)
   }
 
@@ -143,7 +143,7 @@ export function buildPointer(
   }
 
   /** Selects the parts whose middles are in a rectangle of the screen. */
-  function selectIn(a: Point, b: Point): void {
+  function selectInside(a: Point, b: Point): void {
     const { scene } = builder
     if (!scene) return
     const isBetween = (value: number, i: number): boolean =>

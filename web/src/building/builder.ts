@@ -37,6 +37,8 @@ export type Hand =
 
 const QUARTER = Math.PI / 2
 const TURN = Math.PI / 12
+/** Longest edit [characters]; the simulator accepts messages of 64 KiB. */
+const MAX_LENGTH = 60_000
 /** Sizes of new walls and blocks [m]. */
 const WALL = { thickness: 0.1, height: 0.25, is_closed: false }
 const BLOCK_HEIGHT = 0.3
@@ -356,7 +358,12 @@ export class Builder {
   put(parts: Record<string, MapPart | null>): Promise<boolean> {
     const known = this.scene?.parts ?? {}
     const seen = Object.fromEntries(Object.keys(parts).map((name) => [name, known[name] ?? null]))
-    return this.request({ type: 'EditMap', parts, seen })
+    const operation = { type: 'EditMap', parts, seen } as const
+    if (JSON.stringify(operation).length > MAX_LENGTH) {
+      this.store.warning.value = 'These are too many pieces for one edit. Select fewer.'
+      return Promise.resolve(false)
+    }
+    return this.request(operation)
   }
 
   private async request(operation: ServerOperation): Promise<boolean> {
