@@ -413,7 +413,7 @@ EDITS = st.one_of(
 )  # fmt: skip
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(EDITS, min_size=1, max_size=12))
 def test_any_sequence_of_edits_is_undone_and_its_map_can_be_saved(edits: list[Operation]) -> None:
     building = Building()
