@@ -47,6 +47,14 @@ def test_scenario_of_the_document_runs(tmp_path: Path) -> None:
     assert frame.objects["lid"].pose.position[2] == pytest.approx(0.15, abs=1e-3)  # soft contacts sink a little
 
 
+def test_a_scenario_of_the_document_contains_its_map(tmp_path: Path) -> None:
+    file = tmp_path / "street.yaml"
+    file.write_text(examples("scenarios.md")[2])
+    world = autodrive.make(file)
+    assert [one.module.name for one in world.map.modules] == ["straight_road", "dead_end"]
+    assert world.warnings == []
+
+
 def test_the_scenario_made_in_python_is_like_that_of_the_file() -> None:
     names = run("scenarios.md")
     assert list(names["world"].frame.vehicles) == ["V1", "V2"]
@@ -62,13 +70,13 @@ def test_map_of_the_document_is_in_order(tmp_path: Path) -> None:
 
 
 def test_lidar_of_the_document_fits_the_car(tmp_path: Path) -> None:
-    lidar = load_vehicle(car_file(tmp_path, sensors(examples("scenarios.md")[2]))).sensors.lidar
+    lidar = load_vehicle(car_file(tmp_path, sensors(examples("scenarios.md")[3]))).sensors.lidar
     assert lidar is not None
     assert (lidar.rays, lidar.rate) == (1080, 40.0)
 
 
 def test_the_range_sensor_of_the_document_fits_the_car(tmp_path: Path) -> None:
-    sensor = load_vehicle(car_file(tmp_path, sensors(examples("scenarios.md")[3]))).sensors.range
+    sensor = load_vehicle(car_file(tmp_path, sensors(examples("scenarios.md")[4]))).sensors.range
     assert sensor is not None
     assert (sensor.range_max, sensor.rate) == (4.0, 20.0)
 

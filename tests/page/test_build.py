@@ -189,6 +189,22 @@ def test_a_piece_is_dragged_and_problems_are_shown_and_repaired(plane: PageServe
     assert plane.simulation.undo_name == "move b"
 
 
+def test_pieces_in_a_rectangle_are_moved_together(plane: PageServer, building: Tab) -> None:
+    places = {name: MapModule("straight_road", x, -0.9, open=True) for name, x in (("a", 0.0), ("b", 0.6), ("c", -1.2))}
+    plane.request(EditMap({**places}))
+    wait_for_parts(building, "a", "b", "c")
+    building.page.keyboard.down("Shift")
+    drag(building, on_screen(building, -0.25, -0.5), on_screen(building, 0.9, -1.2))
+    building.page.keyboard.up("Shift")
+    building.wait_until(lambda: building.text("build-selected") == "2 pieces")
+    drag(building, on_screen(building, 0.1, -0.9), on_screen(building, -0.52, -0.8))  # near the end of c
+    building.wait_until(lambda: parts(building)["a"]["x"] == pytest.approx(-0.6, abs=1e-4))
+    assert [parts(building)["b"][key] for key in "xy"] == pytest.approx([0.0, -0.9], abs=1e-4)
+    assert plane.simulation.undo_name == "move 2 parts of the map"
+    press(building, "Control+z")
+    building.wait_until(lambda: parts(building)["b"]["x"] == pytest.approx(0.6, abs=1e-4))
+
+
 def test_walls_blocks_and_signs_are_set_by_points(plane: PageServer, building: Tab) -> None:
     building.click("piece-wall")
     for x, y in ((0.5, 0.6), (0.9, 0.6), (0.9, 0.9)):

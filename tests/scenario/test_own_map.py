@@ -90,7 +90,7 @@ def test_edits_keep_the_map_and_the_bits(tmp_path: Path) -> None:
         ("open: [west]", "open: [north]", 5),
         ("module: dead_end", "module: deadend", 7),
         ("x: 0.8", "x: far", 6),
-        ("length: 1.0", "lenght: 1.0", 9),
+        ("length: 1.0", "extent: 1.0", 9),
     ],
 )
 def test_the_errors_are_those_of_the_file_with_the_line_of_the_scenario(

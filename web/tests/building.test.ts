@@ -224,6 +224,46 @@ test('the selected part is turned, copied and removed, with what the page knows 
   expect(socket.request).toMatchObject({ type: 'EditMap', parts: { road: null } })
 })
 
+test('a group is selected, moved, turned, copied and removed in one edit each', async () => {
+  const parts = { a: part('straight', 0, 0), b: part('straight', 0.6, 0), c: part('straight', 3, 0) }
+  const ports = {
+    a: { east: { ...port(0.3, 0, 0), state: 'joined' as const }, west: port(-0.3, 0, Math.PI) },
+    b: { west: { ...port(0.3, 0, Math.PI), state: 'joined' as const }, east: port(0.9, 0, 0) },
+    c: { west: port(2.7, 0, Math.PI), east: port(3.3, 0, 0) },
+  }
+  const { socket, builder } = page(mapOf(parts, ports))
+  builder.select('a')
+  press('KeyG')
+  expect(builder.selected.value).toEqual(['a', 'b'])
+  builder.lift()
+  builder.moveTo([1.75, 0.1], [0, 0], above, false) // the eastern end of b is near c
+  press('Enter')
+  expect(socket.request).toMatchObject({
+    parts: { a: { x: expect.closeTo(1.8), y: expect.closeTo(0) } },
+    seen: { a: parts.a },
+  })
+  expect(socket.request.parts).toMatchObject({ b: { x: expect.closeTo(2.4) } })
+  builder.select('a', 'b')
+  press('KeyR')
+  expect(socket.request.parts).toMatchObject({
+    a: { x: expect.closeTo(0.3), y: expect.closeTo(-0.3), yaw: expect.closeTo(HALF) },
+    b: { x: expect.closeTo(0.3), y: expect.closeTo(0.3), yaw: expect.closeTo(HALF) },
+  })
+  builder.select('a', 'b')
+  press('KeyD', { key: 'd', ctrlKey: true })
+  press('Enter')
+  expect(Object.keys(socket.request.parts as object)).toEqual(['a_1', 'b_1'])
+  builder.select('a')
+  builder.toggle('c')
+  press('Delete')
+  expect(socket.request.parts).toEqual({ a: null, c: null })
+  const many = Object.fromEntries(Array.from({ length: 600 }, (_, i) => [`road_${i}`, part('straight', i, 0)]))
+  expect(await builder.put(many)).toBe(false)
+  expect(socket.request.parts).toEqual({ a: null, c: null })
+  press('KeyA', { key: 'a', ctrlKey: true })
+  expect(builder.selected.value).toEqual(['a', 'b', 'c'])
+})
+
 test('a wall is drawn by points and closed at its first one; a block by two corners', () => {
   const { socket, builder } = page()
   builder.start('wall')
@@ -273,7 +313,7 @@ test('the palette is searched and shows what fits; problems have a place and a r
   expect(item?.textContent).toContain("road: port 'east' is not connected.")
   const [show, leave] = [...(item?.querySelectorAll('button') ?? [])]
   show.click()
-  expect(builder.selected.value).toBe('road')
+  expect(builder.selected.value).toEqual(['road'])
   leave.click()
   expect(socket.request).toMatchObject({ type: 'EditMap', parts: repair })
 })

@@ -236,7 +236,7 @@ class MapProblem(msgspec.Struct, frozen=True):
     """
 
     kind: str
-    """'unconnected', 'apart', 'turned' and 'width' of ports; 'overlap' of modules."""
+    """'unconnected', 'apart', 'turned' and 'width' of ports; 'overlap' of modules; 'blocked': a part is on a lane."""
     text: str
     x: float
     y: float

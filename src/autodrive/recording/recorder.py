@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
 from autodrive.graphics.cameras.jpeg import JpegEncoder
-from autodrive.protocol.messages import CameraImage, Command, Frame, SaveScenario, Step
+from autodrive.protocol.messages import CameraImage, Command, Frame, SaveMap, SaveScenario, Step
 from autodrive.recording import records
 from autodrive.recording.encoding import Encoding
 from autodrive.recording.errors import RecordingError
@@ -173,8 +173,8 @@ class Recorder:
 
     def executed(self, request: Request) -> None:
         """A request was executed."""
-        if isinstance(request, Step | SaveScenario):
-            return  # the commands of a Step come with its ticks; a SaveScenario changes nothing
+        if isinstance(request, Step | SaveScenario | SaveMap):
+            return  # the commands of a Step come with its ticks; saving changes nothing
         tick, now = self._clock.tick, self._clock.now
         self._add(lambda: self._encoding.json(records.REQUESTS, RequestRecord(tick, request), now, tick))
         if isinstance(request, Restored):

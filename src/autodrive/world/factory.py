@@ -41,11 +41,13 @@ def make(
     `engine`: "auto" calls the contact engine only while something may touch; "always" calls it in every substep, which
     is slower and differs in the last bits only.
 
-    What is probably a mistake, such as a vehicle outside the walls, is a warning of Python.
+    What is probably a mistake, such as a vehicle outside the walls, is a warning of Python, except in a scenario that
+    was edited.
     """
     descriptions = scenario if isinstance(scenario, Descriptions) else read_scenario(scenario)
     world = new_world(descriptions, seed, cameras=cameras, engine=engine)
-    for text in joined(world.warnings, descriptions.lines):
+    is_edit = descriptions is scenario and not descriptions.path  # the page shows its warnings
+    for text in [] if is_edit else joined(world.warnings, descriptions.lines):
         warnings.warn(text, stacklevel=3)  # where `make` is called: `with_suggestions` is between
     return world
 

@@ -164,6 +164,19 @@ def test_overlapping_roads_are_a_problem_at_their_place() -> None:
     assert (problem.x, problem.y) == pytest.approx((0.1, 3.0), abs=0.15)
 
 
+def test_a_wall_on_a_lane_is_a_problem_and_one_beside_it_is_none() -> None:
+    building = Building()
+    building.put(
+        road=MapModule("straight_road", 0.0, 3.0, open=True),
+        beside=MapWall(((-0.3, 3.4), (0.3, 3.4)), 0.2),
+        across=MapWall(((0.1, 2.9), (0.1, 3.5)), 0.2, thickness=0.05),
+    )
+    (problem,) = building.scene.problems
+    assert (problem.kind, problem.parts) == ("blocked", ["across", "road"])
+    assert (problem.x, problem.y) == pytest.approx((0.1, 3.15), abs=0.01)  # the lane to the west
+    assert problem.text == "wall 2 stands on a lane of placement 1 'road'. Move it."
+
+
 def test_each_action_is_undone_in_one_step_also_a_turn() -> None:
     building = Building()
     steps: list[tuple[Operation, str]] = [
@@ -413,7 +426,7 @@ EDITS = st.one_of(
 )  # fmt: skip
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(EDITS, min_size=1, max_size=12))
 def test_any_sequence_of_edits_is_undone_and_its_map_can_be_saved(edits: list[Operation]) -> None:
     building = Building()

@@ -12,6 +12,7 @@ export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor
     KeyR: (isShifted) => builder.turn(isShifted ? -1 : 1),
     KeyM: () => builder.mirror(),
     KeyN: () => builder.nextPort(),
+    KeyG: () => builder.selectConnected(),
     ArrowRight: () => builder.step(1),
     ArrowLeft: () => builder.step(-1),
     Enter: () => void builder.set(),
@@ -23,6 +24,7 @@ export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor
     z: (isShifted) => void (isShifted ? editor.redo() : editor.undo()),
     y: () => void editor.redo(),
     d: () => builder.duplicate(),
+    a: () => builder.selectAll(),
   }
 
   function onKey(event: KeyboardEvent): boolean {

@@ -1,14 +1,16 @@
 // Build mode with mouse and touch: open ends, the piece in hand, selection and dragging; draws them over the scene.
 import { type Point, type Projection, svg } from '../editing/outline'
-import type { MapModule, ModuleScene } from '../messages'
+import type { MapModule, MapPart, MapScene, ModuleScene } from '../messages'
 import { sceneUrl } from '../scene/assets'
 import type { SceneView } from '../scene/view'
 import type { Store } from '../store'
-import { type Builder, blockCorners, type Hand } from './builder'
+import { type Builder, blockCorners, type Hand, originOf } from './builder'
 import {
   corners,
   freePorts,
   isSamePlace,
+  middleOf,
+  movedPart,
   outlineOf,
   type PortPlace,
   partAt,
@@ -33,6 +35,8 @@ interface Press {
   /** From the ground under the pointer to the origin of the selected part [m]; null: the part is not dragged. */
   offset: Point | null
   isMoving: boolean
+  /** The other corner of the rectangle that selects; null: there is none. */
+  box: Point | null
 }
 
 /** Handles the pointer on `canvas`; returns what is drawn over it. */
@@ -65,12 +69,17 @@ export function buildPointer(
     if (!store.isBuilding.value || press || event.button !== 0 || !event.isPrimary) return
     const at: Point = [event.clientX, event.clientY]
     const ground = view()?.groundPoint(...at)
-    const { scene, part } = builder
+    const { scene } = builder
     if (document.activeElement instanceof HTMLElement) document.activeElement.blur()
-    press = { pointer: event.pointerId, start: at, offset: null, isMoving: false }
-    if (!scene || !ground || !part || builder.hand.value || partAt(scene, ground) !== builder.selected.value) return
-    const origin = part.type === 'MapWall' ? part.points[0] : [part.x, part.y]
-    press.offset = [origin[0] - ground[0], origin[1] - ground[1]]
+    press = { pointer: event.pointerId, start: at, offset: null, isMoving: false, box: null }
+    if (!scene || !ground || builder.hand.value) return
+    const { selected } = builder
+    const isOnSelected = selected.value.includes(partAt(scene, ground))
+    if (event.shiftKey && !isOnSelected) press.box = at
+    else if (isOnSelected) {
+      const origin = originOf(scene.parts[selected.value[0]])
+      press.offset = [origin[0] - ground[0], origin[1] - ground[1]]
+    } else return
     // the camera must not move
     event.stopImmediatePropagation()
     event.preventDefault()
@@ -83,6 +92,7 @@ export function buildPointer(
     const ground = view()?.groundPoint(...at)
     if (press && event.pointerId === press.pointer) {
       press.isMoving ||= Math.hypot(at[0] - press.start[0], at[1] - press.start[1]) > SLACK
+      if (press.box) press.box = at
       if (press.offset && press.isMoving && ground) {
         if (!builder.hand.value) builder.lift()
         builder.moveTo([ground[0] + press.offset[0], ground[1] + press.offset[1]], at, project, event.shiftKey)
@@ -96,11 +106,12 @@ export function buildPointer(
 
   function end(event: PointerEvent): void {
     if (event.pointerId !== press?.pointer) return
-    const { isMoving, offset } = press
+    const { isMoving, offset, box, start } = press
     press = null
     const at: Point = [event.clientX, event.clientY]
     if (event.type !== 'pointerup') return void (offset && isMoving && builder.cancel())
     if (offset && isMoving) void builder.set()
+    else if (box && isMoving) selectInside(start, box)
     else if (!isMoving) click(at, event)
   }
 
@@ -116,8 +127,8 @@ export function buildPointer(
       return
     }
     if (hand) {
-      const line = hand.kind === 'module' && hand.target ? outlineOf(hand.part, scene) : []
-      const isOnGhost = line.length > 0 && partAt({ ...scene, parts: { ghost: hand.part } }, ground) !== ''
+      const ghost: MapScene['parts'] = hand.kind === 'module' && hand.target ? { ghost: hand.part } : {}
+      const isOnGhost = partAt({ ...scene, parts: ghost }, ground) !== ''
       if (event.pointerType === 'mouse' && !isOnGhost) builder.moveTo(ground, at, project, event.shiftKey)
       // a finger first moves the piece, then sets it
       if (event.pointerType === 'mouse' || isOnGhost) void builder.set()
@@ -125,8 +136,23 @@ export function buildPointer(
       return
     }
     const port = portNear(at, reach)
-    if (port) builder.offer(port)
-    else builder.select(partAt(scene, ground))
+    const name = partAt(scene, ground)
+    if (name && (event.shiftKey || event.ctrlKey || event.metaKey)) builder.toggle(name)
+    else if (port) builder.offer(port)
+    else builder.select(...(name ? [name] : []))
+  }
+
+  /** Selects the parts whose middles are in a rectangle of the screen. */
+  function selectInside(a: Point, b: Point): void {
+    const { scene } = builder
+    if (!scene) return
+    const isBetween = (value: number, i: number): boolean =>
+      value >= Math.min(a[i], b[i]) && value <= Math.max(a[i], b[i])
+    const names = Object.entries(scene.parts).filter(([, part]) => {
+      const shown = project(...middleOf([part], scene), 0)
+      return shown?.every(isBetween)
+    })
+    builder.select(...names.map(([name]) => name))
   }
 
   // -- the drawing -----------------------------------------------------------------------------------------------
@@ -137,11 +163,9 @@ export function buildPointer(
     if (!store.isBuilding.value || !scene) return
     const hand = builder.hand.value
     const parts: string[] = []
-    const selected = builder.part
-    if (selected && !(hand && 'moved' in hand && hand.moved)) {
-      const isOpen = selected.type === 'MapWall' && !selected.is_closed
-      parts.push(path(outlineOf(selected, scene), 'selected', isOpen))
-    }
+    const isLifted = hand && (hand.kind === 'group' ? !hand.isNew : 'moved' in hand && hand.moved !== '')
+    if (!isLifted) for (const part of Object.values(builder.parts)) parts.push(outline(part, 'selected'))
+    if (press?.box) parts.push(`<path class="hand" d="${frame(press.start, press.box)}"/>`)
     for (const port of portsOf(scene)) if (port.state !== 'joined') parts.push(mark(port))
     if (hand) parts.push(...drawHand(hand))
     drawing.innerHTML = parts.join('')
@@ -157,7 +181,9 @@ export function buildPointer(
       const dots = hand.points.map(([x, y]) => project(x, y, 0)).filter((at) => at !== null)
       return [path(points, 'hand', true), ...dots.map(([x, y]) => `<circle class="dot" cx="${x}" cy="${y}" r="5"/>`)]
     }
-    const line = path(outlineOf(hand.part, scene), 'hand', hand.part.type === 'MapWall' && !hand.part.is_closed)
+    if (hand.kind === 'group')
+      return Object.values(hand.parts).map((part) => outline(movedPart(part, ...hand.shift), 'hand'))
+    const line = outline(hand.part, 'hand')
     const module = hand.kind === 'module' ? builder.module(hand.part) : undefined
     if (hand.kind !== 'module' || !module)
       return [line, hand.part.type === 'MapProp' ? arrow(hand.part.x, hand.part.y, hand.part.yaw) : '']
@@ -208,6 +234,11 @@ export function buildPointer(
     return at && to ? `<path class="hand" d="M${at.join(' ')}L${to.join(' ')}"/>` : ''
   }
 
+  function outline(part: MapPart, name: string): string {
+    const { scene } = builder
+    return scene ? path(outlineOf(part, scene), name, part.type === 'MapWall' && !part.is_closed) : ''
+  }
+
   function path(points: readonly Point[], name: string, isOpen: boolean): string {
     const shown = points.map(([x, y]) => project(x, y, 0))
     if (shown.length < 2 || !shown.every((at) => at !== null)) return ''
@@ -224,4 +255,9 @@ export function buildPointer(
   store.imageCount.watch(draw)
   store.isBuilding.watch(draw)
   return overlay
+}
+
+/** A rectangle between two corners. */
+function frame([x0, y0]: Point, [x1, y1]: Point): string {
+  return `M${x0} ${y0}H${x1}V${y1}H${x0}Z`
 }

@@ -7,12 +7,15 @@ import { Observable } from '../observable'
 import { stem } from '../scenario_title'
 import type { Store } from '../store'
 import {
+  connectedParts,
   fittingModules,
   fittingPorts,
   freePorts,
+  groupSnap,
   inMap,
   isSamePlace,
   meeting,
+  middleOf,
   mirrorPort,
   movedPart,
   type PortPlace,
@@ -20,6 +23,7 @@ import {
   portAt,
   portsOf,
   snapped,
+  turnedPart,
   wrapped,
 } from './fitting'
 
@@ -27,19 +31,22 @@ import {
 export type Hand =
   | { kind: 'module'; part: MapModule; port: string; target: PortPlace | null; moved: string }
   | { kind: 'part'; part: MapPart; moved: string }
+  | { kind: 'group'; parts: Record<string, MapPart>; isNew: boolean; shift: Point }
   | { kind: 'wall'; points: Point[]; end: Point | null }
   | { kind: 'block'; points: Point[]; end: Point | null }
 
 const QUARTER = Math.PI / 2
 const TURN = Math.PI / 12
+/** Longest edit [characters]; the simulator accepts messages of 64 KiB. */
+const MAX_LENGTH = 60_000
 /** Sizes of new walls and blocks [m]. */
 const WALL = { thickness: 0.1, height: 0.25, is_closed: false }
 const BLOCK_HEIGHT = 0.3
 
 export class Builder {
   readonly hand = new Observable<Hand | null>(null)
-  /** Name of the selected part; empty: none. */
-  readonly selected = new Observable('')
+  /** Names of the selected parts. */
+  readonly selected = new Observable<readonly string[]>([])
   /** Names that this page has used, also of parts that the simulator has not added yet. */
   private readonly taken = new Set<string>()
 
@@ -48,11 +55,12 @@ export class Builder {
     private readonly actions: Actions,
   ) {
     store.scene.watch(() => {
-      if (this.selected.value && !this.scene?.parts[this.selected.value]) this.selected.value = ''
+      const left = this.selected.value.filter((name) => this.scene?.parts[name])
+      if (left.length < this.selected.value.length) this.selected.value = left
     })
     store.isBuilding.watch((isBuilding) => {
       if (isBuilding) store.isMeasuring.value = false
-      else [this.hand.value, this.selected.value] = [null, '']
+      else this.select()
     })
   }
 
@@ -61,8 +69,15 @@ export class Builder {
     return this.store.scene.value?.map_scene ?? null
   }
 
+  /** The selected part; null if none or several are selected. */
   get part(): MapPart | null {
-    return this.scene?.parts[this.selected.value] ?? null
+    return this.selected.value.length === 1 ? (this.scene?.parts[this.selected.value[0]] ?? null) : null
+  }
+
+  /** All selected parts. */
+  get parts(): Record<string, MapPart> {
+    const { scene } = this
+    return scene ? Object.fromEntries(this.selected.value.map((name) => [name, scene.parts[name]])) : {}
   }
 
   module(part: MapModule): ModuleScene | undefined {
@@ -76,7 +91,7 @@ export class Builder {
     const module = this.scene?.modules[name]
     if (!module) return
     const size = module.type === 'terrain' ? { length: 2, width: 2 } : {}
-    this.select('')
+    this.select()
     this.hand.value = {
       ...{ kind: 'module', moved: '', target: null, port: Object.keys(module.ports)[0] ?? '' },
       part: { ...plain(name), x: at[0], y: at[1], ...size },
@@ -84,7 +99,7 @@ export class Builder {
   }
 
   takeProp(kind: string, at: Point): void {
-    this.select('')
+    this.select()
     this.hand.value = {
       kind: 'part',
       moved: '',
@@ -94,7 +109,7 @@ export class Builder {
 
   /** Starts a wall or a block, which the next clicks define. */
   start(kind: 'wall' | 'block'): void {
-    this.select('')
+    this.select()
     this.hand.value = { kind, points: [], end: null }
   }
 
@@ -104,7 +119,7 @@ export class Builder {
     if (names.length === 0) return
     const before = this.hand.value
     const used = before?.kind === 'module' && names.includes(before.part.module) ? before.part.module : names[0]
-    this.select('')
+    this.select()
     this.join(used, target, this.portAfter(used, target))
     this.actions.view?.showPlace(target.x, target.y)
   }
@@ -159,7 +174,11 @@ export class Builder {
       const part = { ...hand.part, yaw: wrapped(hand.part.yaw + by * this.stepOf(hand.part)) }
       this.hand.value = { ...hand, part } as Hand
     } else if (this.part) {
-      void this.put({ [this.selected.value]: movedPart(this.part, 0, 0, by * this.stepOf(this.part)) })
+      void this.put({ [this.selected.value[0]]: movedPart(this.part, 0, 0, by * this.stepOf(this.part)) })
+    } else if (this.scene && this.selected.value.length > 1) {
+      const { parts } = this
+      const middle = middleOf(Object.values(parts), this.scene)
+      void this.put(mapped(parts, (part) => turnedPart(part, middle, by * QUARTER)))
     }
   }
 
@@ -183,7 +202,11 @@ export class Builder {
     const hand = this.hand.value
     if (!hand) return
     if (hand.kind === 'wall' || hand.kind === 'block') this.hand.value = { ...hand, end: ground }
-    else if (hand.kind === 'part') {
+    else if (hand.kind === 'group') {
+      const [x, y] = originOf(Object.values(hand.parts)[0])
+      const shift: Point = [ground[0] - x, ground[1] - y]
+      this.hand.value = { ...hand, shift: (!isFree && this.snapOfGroup(hand, shift, project)) || shift }
+    } else if (hand.kind === 'part') {
       if (hand.part.type !== 'MapWall')
         this.hand.value = { ...hand, part: { ...hand.part, x: ground[0], y: ground[1] } }
     } else {
@@ -213,6 +236,12 @@ export class Builder {
     if (!hand) return
     if (hand.kind === 'block') return
     if (hand.kind === 'wall') return this.setWall(hand.points, false)
+    if (hand.kind === 'group') {
+      const isSet = this.put(mapped(hand.parts, (part) => movedPart(part, ...hand.shift)))
+      this.hand.value = null
+      if (await isSet) this.selected.value = Object.keys(hand.parts)
+      return
+    }
     const name = hand.moved || this.freeName(stemOf(hand.part))
     const next = hand.kind === 'module' && !hand.moved ? this.nextTarget(hand, name) : null
     if (hand.moved) this.hand.value = null
@@ -228,32 +257,52 @@ export class Builder {
   /** Puts the piece in hand away; without one, forgets the selection; without that, leaves Build mode. */
   cancel(): void {
     if (this.hand.value) this.hand.value = null
-    else if (this.selected.value) this.selected.value = ''
+    else if (this.selected.value.length > 0) this.selected.value = []
     else this.store.isBuilding.value = false
   }
 
-  select(name: string): void {
+  select(...names: string[]): void {
     this.hand.value = null
-    this.selected.value = name
+    this.selected.value = names
+  }
+
+  /** Adds a part to the selection, or removes it. */
+  toggle(name: string): void {
+    const { value } = this.selected
+    this.select(...(value.includes(name) ? value.filter((one) => one !== name) : [...value, name]))
+  }
+
+  /** Selects all modules that are connected with a selected one. */
+  selectConnected(): void {
+    const { scene } = this
+    if (scene) this.select(...new Set(this.selected.value.flatMap((name) => connectedParts(scene, name))))
+  }
+
+  selectAll(): void {
+    this.select(...Object.keys(this.scene?.parts ?? {}))
   }
 
   // -- parts of the map ----------------------------------------------------------------------------------------
 
-  /** Takes the selected part in hand to move it. */
+  /** Takes the selected parts in hand to move them. */
   lift(): void {
-    const { part } = this
-    const moved = this.selected.value
+    const { part, parts } = this
+    const [moved] = this.selected.value
+    if (this.selected.value.length > 1) this.hand.value = { kind: 'group', parts, isNew: false, shift: [0, 0] }
     if (part?.type === 'MapModule') {
       const port = Object.keys(this.module(part)?.ports ?? {})[0] ?? ''
       this.hand.value = { kind: 'module', part, port, target: null, moved }
     } else if (part) this.hand.value = { kind: 'part', part, moved }
   }
 
-  /** Takes a copy of the selected part in hand. */
+  /** Takes a copy of the selected parts in hand. */
   duplicate(): void {
     this.lift()
     const hand = this.hand.value
-    if (hand?.kind === 'module') this.hand.value = { ...hand, moved: '', part: { ...hand.part, open: false } }
+    if (hand?.kind === 'group') {
+      const copies = Object.entries(hand.parts).map(([name, part]) => [this.freeName(name.replace(/_\d+$/, '')), part])
+      this.hand.value = { kind: 'group', parts: Object.fromEntries(copies), isNew: true, shift: [0.3, 0.3] }
+    } else if (hand?.kind === 'module') this.hand.value = { ...hand, moved: '', part: { ...hand.part, open: false } }
     else if (hand?.kind === 'part') {
       const part = movedPart(hand.part, 0.3, 0.3)
       if (part.type === 'MapWall') void this.put({ [this.freeName('wall')]: part })
@@ -262,18 +311,18 @@ export class Builder {
   }
 
   async remove(): Promise<void> {
-    const name = this.selected.value
-    if (this.part && (await this.put({ [name]: null }))) this.select('')
+    const { parts } = this
+    if (this.selected.value.length > 0 && (await this.put(mapped(parts, () => null)))) this.select()
   }
 
   /** Changes values of the selected part. */
   setValues(values: Partial<MapModule>): Promise<boolean> {
-    return this.put({ [this.selected.value]: { ...this.part, ...values } as MapPart })
+    return this.put({ [this.selected.value[0]]: { ...this.part, ...values } as MapPart })
   }
 
   /** Places the viewed vehicle on the lane that enters the selected module, so that it starts there. */
   async placeVehicle(): Promise<void> {
-    const [port] = Object.values(this.scene?.ports[this.selected.value] ?? {})
+    const [port] = Object.values(this.scene?.ports[this.selected.value[0]] ?? {})
     if (!port) return
     // traffic keeps right: the lane lies a quarter of the road to the right of its middle
     const [x, y] = inMap(port, 0, 0.25 * port.width)
@@ -282,7 +331,7 @@ export class Builder {
 
   /** Shows where a problem is. */
   show({ x, y, parts }: MapProblem): void {
-    this.select(parts[parts.length - 1] ?? '')
+    this.select(...parts.slice(-1))
     this.actions.view?.lookAt(x, y)
   }
 
@@ -292,7 +341,7 @@ export class Builder {
 
   /** Starts from a map of the simulator. */
   use(name: string): Promise<boolean> {
-    this.select('')
+    this.select()
     return this.request({ type: 'UseMap', name })
   }
 
@@ -309,7 +358,12 @@ export class Builder {
   put(parts: Record<string, MapPart | null>): Promise<boolean> {
     const known = this.scene?.parts ?? {}
     const seen = Object.fromEntries(Object.keys(parts).map((name) => [name, known[name] ?? null]))
-    return this.request({ type: 'EditMap', parts, seen })
+    const operation = { type: 'EditMap', parts, seen } as const
+    if (JSON.stringify(operation).length > MAX_LENGTH) {
+      this.store.warning.value = 'These are too many pieces for one edit. Select fewer.'
+      return Promise.resolve(false)
+    }
+    return this.request(operation)
   }
 
   private async request(operation: ServerOperation): Promise<boolean> {
@@ -361,6 +415,19 @@ export class Builder {
     return ends.find((end) => !others.some((other) => isSamePlace(other, end))) ?? null
   }
 
+  /** The shift with which an end of a group in hand meets another end near it. */
+  private snapOfGroup(hand: Hand & { kind: 'group' }, shift: Point, project: Projection): Point | null {
+    if (hand.isNew || !this.scene) return null
+    const ports = portsOf(this.scene)
+    const inside = ports.filter(({ part }) => part in hand.parts)
+    const outside = ports.filter(({ part }) => !(part in hand.parts))
+    const isInner = (port: PortPlace): boolean =>
+      inside.some((other) => other.part !== port.part && isSamePlace(other, port))
+    const ends = inside.filter((port) => !isInner(port))
+    const targets = outside.filter((port) => port.state !== 'joined' || ends.some((end) => isSamePlace(end, port)))
+    return groupSnap(ends, shift, targets, project)
+  }
+
   private async setWall(points: Point[], isClosed: boolean): Promise<void> {
     if (points.length < 2) return
     const wall: MapPart = { type: 'MapWall', points: points.map(([x, y]) => [x, y]), ...WALL, is_closed: isClosed }
@@ -400,6 +467,15 @@ function plain(module: string): MapModule {
 function stemOf(part: MapPart): string {
   if (part.type === 'MapProp') return part.kind
   return part.type === 'MapModule' ? stem(part.module.replace(/^.*\//, '')) : 'part'
+}
+
+/** Where a part is. */
+export function originOf(part: MapPart): Point {
+  return part.type === 'MapWall' ? part.points[0] : [part.x, part.y]
+}
+
+function mapped<T>(parts: Record<string, MapPart>, change: (part: MapPart) => T): Record<string, T> {
+  return Object.fromEntries(Object.entries(parts).map(([name, part]) => [name, change(part)]))
 }
 
 /** The corners of a block between two of them. */

@@ -177,6 +177,55 @@ export function movedPart(part: MapPart, dx: number, dy: number, turn = 0): MapP
   return { ...part, x: part.x + dx, y: part.y + dy, yaw: wrapped(part.yaw + turn) }
 }
 
+/** A part that is turned about a point of the map [rad]. */
+export function turnedPart(part: MapPart, [x, y]: Point, turn: number): MapPart {
+  const around = { x, y, yaw: turn }
+  const turned = (point: Point): [number, number] => [...inMap(around, point[0] - x, point[1] - y)]
+  if (part.type === 'MapWall') return { ...part, points: part.points.map(turned) }
+  const [newX, newY] = turned([part.x, part.y])
+  return { ...part, x: newX, y: newY, yaw: wrapped(part.yaw + turn) }
+}
+
+/** The middle of the outlines of parts. */
+export function middleOf(parts: readonly MapPart[], scene: MapScene): Point {
+  const points = parts.flatMap((part) => outlineOf(part, scene))
+  const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)]
+  return [0.5 * (Math.min(...xs) + Math.max(...xs)), 0.5 * (Math.min(...ys) + Math.max(...ys))]
+}
+
+/** Names of the modules that are joined with one, directly or not, and its own name. */
+export function connectedParts(scene: MapScene, start: string): string[] {
+  const joined = portsOf(scene).filter(({ state }) => state === 'joined')
+  const found = [start]
+  for (const name of found)
+    for (const port of joined.filter(({ part }) => part === name))
+      for (const other of joined)
+        if (other.part !== name && isSamePlace(port, other) && !found.includes(other.part)) found.push(other.part)
+  return found
+}
+
+/** How far a group of parts moves further so that one of its ends meets one of the others [m]; null: none is near. */
+export function groupSnap(
+  ends: readonly PortPlace[],
+  [dx, dy]: Point,
+  targets: readonly PortPlace[],
+  project: Projection,
+): Point | null {
+  let [best, least]: [Point | null, number] = [null, REACH.port]
+  for (const end of ends) {
+    const shown = project(end.x + dx, end.y + dy, 0)
+    for (const target of targets) {
+      const there = project(target.x, target.y, 0)
+      const isFacing = Math.abs(wrapped(end.yaw - target.yaw - Math.PI)) < 1e-2
+      if (!shown || !there || !isFacing || Math.abs(end.width - target.width) > SAME) continue
+      if (distance(shown, there) >= least) continue
+      least = distance(shown, there)
+      best = [target.x - end.x, target.y - end.y]
+    }
+  }
+  return best
+}
+
 /** An angle between -pi and pi [rad]. */
 export function wrapped(angle: number): number {
   return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI))

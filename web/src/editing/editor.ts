@@ -99,9 +99,9 @@ export class Editor {
     if (this.store.preview.value === preview) this.store.preview.value = null
   }
 
-  /** Moves the view to the selected thing, if it is not visible. */
+  /** Moves the view to the selected thing, if it is not visible; not in Build mode. */
   showSelected(): void {
-    if (this.selected) this.actions.view?.showPlace(this.selected.x, this.selected.y)
+    if (this.selected && this.store.isEditing.value) this.actions.view?.showPlace(this.selected.x, this.selected.y)
   }
 
   /** Forgets the preview. */

@@ -73,7 +73,7 @@ function bar(store: Store, builder: Builder, editor: Editor, isPanelOpen: Observ
     nameEdit(buttons.redo, 'Redo', status?.redo ?? '', 'Ctrl+Shift+Z')
   })
   const show = (): void => {
-    const [hand, isSelected] = [builder.hand.value, builder.selected.value !== '']
+    const [hand, isSelected] = [builder.hand.value, builder.selected.value.length > 0]
     buttons.set.disabled = !hand || hand.kind === 'block'
     buttons.mirror.disabled = hand?.kind !== 'module'
     buttons.turn.disabled = !isSelected && (!hand || hand.kind === 'wall' || hand.kind === 'block')
@@ -206,10 +206,15 @@ function selection(store: Store, builder: Builder): HTMLElement {
 
   function show(): void {
     const { part } = builder
-    element.hidden = !part
-    if (!part) return
+    const names = builder.selected.value
+    element.hidden = names.length === 0
+    for (const row of [...Object.values(rows), car]) row.hidden = !part
+    if (!part) {
+      setText(title, `${names.length} pieces`)
+      return
+    }
     const module = part.type === 'MapModule' ? builder.module(part) : undefined
-    setText(title, module ? `${builder.selected.value}: ${module.title}` : builder.selected.value)
+    setText(title, module ? `${names[0]}: ${module.title}` : names[0])
     const isSized = part.type === 'MapBlock' || module?.type === 'terrain' || module?.type === 'obstruction'
     for (const name of ['x', 'y', 'yaw'] as const) rows[name].hidden = part.type === 'MapWall'
     rows.length.hidden = rows.width.hidden = !isSized

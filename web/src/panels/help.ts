@@ -45,8 +45,10 @@ const OTHERS: Record<string, readonly [string, string][]> = {
     ['R | Shift | R', 'Turn to the next or previous end'],
     ['M', 'Mirror'],
     ['Enter', 'Set the piece'],
-    ['Delete', 'Remove the selected piece'],
-    ['Ctrl | D', 'Take a copy of the selected piece'],
+    ['Shift', 'With a click: select several pieces; with a drag: a rectangle; with a piece in hand: do not snap'],
+    ['G', 'Select the connected pieces'],
+    ['Delete', 'Remove what is selected'],
+    ['Ctrl | D', 'Take a copy of what is selected'],
     ['Esc', 'Put the piece away; then leave'],
   ],
   Gamepad: [

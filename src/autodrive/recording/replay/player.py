@@ -19,6 +19,7 @@ from autodrive.protocol.messages import (
     Operation,
     Pause,
     Resume,
+    SaveMap,
     SaveScenario,
     Seek,
     SetSpeed,
@@ -115,7 +116,7 @@ class Player(Paced):
         """Play, pause, step, seek or set the speed; the result is the Frame after it. Raises `CommandError`."""
         check_operation(request)
         match request:
-            case Pause() | Resume() | SaveScenario():
+            case Pause() | Resume() | SaveScenario() | SaveMap():
                 pass
             case Step(ticks=ticks, commands=commands):
                 if commands:

@@ -21,7 +21,17 @@ from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.area import drivable_edges
 from autodrive.scenario.maps.lanes import LaneGraph, Piece, lane_graph
 from autodrive.scenario.maps.module import MarkingKind, Module, compile_module
-from autodrive.scenario.maps.placing import OF_DRAFT, MapProblem, PlacedModule, PortId, Solid, join, overlaps, place
+from autodrive.scenario.maps.placing import (
+    OF_DRAFT,
+    MapProblem,
+    PlacedModule,
+    PortId,
+    Solid,
+    blocked_lanes,
+    join,
+    overlaps,
+    place,
+)
 from autodrive.scenario.maps.props import Prop, prop_shapes
 from autodrive.scenario.maps.shapes import Pose, rectangle
 from autodrive.scenario.maps.solids import BoxPlacement, StaticShape, block_shape, wall_shapes
@@ -181,6 +191,8 @@ def _compiled(
     bounds = _bounds(spec, placed, statics)
     labels = [*places, *(one.label for one in obstructions)]
     problems = [*_overlaps(placed, statics), *_wrong_names([*statics, *boxes], labels)]
+    if spec.is_draft:  # a finished map may have such a barrier
+        problems += blocked_lanes(placed, [(label, one.plan) for label, one in zip(places, statics, strict=True)])
     if max(bounds[2] - bounds[0], bounds[3] - bounds[1]) > MAX_EXTENT:
         problems.append(_too_large(spec, placed, statics, places, bounds))
     drivable = _united([*(one.drivable for one in placed), *(s.geometry() for s in spec.paved)])

@@ -76,13 +76,24 @@ class PlacedModule:
 
 
 ProblemKind: TypeAlias = Literal[
-    "module", "field", "name", "corners", "extent", "unconnected", "apart", "turned", "width", "overlap", "solids"
+    "module",
+    "field",
+    "name",
+    "corners",
+    "extent",
+    "unconnected",
+    "apart",
+    "turned",
+    "width",
+    "overlap",
+    "solids",
+    "blocked",
 ]
 """Of a file: 'module'. Too large: 'corners', 'extent'. Of ports: 'unconnected', 'apart', 'turned', 'width'. 'overlap':
-roads overlap; 'solids': boxes, walls or blocks do."""
+roads overlap; 'solids': boxes, walls or blocks do; 'blocked': a wall, block or sign stands on a lane."""
 
 
-OF_DRAFT: frozenset[ProblemKind] = frozenset({"unconnected", "apart", "turned", "width", "overlap"})
+OF_DRAFT: frozenset[ProblemKind] = frozenset({"unconnected", "apart", "turned", "width", "overlap", "blocked"})
 """What may be wrong while a map is being built: such a map can be simulated."""
 
 
@@ -105,12 +116,16 @@ class MapProblem:
     turn: float = 0.0
     area: float = 0.0
     """Of an overlap [m^2]."""
+    at: tuple[float, float] | None = None
+    """Where a lane is blocked [m]."""
 
     @property
     def text(self) -> Problem:
         """The parts of the message."""
         if self.detail:
             return self.part, self.detail
+        if self.at:
+            return self.part, " stands on a lane of ", self.other, ". Move it."
         if self.area:
             return self.part, " overlaps ", self.other, f" by {self.area * 1e4:.4g} cm^2. Move one of them."
         assert self.port is not None
@@ -207,6 +222,21 @@ def overlaps(solids: Sequence[Solid], movable: int, kind: ProblemKind = "solids"
     ]
     more = len(problems) - MAX_ERRORS
     return [*problems[:MAX_ERRORS], MapProblem(kind, "", f"and {more} more overlaps")] if more > 0 else problems
+
+
+def blocked_lanes(placed: Sequence[PlacedModule], solids: Sequence[tuple[Place, BaseGeometry]]) -> list[MapProblem]:
+    """A problem for each solid that stands on a lane, and each module whose lane that is."""
+    lanes = [(one, shapely.LineString(line)) for one in placed for line in one.lanes]
+    if not lanes or not solids:
+        return []
+    tree = shapely.STRtree([plan for _, plan in solids])
+    found: dict[tuple[Place, Place], MapProblem] = {}
+    for i, k in tree.query([line for _, line in lanes], predicate="intersects").T[:MAX_PAIRS]:
+        (module, line), (part, plan) = lanes[i], solids[k]
+        middle = line.intersection(plan).centroid
+        problem = MapProblem("blocked", part, other=module.label, at=(middle.x, middle.y))
+        found.setdefault((part, module.label), problem)
+    return [*found.values()][:MAX_ERRORS]
 
 
 def _placed(label: Place, name: str, module: Module, placement: Placement) -> PlacedModule:

@@ -23,7 +23,7 @@ from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.placing import MapProblem
 from autodrive.scenario.maps.props import PropKind
 from autodrive.scenario.maps.spec import MapSpec, Placement
-from autodrive.world.editing.map_edits import own_map, parts_of
+from autodrive.world.editing.map_edits import name_of_entry, own_map, parts_of
 
 if TYPE_CHECKING:
     from autodrive.world import World
@@ -43,7 +43,7 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
     return MapScene(
         parts=parts,
         ports=_ports(world.map, wrong),
-        problems=[_problem(one, world.map, parts) for one in problems],
+        problems=[_problem(one, world.map, spec, parts) for one in problems],
         modules={name: _module(name, one, add) for name, one in sorted(modules.items()) if one.found},
         props=list(_kinds()),
         templates=_templates(),
@@ -85,17 +85,18 @@ def _ports(map_: Map, wrong: set[tuple[int, str]]) -> dict[str, dict[str, MapPor
     }
 
 
-def _problem(problem: MapProblem, map_: Map, parts: dict[str, MapPart]) -> native.MapProblem:
-    by_index = {one.label.location[1]: one for one in map_.modules}
-    concerned = [by_index[one.location[1]] for one in (problem.part, problem.other) if isinstance(one, Place)]
+def _problem(problem: MapProblem, map_: Map, spec: MapSpec, parts: dict[str, MapPart]) -> native.MapProblem:
+    places = [one.location for one in (problem.part, problem.other) if isinstance(one, Place)]
+    names = [name_of_entry(getattr(spec, str(key))[index], int(index) + 1) for key, index in places]
+    x = y = 0.0
     if problem.port:
         x, y, _ = problem.port.pose
-    elif len(concerned) == 2:
-        common = concerned[0].footprint.intersection(concerned[1].footprint).centroid
+    elif problem.at:
+        x, y = problem.at
+    elif len(places) == 2:
+        by_index = {one.label.location: one.footprint for one in map_.modules}
+        common = by_index[places[0]].intersection(by_index[places[1]]).centroid
         x, y = common.x, common.y
-    else:
-        x = y = 0.0
-    names = [one.name for one in concerned]
     text = joined([problem.text], {})[0]
     repaired = _repaired(problem, parts.get(names[-1])) if names else None
     return native.MapProblem(problem.kind, text, x, y, names, {names[-1]: repaired} if repaired else {})
