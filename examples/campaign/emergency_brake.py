@@ -1,4 +1,4 @@
-"""The driver of `weather.yaml`: drives straight on, and brakes before the orange box that it sees in the camera image."""
+"""The driver of `weather.yaml`: drives straight on, and brakes before the orange box in the camera image."""
 
 import numpy as np
 
