@@ -307,7 +307,7 @@ class Renderer:
     # -- programs ---------------------------------------------------------------------------------------------------
 
     def _new_sky(self, is_hazy: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
-        program = self._linked("sky.vert", "sky.frag", **({"AIR": 1} if is_hazy else {}))
+        program = self._linked("sky.vert", "sky.frag", False, **dict.fromkeys(["AIR"] * is_hazy, 1))
         return program, self._context.vertex_array(program, [])
 
     def _new_precipitation(self) -> tuple[moderngl.Program, moderngl.VertexArray]:
