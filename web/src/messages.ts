@@ -1112,3 +1112,79 @@ export type MapPart = MapModule | MapWall | MapBlock | MapProp
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
 export type ServerMessage = Starting | Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame
+
+/** The weathers that have a name, in the order of the devkit. */
+export const WEATHERS: Record<string, Weather> = {
+  "sunny": {
+    "clouds": 0.0,
+    "fog": 0.0,
+    "rain": 0.0,
+    "snow": 0.0,
+    "wind": 0.0,
+    "wetness": null,
+    "snow_cover": null
+  },
+  "cloudy": {
+    "clouds": 0.8,
+    "fog": 0.0,
+    "rain": 0.0,
+    "snow": 0.0,
+    "wind": 0.0,
+    "wetness": null,
+    "snow_cover": null
+  },
+  "light_fog": {
+    "clouds": 0.3,
+    "fog": 0.3,
+    "rain": 0.0,
+    "snow": 0.0,
+    "wind": 0.0,
+    "wetness": null,
+    "snow_cover": null
+  },
+  "heavy_fog": {
+    "clouds": 0.5,
+    "fog": 0.8,
+    "rain": 0.0,
+    "snow": 0.0,
+    "wind": 0.0,
+    "wetness": null,
+    "snow_cover": null
+  },
+  "light_rain": {
+    "clouds": 0.7,
+    "fog": 0.0,
+    "rain": 0.3,
+    "snow": 0.0,
+    "wind": 0.0,
+    "wetness": null,
+    "snow_cover": null
+  },
+  "heavy_rain": {
+    "clouds": 1.0,
+    "fog": 0.0,
+    "rain": 0.8,
+    "snow": 0.0,
+    "wind": 0.0,
+    "wetness": null,
+    "snow_cover": null
+  },
+  "light_snow": {
+    "clouds": 0.7,
+    "fog": 0.0,
+    "rain": 0.0,
+    "snow": 0.3,
+    "wind": 0.0,
+    "wetness": null,
+    "snow_cover": null
+  },
+  "heavy_snow": {
+    "clouds": 1.0,
+    "fog": 0.0,
+    "rain": 0.0,
+    "snow": 0.8,
+    "wind": 0.0,
+    "wetness": null,
+    "snow_cover": null
+  }
+}

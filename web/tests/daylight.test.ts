@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest'
 
-import { type Daylight, daylight } from '../src/scene/daylight'
+import { type Daylight, daylight, effectsOf, extinction, inWeather } from '../src/scene/daylight'
 
 const look = (exposure: number, sun_direction: number[]): Daylight => {
   const colour = [exposure, 0, 0]
@@ -26,5 +26,27 @@ describe('daylight', () => {
   it('does not mix in the night at sunrise and sunset', () => {
     expect(daylight(table, true, 60 * 5)).toBe(low)
     expect(daylight(table, true, 60 * 25)).toBe(high)
+  })
+})
+
+describe('weather', () => {
+  const clear = { clouds: 0, fog: 0, rain: 0, snow: 0, wind: 0, wetness: 0, snow_cover: 0 }
+
+  it('dims the sun and makes the sky grey, as `look.in_air` of the simulator', () => {
+    const day = { ...look(1, [0, 0, 1]), sun_color: [4.1, 3.85, 3.45], zenith: [1.35, 1.75, 2.35] }
+    expect(inWeather(day, null)).toBe(day)
+    const dull = inWeather(day, { ...clear, clouds: 0.5 })
+    // in_air(DAY, Air(clouds=0.5)) of the simulator
+    expect(dull.sun_color[0]).toBeCloseTo(2.1935, 6)
+    expect(dull.zenith).toEqual([1.50625, 1.70625, 2.00625].map((one) => expect.closeTo(one, 6)))
+    expect(inWeather(day, { ...clear, rain: 1 }).sun_color[0]).toBeCloseTo(4.1 * (1 - 0.93 * 0.8), 6)
+  })
+
+  it('sets the flags of the shaders for what can be seen', () => {
+    expect(effectsOf(null, Infinity)).toEqual([])
+    expect(effectsOf({ ...clear, wetness: 0.5 }, 1186)).toEqual(['WET']) // the air is nearly clear
+    expect(effectsOf({ ...clear, snow_cover: 1 }, 8)).toEqual(['AIR', 'SNOW'])
+    expect(extinction(Infinity)).toBe(0)
+    expect(Math.exp(-extinction(20) * 20)).toBeCloseTo(0.05)
   })
 })

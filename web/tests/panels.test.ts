@@ -49,6 +49,43 @@ describe('the menu', () => {
     return all
   }
 
+  test('a weather is chosen by name, by intensity, and by single amounts', () => {
+    const { socket, store } = page()
+    const clear = { clouds: 0, fog: 0, rain: 0, snow: 0, wind: 0, wetness: null, snow_cover: null }
+    const select = get<HTMLSelectElement>('weather')
+    select.value = 'heavy_rain'
+    select.dispatchEvent(new Event('change'))
+    expect(socket.request).toEqual({ type: 'SetWeather', weather: { ...clear, clouds: 1, rain: 0.8 } })
+    const effects = { grip: 0.706, sight: 1186, lidar_dark: 8.65, lidar_bright: 12 }
+    const weather = { ...clear, clouds: 1, rain: 0.8, wetness: 1, snow_cover: 0 }
+    store.frame.value = frameOf(['V1'], { weather, weather_effects: effects })
+    expect(get('weather-numbers').textContent).toBe(
+      'Grip 0.71, LIDAR 8.7 m at 10 % reflectivity, sight more than 1000 m, wetness 100 %',
+    )
+    expect(select.value).toBe('heavy_rain')
+    const intensity = get<HTMLInputElement>('weather-intensity')
+    expect(intensity.getAttribute('aria-valuetext')).toBe('100 %')
+    intensity.value = '0.5'
+    intensity.dispatchEvent(new Event('input'))
+    expect(socket.request).toEqual({ type: 'SetWeather', weather: { ...clear, clouds: 0.5, rain: 0.4 } })
+    const wind = get<HTMLInputElement>('weather-wind')
+    wind.value = '1'
+    wind.dispatchEvent(new Event('input'))
+    expect(socket.request).toMatchObject({ type: 'SetWeather', weather: { wind: 1, rain: 0.4 } })
+  })
+
+  test('the time of day is a slider that says its time', () => {
+    const { socket, store } = page()
+    const clock = get<HTMLInputElement>('time-of-day')
+    clock.value = '1110'
+    clock.dispatchEvent(new Event('input'))
+    expect(socket.request).toEqual({ type: 'SetTimeOfDay', time: 66600 })
+    store.frame.value = frameOf(['V1'], { time_of_day: 66600 })
+    expect(clock.getAttribute('aria-valuetext')).toBe('18:30')
+    expect(get('time-of-day-text').textContent).toBe('18:30')
+    expect(get('weather-numbers').textContent).toContain('Clear')
+  })
+
   test.each([
     ['reset', { type: 'Reset' }],
     ['scene-light', { type: 'SetSceneLight', enabled: false }],

@@ -88,7 +88,8 @@ def check_weather(weather: object) -> None:
         raise CommandError(f"the weather must be a Weather, such as Weather(rain=0.6), not {reprlib.repr(weather)}")
     for name, amount in structs.asdict(weather).items():
         is_held = name in ("wetness", "snow_cover")
-        if not ((amount is None and is_held) or (is_number(amount) and 0.0 <= amount <= 1.0)):
+        is_share = amount is not None and is_number(amount) and 0.0 <= amount <= 1.0
+        if not (is_share or (amount is None and is_held)):
             raise CommandError(
                 f"{name} of the weather must be a number from 0 to 1{' or None' * is_held}, not {reprlib.repr(amount)}"
             )

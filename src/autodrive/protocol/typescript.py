@@ -18,6 +18,7 @@ from autodrive.protocol import channels, native
 from autodrive.protocol.channels import HudRow, Plot, Signal
 from autodrive.protocol.codec import CODES
 from autodrive.protocol.messages import Command, Event, MapPart
+from autodrive.protocol.weather import PRESETS
 
 _ARRAYS = {"<f8": "Float64Array", "<i8": "BigInt64Array", "<f4": "Float32Array", "|u1": "Uint8Array"}
 _PLAIN = {
@@ -53,6 +54,7 @@ def declarations() -> str:
         f"export const ARRAYS = {{ {codes} }} as const",
         *known.values(),
         *unions,
+        f"/** The weathers that have a name, in the order of the devkit. */\n{_weathers()}",
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -80,6 +82,11 @@ def _written(hint: Any, known: dict[type, str]) -> str:
             known[hint] = f"{_comment(hint)}{text}"
         written = hint.__name__
     return written
+
+
+def _weathers() -> str:
+    weathers = {name: msgspec.to_builtins(one) for name, one in PRESETS.items()}
+    return f"export const WEATHERS: Record<string, Weather> = {json.dumps(weathers, indent=2)}"
 
 
 def _enumeration(of: type[IntEnum]) -> str:

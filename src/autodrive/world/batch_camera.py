@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -11,13 +12,14 @@ from autodrive.base.errors import AutodriveError
 from autodrive.base.suggest import suggest
 from autodrive.graphics.meshes.store import scene_of
 from autodrive.graphics.render.batch_renderer import BatchRenderer
-from autodrive.graphics.render.look import DAY, NIGHT
+from autodrive.graphics.render.look import DAY, NIGHT, air_of, in_air
 from autodrive.graphics.render.render_state import OBJECT, VEHICLE
 from autodrive.physics.actuators.lights import lamp_levels, lit_lamps
 from autodrive.physics.sensors.camera import MAX_PIXELS, CameraSpec, world_from_camera
 from autodrive.physics.sensors.camera_imperfections import CameraImperfections
 from autodrive.physics.sensors.camera_view import View
-from autodrive.protocol.messages import CameraIntrinsics, Headlights, Indicators
+from autodrive.physics.weather import ChangingWeather
+from autodrive.protocol.messages import CameraIntrinsics, Headlights, Indicators, Weather
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.factory import compile_scenario
 from autodrive.world.frames import REVERSE_SPEED
@@ -108,15 +110,22 @@ class BatchCamera:
         self._release = weakref.finalize(self, self._renderer.release)
         self._shape = len(compiled.vehicles), len(compiled.boxes)
         self._is_day = compiled.spec.scene_light
+        self._weather = ChangingWeather.settled(compiled.spec.weather.message).at(0.0)
         self.intrinsics: CameraIntrinsics = spec.intrinsics
         """Pinhole parameters in pixels."""
 
     def render(
-        self, states: BatchState, *, is_day: bool | None = None, headlights: Headlights = Headlights.OFF
+        self,
+        states: BatchState,
+        *,
+        is_day: bool | None = None,
+        headlights: Headlights = Headlights.OFF,
+        weather: Sequence[Weather] | None = None,
     ) -> NDArray[np.uint8]:
         """One image of each world, RGB, shape (n, height, width, 3).
 
-        `is_day`: None is the light of the scenario; `headlights`: of all vehicles.
+        `is_day`: None is the light of the scenario; `headlights`: of all vehicles; `weather`: of each world, as
+        `BatchWorld.weathers` has it, None: that of the scenario.
         """
         n, (v, o) = len(states.position), self._shape
         vehicles, objects = np.zeros((n, v), VEHICLE), np.zeros((n, o), OBJECT)
@@ -135,7 +144,9 @@ class BatchCamera:
         throttle = states.throttle
         vehicles["lamps"] = _levels(headlights)[(throttle == 0.0) * 1, ((throttle < 0.0) | is_reversing) * 1]
         is_light = self._is_day if is_day is None else is_day
-        return self._renderer.draw_batch(DAY if is_light else NIGHT, vehicles, objects, is_day=is_light)
+        weathers = [self._weather] * n if weather is None else weather
+        looks = [in_air(DAY if is_light else NIGHT, air_of(one)) for one in weathers]
+        return self._renderer.draw_batch(looks, vehicles, objects, is_day=is_light)
 
     def close(self) -> None:
         """Free all graphics memory; `render` cannot be called any more."""

@@ -13,6 +13,7 @@ from autodrive.experiments.campaigns.campaign import Campaign, CampaignSpec
 from autodrive.experiments.campaigns.metrics import METRICS
 from autodrive.experiments.campaigns.runner import Runner
 from autodrive.experiments.campaigns.runs import run_campaign
+from tests.support.scenes import needs_gl
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/campaigns.md").read_text(encoding="utf-8")
@@ -34,6 +35,17 @@ def test_a_small_version_of_the_example_runs(tmp_path: Path) -> None:
     assert outcome.summary["counts"].get("error", 0) == 0
     assert outcome.summary["pass"]["runs"] == 8
     assert outcome.summary["metrics"]["distance"]["mean"] > 0.5
+
+
+@needs_gl
+def test_the_campaign_in_eight_weathers_has_the_results_of_the_document() -> None:
+    full = Campaign.load(ROOT / "examples/campaign/weather.yaml")
+    assert len(full) == 64
+    runner = Runner(full)
+    for weather, has_detector, collisions in (("sunny", True, 0.0), ("sunny", False, 1.0), ("heavy_snow", True, 1.0)):
+        wanted = {"weather": weather, "time_of_day": "11:00", "driver.has_detector": has_detector}
+        run = next(run for run in map(full.run, range(64)) if run.values == wanted)
+        assert runner.run(run).metrics["collisions"] == collisions
 
 
 def test_the_campaign_of_the_race_policy_runs() -> None:

@@ -13,6 +13,7 @@ import { ask } from './question'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
 import { tools } from './tools'
+import { weather } from './weather'
 
 const QUALITIES: Record<Quality, string> = {
   auto: 'Automatic',
@@ -54,6 +55,7 @@ export function menu(
     simulator(store, actions),
     time(store, actions),
     scenario(store, connection, save),
+    weather(store, actions),
     view(store),
     tools(store, actions),
   )

@@ -1,4 +1,6 @@
-// The light of a scene by day, by night and at a time of day.
+// The light of a scene by day, by night, at a time of day, and under clouds.
+
+import type { Weather } from '../messages'
 
 /** Sun or moon, sky and exposure; as `Daylight` of the simulator. */
 export interface Daylight {
@@ -9,6 +11,40 @@ export interface Daylight {
   floor_glow: number[]
   exposure: number
   glow: number
+}
+
+/** Extinction [1/m] below which air is drawn as clear; as in `look.py`. */
+const LEAST_EXTINCTION = 0.005
+
+/** What surfaces and sky show of the weather, as flags of the shaders. */
+export function effectsOf(weather: Weather | null, sight: number): string[] {
+  if (!weather) return []
+  const found = { AIR: extinction(sight) > LEAST_EXTINCTION, WET: weather.wetness, SNOW: weather.snow_cover }
+  return Object.entries(found)
+    .filter(([, isSet]) => isSet)
+    .map(([name]) => name)
+}
+
+/** Extinction of the air [1/m]; the sight [m] is infinite in clear air. */
+export function extinction(sight: number): number {
+  return Math.log(20) / sight
+}
+
+/** That light under clouds, as `in_air` of the simulator: less sun, and a grey sky. */
+export function inWeather(look: Daylight, weather: Weather | null): Daylight {
+  if (!weather) return look
+  const clouds = Math.max(weather.clouds, 0.8 * weather.rain, 0.7 * weather.snow, 0.7 * weather.fog)
+  const grey = ([red, green, blue]: number[], factor: number) => {
+    const mean = factor * (0.3 * red + 0.5 * green + 0.2 * blue)
+    return [red, green, blue].map((one) => one + clouds * (mean - one))
+  }
+  return {
+    ...look,
+    sun_color: look.sun_color.map((one) => (1 - 0.93 * clouds) * one),
+    zenith: grey(look.zenith, 0.95),
+    horizon: grey(look.horizon, 0.9),
+    floor_glow: grey(look.floor_glow, 0.8),
+  }
 }
 
 /** `light_table` of a Scene: 'minutes' has one look for each ten minutes of a day. */

@@ -1,7 +1,7 @@
 // Motion interpolation: shows the world with a small delay, interpolated between two Frames.
 import { Quaternion, Vector3 } from 'three'
 
-import type { Frame, Pose, VehicleFrame } from '../messages'
+import type { Frame, Pose, VehicleFrame, Weather } from '../messages'
 
 /** The delay, in intervals between Frames; the jitter of the arrivals is added. */
 const DELAY = 1.5
@@ -36,6 +36,10 @@ export interface WorldState {
   isDay: boolean
   /** Since midnight [s]; null if the light is fixed. */
   timeOfDay: number | null
+  /** null: clear. */
+  weather: Weather | null
+  /** Sight through the air [m]. */
+  sight: number
   vehicles: Map<string, VehicleMotion>
   objects: Map<string, PlacedObject>
 }
@@ -47,7 +51,10 @@ interface Arrival {
 }
 
 export class MotionInterpolator {
-  readonly state: WorldState = { time: 0, isDay: true, timeOfDay: null, vehicles: new Map(), objects: new Map() }
+  readonly state: WorldState = {
+    ...{ time: 0, isDay: true, timeOfDay: null, weather: null, sight: Infinity },
+    ...{ vehicles: new Map(), objects: new Map() },
+  }
   private arrivals: Arrival[] = []
   private shown = 0
   private rate = 1
@@ -142,6 +149,8 @@ export class MotionInterpolator {
     state.time = this.shown
     state.isDay = b.scene_light
     state.timeOfDay = b.time_of_day
+    state.weather = b.weather ?? null
+    state.sight = b.weather_effects?.sight ?? Infinity
     for (const [name, to] of Object.entries(b.vehicles)) {
       const from = a.vehicles[name] ?? to
       const way = distance(from.pose, to.pose)

@@ -2,16 +2,21 @@
 // simulator cameras, so that both images agree.
 
 import LIGHT_FORMULAS from '../../../src/autodrive/graphics/render/shaders/light.glsl?raw'
+import PRECIPITATION_FRAGMENT from '../../../src/autodrive/graphics/render/shaders/precipitation.frag?raw'
+import PRECIPITATION from '../../../src/autodrive/graphics/render/shaders/precipitation.vert?raw'
 import SHOWN from '../../../src/autodrive/graphics/render/shaders/tone.glsl?raw'
 import { BEAM_SLOTS, LAMP_SLOTS } from './lamps'
 import { BONES } from './skeleton'
+
+export { PRECIPITATION_FRAGMENT }
 
 export const CASTER_TILES = 4
 export const CASTER_SLOTS = CASTER_TILES * CASTER_TILES
 
 const LIGHT = /* glsl */ `
-uniform vec3 sun_direction, sun_color, zenith, horizon, floor_glow;
-uniform vec2 exposure;  // of reflected light, of emitted light
+uniform vec3 sun_direction, sun_color, zenith, horizon;
+uniform vec4 floor_glow;  // snow cover of the ground
+uniform vec4 exposure;    // of reflected light, of emitted light, extinction of the air, wetness of the ground
 `
 
 const TONE = /* glsl */ `
@@ -79,7 +84,7 @@ void main() {
   own_uv = uv;
   in_sun = sun_from_map * (place + 0.004 * facing);  // offset from the surface, against shadow acne
 #ifdef LIGHTWEIGHT
-  from_sky = 0.31831 * mix(floor_glow, 0.5 * (zenith + horizon), facing.z * 0.5 + 0.5);
+  from_sky = 0.31831 * mix(floor_glow.rgb, 0.5 * (zenith + horizon), facing.z * 0.5 + 0.5);
   from_sun = 0.31831 * clamp(dot(facing, sun_direction), 0.0, 1.0) * sun_color;
 #endif
   gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
@@ -162,10 +167,27 @@ vec3 reflected(Finish f, bool is_glossy, vec3 n, vec3 v, vec3 l) {
   return matt(f, n, l);
 }
 
+// Light that arrives at the camera, with what the surface emits and what its water mirrors.
+vec3 in_air(vec3 light) {
+  vec3 emission = own_emission;
+#if defined(WET) && !defined(SKINNED)
+  light += glint(normalize(facing), normalize(cameraPosition - place));
+#endif
+#ifdef AIR
+  float share = exp(-exposure.z * distance(cameraPosition, place));
+  light = mix(horizon * 0.31831, light, share);
+  emission *= share;
+#endif
+  return light * exposure.x + emission * exposure.y;
+}
+
 void main() {
   vec3 color = own_color;
 #ifdef TEXTURED
   color *= texture(surface_image, own_uv).rgb;
+#endif
+#if !defined(SKINNED) && (defined(WET) || defined(SNOW))
+  color = weathered(color, normalize(facing));
 #endif
   float open = openness(), lit = is_day == 1 ? sunlit() : 1.0;
   float roughness = own_finish.x, metallic = own_finish.y;
@@ -173,7 +195,7 @@ void main() {
   vec3 plain = color * (1.0 - 0.5 * metallic);
   vec3 light = plain * (open * from_sky + lit * from_sun);
   if (lamp_count == 0) {
-    pixel = vec4(shown(light * exposure.x + own_emission * exposure.y), 1.0);
+    pixel = vec4(shown(in_air(light)), 1.0);
     return;
   }
 #endif
@@ -210,7 +232,7 @@ void main() {
     vec3 arriving = lamp_light(i, l);
     light += reflected(f, is_glossy, n, v, l) * arriving;
   }
-  pixel = vec4(dithered(shown(light * exposure.x + own_emission * exposure.y)), 1.0);
+  pixel = vec4(dithered(shown(in_air(light))), 1.0);
 }
 `
 
@@ -233,6 +255,13 @@ ${TONE}
 void main() {
   float up = clamp(ray.z * inversesqrt(dot(ray, ray)), 0.0, 1.0);
   vec3 low = shown(horizon * 0.31831 * exposure.x), high = shown(zenith * 0.31831 * exposure.x);
-  pixel = vec4(dithered(mix(low, high, sqrt(up))), 1.0);
+  vec3 seen = mix(low, high, sqrt(up));
+#ifdef AIR
+  seen = mix(low, seen, exp(-3.0 * exposure.z / (up + 0.02)));
+#endif
+  pixel = vec4(dithered(seen), 1.0);
 }
 `
+
+/** Rain and snow before the camera: the shaders of the simulator cameras, whose uniform block is replaced. */
+export const PRECIPITATION_VERTEX = PRECIPITATION.replace(/layout.*/, LIGHT).replace('TONE', SHOWN)

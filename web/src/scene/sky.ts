@@ -23,6 +23,11 @@ export class Sky {
     this.mesh.renderOrder = 10 // after the objects, so that hidden pixels are not shaded
   }
 
+  /** Draws haze or clear air. */
+  setHazy(isHazy: boolean): void {
+    setFlags(this.material, isHazy ? ['AIR'] : [])
+  }
+
   /** Sets the view directions from a camera. */
   prepare(camera: Camera): void {
     this.mapFromClip.multiplyMatrices(camera.matrixWorld, camera.projectionMatrixInverse)
@@ -31,5 +36,17 @@ export class Sky {
   dispose(): void {
     this.geometry.dispose()
     this.material.dispose()
+  }
+}
+
+const WEATHER_FLAGS = ['AIR', 'WET', 'SNOW']
+
+/** Compiles a material with these flags of the weather, if they have changed. */
+export function setFlags(material: ShaderMaterial, flags: string[]): void {
+  for (const flag of WEATHER_FLAGS) {
+    if (flags.includes(flag) === flag in material.defines) continue
+    if (flags.includes(flag)) material.defines[flag] = 1
+    else delete material.defines[flag]
+    material.needsUpdate = true
   }
 }

@@ -17,23 +17,24 @@ import {
   SRGBColorSpace,
   Texture,
   Scene as ThreeScene,
-  Vector2,
   Vector3,
+  Vector4,
 } from 'three'
 
 import type { Scene } from '../messages'
 import { hasSeveralVehicles, vehicleColour } from '../vehicle_colours'
-import { daylight } from './daylight'
+import { daylight, effectsOf, extinction, inWeather } from './daylight'
 import { meshParts, shadowGeometry } from './geometry'
 import type { Asset, Vector } from './glb'
 import { LampGlare } from './lamp_glare'
 import { ActiveLamps, BEAM_SLOTS, lampsOf } from './lamps'
 import type { WorldState } from './motion'
+import { Precipitation } from './precipitation'
 import type { Profile } from './quality'
 import { CASTER_SLOTS, SCENE_FRAGMENT, SCENE_VERTEX } from './shaders'
 import { depthMaterial, Shadows, sunAxes } from './shadows'
 import { Skeleton } from './skeleton'
-import { Sky } from './sky'
+import { Sky, setFlags } from './sky'
 import { VehicleModel } from './vehicle'
 
 /** Assets by their URL in the Scene. */
@@ -51,8 +52,8 @@ export class World {
     sun_color: { value: new Vector3() },
     zenith: { value: new Vector3() },
     horizon: { value: new Vector3() },
-    floor_glow: { value: new Vector3() },
-    exposure: { value: new Vector2() },
+    floor_glow: { value: new Vector4() },
+    exposure: { value: new Vector4() },
     is_day: { value: 1 },
     caster_count: { value: 0 },
     beam_count: { value: 0 },
@@ -68,6 +69,9 @@ export class World {
   private readonly vehicles = new Map<string, VehicleModel>()
   private readonly groups: InstanceGroup[] = []
   private readonly sky: Sky
+  private readonly precipitation: Precipitation
+  private readonly surfaces: ShaderMaterial[] = []
+  private effects = ''
   private readonly glare: LampGlare
   private readonly disposables: { dispose(): void }[] = []
 
@@ -98,7 +102,8 @@ export class World {
     this.shared = { ...this.light, ...this.shadows.uniforms, ...this.places, ...lamps, ...axes }
     this.sky = new Sky(this.shared)
     this.glare = new LampGlare(models.length)
-    this.scene.add(this.sky.mesh, this.glare.points)
+    this.precipitation = new Precipitation(this.shared)
+    this.scene.add(this.sky.mesh, this.glare.points, this.precipitation.mesh)
     this.addMap(asset(assets, description.model))
     for (const model of models) this.scene.add(model.build(profile, (bones) => this.material(null, bones)))
     this.addObjects(assets)
@@ -112,6 +117,7 @@ export class World {
   /** Updates all poses and lamps, `dt` [s] after the last update. The headlights of `followed` cast shadows. */
   update(state: WorldState, followed: string, cameraPosition: Vector3, dt: number): void {
     this.setLight(state)
+    this.precipitation.update(state)
     for (const [name, motion] of state.vehicles) {
       this.vehicles.get(name)?.update(motion, dt, cameraPosition.distanceTo(motion.position) < this.profile.fullDetail)
     }
@@ -152,6 +158,7 @@ export class World {
   dispose(): void {
     this.shadows.dispose()
     this.sky.dispose()
+    this.precipitation.dispose()
     this.glare.dispose()
     for (const model of this.vehicles.values()) model.dispose()
     for (const thing of this.disposables) thing.dispose()
@@ -171,6 +178,7 @@ export class World {
       ...{ vertexShader: SCENE_VERTEX, fragmentShader: SCENE_FRAGMENT, glslVersion: GLSL3, defines, uniforms },
     })
     this.disposables.push(material)
+    this.surfaces.push(material)
     return material
   }
 
@@ -255,18 +263,25 @@ export class World {
     for (const mesh of meshes) mesh.instanceMatrix.needsUpdate = true
   }
 
-  private setLight({ isDay, timeOfDay }: WorldState): void {
-    const look = daylight(this.description.light_table, isDay, timeOfDay)
+  private setLight({ isDay, timeOfDay, weather, sight }: WorldState): void {
+    const look = inWeather(daylight(this.description.light_table, isDay, timeOfDay), weather)
+    const effects = effectsOf(weather, sight)
+    if (String(effects) !== this.effects) {
+      this.effects = String(effects)
+      for (const material of this.surfaces) setFlags(material, effects)
+      this.sky.setHazy(effects.includes('AIR'))
+    }
     const sun = String(look.sun_direction)
     if (isDay && sun !== this.sun) {
       this.sun = sun
       this.shadows.setSun(look.sun_direction)
       this.sunFromMap.value.copy(sunAxes(look.sun_direction))
     }
-    for (const name of ['sun_direction', 'sun_color', 'zenith', 'horizon', 'floor_glow'] as const) {
+    for (const name of ['sun_direction', 'sun_color', 'zenith', 'horizon'] as const) {
       this.light[name].value.fromArray(look[name])
     }
-    this.light.exposure.value.set(look.exposure, look.glow)
+    this.light.floor_glow.value.fromArray([...look.floor_glow, weather?.snow_cover ?? 0])
+    this.light.exposure.value.set(look.exposure, look.glow, extinction(sight), weather?.wetness ?? 0)
     this.light.is_day.value = isDay ? 1 : 0
   }
 

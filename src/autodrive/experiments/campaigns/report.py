@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 WORST = 25
 """Runs in the table of the worst cases."""
+FEW = 12
+"""Parameters with at most so many values are crossed in tables."""
 POINTS = 2000
 """Points of a plot at most, at equal distances in the table."""
 BINS = 10
@@ -144,6 +146,8 @@ def _plots(campaign: Campaign, table: Columns) -> str:
                 options = sorted(table[path].unique().to_pylist())
                 places = np.select([table.where(path, one) for one in options], np.arange(float(len(options))))
                 parts.append(_rates(path, places[is_judged], is_passed[is_judged], [_text(one) for one in options]))
+        few = [path for path in varied if len(table[path].unique()) <= FEW]
+        parts += [_crossed(table, few[0], other, is_passed, is_judged) for other in few[1:]]
     step = max(1, math.ceil(len(table) / POINTS))
     shown = table["status"].take(np.arange(0, len(table), step)).to_pylist()
     parts.append("<h2>Metrics by parameter</h2>")
@@ -190,6 +194,20 @@ def _rates(path: str, values: Floats, passed: Any, options: list[str] | None = N
                 f"<title>{int(of.sum())} of {len(of)}</title></circle>"
             )
     return _figure(path, "pass rate", values, np.array([0.0, 1.0]), "".join(marks), options, inset=8)
+
+
+def _crossed(table: Columns, down: str, across: str, passed: Any, judged: Any) -> str:
+    """A table of the runs that passed, of all that were judged, for each pair of values of two parameters."""
+    rows, columns = ([*dict.fromkeys(table[path].to_pylist())] for path in (down, across))
+    lines = []
+    for row in rows:
+        cells = ""
+        for column in columns:
+            here = judged & table.where(down, row) & table.where(across, column)
+            cells += f"<td>{int((passed & here).sum())} of {int(here.sum())}</td>"
+        lines.append(f'<tr><td class="text">{_text(row)}</td>{cells}</tr>')
+    head = "".join(f"<th>{escape(across)} {_text(column)}</th>" for column in columns)
+    return f'<div class="wide"><table><tr><th class="text">{escape(down)}</th>{head}</tr>{"".join(lines)}</table></div>'
 
 
 def _scatter(path: str, name: str, xs: Floats, ys: Floats, status: list[str]) -> str:

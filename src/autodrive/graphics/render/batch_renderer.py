@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -103,11 +104,12 @@ class BatchRenderer(Renderer):
             self._own, self._own_pieces = self._own_vehicle()
 
     def draw_batch(
-        self, look: Daylight, vehicles: np.ndarray, objects: np.ndarray, *, is_day: bool
+        self, looks: Sequence[Daylight], vehicles: np.ndarray, objects: np.ndarray, *, is_day: bool
     ) -> NDArray[np.uint8]:
         """One image of each of n states, RGB, shape (n, height, width, 3).
 
-        `vehicles`: shape (n, v), dtype `render_state.VEHICLE`; `objects`: shape (n, o), dtype `render_state.OBJECT`.
+        `looks`: of each, with the same direction towards the sun. `vehicles`: shape (n, v), dtype
+        `render_state.VEHICLE`; `objects`: shape (n, o), dtype `render_state.OBJECT`.
         """
         k, n = self._view.intrinsics, len(vehicles)
         images = np.empty((n, k.height, k.width, 3), np.uint8)
@@ -117,10 +119,11 @@ class BatchRenderer(Renderer):
         order = np.array(sorted(range(n), key=[row.tobytes() for row in objects].__getitem__), np.intp)
         with self._context:
             if is_day:
-                self._shadows.set_sun(look.sun_direction)
+                self._shadows.set_sun(looks[0].sun_direction)
             for numbers in np.split(order, range(PART, n, PART)):
                 part = self._prepared(vehicles[numbers], objects[numbers])
-                images[numbers] = self._draw_part(part, look, is_day).reshape(-1, *images.shape[1:])
+                own = [looks[k] for k in numbers.tolist()]
+                images[numbers] = self._draw_part(part, own, is_day).reshape(-1, *images.shape[1:])
         if self.quality.antialiasing == "fxaa":
             opaque = np.full((k.height, k.width, 1), 255, np.uint8)
             for image in images:
@@ -216,7 +219,7 @@ class BatchRenderer(Renderer):
 
     # -- drawing ----------------------------------------------------------------------------------------------------
 
-    def _draw_part(self, part: Part, look: Daylight, is_day: bool) -> NDArray[np.uint8]:
+    def _draw_part(self, part: Part, looks: Sequence[Daylight], is_day: bool) -> NDArray[np.uint8]:
         m = len(part.roots)
         casters = [self._casters(part, k) for k in range(m)]
         is_dimmed = np.array([dims[:, own].any(1) for dims, own in zip(part.is_dimmed, casters, strict=True)])
@@ -227,7 +230,8 @@ class BatchRenderer(Renderer):
             if k >= RING:
                 targets[k % RING].read_rgb_into(self._pixels, (k - RING) * self._image_size)
             self._draw_list.frame[...] = 0
-            self._draw_list.set_sky(look)
+            self._draw_list.set_sky(looks[k])
+            weather = looks[k].air.effects
             lit = self._illumination(part, k, casters[k], is_day)
             light = lit._replace(casters=()), lit
             self._frame.write(self._draw_list.frame.tobytes())
@@ -235,8 +239,9 @@ class BatchRenderer(Renderer):
             self._bind()
             targets[k % RING].begin()
             ground = ((self._seen_static, piece, None, None, light[is_in]) for is_in, piece in static[k])
-            self._draw_calls([*self._posed(part, k, is_dimmed[k], light), *ground], is_day)
-            self._draw_sky(part.clips[k])
+            self._draw_calls([*self._posed(part, k, is_dimmed[k], light), *ground], is_day, weather=weather)
+            self._draw_sky(part.clips[k], weather=weather)
+            self._draw_precipitation(looks[k].air, 0.0, replace(self._view, position=part.eyes[k, :3, 3].tolist()))
             targets[k % RING].finish()
         for k in range(max(m - RING, 0), m):
             targets[k % RING].read_rgb_into(self._pixels, k * self._image_size)

@@ -162,7 +162,8 @@ class DrawList:
         """Write sun and sky into `frame`."""
         for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow"):
             self.frame[name][:3] = getattr(look, name)
-        self.frame["exposure"][:2] = look.exposure, look.glow
+        self.frame["exposure"] = look.exposure, look.glow, look.air.extinction, look.air.wetness
+        self.frame["floor_glow"][3] = look.air.snow_cover
         self.frame["sun_from_map"][:3, :3] = self._shadows.sun.T
 
     def set_casters(

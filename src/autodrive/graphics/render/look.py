@@ -7,12 +7,37 @@ another for night. All values were chosen by eye. The page draws with the same t
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from autodrive.base.transforms import Vector
 from autodrive.base.units import DEGREE
+from autodrive.physics.weather import extinction
+from autodrive.protocol.messages import Weather
+
+LEAST_EXTINCTION = 0.005
+"""Clearer air is not drawn: in 10 m it takes less than 5 % of the light [1/m]."""
+
+
+class Air(NamedTuple):
+    """The weather of a picture."""
+
+    clouds: float = 0.0
+    """Share of the sky that hides the sun."""
+    extinction: float = 0.0
+    """[1/m]."""
+    rain: float = 0.0
+    snow: float = 0.0
+    wind: float = 0.0
+    wetness: float = 0.0
+    snow_cover: float = 0.0
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """What surfaces show of it, as flags of the shaders; see `LEAST_EXTINCTION`."""
+        found = {"AIR": self.extinction > LEAST_EXTINCTION, "WET": self.wetness > 0.0, "SNOW": self.snow_cover > 0.0}
+        return tuple(flag for flag, is_set in found.items() if is_set)
 
 
 @dataclass(frozen=True)
@@ -32,6 +57,7 @@ class Daylight:
     """Factor for all reflected light."""
     glow: float
     """Factor for light that lamps and other surfaces emit."""
+    air: Air = Air()  # noqa: RUF009  it is constant
 
 
 def _towards(azimuth_deg: float, elevation_deg: float) -> Vector:
@@ -143,11 +169,44 @@ BEAMS = {
 """By the lamp names of `LightsSpec`."""
 
 
+def air_of(weather: Weather) -> Air:
+    """The weather of a picture. Rain, snow and fog come with clouds."""
+    clouds = max(weather.clouds, 0.8 * weather.rain, 0.7 * weather.snow, 0.7 * weather.fog)
+    wetness, snow_cover = weather.wetness or 0.0, weather.snow_cover or 0.0
+    return Air(clouds, extinction(weather), weather.rain, weather.snow, weather.wind, wetness, snow_cover)
+
+
+@lru_cache(maxsize=64)
+def in_air(look: Daylight, air: Air) -> Daylight:
+    """That light in that weather: clouds take most of the sun, which fades shadows, and make the sky grey."""
+    c = air.clouds
+
+    def grey(colour: Vector, factor: float) -> Vector:
+        mean = factor * (0.3 * colour[0] + 0.5 * colour[1] + 0.2 * colour[2])
+        red, green, blue = (one + c * (mean - one) for one in colour)
+        return red, green, blue
+
+    red, green, blue = look.sun_color
+    sun = 1.0 - 0.93 * c
+    return replace(
+        look,
+        sun_color=(sun * red, sun * green, sun * blue),
+        zenith=grey(look.zenith, 0.95),
+        horizon=grey(look.horizon, 0.9),
+        floor_glow=grey(look.floor_glow, 0.8),
+        air=air,
+    )
+
+
 def light_table() -> dict[str, Any]:
     """All of these as plain data; 'minutes': the look at every tenth minute of a day."""
     return {
-        "day": asdict(DAY),
-        "night": asdict(NIGHT),
-        "minutes": [asdict(look_at(60.0 * minute)) for minute in range(0, 1440, 10)],
+        "day": _plain(DAY),
+        "night": _plain(NIGHT),
+        "minutes": [_plain(look_at(60.0 * minute)) for minute in range(0, 1440, 10)],
         "beams": {name: asdict(beam) for name, beam in BEAMS.items()},
     }
+
+
+def _plain(look: Daylight) -> dict[str, Any]:
+    return {name: value for name, value in asdict(look).items() if name != "air"}

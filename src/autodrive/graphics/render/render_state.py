@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from autodrive.graphics.render.look import DAY, NIGHT, Daylight, look_at
+from autodrive.graphics.render.look import DAY, NIGHT, Air, Daylight, air_of, in_air, look_at
 from autodrive.physics.actuators.lights import LAMPS, lamp_levels
 
 if TYPE_CHECKING:
@@ -28,8 +28,10 @@ VEHICLE = np.dtype(
     ]
 )
 OBJECT = np.dtype([("position", np.float64, 3), ("orientation", np.float64, 4)])
-HEADER = np.dtype([("time", np.float64), ("is_day", np.float64), ("time_of_day", np.float64)])
-"""`time_of_day` [s] is nan if the light is fixed."""
+HEADER = np.dtype(
+    [("time", np.float64), ("is_day", np.float64), ("time_of_day", np.float64), ("air", np.float64, len(Air._fields))]
+)
+"""`time_of_day` [s] is nan if the light is fixed. `air`: see `look.Air`."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class RenderState:
         state.header["time"], state.header["is_day"] = frame.time, frame.scene_light
         if frame.time_of_day is not None:
             state.header["time_of_day"] = frame.time_of_day
+        if frame.weather is not None:
+            state.header["air"] = air_of(frame.weather)
         for row, vehicle in zip(state.vehicles, frame.vehicles.values(), strict=True):
             row["position"], row["orientation"] = vehicle.pose.position, vehicle.pose.orientation
             row["velocity"], row["angular_velocity"] = vehicle.velocity, vehicle.angular_velocity
@@ -94,6 +98,7 @@ class RenderState:
     def look(self) -> Daylight:
         """Sun, sky and exposure."""
         time_of_day = float(self.header["time_of_day"])
-        if math.isnan(time_of_day):
-            return DAY if self.is_day else NIGHT
-        return look_at(time_of_day)
+        fixed = DAY if self.is_day else NIGHT
+        look = fixed if math.isnan(time_of_day) else look_at(time_of_day)
+        air = Air(*self.header["air"].tolist())
+        return look if air == Air() else in_air(look, air)

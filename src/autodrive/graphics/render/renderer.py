@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
@@ -28,9 +29,12 @@ if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
     from autodrive.base.transforms import Vector
     from autodrive.graphics.assets.asset import Asset, Detail
+    from autodrive.graphics.render.look import Air
     from autodrive.graphics.render.render_state import RenderState
     from autodrive.graphics.render.scene import RenderScene
 
+STREAKS, FLAKES = 260, 500
+"""Rain streaks and snow flakes in an image of the heaviest rain and snow."""
 PART_SIZE = 0.06
 """Of the parts of a vehicle [m]."""
 
@@ -57,6 +61,7 @@ class ShaderVariant(NamedTuple):
     casters: int
     beams: int
     lamps: int
+    weather: tuple[str, ...]
 
 
 class Renderer:
@@ -115,8 +120,8 @@ class Renderer:
         self._program, self._target = cache(self._new_program), cache(self._new_target)
         self._label_program = cache(lambda is_jointed: self._linked("scene.vert", "label.frag", is_jointed))
         self._exact_target = cache(lambda width, height: DepthLabelTarget(context, width, height))
-        self._sky = self._linked("sky.vert", "sky.frag")
-        self._sky_corners = context.vertex_array(self._sky, [])
+        self._sky = cache(self._new_sky)
+        self._precipitation = cache(self._new_precipitation)
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.depth_func = "<="
 
@@ -145,7 +150,7 @@ class Renderer:
         targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
         for target, view in zip(targets, views, strict=True):
             target.begin()
-            self._draw_colors(view, state.is_day)
+            self._draw_colors(view, state.look.air, state.time, state.is_day)
         for target in targets:
             target.finish()
         images = [RenderedImage(target.read()) for target in targets]
@@ -173,12 +178,13 @@ class Renderer:
         del number
         return RenderTarget(self._context, width, height, self.quality.antialiasing)
 
-    def _draw_colors(self, view: View, is_day: bool) -> None:
+    def _draw_colors(self, view: View, air: Air, time: float, is_day: bool) -> None:
         clip = self._look(view)
-        self._draw_calls(self._seen(clip), is_day)
-        self._draw_sky(clip)
+        self._draw_calls(self._seen(clip), is_day, weather=air.effects)
+        self._draw_sky(clip, weather=air.effects)
+        self._draw_precipitation(air, time, view)
 
-    def _draw_calls(self, calls: list[DrawCall], is_day: bool) -> None:
+    def _draw_calls(self, calls: list[DrawCall], is_day: bool, *, weather: tuple[str, ...]) -> None:
         """Draw these, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
         textured = next((i for i, (_, piece, *_) in enumerate(calls) if piece[3]), 0)
         order = [*calls[textured : textured + 1], *calls[:textured], *calls[textured + 1 :]]
@@ -186,7 +192,8 @@ class Renderer:
         for model, piece, bones, glow, lit in order:
             first, count, kind, textures = piece
             counts = len(lit.casters), len(lit.beams), len(lit.lamps)
-            variant = ShaderVariant(bones is not None, kind, bool(textures), is_day, lit.is_shaded, *counts)
+            looks = bones is not None, kind, bool(textures), is_day, lit.is_shaded
+            variant = ShaderVariant(*looks, *counts, weather)
             program = self._program(variant)
             if (variant, textures, lit) != used:
                 used = variant, textures, lit
@@ -200,11 +207,31 @@ class Renderer:
                 write(program, "lamps", glow)
             model.draw(program, first, count)
 
-    def _draw_sky(self, clip: Floats) -> None:
-        write(self._sky, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
+    def _draw_sky(self, clip: Floats, *, weather: tuple[str, ...]) -> None:
+        program, corners = self._sky("AIR" in weather)
+        write(program, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
         self._context.disable(moderngl.CULL_FACE)
-        self._sky_corners.render(moderngl.TRIANGLES, 3)
+        corners.render(moderngl.TRIANGLES, 3)
         self._context.enable(moderngl.CULL_FACE)
+
+    def _draw_precipitation(self, air: Air, time: float, view: View) -> None:
+        """Rain and snow in the air before the camera; other places in each image, the same for the same time."""
+        streaks, flakes = round(STREAKS * air.rain), round(FLAKES * air.snow)
+        if streaks + flakes == 0:
+            return
+        program, quads = self._precipitation()
+        k = view.intrinsics
+        place = f"{view.position} {view.orientation}".encode()
+        write(program, "seed", np.int32(zlib.crc32(place, round(1e4 * time)) & 0x7FFFFFFF).tobytes())
+        write(program, "flakes", np.int32(streaks).tobytes())
+        pixel = 2.0 * max(1.0, k.height / 480.0)
+        shape = pixel / k.width, pixel / k.height, 0.1 + 0.9 * air.wind, 0.0
+        write(program, "shape", np.array(shape, np.float32).tobytes())
+        self._context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+        self._context.enable(moderngl.BLEND)
+        quads.render(moderngl.TRIANGLES, 6 * (streaks + flakes))
+        self._context.disable(moderngl.BLEND)
+        self._context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
 
     def _draw_exact(self, view: View) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Depths [m] and labels, shape (height, width) each."""
@@ -279,6 +306,14 @@ class Renderer:
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
+    def _new_sky(self, is_hazy: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        program = self._linked("sky.vert", "sky.frag", False, **dict.fromkeys(["AIR"] * is_hazy, 1))
+        return program, self._context.vertex_array(program, [])
+
+    def _new_precipitation(self) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        program = self._linked("precipitation.vert", "precipitation.frag")
+        return program, self._context.vertex_array(program, [])
+
     def _new_program(self, variant: ShaderVariant) -> moderngl.Program:
         is_quick = self.quality.detail == "reduced"
         flags = {
@@ -289,7 +324,7 @@ class Renderer:
             "SUNLIT": variant.is_day,
             "STILL": variant.is_shaded,
         }
-        definitions = {name: 1 for name, is_set in flags.items() if is_set}
+        definitions = {name: 1 for name, is_set in flags.items() if is_set} | dict.fromkeys(variant.weather, 1)
         definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
         definitions["TAPS"] = self.quality.taps
         texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"

@@ -103,8 +103,8 @@ class BatchWorld(OneThread):
         self._seeds = [seed + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
         """Of the present episodes."""
-        self._weathers = [ChangingWeather().at(0.0)] * n
-        """Likewise, with wetness and snow cover."""
+        self.weathers = [ChangingWeather().at(0.0)] * n
+        """Of the present episodes, with wetness and snow cover."""
         self._has_own_vehicles = np.zeros(n, np.bool_)
         self._specs = {
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
@@ -264,8 +264,8 @@ class BatchWorld(OneThread):
         """Set the tables and the noise of world k. `tables`: those of Specs that other worlds have, too."""
         w = self.worlds
         is_other = any((before[k] != factors[name]).any() for name, before in self._factors.items())
-        if is_other or own or self._has_own_vehicles[k] or weather != self._weathers[k]:
-            self._weathers[k] = weather
+        if is_other or own or self._has_own_vehicles[k] or weather != self.weathers[k]:
+            self.weathers[k] = weather
             for name, before in self._factors.items():
                 before[k] = factors[name]
             self._has_own_vehicles[k] = bool(own)

@@ -1,7 +1,7 @@
     vec4 sun_direction;         // towards the sun
     vec4 sun_color;             // irradiance of a surface that faces it
-    vec4 zenith, horizon, floor_glow;  // irradiance from above, from the horizon, from below
-    vec4 exposure;              // for reflected light, for emitted light, unused, unused
+    vec4 zenith, horizon, floor_glow;  // irradiance from above, from the horizon, from below; floor_glow.w: snow cover
+    vec4 exposure;              // for reflected light, for emitted light; extinction of the air, wetness of the ground
     mat4 sun_from_map;
     vec4 still_scale, still_offset;    // from in_sun to the static shadow map
     vec4 caster_offset[16];     // the same for the tile of each vehicle

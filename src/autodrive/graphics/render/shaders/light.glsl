@@ -53,3 +53,28 @@ vec3 lamp_light(int i, out vec3 l) {
     float window = clamp(1.0 - r2 * r2, 0.0, 1.0);
     return lamp_color[i].rgb * (cone * cone * window * window / (d2 + 1e-3));
 }
+
+// Weather: exposure.z is the extinction of the air [1/m], exposure.w the wetness of the ground, floor_glow.w its snow cover.
+// AIR, WET, SNOW: which of them are not 0.
+#if defined(WET) || defined(SNOW)
+// The colour of ground under water and snow: Lekner and Dorf 1988, as `weather.wet_reflectivity`; snow by the normal.
+vec3 weathered(vec3 color, vec3 n) {
+#ifdef WET
+    color = mix(color, 0.5174 * color / (1.0 - 0.472 * color), exposure.w * smoothstep(0.3, 0.7, n.z));
+#endif
+#ifdef SNOW
+    float uneven = 0.5 + 0.25 * (sin(place.x * 9.0 + 2.0 * sin(place.y * 7.0)) + sin(place.y * 13.0 + sin(place.x * 5.0)));
+    float white = smoothstep(0.0, 0.3, 1.3 * floor_glow.w - uneven) * smoothstep(0.35, 0.75, n.z);
+    color = mix(color, vec3(0.82, 0.85, 0.9) * (0.93 + 0.07 * uneven), white);
+#endif
+    return color;
+}
+#endif
+#ifdef WET
+// What water on rough ground mirrors of the sky: 45 % of a smooth film (Fresnel's equations after Schlick, n = 1.33).
+vec3 glint(vec3 n, vec3 v) {
+    float x = 1.0 - clamp(dot(n, v), 0.0, 1.0), x2 = x * x;
+    vec3 seen = mix(horizon.rgb, zenith.rgb, clamp(reflect(-v, n).z, 0.0, 1.0)) * 0.31831;
+    return exposure.w * (1.0 - floor_glow.w) * smoothstep(0.3, 0.7, n.z) * 0.45 * (0.02 + 0.98 * x2 * x2 * x) * seen;
+}
+#endif

@@ -95,6 +95,9 @@ void main() {
     vec3 texel = texture(textures, vec3(own_uv, own_finish.z)).rgb;
     color *= texel * texel;  // textures are stored as square roots of linear values
 #endif
+#if !defined(JOINTED) && (defined(WET) || defined(SNOW))
+    color = weathered(color, n);
+#endif
     float roughness = own_finish.x, metallic = own_finish.y;
     Finish f;
     f.alpha = roughness * roughness;
@@ -134,5 +137,14 @@ void main() {
         vec3 arriving = lamp_light(lamp_numbers[i], l);
         light += lamp_reflected(f, n, v, l) * arriving;
     }
-    pixel = vec4(shown(light * exposure.x + own_emission * exposure.y), 1.0);
+    vec3 emission = own_emission;
+#if defined(WET) && !defined(JOINTED)
+    light += glint(n, v) * open;
+#endif
+#ifdef AIR
+    float share = exp(-exposure.z * distance(eye.xyz, place));  // the rest is light of the horizon
+    light = mix(horizon.rgb * 0.31831, light, share);
+    emission *= share;
+#endif
+    pixel = vec4(shown(light * exposure.x + emission * exposure.y), 1.0);
 }
