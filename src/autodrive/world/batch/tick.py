@@ -36,7 +36,7 @@ def step_worlds(
 ) -> None:
     """Moves the worlds `first` to `last` - 1 by `ticks` of so many `substeps`. A world that has diverged stays still.
 
-    `owners`: number of the object of each of the engine's geoms. `edges`: see `referee.any_wheel_outside`.
+    `owners`: number of the object of each solid (see `VehicleContacts`). `edges`: see `referee.any_wheel_outside`.
     `separation`: ticks between two collisions with the same object.
     """
     for k in range(first, last):
@@ -135,9 +135,9 @@ def _judge(
 ) -> None:
     """Counts the new collisions of a tick, as `referee.Referee`, and clears the contacts."""
     for p in range(contacts.pair_count[0]):
-        vehicle, geom = contacts.pairs[p, 0], contacts.pairs[p, 1]
-        contacts.impulse[vehicle, geom] = 0.0
-        if begins_collision(last_contact, vehicle, int(owners[geom]), tick, separation):
+        vehicle, solid = contacts.pairs[p, 0], contacts.pairs[p, 1]
+        contacts.impulse[vehicle, solid] = 0.0
+        if begins_collision(last_contact, vehicle, int(owners[solid]), tick, separation):
             collision_count[vehicle] += 1
             has_collided[vehicle] = True
     contacts.pair_count[0] = 0
