@@ -231,7 +231,8 @@ class Engine:
 
     def _forward(self) -> None:
         """Brings all that depends on positions and velocities up to date."""
-        self._fill(self._fixed, self.data.qpos, self._slots)
+        if len(self._slots.shape):
+            self._fill(self._fixed, self.data.qpos, self._slots)
         mujoco.mj_forward(self.model, self.data)
 
     def body(self, name: str) -> tuple[int, int, int]:
