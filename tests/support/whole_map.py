@@ -20,7 +20,7 @@ from autodrive.world import World
 
 def whole_map_world(spec: ScenarioSpec, **arguments: Any) -> World:
     """A world whose engine contains the whole map: no fixed shape ever moves in it."""
-    with mock.patch.object(engine, "_with_slots", _with_all), mock.patch.object(engine, "fill", _leave):
+    with mock.patch.object(engine, "with_slots", _with_all), mock.patch.object(engine, "fill", _leave):
         world = autodrive.make(spec, **arguments)
     c = world.compiled
     fixed = slice(1, 1 + c.model.shapes.n_fixed)

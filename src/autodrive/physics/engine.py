@@ -204,7 +204,7 @@ class Engine:
         Raises `EngineError` for bodies that MuJoCo refuses, such as hundreds of boxes at the same place.
         """
         try:
-            self.model = _with_slots(mujoco.MjSpec.from_string(mjcf), fixed)
+            self.model = with_slots(mujoco.MjSpec.from_string(mjcf), fixed)
             if VERSION == "4.0.0":  # its solver diverges with sparse Jacobians (google-deepmind/mujoco issue 3767)
                 self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
             self._start(fixed)
@@ -316,7 +316,7 @@ class Engine:
         self.data.warning.number[_BAD] = 0
 
 
-def _with_slots(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
+def with_slots(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
     """The model, with as many slots after the floor as its bodies need."""
     for _ in range(slot_count(fixed, _reach(spec.compile()))):
         slot = spec.worldbody.add_geom(spec.find_default("static"), type=BOX, size=[1.0, 1.0, 1.0])
