@@ -91,7 +91,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         if ended.any() and self.autoreset_mode == AutoresetMode.DISABLED:
             raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
         commands = commands_of(actions, self.settings, self.num_envs)
-        self._drive(commands[:, None])
+        self._drive(commands[:, None], ~ended)  # those that have ended begin again below
         outcome = self._episodes.advance(self._cars, self.batch.readings.is_unstable)
         self.steps += 1
         terminated = outcome.has_ended
@@ -143,9 +143,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self._episodes.begin(rows, starts, self._cars)
         self.steps[rows] = 0
 
-    def _drive(self, commands: NDArray[Any]) -> None:
-        """Run the ticks of one action, shape (n, 1, 2)."""
-        self.batch.step(commands, self.settings.frame_skip)
+    def _drive(self, commands: NDArray[Any], worlds: Bools) -> None:
+        """Run the ticks of one action, shape (n, 1, 2), in these worlds, shape (n,)."""
+        self.batch.step(commands, self.settings.frame_skip, worlds)
 
     def _reset_worlds(self, rows: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         """Return these worlds to the start."""

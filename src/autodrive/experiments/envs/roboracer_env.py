@@ -76,8 +76,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         """Along the centre line since the start of each episode [m], shape (n,)."""
         return self._episodes.memory[:, DRIVEN].copy()
 
-    def _drive(self, commands: NDArray[Any]) -> None:
-        self._driver.step(commands)
+    def _drive(self, commands: NDArray[Any], worlds: NDArray[np.bool_]) -> None:
+        self._driver.step(commands, worlds)
 
     def _reset_worlds(self, rows: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         generators = [self._rngs[row] for row in rows.tolist()]

@@ -99,6 +99,7 @@ class BatchWorld(OneThread):
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
         """Of the present episodes."""
         self._has_own_vehicles = np.zeros(n, np.bool_)
+        self._is_stepped = np.ones(n, np.bool_)
         self._specs = {
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
         }
@@ -120,14 +121,17 @@ class BatchWorld(OneThread):
         return f"<BatchWorld of {self.n} worlds of map '{self.spec.map}': vehicles {', '.join(self.vehicle_names)}>"
 
     @by_one_thread
-    def step(self, commands: ArrayLike, ticks: int = 1) -> Readings:
+    def step(self, commands: ArrayLike, ticks: int = 1, worlds: ArrayLike | None = None) -> Readings:
         """Run so many ticks with these commands: throttle and steering (left positive), each in [-1, 1].
 
-        `commands` has the shape (n, v, 2); greater values are limited. Raises `CommandError` for another shape, or a
-        value that is not finite; nothing has moved then.
+        `commands` has the shape (n, v, 2); greater values are limited. `worlds`: those that move, as in `reset`; the
+        others stay as they are, and their commands mean nothing. Raises `CommandError` for another shape, or a value
+        that is not finite; nothing has moved then.
         """
         self._check_open()
         values = self._checked_commands(commands)
+        self._is_stepped[:] = False
+        self._is_stepped[self._checked_worlds(worlds)] = True
         if isinstance(ticks, bool) or not isinstance(ticks, int) or ticks < 1:
             raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
         np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle)
@@ -218,6 +222,7 @@ class BatchWorld(OneThread):
         return (
             c.model,
             self.worlds,
+            self._is_stepped,
             thread,
             self._sensors,
             self._owners,

@@ -22,6 +22,7 @@ from autodrive.world.referee import any_wheel_outside, begins_collision
 def step_worlds(
     model: Model,
     worlds: Worlds,
+    is_stepped: NDArray[np.bool_],
     thread: Thread,
     sensors: SensorTables,
     owners: Integers,
@@ -34,7 +35,9 @@ def step_worlds(
     always_engine: bool,
     has_rolling_lidar: bool,
 ) -> None:
-    """Moves the worlds `first` to `last` - 1 by `ticks` of so many `substeps`. A world that has diverged stays still.
+    """Moves the worlds `first` to `last` - 1 by `ticks` of so many `substeps`, if `is_stepped`, shape (n,).
+
+    A world that has diverged stays still.
 
     `owners`: number of the object of each solid (see `VehicleContacts`). `edges`: see `referee.any_wheel_outside`.
     `separation`: ticks between two collisions with the same object.
@@ -42,7 +45,7 @@ def step_worlds(
     for k in range(first, last):
         for i in range(model.vehicles.shape[0]):
             worlds.has_collided[k, i] = False
-        if worlds.is_unstable[k]:
+        if worlds.is_unstable[k] or not is_stepped[k]:
             continue
         own = model_of(k, model, worlds)
         state = state_of(k, worlds, thread)
