@@ -174,11 +174,13 @@ def load(model: Model, state: State, views: Views) -> None:
     if hold_near(model.shapes, state.qpos, views.slots):
         is_loaded = False
     if not is_loaded:
-        # the bodies that sleep are computed as well, once
+        is_any_asleep = False
         for b in range(state.asleep.shape[0]):
+            is_any_asleep = is_any_asleep or state.asleep[b] >= 0.0
             views.asleep[b] = AWAKE
         mj_update_sleep(views.model, views.data)
-        mj_position(views.model, views.data)
+        if is_any_asleep:
+            mj_position(views.model, views.data)  # those bodies are computed as well, once
         for b in range(state.asleep.shape[0]):
             views.asleep[b] = int(state.asleep[b])
         mj_update_sleep(views.model, views.data)
@@ -274,6 +276,8 @@ class Engine:
             _library.mj_updateSleep(*(ctypes.c_void_p(one._address) for one in (self.model, self.data)))
             self.data.qpos[:] = qpos
             self._forward()
+        if self.data.ncon == 0:
+            return []
         contact = self.data.contact
         solids = self._slots.solid[contact.geom[contact.dist < -depth]].tolist()
         return [(a, b) for a, b in solids]

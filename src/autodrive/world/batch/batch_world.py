@@ -20,7 +20,7 @@ from autodrive.base.jit import resolved
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.physics.model import Table
-from autodrive.physics.sensors.tables import most_rays, reset_noise, sensor_tables
+from autodrive.physics.sensors.tables import most_rays, sensor_tables, set_noise, start_noise
 from autodrive.protocol.commands import MAX_DISTANCE, check_seed
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
@@ -98,6 +98,8 @@ class BatchWorld(OneThread):
         self._seeds = [seed + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
         """Of the present episodes."""
+        self._noise = np.full((n, len(c.vehicles)), np.nan)
+        """Factor of the noise that is set in each world."""
         self._has_own_vehicles = np.zeros(n, np.bool_)
         self._is_stepped = np.ones(n, np.bool_)
         self._specs = {
@@ -264,7 +266,10 @@ class BatchWorld(OneThread):
                 tables[key] = self._tables(factors["mass"].tolist(), factors["grip"].tolist(), own)
             w.vehicles[k], w.wheels[k] = tables[key]
         for i, (name, specs_of) in enumerate(self._specs.items()):
-            reset_noise(w.noise, k, i, name, specs_of, float(factors["noise"][i]), self._seeds[k])
+            if (noise := float(factors["noise"][i])) != self._noise[k, i]:
+                self._noise[k, i] = noise
+                set_noise(w.noise, k, i, specs_of, noise)
+            start_noise(w.noise, k, i, name, self._seeds[k])
 
     def _tables(
         self, masses: Sequence[float], grips: Sequence[float], own: Mapping[str, VehicleSpec]
@@ -327,7 +332,7 @@ class BatchWorld(OneThread):
         if given.size == 0:
             return np.zeros(0, np.int64)
         is_integer = np.issubdtype(given.dtype, np.integer) and given.ndim == 1
-        if not is_integer or given.min() < 0 or given.max() >= self.n or len(np.unique(given)) < len(given):
+        if not is_integer or given.min() < 0 or given.max() >= self.n or len({*given.tolist()}) < len(given):
             raise CommandError(
                 f"worlds must be a mask of the shape ({self.n},), or different numbers from 0 to {self.n - 1}"
             )
@@ -351,8 +356,9 @@ class BatchWorld(OneThread):
         m, v = len(chosen), len(self.vehicle_names)
         limits = LIMITS[name]
         try:
-            values = np.asarray(factor, dtype=np.float64)
-            values = np.broadcast_to(values[:, None] if values.ndim == 1 else values, (m, v))
+            given = np.asarray(factor, dtype=np.float64)
+            values = np.empty((m, v))
+            values[:] = given[:, None] if given.ndim == 1 else given
         except (TypeError, ValueError):
             raise CommandError(f"{name} must be one number, or have the shape ({m},) or ({m}, {v})") from None
         if not ((values >= limits[0]) & (values <= limits[1])).all():
