@@ -24,7 +24,7 @@ from autodrive.physics.sensors.tables import most_rays, sensor_tables, set_noise
 from autodrive.protocol.commands import MAX_DISTANCE, check_seed
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
-from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
+from autodrive.scenario.vehicles.parameters import set_mass_and_grip, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch.columns import Thread, empty_worlds, new_thread
 from autodrive.world.batch.readings import Readings, readings_of
@@ -85,6 +85,10 @@ class BatchWorld(OneThread):
         self.vehicle_names = list(c.vehicles)
         self.object_names = list(c.objects)
         self.tick_duration = spec.tick
+        heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
+        heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
+        self._on_ground = {name: (c.engine.body(name)[1], height) for name, height in heights.items()}
+        """Index of the pose of each body in `State.qpos`, and its height on the ground [m]."""
         self._tick = Fraction(str(spec.tick))
         self._substeps = spec.substeps
         self._sensors = sensor_tables(list(c.configured.values()), Fraction(str(spec.substep)), spec.gravity)
@@ -280,11 +284,15 @@ class BatchWorld(OneThread):
             name: (own[name].with_mass_factor(placed[name].mass_factor) if name in own else spec).with_mass_factor(mass)
             for (name, spec), mass in zip(c.vehicles.items(), masses, strict=True)
         }
-        vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep) if own else c.model.vehicles.copy()
-        for row, spec in zip(vehicles, specs.values(), strict=True):
-            row["mass"], row["inertia"] = spec.body.mass, spec.body.inertia
         grips = [c.map.ground.grip * (p.grip_factor * one) for p, one in zip(placed.values(), grips, strict=True)]
-        return vehicles, wheel_table([*specs.values()], grips, c.spec.substep)
+        if own:
+            vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep)
+            return vehicles, wheel_table([*specs.values()], grips, c.spec.substep)
+        vehicles, wheels = c.model.vehicles.copy(), c.model.wheels.copy()
+        for i, (spec, grip) in enumerate(zip(specs.values(), grips, strict=True)):
+            vehicles[i]["mass"], vehicles[i]["inertia"] = spec.body.mass, spec.body.inertia
+            set_mass_and_grip(wheels[4 * i : 4 * i + 4], spec, grip, c.spec.substep)
+        return vehicles, wheels
 
     def _set_motion(self, chosen: Integers, i: int, motion: Floats) -> None:
         """Set velocities and actuators of a vehicle at the start, whose pose is set; `motion` has the shape (m, 5)."""
@@ -403,18 +411,16 @@ class BatchWorld(OneThread):
         """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
         c = self.compiled
         qpos = np.tile(c.engine.start, (len(chosen), 1))
-        heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
-        heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
         for name, pose in poses.items():
-            if name not in heights:
-                raise CommandError(f"'{name}' is not in these worlds. {suggest(str(name), list(heights))}")
+            if name not in self._on_ground:
+                raise CommandError(f"'{name}' is not in these worlds. {suggest(str(name), list(self._on_ground))}")
             values = _checked_rows(f"the poses of '{name}'", pose, (len(chosen), 3), "x, y, yaw")
             if not (np.abs(values) <= MAX_DISTANCE).all():
                 raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
-            start = c.engine.body(name)[1]
+            start, height = self._on_ground[name]
             for row, (x, y, yaw) in zip(qpos, values.tolist(), strict=True):
                 w, _, _, z = quaternion_from_yaw(yaw)
-                row[start : start + 7] = x, y, heights[name], w, 0.0, 0.0, z
+                row[start : start + 7] = x, y, height, w, 0.0, 0.0, z
         for k, row in zip(chosen.tolist(), qpos, strict=True) if poses else ():
             for one, other in overlapping(c, row):
                 raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
