@@ -95,6 +95,15 @@ def assert_same(one: World, other: World, where: Any) -> None:
     assert events[0] == events[1], where
 
 
+def steps(world: World) -> bool:
+    """Makes a tick; False if the bodies began so deep in each other that the physics became unstable."""
+    try:
+        world.step()
+    except autodrive.EngineError:
+        return False
+    return True
+
+
 def test_random_contacts_have_the_bits_of_an_engine_with_the_whole_map(hall: str) -> None:
     """No bound is needed: the engine finds the same contacts in the same order, so that it computes the same."""
     spec = corridor(hall, box=BoxSpec(x=3.0, y=0.2, yaw_deg=20.0), light=BoxSpec(x=4.0, y=-0.2, size=(0.1, 0.3, 0.2)))
@@ -107,9 +116,11 @@ def test_random_contacts_have_the_bits_of_an_engine_with_the_whole_map(hall: str
             world.reset()
             throw(world, np.random.default_rng(seed))
         for tick in range(6):
-            near.step()
-            whole.step()
+            are_sound = [steps(world) for world in (near, whole)]
             assert_same(near, whole, (seed, tick))
+            assert are_sound[0] == are_sound[1]
+            if not are_sound[0]:
+                break
             for event in near.frame.events:
                 if isinstance(event, autodrive.Collision):
                     touched[re.sub(r"[_\d.].*", "", event.other)] += 1
