@@ -3,7 +3,7 @@
     uv run benchmarks/shapes.py
 
 CPU time of one core, medians. Posts 1 m apart on a square lattice: the car has the same neighbours in each row, so that
-the time should not grow. The LIDAR has 1080 rays up to 12 m.
+the time should not grow. "With the engine": it is called in every substep. The LIDAR has 1080 rays up to 12 m.
 """
 
 from __future__ import annotations
@@ -14,19 +14,21 @@ import statistics
 import time
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
 import autodrive
-from autodrive.physics.buffers import scratch
-from autodrive.physics.grid import fixed_grid
+from autodrive.physics.buffers import scratch, vehicle_contacts
+from autodrive.physics.engine import Engine
 from autodrive.physics.model import BOX, Model, Shapes
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor
 from autodrive.physics.sensors.suite import SensorSuite
 from autodrive.physics.state import State, empty_state
 from autodrive.physics.tick import advance
+from autodrive.scenario.maps.mjcf import world_mjcf
+from autodrive.scenario.maps.solids import StaticShape, fixed_shapes
+from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
 from autodrive.world import World
 
 COUNTS = (60, 500, 2_000, 10_000)
@@ -43,24 +45,21 @@ def median_us(run: Callable[[], object], count: int) -> float:
     return statistics.median(figures)
 
 
-def with_posts(model: Model, count: int) -> Model:
-    """The model with so many posts around the origin in place of its fixed shapes, the nearest ones 0.7 m away."""
+def posts(count: int) -> Shapes:
+    """So many posts around the origin, the nearest ones 0.7 m away."""
     side = round(math.sqrt(count))
-    x, y = np.meshgrid(*2 * [np.arange(side) - side // 2 + 0.5])
-    n, old = x.size, model.shapes
-    kind, size = np.full(n, BOX), np.tile([0.05, 0.05, 0.15], (n, 1))
-    position = np.column_stack([x.ravel(), y.ravel(), np.full(n, 0.15)]).astype(np.float64)
-    rotation = np.tile(np.eye(3).ravel(), (n, 1))
-    fixed: dict[str, Any] = {
-        "kind": kind,
-        "size": size,
-        "bounding_radius": np.full(n, math.hypot(0.05, 0.05, 0.15)),
-        "position": position,
-        "rotation": rotation,
-        **{name: np.full(n, -1) for name in ("vehicle", "dof", "qpos")},
-    }
-    columns = {name: np.concatenate([column, getattr(old, name)[old.n_fixed :]]) for name, column in fixed.items()}
-    return model._replace(shapes=Shapes(**columns, n_fixed=n, grid=fixed_grid(kind, size, position, rotation)))
+    places = itertools.product(range(-(side // 2), side - side // 2), repeat=2)
+    return fixed_shapes(
+        [StaticShape("", BOX, (0.05, 0.05, 0.15), (x + 0.5, y + 0.5, 0.15), 0.0, "post") for x, y in places]
+    )
+
+
+def with_fixed(model: Model, fixed: Shapes) -> Model:
+    """The model with these shapes in place of its fixed ones."""
+    names = ("kind", "size", "bounding_radius", "position", "rotation", "vehicle", "dof", "qpos")
+    old = model.shapes
+    columns = {name: np.concatenate([getattr(fixed, name), getattr(old, name)[old.n_fixed :]]) for name in names}
+    return model._replace(shapes=fixed._replace(**columns))
 
 
 def state_of(world: World, model: Model) -> State:
@@ -74,20 +73,28 @@ def state_of(world: World, model: Model) -> State:
     return state
 
 
-def measured(world: World, count: int) -> tuple[int, float, float]:
-    """Number of fixed shapes, CPU time of a substep and of a scan [us]."""
+def measured(world: World, count: int) -> tuple[int, float, float, float]:
+    """Number of fixed shapes, CPU time of a substep without and with the engine, and of a scan [us]."""
     c = world.compiled
-    model = with_posts(c.model, count)
+    fixed = posts(count)
+    car = vehicle_mjcf("V1", c.vehicles["V1"], 0.0, 0.0, 0.0)
+    engine = Engine(world_mjcf(c.map, [], [car], c.spec.substep, c.spec.gravity), fixed)
+    model = with_fixed(c.model, fixed)
     state = state_of(world, model)
     lidars = {"V1": {"lidar": ConfiguredSensor(LidarSpec(rays=1080, rate=100.0), is_on=True, noise="file")}}
     sensors = SensorSuite(lidars, model.shapes, state, substep=Fraction(1, 100), substeps=1, gravity=c.spec.gravity)
     sensors.reset(0)
     ticks = itertools.count()
     command = np.zeros(1)
-    arguments = model, state, c.views, c.contacts, scratch(model, n_body=1), command, command, 0, SUBSTEPS, False
+    buffers = engine.views(), vehicle_contacts(model), scratch(model, n_body=1)
+
+    def substeps(*, always_engine: bool) -> None:
+        advance(model, state, *buffers, command, command, 0, SUBSTEPS, always_engine)
+
     return (
         model.shapes.n_fixed,
-        median_us(lambda: advance(*arguments), SUBSTEPS),
+        median_us(lambda: substeps(always_engine=False), SUBSTEPS),
+        median_us(lambda: substeps(always_engine=True), SUBSTEPS),
         median_us(lambda: [sensors.sample(next(ticks)) for _ in range(SCANS)], SCANS),
     )
 
@@ -95,8 +102,11 @@ def measured(world: World, count: int) -> tuple[int, float, float]:
 def main() -> None:
     world = autodrive.make("plane")
     for count in COUNTS:
-        fixed, substep, scan = measured(world, count)
-        print(f"{fixed:6d} fixed shapes: substep {substep:5.2f} us, scan {scan:6.1f} us")
+        fixed, substep, with_engine, scan = measured(world, count)
+        print(
+            f"{fixed:6d} fixed shapes: substep {substep:5.2f} us, with the engine {with_engine:5.2f} us, "
+            f"scan {scan:6.1f} us"
+        )
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from autodrive.scenario import ScenarioSpec, VehiclePlacement
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.parameters import cover
 from tests.physics.test_contact_engine import TRACK, YARD, engine_is_at, random_start
+from tests.support.whole_map import whole_map_world
 
 CASES = 40
 
@@ -63,13 +64,14 @@ def test_a_slice_without_a_collider_has_the_sphere_of_the_slice_behind_it() -> N
 
 @pytest.mark.parametrize("scenario", [YARD, TRACK], ids=["yard", "track"])
 def test_a_clearance_is_never_above_the_distance_that_mujoco_finds(scenario: ScenarioSpec) -> None:
-    world = autodrive.make(scenario)
+    world = whole_map_world(scenario)
     world.step()
     c, settled = world.compiled, world.save()
     memory = scratch(c.model, c.engine.body_count)
     model, data = c.engine.model, c.engine.data
     moving = {int(row["body"]): i for i, row in enumerate(c.model.vehicles)}
     geoms = c.engine.geoms()
+    others = [(geom, 0) for geom in range(1, 1 + c.model.shapes.n_fixed)] + [(geom.number, geom.body) for geom in geoms]
     small = 0
     for seed in range(CASES):
         world.restore(settled)
@@ -85,12 +87,12 @@ def test_a_clearance_is_never_above_the_distance_that_mujoco_finds(scenario: Sce
             clearance = memory.clearance[i]
             assert clearance <= HORIZON
             small += MARGIN < clearance < 0.1
-            for other in geoms:
-                if other.body == own.body:
+            for other, body in others:
+                if body == own.body:
                     continue
-                share = 2.0 if other.body in moving else 1.0  # both may move
-                distance = mujoco.mj_geomDistance(model, data, own.number, other.number, 0.6, None)
-                assert share * clearance <= max(distance, 0.0) + 1e-6 or clearance <= 0.0, (seed, i, other.number)
+                share = 2.0 if body in moving else 1.0  # both may move
+                distance = mujoco.mj_geomDistance(model, data, own.number, other, 0.6, None)
+                assert share * clearance <= max(distance, 0.0) + 1e-6 or clearance <= 0.0, (seed, i, other)
     assert small > CASES
 
 

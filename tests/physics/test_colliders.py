@@ -5,6 +5,7 @@ import pytest
 from autodrive.physics.engine import Engine
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.mjcf import text, world_mjcf
+from autodrive.scenario.maps.solids import fixed_shapes
 
 Numbers = tuple[float, ...]
 
@@ -44,5 +45,5 @@ def test_wheels_that_graze_each_other_are_not_deep_in_each_other(case: str) -> N
             ("other", (position[0], position[1], position[2] + 1.0), orientation),
         )
     ]
-    engine = Engine(world_mjcf(load_map("plane"), [], wheels, 0.001, 9.81))
+    engine = Engine(world_mjcf(load_map("plane"), [], wheels, 0.001, 9.81), fixed_shapes([]))
     assert -engine.data.contact.dist.min() == pytest.approx(depth, rel=0.05)

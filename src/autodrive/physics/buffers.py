@@ -29,16 +29,19 @@ WHEEL_CONTACT = columns(
 
 
 class VehicleContacts(NamedTuple):
-    """What the vehicles touched during a tick. Filled by `advance`, read and cleared by the referee."""
+    """What the vehicles touched during a tick. Filled by `advance`, read and cleared by the referee.
 
-    geom_vehicle: Integers
-    """Vehicle of each of the engine's geoms, or -1, shape (n_geom,)."""
+    Solid 0 is the floor, solid 1 + s the shape s of the Model.
+    """
+
+    solid_vehicle: Integers
+    """Vehicle of each solid, or -1, shape (n_solid,)."""
     impulse: Floats
-    """Between a vehicle and a geom [N s], shape (n, n_geom)."""
+    """Between a vehicle and a solid [N s], shape (n, n_solid)."""
     position: Floats
-    """A point of that contact [m], shape (n, n_geom, 3)."""
+    """A point of that contact [m], shape (n, n_solid, 3)."""
     pairs: Integers
-    """The (vehicle, geom) pairs with an impulse, shape (n_max, 2)."""
+    """The (vehicle, solid) pairs with an impulse, shape (n_max, 2)."""
     pair_count: Integers
     """Number of pairs, shape (1,)."""
 
@@ -68,13 +71,13 @@ class Scratch(NamedTuple):
     """The two geoms of that contact, shape (2,)."""
 
 
-def vehicle_contacts(n_vehicle: int, geom_vehicle: Integers, pairs_max: int = 64) -> VehicleContacts:
+def vehicle_contacts(model: Model, pairs_max: int = 64) -> VehicleContacts:
     """No contacts yet, in arrays of the right shapes."""
-    n_geom = len(geom_vehicle)
+    n, n_solid = len(model.vehicles), 1 + len(model.shapes.kind)
     return VehicleContacts(
-        geom_vehicle=geom_vehicle,
-        impulse=np.zeros((n_vehicle, n_geom)),
-        position=np.zeros((n_vehicle, n_geom, 3)),
+        solid_vehicle=np.array([-1, *model.shapes.vehicle.tolist()], dtype=np.int64),
+        impulse=np.zeros((n, n_solid)),
+        position=np.zeros((n, n_solid, 3)),
         pairs=np.zeros((pairs_max, 2), dtype=np.int64),
         pair_count=np.zeros(1, dtype=np.int64),
     )

@@ -84,7 +84,7 @@ def _clearance(i: int, model: Model, state: State, scratch: Scratch) -> float:
     for k in range(scratch.nearby_count[i]):
         s = scratch.nearby[i, k]
         if model.shapes.vehicle[s] < 0:
-            gap = _distance(s, model, state, x, y, z) - v["sphere_radius"]
+            gap = _distance_to(s, model, state, x, y, z) - v["sphere_radius"]
             if gap <= CLOSE:
                 gap = max(gap, _gap_to_shape(v, s, model, state))
             least = min(least, gap)
@@ -106,7 +106,7 @@ def _gap_to_shape(v: Any, s: int, model: Model, state: State) -> float:
     least = HORIZON
     for k in range(COVER):
         x, y, z = _centre_of_part(v, k, state.qpos)
-        least = min(least, _distance(s, model, state, x, y, z) - v["cover"][k, 3])
+        least = min(least, _distance_to(s, model, state, x, y, z) - v["cover"][k, 3])
     return least
 
 
@@ -154,9 +154,15 @@ def _height(v: Any, q: Floats) -> float:
 
 
 @inlined
-def _distance(s: int, model: Model, state: State, px: float, py: float, pz: float) -> float:
+def _distance_to(s: int, model: Model, state: State, x: float, y: float, z: float) -> float:
     """Distance [m] of a point in the map to shape s."""
-    kind, size, centre, m = model.shapes.kind[s], model.shapes.size[s], state.shape_position[s], state.shape_rotation[s]
+    shapes = model.shapes
+    return distance(int(shapes.kind[s]), shapes.size[s], state.shape_position[s], state.shape_rotation[s], x, y, z)
+
+
+@inlined
+def distance(kind: int, size: Floats, centre: Floats, m: Floats, px: float, py: float, pz: float) -> float:
+    """Distance [m] of a point in the map to a shape with that centre and rotation matrix (map from shape)."""
     dx, dy, dz = px - centre[0], py - centre[1], pz - centre[2]
     x, y, z = (
         abs(m[0] * dx + m[3] * dy + m[6] * dz),

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats, Integers
 from autodrive.base.errors import EngineError
 from autodrive.base.installation import mujoco_error, mujoco_fix
-from autodrive.base.jit import inlined
-from autodrive.physics.model import Model
+from autodrive.base.jit import inlined, resolved
+from autodrive.physics.model import BOX, Model, Shapes
+from autodrive.physics.near import Slots, fill, forget, hold_near, slot_count
 from autodrive.physics.state import State
 
 if _error := mujoco_error():
@@ -109,6 +110,8 @@ class Views(NamedTuple):
     """Current address of the first contact, shape (1,)."""
     warnings: NDArray[np.int32]
     """Number of diverged states, for each kind of warning."""
+    slots: Slots
+    """Of the fixed shapes near the bodies."""
     contact_layout: Integers
     """Offsets in bytes: from one contact to the next, and within a contact to its position and its two geoms."""
 
@@ -118,22 +121,23 @@ FLOOR = 1
 
 
 class Geom(NamedTuple):
-    """A collision shape of the engine."""
+    """A collider of a movable body."""
 
     number: int
+    name: str
     kind: int
     size: Floats
     position: Floats
-    """In the frame of its body, or in the map if it is fixed."""
+    """In the frame of its body."""
     orientation: Floats
     """Quaternion wxyz, likewise."""
     bounding_radius: float
     is_stopped_by_floor: bool
     body: int
     qpos: int
-    """Index of its body's pose in qpos, or -1 if it is fixed."""
+    """Index of its body's pose in qpos."""
     dof: int
-    """Index of its body's velocity in qvel, or -1 if it is fixed."""
+    """Index of its body's velocity in qvel."""
 
 
 AWAKE = -11
@@ -154,6 +158,7 @@ def load(model: Model, state: State, views: Views) -> None:
                 views.inertia[body, axis] = v["inertia"][axis]
     if not is_loaded:
         mj_set_constants(views.model, views.data)
+        forget(views.slots)
     for k in range(state.qpos.shape[0]):
         if state.qpos[k] != views.qpos[k]:
             is_loaded = False
@@ -166,12 +171,16 @@ def load(model: Model, state: State, views: Views) -> None:
     for b in range(state.asleep.shape[0]):
         if state.asleep[b] != views.asleep[b]:
             is_loaded = False
+    if hold_near(model.shapes, state.qpos, views.slots):
+        is_loaded = False
     if not is_loaded:
-        # the bodies that sleep are computed as well, once
+        is_any_asleep = False
         for b in range(state.asleep.shape[0]):
+            is_any_asleep = is_any_asleep or state.asleep[b] >= 0.0
             views.asleep[b] = AWAKE
         mj_update_sleep(views.model, views.data)
-        mj_position(views.model, views.data)
+        if is_any_asleep:
+            mj_position(views.model, views.data)  # those bodies are computed as well, once
         for b in range(state.asleep.shape[0]):
             views.asleep[b] = int(state.asleep[b])
         mj_update_sleep(views.model, views.data)
@@ -191,26 +200,42 @@ def has_diverged(views: Views) -> bool:
 class Engine:
     """Rigid bodies and contacts. Movable bodies are free bodies: 7 numbers in qpos and 6 in qvel each."""
 
-    def __init__(self, mjcf: str) -> None:
-        """Raises `EngineError` for bodies that MuJoCo refuses, such as hundreds of boxes at the same place."""
+    def __init__(self, mjcf: str, fixed: Shapes) -> None:
+        """`mjcf`: the floor and the movable bodies; `fixed`: all other shapes.
+
+        Raises `EngineError` for bodies that MuJoCo refuses, such as hundreds of boxes at the same place.
+        """
         try:
-            self.model = mujoco.MjModel.from_xml_string(mjcf)
+            self.model = with_slots(mujoco.MjSpec.from_string(mjcf), fixed)
             if VERSION == "4.0.0":  # its solver diverges with sparse Jacobians (google-deepmind/mujoco issue 3767)
                 self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-            self.data = mujoco.MjData(self.model)
-            mujoco.mj_forward(self.model, self.data)
+            self._start(fixed)
         except (ValueError, mujoco.FatalError) as error:
             raise EngineError(f"MuJoCo cannot simulate these bodies: {' '.join(str(error).split())}") from None
-        self.identity = hashlib.sha256(f"{VERSION} {mjcf}".encode()).hexdigest()
+        columns = fixed.kind, fixed.size, fixed.position, fixed.rotation
+        shapes = b"".join(column.tobytes() for column in columns)
+        self.identity = hashlib.sha256(f"{VERSION} {mjcf}".encode() + shapes).hexdigest()
         """The same for engines whose saved data fit each other."""
 
     def copy(self) -> Engine:
         """Another engine for the same bodies, at the start; two threads can use the two at once."""
         other = copy(self)
         other.model = copy(self.model)
-        other.data = mujoco.MjData(other.model)
-        mujoco.mj_forward(other.model, other.data)
+        other._start(self._fixed)
         return other
+
+    def _start(self, fixed: Shapes) -> None:
+        self._fixed = fixed
+        self.data = mujoco.MjData(self.model)
+        self._slots = _empty_slots(self.model, self.data, len(fixed.kind))
+        self._fill = resolved(fill, fixed, self.data.qpos, self._slots)
+        self._forward()
+
+    def _forward(self) -> None:
+        """Brings all that depends on positions and velocities up to date."""
+        if len(self._slots.shape):
+            self._fill(self._fixed, self.data.qpos, self._slots)
+        mujoco.mj_forward(self.model, self.data)
 
     def body(self, name: str) -> tuple[int, int, int]:
         """Number of a free body, and its indices in qpos and qvel."""
@@ -218,27 +243,16 @@ class Engine:
         joint = self.model.joint(int(body.jntadr[0]))
         return int(body.id), int(joint.qposadr[0]), int(joint.dofadr[0])
 
-    @property
-    def geom_names(self) -> list[str]:
-        """Name of each geom, by number."""
-        return [self.model.geom(i).name for i in range(self.model.ngeom)]
-
-    @property
-    def geom_bodies(self) -> list[int]:
-        """Number of the body of each geom, by number of the geom."""
-        return self.model.geom_bodyid.tolist()
-
     def geoms(self) -> list[Geom]:
-        """All geoms except planes."""
+        """The colliders of all movable bodies."""
         found = []
-        for i in range(self.model.ngeom):
-            if self.model.geom_type[i] == mujoco.mjtGeom.mjGEOM_PLANE:
-                continue
+        for i in range(1 + len(self._slots.shape), self.model.ngeom):
             body = int(self.model.geom_bodyid[i])
             joint = int(self.model.body_jntadr[body])
             found.append(
                 Geom(
                     number=i,
+                    name=self.model.geom(i).name,
                     kind=int(self.model.geom_type[i]),
                     size=self.model.geom_size[i].copy(),
                     position=self.model.geom_pos[i].copy(),
@@ -246,21 +260,27 @@ class Engine:
                     bounding_radius=float(self.model.geom_rbound[i]),
                     is_stopped_by_floor=bool(self.model.geom_conaffinity[i] & FLOOR),
                     body=body,
-                    qpos=int(self.model.jnt_qposadr[joint]) if joint >= 0 else -1,
-                    dof=int(self.model.jnt_dofadr[joint]) if joint >= 0 else -1,
+                    qpos=int(self.model.jnt_qposadr[joint]),
+                    dof=int(self.model.jnt_dofadr[joint]),
                 )
             )
         return found
 
     def overlapping(self, qpos: Floats | None = None, depth: float = 0.001) -> list[tuple[int, int]]:
-        """Pairs of geoms that overlap by more than `depth` [m]: now, or if the bodies were placed at `qpos`."""
+        """Pairs of solids that overlap by more than `depth` [m]: now, or if the bodies were placed at `qpos`.
+
+        Solid 0 is the floor, solid 1 + s the shape s of the Model.
+        """
         if qpos is not None:
             self.data.tree_asleep[:] = AWAKE
             _library.mj_updateSleep(*(ctypes.c_void_p(one._address) for one in (self.model, self.data)))
             self.data.qpos[:] = qpos
-            mujoco.mj_forward(self.model, self.data)
+            self._forward()
+        if self.data.ncon == 0:
+            return []
         contact = self.data.contact
-        return [(int(a), int(b)) for (a, b), gap in zip(contact.geom, contact.dist, strict=True) if gap < -depth]
+        solids = self._slots.solid[contact.geom[contact.dist < -depth]].tolist()
+        return [(a, b) for a, b in solids]
 
     @property
     def body_count(self) -> int:
@@ -288,6 +308,7 @@ class Engine:
             applied=data.qfrc_applied,
             acceleration=data.qacc,
             smooth_acceleration=data.qacc_smooth,
+            slots=self._slots,
             contact_count=_memory(data._address + layout.contact_count, ctypes.c_int32),
             contacts=_memory(data._address + layout.contacts, ctypes.c_int64),
             warnings=data.warning.number[_BAD],
@@ -297,6 +318,45 @@ class Engine:
     def forget_warnings(self) -> None:
         """Forget that the state has diverged."""
         self.data.warning.number[_BAD] = 0
+
+
+def with_slots(spec: mujoco.MjSpec, fixed: Shapes) -> mujoco.MjModel:
+    """The model, with as many slots after the floor as its bodies need."""
+    for _ in range(slot_count(fixed, _reach(spec.compile()))):
+        slot = spec.worldbody.add_geom(spec.find_default("static"), type=BOX, size=[1.0, 1.0, 1.0])
+        slot.friction = spec.worldbody.first_geom().friction
+    return spec.compile()
+
+
+def _reach(model: mujoco.MjModel) -> Floats:
+    """As `Slots.reach`."""
+    reach = np.zeros(model.nbody)
+    np.maximum.at(reach, model.geom_bodyid, np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound)
+    return reach[1:]
+
+
+def _empty_slots(model: mujoco.MjModel, data: mujoco.MjData, n_fixed: int) -> Slots:
+    count = int(model.body_geomnum[0]) - 1
+    solid = np.arange(model.ngeom, dtype=np.int64)
+    solid[1 + count :] += n_fixed - count
+    slots = Slots(
+        shape=np.zeros(count, np.int64),
+        solid=solid,
+        reach=_reach(model),
+        filled_at=np.zeros((model.nbody - 1, 3)),
+        found=np.zeros(n_fixed, np.int64),
+        kind=model.geom_type,
+        size=model.geom_size,
+        bounding_radius=model.geom_rbound,
+        box=model.geom_aabb,
+        position=data.geom_xpos,
+        rotation=data.geom_xmat,
+        tree_children=model.bvh_child,
+        tree_geom=model.bvh_nodeid,
+        tree_box=model.bvh_aabb,
+    )
+    forget(slots)
+    return slots
 
 
 _BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)

@@ -15,15 +15,16 @@ MEMBERSHIPS_MAX = 8
 """Mean number of cells of a shape; with more, as for long diagonal walls, the cells become larger."""
 
 
+FINEST = 1000
+"""Most rows and columns of cells in `most_within`."""
+
+ROUNDING = 1e-6
+"""More than the rounding error of a distance [m]."""
+
+
 def fixed_grid(kind: Integers, size: Floats, position: Floats, rotation: Floats) -> Grid:
     """The grid of these shapes, which are all fixed; arguments as in `Shapes`, shape (n_fixed, ...)."""
-    half = np.select(
-        [(kind == BOX)[:, None], (kind == CYLINDER)[:, None]],
-        [size, size[:, [0, 0, 1]]],
-        size[:, [0, 0, 0]],
-    )
-    reach = np.sum(np.abs(rotation.reshape(-1, 3, 3)[:, :2]) * half[:, None], axis=2)
-    low, high = position[:, :2] - reach, position[:, :2] + reach
+    low, high = _rectangles(kind, size, position, rotation)
     origin = low.min(axis=0) if len(kind) else np.zeros(2)
     extent = high.max(axis=0) - origin if len(kind) else np.zeros(2)
     cell = max(CELL_MIN, float(np.sqrt(extent[0] * extent[1] / max(len(kind), 1))))
@@ -52,6 +53,25 @@ def fixed_grid(kind: Integers, size: Floats, position: Floats, rotation: Floats)
     )
 
 
+def most_within(fixed: Shapes, distance: float) -> int:
+    """At least as many as all shapes, which are all fixed, that are within `distance` [m] of the same point."""
+    if len(fixed.kind) == 0:
+        return 0
+    low, high = _rectangles(fixed.kind, fixed.size, fixed.position, fixed.rotation)
+    low, high = low - distance - ROUNDING, high + distance + ROUNDING
+    cell = max(distance, float((high.max(axis=0) - low.min(axis=0)).max()) / FINEST)
+    first, last = (((corner - low.min(axis=0)) / cell).astype(np.int64) for corner in (low, high))
+    counts = np.zeros(last.max(axis=0) + 2, np.int64)
+    for rows, columns, change in (
+        (first[:, 0], first[:, 1], 1),
+        (last[:, 0] + 1, last[:, 1] + 1, 1),
+        (first[:, 0], last[:, 1] + 1, -1),
+        (last[:, 0] + 1, first[:, 1], -1),
+    ):
+        np.add.at(counts, (rows, columns), change)
+    return int(counts.cumsum(axis=0).cumsum(axis=1).max())
+
+
 @inlined
 def shapes_near(shapes: Shapes, x: float, y: float, distance: float, found: Integers) -> int:
     """Writes the numbers of all shapes that may be within `distance` [m] of a point, and returns how many they are.
@@ -63,7 +83,12 @@ def shapes_near(shapes: Shapes, x: float, y: float, distance: float, found: Inte
     for s in range(shapes.n_fixed, shapes.kind.shape[0]):
         found[count] = s
         count += 1
-    grid = shapes.grid
+    return fixed_near(shapes.grid, x, y, distance, found, count)
+
+
+@inlined
+def fixed_near(grid: Grid, x: float, y: float, distance: float, found: Integers, count: int) -> int:
+    """Likewise of the fixed shapes only, after the first `count` numbers in `found`."""
     low_row = _cell(y - distance - grid.y, grid.cells_per_metre, grid.rows)
     high_row = _cell(y + distance - grid.y, grid.cells_per_metre, grid.rows)
     low_column = _cell(x - distance - grid.x, grid.cells_per_metre, grid.columns)
@@ -78,6 +103,17 @@ def shapes_near(shapes: Shapes, x: float, y: float, distance: float, found: Inte
                     found[count] = s
                     count += 1
     return count
+
+
+def _rectangles(kind: Integers, size: Floats, position: Floats, rotation: Floats) -> tuple[Floats, Floats]:
+    """Lower left and upper right corner of the rectangle around each shape, seen from above [m], shape (n, 2) each."""
+    half = np.select(
+        [(kind == BOX)[:, None], (kind == CYLINDER)[:, None]],
+        [size, size[:, [0, 0, 1]]],
+        size[:, [0, 0, 0]],
+    )
+    reach = np.sum(np.abs(rotation.reshape(-1, 3, 3)[:, :2]) * half[:, None], axis=2)
+    return position[:, :2] - reach, position[:, :2] + reach
 
 
 @inlined

@@ -29,6 +29,7 @@ from autodrive.physics.engine import (
 from autodrive.physics.formulas import drive_level, steered
 from autodrive.physics.free_body import rotated, rotation_at, step_free_body
 from autodrive.physics.model import Model
+from autodrive.physics.near import forget, hold_near
 from autodrive.physics.state import State
 from autodrive.physics.vehicle_forces import apply_forces, steer_wheels
 
@@ -182,8 +183,11 @@ def _step_engine(model: Model, state: State, views: Views, contacts: VehicleCont
         _limit_angular_velocity(v, state.qpos, state.qvel)
         for axis in range(6):
             views.qvel[v["dof"] + axis] = state.qvel[v["dof"] + axis]
+    hold_near(model.shapes, state.qpos, views.slots)
     mj_step1(views.model, views.data)
     move_shapes(model, state)
+    if has_diverged(views):
+        forget(views.slots)  # the engine has returned to its start
 
 
 @inlined
@@ -261,14 +265,14 @@ def _note_contacts(model: Model, views: Views, contacts: VehicleContacts, scratc
         contact = views.contacts[0] + c * stride
         copy_memory(pair.ctypes.data, contact + geoms, 8)
         for side in range(2):
-            vehicle = contacts.geom_vehicle[pair[side]]
+            vehicle = contacts.solid_vehicle[views.slots.solid[pair[side]]]
             if vehicle < 0:
                 continue
             mj_contact_force(views.model, views.data, c, force.ctypes.data)
             impulse = model.dt * sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
             if impulse == 0.0:
                 continue
-            other = pair[1 - side]
+            other = views.slots.solid[pair[1 - side]]
             if contacts.impulse[vehicle, other] == 0.0:
                 if contacts.pair_count[0] == contacts.pairs.shape[0]:
                     continue

@@ -18,7 +18,6 @@ from autodrive.base.suggest import suggest
 from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.physics.buffers import Scratch, VehicleContacts, scratch, vehicle_contacts
 from autodrive.physics.engine import Engine, Geom, Views
-from autodrive.physics.grid import fixed_grid
 from autodrive.physics.model import Model, Shapes, Table
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.own import OwnSensors, problem
@@ -32,6 +31,7 @@ from autodrive.scenario.descriptions import Specs
 from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map, problem_texts, problems_of_draft
 from autodrive.scenario.maps.mjcf import world_mjcf
 from autodrive.scenario.maps.placing import MapProblem
+from autodrive.scenario.maps.solids import fixed_shapes
 from autodrive.scenario.maps.spec import GroundSpec
 from autodrive.scenario.tracks import Track
 from autodrive.scenario.vehicles.mjcf import vehicle_mjcf
@@ -76,7 +76,7 @@ class CompiledScenario:
     race: Race | None
     """None if the scenario has none."""
     owners: list[str]
-    """Name of the vehicle, box or fixed object of each of the engine's geoms."""
+    """Name of the vehicle, box or fixed object of each solid (see `VehicleContacts`)."""
     warnings: list[Problem]
     """Probable mistakes that can be simulated."""
 
@@ -105,20 +105,21 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         vehicle_mjcf(name, vehicle, spec.vehicles[name].x, spec.vehicles[name].y, spec.vehicles[name].yaw)
         for name, vehicle in vehicles.items()
     ]
+    fixed = fixed_shapes(map_.statics)
     try:
-        engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity))
+        engine = Engine(world_mjcf(map_, boxes, bodies, spec.substep, spec.gravity), fixed)
     except EngineError as error:
         place = _at("boxes" if spec.boxes else "vehicles")
         problems.append((place, f": {error}. Many bodies at the same place?"))
         raise _refusal(problems, warnings) from None
-    owners = [name.split("/")[0] for name in engine.geom_names]
+    geoms = engine.geoms()
+    names = ["ground", *(shape.name for shape in map_.statics), *(geom.name for geom in geoms)]
+    owners = [name.split("/")[0] for name in names]
     overlapping = [(owners[a], owners[b]) for a, b in engine.overlapping()]
     problems += overlapping_vehicles(vehicles, overlapping) + _unstable_vehicles(vehicles, spec)
     if problems:
         raise _refusal(problems, warnings)
-    geoms = engine.geoms()
-    body_vehicle = {engine.body(name)[0]: i for i, name in enumerate(vehicles)}
-    shapes = _shapes(geoms, body_vehicle)
+    shapes = _with_movable(fixed, geoms, {engine.body(name)[0]: i for i, name in enumerate(vehicles)})
     model = Model(
         dt=spec.substep,
         gravity=spec.gravity,
@@ -148,7 +149,6 @@ def compile_specs(specs: Specs) -> CompiledScenario:
             own.add(vehicle, name, sensor)
         except SensorError as error:
             raise SpecProblems([(_at("vehicles", vehicle, "own_sensors", name), f": {error}")]) from None
-    geom_vehicle = np.array([body_vehicle.get(body, -1) for body in engine.geom_bodies], dtype=np.int64)
     return CompiledScenario(
         specs=specs,
         spec=spec,
@@ -171,7 +171,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         state=state,
         engine=engine,
         views=engine.views(),
-        contacts=vehicle_contacts(len(vehicles), geom_vehicle),
+        contacts=vehicle_contacts(model),
         scratch=scratch(model, engine.body_count),
         objects=objects,
         boxes=boxes,
@@ -256,25 +256,19 @@ def _race(specs: Specs, map_: Map) -> tuple[Race | None, list[Problem]]:
         return None, [(_at("race"), f": {text}") for text in error.errors]
 
 
-def _shapes(geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
-    """`body_vehicle`: number of the vehicle of each body that is one."""
-    n_fixed = sum(geom.dof < 0 for geom in geoms)
-    kind = np.array([geom.kind for geom in geoms], dtype=np.int64)
-    size = np.array([geom.size for geom in geoms], dtype=np.float64).reshape(-1, 3)
-    position = np.array([geom.position for geom in geoms], dtype=np.float64).reshape(-1, 3)
-    rotation = np.array([rotation_from_quaternion(geom.orientation) for geom in geoms], dtype=np.float64).reshape(-1, 9)
-    return Shapes(
-        kind=kind,
-        size=size,
-        bounding_radius=np.array([geom.bounding_radius for geom in geoms], dtype=np.float64),
-        position=position,
-        rotation=rotation,
-        vehicle=np.array([body_vehicle.get(geom.body, -1) for geom in geoms], dtype=np.int64),
-        dof=np.array([geom.dof for geom in geoms], dtype=np.int64),
-        qpos=np.array([geom.qpos for geom in geoms], dtype=np.int64),
-        n_fixed=n_fixed,
-        grid=fixed_grid(kind[:n_fixed], size[:n_fixed], position[:n_fixed], rotation[:n_fixed]),
-    )
+def _with_movable(fixed: Shapes, geoms: Sequence[Geom], body_vehicle: Mapping[int, int]) -> Shapes:
+    """The fixed shapes, then those of the movable bodies. `body_vehicle`: numbers of the vehicles, by their bodies."""
+    movable = {
+        "kind": np.array([geom.kind for geom in geoms], dtype=np.int64),
+        "size": np.array([geom.size for geom in geoms], dtype=np.float64),
+        "bounding_radius": np.array([geom.bounding_radius for geom in geoms], dtype=np.float64),
+        "position": np.array([geom.position for geom in geoms], dtype=np.float64),
+        "rotation": np.array([rotation_from_quaternion(geom.orientation) for geom in geoms], dtype=np.float64),
+        "vehicle": np.array([body_vehicle.get(geom.body, -1) for geom in geoms], dtype=np.int64),
+        "dof": np.array([geom.dof for geom in geoms], dtype=np.int64),
+        "qpos": np.array([geom.qpos for geom in geoms], dtype=np.int64),
+    }
+    return fixed._replace(**{name: np.concatenate([getattr(fixed, name), its]) for name, its in movable.items()})
 
 
 def _targets(map_: Map, boxes: Sequence[BoxPlacement], owners: Sequence[str], shapes: Shapes) -> Integers:

@@ -74,11 +74,11 @@ class Referee:
         impulses: dict[tuple[int, int], float] = {}
         places: dict[tuple[int, int], Floats] = {}
         pairs: Any = contacts.pairs[: contacts.pair_count[0]].tolist()
-        for vehicle, geom in pairs:
-            key = (vehicle, self._owners[geom])
-            impulses[key] = impulses.get(key, 0.0) + float(contacts.impulse[vehicle, geom])
-            places.setdefault(key, read_only_copy(contacts.position[vehicle, geom]))
-            contacts.impulse[vehicle, geom] = 0.0
+        for vehicle, solid in pairs:
+            key = (vehicle, self._owners[solid])
+            impulses[key] = impulses.get(key, 0.0) + float(contacts.impulse[vehicle, solid])
+            places.setdefault(key, read_only_copy(contacts.position[vehicle, solid]))
+            contacts.impulse[vehicle, solid] = 0.0
         contacts.pair_count[0] = 0
         events: list[Event] = []
         for (vehicle, other), impulse in impulses.items():

@@ -122,10 +122,10 @@ class Drive:
         self._latency[rows] = np.rint(latency / self._batch.tick_duration)
         self._sent[:, rows] = 0.0
 
-    def step(self, commands: Floats) -> None:
-        """Run the ticks of one action, shape (n, v, 2)."""
+    def step(self, commands: Floats, worlds: NDArray[np.bool_] | None = None) -> None:
+        """Run the ticks of one action, shape (n, v, 2). `worlds`: see `BatchWorld.step`."""
         if not self._latency.any():
-            self._batch.step(commands, self._skip)
+            self._batch.step(commands, self._skip, worlds)
             return
         self._sent[1:] = self._sent[:-1].copy()
         self._sent[0] = commands
@@ -133,7 +133,7 @@ class Drive:
         first = 0
         for tick in range(1, self._skip + 1):
             if tick == self._skip or (ages[tick] != ages[first]).any():
-                self._batch.step(self._due(np.maximum(ages[first], 0)), tick - first)
+                self._batch.step(self._due(np.maximum(ages[first], 0)), tick - first, worlds)
                 first = tick
 
     def _due(self, ages: Integers) -> Floats:

@@ -102,7 +102,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         if ended.any() and self.autoreset_mode == AutoresetMode.DISABLED:
             raise SpecError([f"environments {np.flatnonzero(ended).tolist()} have ended; reset them with a reset_mask"])
         commands = commands_of(actions, self.settings, self.num_envs)
-        self._drive(self._of_worlds(commands))
+        # those that have ended begin again below
+        self._drive(self._of_worlds(commands), ~self._of_worlds(ended)[:, 0])
         outcome = self._judge()
         self.steps += 1
         terminated = outcome.has_ended
@@ -163,9 +164,9 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self._episodes.begin(rows, starts, CarReadings.of_batch(self.batch.readings))
         self.steps[rows] = 0
 
-    def _drive(self, commands: NDArray[Any]) -> None:
-        """Run the ticks of one action, shape (worlds, cars, 2)."""
-        self.batch.step(commands, self.settings.frame_skip)
+    def _drive(self, commands: NDArray[Any], worlds: Bools) -> None:
+        """Run the ticks of one action, shape (worlds, cars, 2), in these worlds, shape (worlds,)."""
+        self.batch.step(commands, self.settings.frame_skip, worlds)
 
     def _judge(self) -> Outcome:
         """What the last action led to."""

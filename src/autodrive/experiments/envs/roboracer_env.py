@@ -95,8 +95,8 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         """Along the centre line since the start of each episode [m], shape (n,)."""
         return self._episodes.memory[:, DRIVEN].copy()
 
-    def _drive(self, commands: NDArray[Any]) -> None:
-        self._driver.step(commands)
+    def _drive(self, commands: NDArray[Any], worlds: NDArray[np.bool_]) -> None:
+        self._driver.step(commands, worlds)
 
     def _judge(self) -> Outcome:
         before = self.distance

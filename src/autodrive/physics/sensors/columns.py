@@ -30,7 +30,7 @@ class NoiseColumns(NamedTuple):
     bias: Floats
     """Of each channel, shape (n, v, c)."""
     lidar: Floats
-    """sigma, relative_sigma, step, dropout, and the scale of all ranges, shape (n, v, 5)."""
+    """sigma, relative_sigma, step, dropout, scale, and the drawn factor of all ranges, shape (n, v, 6)."""
     weather: Floats
     """What the weather does to each LIDAR, see `lidar_weather`; zeros: nothing."""
     weather_stream: NDArray[np.uint64]

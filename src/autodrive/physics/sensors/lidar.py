@@ -121,7 +121,7 @@ def _measure_ranges(due: Due, row: Any, memory: Memory, time: float, inverse_ran
     ranges = memory.readings.lidar_ranges[due.k, due.i, : len(inverse_range)]
     if noise.is_noisy[due.k, due.i, due.s]:
         f, stream = noise.lidar[due.k, due.i], noise.stream[due.k, due.i, due.s]
-        measure_with_noise(inverse_range, f[4], stream, (f[0], f[1], f[2], f[3]), low, high, ranges)
+        measure_with_noise(inverse_range, f[5], stream, (f[0], f[1], f[2], f[3]), low, high, ranges)
     else:
         for n in range(len(ranges)):
             ranges[n] = classify(1.0 / inverse_range[n], low, high)

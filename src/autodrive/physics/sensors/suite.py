@@ -27,8 +27,9 @@ from autodrive.physics.sensors.tables import (
     most_rays,
     noise_columns,
     reading_columns,
-    reset_noise,
     sensor_tables,
+    set_noise,
+    start_noise,
     starting_only,
 )
 from autodrive.physics.state import State
@@ -93,7 +94,8 @@ class SensorSuite:
     def reset(self, seed: int) -> None:
         """Reset all sensors; the noise depends on `seed`, the name of the vehicle and the name of the sensor."""
         for i, (name, specs) in enumerate(self._specs.items()):
-            reset_noise(self._noise, 0, i, name, specs, self.noise_factors[i], seed)
+            set_noise(self._noise, 0, i, specs, self.noise_factors[i])
+            start_noise(self._noise, 0, i, name, seed)
         self._times = [list(NEVER) for _ in self._times]
 
     def set_weather(self, weather: Weather, seed: int) -> None:

@@ -90,15 +90,9 @@ def _schedule(spec: Any, is_on: bool, substep: Fraction) -> tuple[int, int]:
     return schedule.samples, schedule.substeps
 
 
-def reset_noise(
-    columns: NoiseColumns, k: int, i: int, name: str, specs: Mapping[str, Any], factor: float, seed: int
-) -> None:
-    """Sets the noise of vehicle i of world k, which has this `name`, to its start; ends its weather.
-
-    Each sensor has a random stream, which depends on `seed`, `name` and the name of the sensor.
-    """
+def set_noise(columns: NoiseColumns, k: int, i: int, specs: Mapping[str, Any], factor: float) -> None:
+    """Sets the parameters of the noise of vehicle i of world k to those of its sensors, times `factor`."""
     columns.is_noisy[k, i] = False
-    columns.weather[k, i], columns.weather_stream[k, i] = 0.0, 0
     for s, sensor in enumerate(SENSORS):
         if sensor not in specs:
             continue
@@ -110,25 +104,33 @@ def reset_noise(
         if isinstance(spec, LidarSpec):
             noise = spec.noise
             columns.is_noisy[k, i, s] = noise != type(noise)()
-            columns.lidar[k, i, :4] = noise.sigma, noise.relative_sigma, noise.step, noise.dropout
-        if not columns.is_noisy[k, i, s]:
-            continue
-        stream = columns.stream[k, i, s]
+            columns.lidar[k, i, :5] = noise.sigma, noise.relative_sigma, noise.step, noise.dropout, noise.scale
+
+
+def start_noise(columns: NoiseColumns, k: int, i: int, name: str, seed: int) -> None:
+    """Sets the noise of vehicle i of world k, which has this `name`, to its start; ends its weather.
+
+    Each sensor has a random stream, which depends on `seed`, `name` and the name of the sensor.
+    """
+    columns.weather[k, i], columns.weather_stream[k, i] = 0.0, 0
+    for s in np.flatnonzero(columns.is_noisy[k, i]).tolist():
+        sensor, stream = SENSORS[s], columns.stream[k, i, s]
         stream[:] = new_stream(random_generator(seed, name, sensor))
-        columns.bias[k, i, NOISY_VALUES[sensor]] = [one.offset * normal(stream) for one in rows]
-        if isinstance(spec, LidarSpec):
-            columns.lidar[k, i, 4] = 1.0 + spec.noise.scale * normal(stream)
+        offsets = columns.channels[k, i, NOISY_VALUES[sensor], 1].tolist()
+        columns.bias[k, i, NOISY_VALUES[sensor]] = [offset * normal(stream) for offset in offsets]
+        if KINDS[sensor] is LidarSpec:
+            columns.lidar[k, i, 5] = 1.0 + columns.lidar[k, i, 4] * normal(stream)
 
 
 def noise_columns(n: int, v: int) -> NoiseColumns:
-    """No noise yet; see `reset_noise`."""
+    """No noise yet; see `set_noise` and `start_noise`."""
     sensors, channels = len(SENSORS), NOISY_VALUES[SENSORS[-1]].stop
     return NoiseColumns(
         is_noisy=np.zeros((n, v, sensors), np.bool_),
         stream=np.zeros((n, v, sensors, 3), np.uint64),
         channels=np.zeros((n, v, channels, 4)),
         bias=np.zeros((n, v, channels)),
-        lidar=np.zeros((n, v, 5)),
+        lidar=np.zeros((n, v, 6)),
         weather=np.zeros((n, v, WIDTH)),
         weather_stream=np.zeros((n, v, 3), np.uint64),
     )

@@ -1,13 +1,11 @@
-"""MJCF of a map: the floor, static shapes, and boxes that can be pushed."""
+"""MJCF of a world: the floor, and boxes and vehicles that can be pushed; the engine gets the static shapes itself."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from autodrive.base.transforms import quaternion_from_yaw
-from autodrive.physics.model import BOX
 from autodrive.scenario.maps.map import BoxPlacement, Map
-from autodrive.scenario.maps.solids import StaticShape
 
 CLASSES = """
 <default>
@@ -44,24 +42,14 @@ def text(numbers: Iterable[float]) -> str:
 
 
 def world_mjcf(map_: Map, boxes: Iterable[BoxPlacement], vehicles: Iterable[str], dt: float, gravity: float) -> str:
-    """MJCF of a whole world. Bodies at rest sleep until they are touched and then cost no time."""
+    """MJCF of a world without its static shapes. Bodies at rest sleep until they are touched and then cost no time."""
     friction = f'friction="{map_.ground.friction:.17g} 0.005 0.0001"'
     return (
         f'<mujoco><option timestep="{dt:.17g}" gravity="0 0 {-gravity:.17g}" integrator="Euler" {COLLISION}>'
         f'<flag sleep="enable" multiccd="disable" {UNUSED}/></option><size memory="16M"/>{CLASSES}<worldbody>'
         f'<geom name="ground" class="floor" type="plane" size="100 100 1" {friction}/>'
-        f"{''.join(_static(shape, friction) for shape in map_.statics)}"
         f"{''.join(_movable(box, friction) for box in boxes)}"
         f"{''.join(vehicles)}</worldbody></mujoco>"
-    )
-
-
-def _static(shape: StaticShape, friction: str) -> str:
-    kind = "box" if shape.kind == BOX else "cylinder"
-    size = shape.size if shape.kind == BOX else shape.size[:2]
-    return (
-        f'<geom name="{shape.name}" class="static" type="{kind}" size="{text(size)}" pos="{text(shape.position)}" '
-        f'quat="{text(quaternion_from_yaw(shape.yaw))}" {friction}/>'
     )
 
 

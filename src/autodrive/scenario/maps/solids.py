@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 import shapely
 from pydantic import Field
 
 from autodrive.base.elementary import atan2
 from autodrive.base.specs import Coordinate, Degrees, Length, Name, Spec
+from autodrive.base.transforms import quaternion_from_yaw, rotation_from_quaternion
 from autodrive.base.units import DEGREE
-from autodrive.physics.model import BOX
+from autodrive.physics.grid import fixed_grid
+from autodrive.physics.model import BOX, Shapes
 from autodrive.scenario.maps.shapes import Point, is_simple, rectangle
 
 
@@ -99,6 +102,29 @@ class BoxPlacement:
     def span(self) -> tuple[float, float]:
         """Heights of the bottom and of the top [m]."""
         return self.position[2] - self.size[2] / 2.0, self.position[2] + self.size[2] / 2.0
+
+
+def fixed_shapes(statics: Sequence[StaticShape]) -> Shapes:
+    """The part of `Model.shapes` that never moves."""
+    n = len(statics)
+    none = np.full(n, -1)
+    kind = np.array([one.kind for one in statics], dtype=np.int64)
+    size = np.array([one.size for one in statics], dtype=np.float64).reshape(n, 3)
+    position = np.array([one.position for one in statics], dtype=np.float64).reshape(n, 3)
+    rotations = [rotation_from_quaternion(quaternion_from_yaw(one.yaw)) for one in statics]
+    rotation = np.array(rotations, dtype=np.float64).reshape(n, 9)
+    return Shapes(
+        kind=kind,
+        size=size,
+        bounding_radius=np.sqrt((size * size).sum(axis=1)),
+        position=position,
+        rotation=rotation,
+        vehicle=none,
+        dof=none,
+        qpos=none,
+        n_fixed=n,
+        grid=fixed_grid(kind, size, position, rotation),
+    )
 
 
 def wall_shapes(wall: WallSpec) -> Iterator[StaticShape]:

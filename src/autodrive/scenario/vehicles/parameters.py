@@ -117,17 +117,38 @@ def wheel_table(
     table = np.zeros(4 * len(vehicles), dtype=WHEEL)
     for i, (spec, factor) in enumerate(zip(vehicles, grips, strict=True)):
         rows = table[4 * i : 4 * i + 4]
-        state = road(surface_of(spec, ground), weather)
-        grip = ground.grip * factor * state.grip
-        rows["rolling_resistance"] = state.resistance
         rows["hub"] = spec.hubs
         for axle, wheels in ((spec.axles.front, rows[:2]), (spec.axles.rear, rows[2:])):
             for field in ("is_steered", "is_driven", "is_braked"):
                 wheels[field] = getattr(axle, field)
         _set_wheels(rows, spec)
         _set_suspension(rows, spec, dt)
-        _set_tyres(rows, spec, grip, dt)
+        set_conditions(rows, spec, factor, dt, ground, weather)
     return table
+
+
+def set_conditions(
+    rows: Table, spec: VehicleSpec, factor: float, dt: float, ground: GroundSpec, weather: Weather
+) -> None:
+    """Sets all columns of the wheels of a vehicle, shape (4,), that depend on its mass, the ground or the weather.
+
+    `factor`: of the friction values, besides those of the ground and the weather.
+    """
+    state = road(surface_of(spec, ground), weather)
+    grip = ground.grip * factor * state.grip
+    rows["rolling_resistance"] = state.resistance
+    rows["sprung_mass"] = sprung_masses(spec)
+    rows["effective_mass"] = effective_masses(spec)
+    rows["hold_stiffness"], rows["hold_damping"] = hold_spring(spec, dt)
+    wheel = spec.wheels
+    if wheel.magic_formula is not None:
+        _set_magic_formula(rows, spec, wheel.magic_formula, grip)
+        return
+    factors = (1.0, grip, 1.0, grip, 1.0)
+    assert wheel.forward_friction is not None
+    assert wheel.sideways_friction is not None
+    rows["forward"] = np.multiply(wheel.forward_friction.numbers, factors)
+    rows["sideways"] = np.multiply(wheel.sideways_friction.numbers, factors)
 
 
 def surface_of(spec: VehicleSpec, ground: GroundSpec) -> Surface:
@@ -140,6 +161,8 @@ def _set_wheels(rows: Table, spec: VehicleSpec) -> None:
     wheel = spec.wheels
     for field in ("radius", "damping_rate", "force_height"):
         rows[field] = getattr(wheel, field)
+    for field in ("active_slip_offset", "passive_slip_minimum", "slip_angle_offset", "hold_speed"):
+        rows[field] = getattr(wheel.regularisation, field)
     rows["inertia"] = 0.5 * wheel.mass * wheel.radius * wheel.radius
 
 
@@ -148,24 +171,6 @@ def _set_suspension(rows: Table, spec: VehicleSpec, dt: float) -> None:
     for field in ("stiffness", "damping", "compression_max", "droop_max", "bump_stiffness"):
         rows[field] = getattr(suspension, field)
     rows["look_ahead"] = suspension.look_ahead(dt)
-    rows["sprung_mass"] = sprung_masses(spec)
-    rows["effective_mass"] = effective_masses(spec)
-
-
-def _set_tyres(rows: Table, spec: VehicleSpec, grip: float, dt: float) -> None:
-    wheel, regular = spec.wheels, spec.wheels.regularisation
-    magic = wheel.magic_formula
-    if magic is None:
-        factor = (1.0, grip, 1.0, grip, 1.0)
-        assert wheel.forward_friction is not None
-        assert wheel.sideways_friction is not None
-        rows["forward"] = np.multiply(wheel.forward_friction.numbers, factor)
-        rows["sideways"] = np.multiply(wheel.sideways_friction.numbers, factor)
-    else:
-        _set_magic_formula(rows, spec, magic, grip)
-    for field in ("active_slip_offset", "passive_slip_minimum", "slip_angle_offset", "hold_speed"):
-        rows[field] = getattr(regular, field)
-    rows["hold_stiffness"], rows["hold_damping"] = hold_spring(spec, dt)
 
 
 def hold_spring(spec: VehicleSpec, dt: float) -> tuple[float, float]:

@@ -22,13 +22,13 @@ from autodrive.base.transforms import quaternion_from_yaw
 from autodrive.physics.model import Table
 from autodrive.physics.sensors.lidar import LidarSpec
 from autodrive.physics.sensors.lidar_weather import set_lidar_weather
-from autodrive.physics.sensors.tables import most_rays, reset_noise, sensor_tables
+from autodrive.physics.sensors.tables import most_rays, sensor_tables, set_noise, start_noise
 from autodrive.physics.weather import ChangingWeather
 from autodrive.protocol.commands import MAX_DISTANCE, check_seed, check_weather
 from autodrive.protocol.messages import Weather
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
-from autodrive.scenario.vehicles.parameters import vehicle_table, wheel_table
+from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch.columns import Thread, empty_worlds, new_thread
 from autodrive.world.batch.readings import Readings, readings_of
@@ -89,6 +89,10 @@ class BatchWorld(OneThread):
         self.vehicle_names = list(c.vehicles)
         self.object_names = list(c.objects)
         self.tick_duration = spec.tick
+        heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
+        heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
+        self._on_ground = {name: (c.engine.body(name)[1], height) for name, height in heights.items()}
+        """Index of the pose of each body in `State.qpos`, and its height on the ground [m]."""
         self._tick = Fraction(str(spec.tick))
         self._substeps = spec.substeps
         substep = Fraction(str(spec.substep))
@@ -105,7 +109,10 @@ class BatchWorld(OneThread):
         """Of the present episodes."""
         self.weathers = [ChangingWeather().at(0.0)] * n
         """Of the present episodes, with wetness and snow cover."""
+        self._noise = np.full((n, len(c.vehicles)), np.nan)
+        """Factor of the noise that is set in each world."""
         self._has_own_vehicles = np.zeros(n, np.bool_)
+        self._is_stepped = np.ones(n, np.bool_)
         self._specs = {
             name: {sensor: one.spec for sensor, one in sensors.items()} for name, sensors in c.configured.items()
         }
@@ -128,14 +135,17 @@ class BatchWorld(OneThread):
         return f"<BatchWorld of {self.n} worlds of map '{self.spec.map_name}': vehicles {vehicles}>"
 
     @by_one_thread
-    def step(self, commands: ArrayLike, ticks: int = 1) -> Readings:
+    def step(self, commands: ArrayLike, ticks: int = 1, worlds: ArrayLike | None = None) -> Readings:
         """Run so many ticks with these commands: throttle and steering (left positive), each in [-1, 1].
 
-        `commands` has the shape (n, v, 2); greater values are limited. Raises `CommandError` for another shape, or a
-        value that is not finite; nothing has moved then.
+        `commands` has the shape (n, v, 2); greater values are limited. `worlds`: those that move, as in `reset`; the
+        others stay as they are, and their commands mean nothing. Raises `CommandError` for another shape, or a value
+        that is not finite; nothing has moved then.
         """
         self._check_open()
         values = self._checked_commands(commands)
+        self._is_stepped[:] = False
+        self._is_stepped[self._checked_worlds(worlds)] = True
         if isinstance(ticks, bool) or not isinstance(ticks, int) or ticks < 1:
             raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
         np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle)
@@ -231,6 +241,7 @@ class BatchWorld(OneThread):
         return (
             c.model,
             self.worlds,
+            self._is_stepped,
             thread,
             self._sensors,
             self._owners,
@@ -274,7 +285,10 @@ class BatchWorld(OneThread):
                 tables[key] = self._tables(factors["mass"].tolist(), factors["grip"].tolist(), own, weather)
             w.vehicles[k], w.wheels[k] = tables[key]
         for i, (name, specs_of) in enumerate(self._specs.items()):
-            reset_noise(w.noise, k, i, name, specs_of, float(factors["noise"][i]), self._seeds[k])
+            if (noise := float(factors["noise"][i])) != self._noise[k, i]:
+                self._noise[k, i] = noise
+                set_noise(w.noise, k, i, specs_of, noise)
+            start_noise(w.noise, k, i, name, self._seeds[k])
             if isinstance(lidar := specs_of.get("lidar"), LidarSpec):
                 set_lidar_weather(w.noise, k, i, name, weather, lidar, self._seeds[k])
 
@@ -287,11 +301,15 @@ class BatchWorld(OneThread):
             name: (own[name].with_mass_factor(placed[name].mass_factor) if name in own else spec).with_mass_factor(mass)
             for (name, spec), mass in zip(c.vehicles.items(), masses, strict=True)
         }
-        vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep) if own else c.model.vehicles.copy()
-        for row, spec in zip(vehicles, specs.values(), strict=True):
-            row["mass"], row["inertia"] = spec.body.mass, spec.body.inertia
-        grips = [p.grip_factor * one for p, one in zip(placed.values(), grips, strict=True)]
-        return vehicles, wheel_table([*specs.values()], grips, c.spec.substep, c.map.ground, weather)
+        factors = [p.grip_factor * one for p, one in zip(placed.values(), grips, strict=True)]
+        if own:
+            vehicles = vehicle_table(specs, c.engine, c.engine.geoms(), c.spec.substep)
+            return vehicles, wheel_table([*specs.values()], factors, c.spec.substep, c.map.ground, weather)
+        vehicles, wheels = c.model.vehicles.copy(), c.model.wheels.copy()
+        for i, (spec, factor) in enumerate(zip(specs.values(), factors, strict=True)):
+            vehicles[i]["mass"], vehicles[i]["inertia"] = spec.body.mass, spec.body.inertia
+            set_conditions(wheels[4 * i : 4 * i + 4], spec, factor, c.spec.substep, c.map.ground, weather)
+        return vehicles, wheels
 
     def _set_motion(self, chosen: Integers, i: int, motion: Floats) -> None:
         """Set velocities and actuators of a vehicle at the start, whose pose is set; `motion` has the shape (m, 5)."""
@@ -339,7 +357,7 @@ class BatchWorld(OneThread):
         if given.size == 0:
             return np.zeros(0, np.int64)
         is_integer = np.issubdtype(given.dtype, np.integer) and given.ndim == 1
-        if not is_integer or given.min() < 0 or given.max() >= self.n or len(np.unique(given)) < len(given):
+        if not is_integer or given.min() < 0 or given.max() >= self.n or len({*given.tolist()}) < len(given):
             raise CommandError(
                 f"worlds must be a mask of the shape ({self.n},), or different numbers from 0 to {self.n - 1}"
             )
@@ -363,8 +381,9 @@ class BatchWorld(OneThread):
         m, v = len(chosen), len(self.vehicle_names)
         limits = LIMITS[name]
         try:
-            values = np.asarray(factor, dtype=np.float64)
-            values = np.broadcast_to(values[:, None] if values.ndim == 1 else values, (m, v))
+            given = np.asarray(factor, dtype=np.float64)
+            values = np.empty((m, v))
+            values[:] = given[:, None] if given.ndim == 1 else given
         except (TypeError, ValueError):
             raise CommandError(f"{name} must be one number, or have the shape ({m},) or ({m}, {v})") from None
         if not ((values >= limits[0]) & (values <= limits[1])).all():
@@ -418,18 +437,16 @@ class BatchWorld(OneThread):
         """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
         c = self.compiled
         qpos = np.tile(c.engine.start, (len(chosen), 1))
-        heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
-        heights |= {name: vehicle.ride_height for name, vehicle in c.vehicles.items()}
         for name, pose in poses.items():
-            if name not in heights:
-                raise CommandError(f"'{name}' is not in these worlds. {suggest(str(name), list(heights))}")
+            if name not in self._on_ground:
+                raise CommandError(f"'{name}' is not in these worlds. {suggest(str(name), list(self._on_ground))}")
             values = _checked_rows(f"the poses of '{name}'", pose, (len(chosen), 3), "x, y, yaw")
             if not (np.abs(values) <= MAX_DISTANCE).all():
                 raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
-            start = c.engine.body(name)[1]
+            start, height = self._on_ground[name]
             for row, (x, y, yaw) in zip(qpos, values.tolist(), strict=True):
                 w, _, _, z = quaternion_from_yaw(yaw)
-                row[start : start + 7] = x, y, heights[name], w, 0.0, 0.0, z
+                row[start : start + 7] = x, y, height, w, 0.0, 0.0, z
         for k, row in zip(chosen.tolist(), qpos, strict=True) if poses else ():
             for one, other in overlapping(c, row):
                 raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")

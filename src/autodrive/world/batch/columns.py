@@ -91,7 +91,7 @@ def new_thread(compiled: CompiledScenario, engine: Engine, rays: int) -> Thread:
     shapes = compiled.model.shapes
     return Thread(
         views=engine.views(),
-        contacts=vehicle_contacts(len(compiled.vehicles), compiled.contacts.geom_vehicle),
+        contacts=vehicle_contacts(compiled.model),
         scratch=scratch(compiled.model, engine.body_count),
         shape_position=shapes.position.copy(),
         shape_rotation=shapes.rotation.copy(),

@@ -22,6 +22,7 @@ from autodrive.world.referee import any_wheel_outside, begins_collision
 def step_worlds(
     model: Model,
     worlds: Worlds,
+    is_stepped: NDArray[np.bool_],
     thread: Thread,
     sensors: SensorTables,
     owners: Integers,
@@ -34,15 +35,17 @@ def step_worlds(
     always_engine: bool,
     has_rolling_lidar: bool,
 ) -> None:
-    """Moves the worlds `first` to `last` - 1 by `ticks` of so many `substeps`. A world that has diverged stays still.
+    """Moves the worlds `first` to `last` - 1 by `ticks` of so many `substeps`, if `is_stepped`, shape (n,).
 
-    `owners`: number of the object of each of the engine's geoms. `edges`: see `referee.any_wheel_outside`.
+    A world that has diverged stays still.
+
+    `owners`: number of the object of each solid (see `VehicleContacts`). `edges`: see `referee.any_wheel_outside`.
     `separation`: ticks between two collisions with the same object.
     """
     for k in range(first, last):
         for i in range(model.vehicles.shape[0]):
             worlds.has_collided[k, i] = False
-        if worlds.is_unstable[k]:
+        if worlds.is_unstable[k] or not is_stepped[k]:
             continue
         own = model_of(k, model, worlds)
         state = state_of(k, worlds, thread)
@@ -135,9 +138,9 @@ def _judge(
 ) -> None:
     """Counts the new collisions of a tick, as `referee.Referee`, and clears the contacts."""
     for p in range(contacts.pair_count[0]):
-        vehicle, geom = contacts.pairs[p, 0], contacts.pairs[p, 1]
-        contacts.impulse[vehicle, geom] = 0.0
-        if begins_collision(last_contact, vehicle, int(owners[geom]), tick, separation):
+        vehicle, solid = contacts.pairs[p, 0], contacts.pairs[p, 1]
+        contacts.impulse[vehicle, solid] = 0.0
+        if begins_collision(last_contact, vehicle, int(owners[solid]), tick, separation):
             collision_count[vehicle] += 1
             has_collided[vehicle] = True
     contacts.pair_count[0] = 0
