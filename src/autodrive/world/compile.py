@@ -133,7 +133,7 @@ def compile_specs(specs: Specs) -> CompiledScenario:
         ),
         shapes=shapes,
     )
-    targets = _targets(map_, boxes, [owners[geom.number] for geom in geoms], shapes)
+    targets = _targets(map_, boxes, owners[1:], shapes)  # without the floor
     state = empty_state(model, engine.body_count)
     objects = {box.name: engine.body(box.name)[1] for box in boxes}
     own = OwnSensors(
