@@ -264,7 +264,7 @@ function problems(store: Store, builder: Builder): HTMLElement {
 
 /** Maps of the simulator to start from. */
 function start(store: Store, builder: Builder): HTMLElement {
-  const select = choice('build-template', (name) => name && void builder.use(name), {
+  const select = choice('build-template', (name) => name && void builder.use({ name }), {
     'aria-label': 'Start from a map',
   })
   store.scene.watch((scene) => {
@@ -272,7 +272,15 @@ function start(store: Store, builder: Builder): HTMLElement {
     setOptions(select, { '': 'Choose a map', ...templates })
     select.value = ''
   })
-  return section('Start from', select)
+  const hidden = { class: 'visually-hidden', tabindex: -1, 'aria-label': "A map's file" }
+  const file = h('input', { type: 'file', accept: '.yaml,.yml', testid: 'build-file', ...hidden })
+  file.addEventListener('change', async () => {
+    const text = await file.files?.[0]?.text()
+    if (text) await builder.use({ text })
+    file.value = ''
+  })
+  const open = h('button', { testid: 'build-open-file', onclick: () => file.click() }, 'Open a file')
+  return section('Start from', select, h('div', { class: 'row' }, open, file))
 }
 
 /** The problem without the advice for a file. */
