@@ -27,6 +27,10 @@ export function build(store: Store, builder: Builder, editor: Editor, view: () =
     if (isBuilding) document.documentElement.style.setProperty('--edit-bar', `${buttons.offsetHeight}px`)
     document.documentElement.toggleAttribute('data-editing', store.isMapViewed)
   }
+  const warn = (): void => {
+    if (store.isBuilding.value && store.scene.value && !builder.scene)
+      store.warning.value = 'This map is a race track, which is not built of modules.'
+  }
   new ResizeObserver(show).observe(buttons)
   isPanelOpen.watch(show)
   store.isEditing.watch(show)
@@ -34,8 +38,9 @@ export function build(store: Store, builder: Builder, editor: Editor, view: () =
     show()
     if (!isBuilding) return
     store.isMenuOpen.value = false
-    if (!builder.scene) store.warning.value = 'This map is a race track, which is not built of modules.'
+    warn()
   })
+  store.scene.watch(warn)
   return [buttons, details]
 }
 
@@ -272,8 +277,7 @@ function start(store: Store, builder: Builder): HTMLElement {
     setOptions(select, { '': 'Choose a map', ...templates })
     select.value = ''
   })
-  const hidden = { class: 'visually-hidden', tabindex: -1, 'aria-label': "A map's file" }
-  const file = h('input', { type: 'file', accept: '.yaml,.yml', testid: 'build-file', ...hidden })
+  const file = h('input', { type: 'file', accept: '.yaml,.yml', testid: 'build-file', hidden: true })
   file.addEventListener('change', async () => {
     const text = await file.files?.[0]?.text()
     if (text) await builder.use({ text })
