@@ -217,6 +217,7 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
         "seen": {"block": None},
     },
     {"type": "UseMap", "name": "plane"},
+    {"type": "UseMap", "text": "title: x\nplacements: [{module: lawn, x: 0, y: 0}]"},
     {"type": "SaveMap", "title": "x"},
     {"type": "Undo"},
     {"type": "Redo"},

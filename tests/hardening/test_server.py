@@ -97,6 +97,8 @@ def cut_off(send: Callable[[int], object], most: int = 1000) -> None:
         ("EditMap", {"parts": {f"a{number}": None for number in range(2000)}}),
         ("EditMap", {"parts": {"a": None}, "seen": {"a": {"type": "MapProp", "kind": "?", "x": 0, "y": 0, "yaw": 0}}}),
         ("UseMap", {"name": "../maps/plane"}),
+        ("UseMap", {"text": "title: [" * 5000}),
+        ("UseMap", {"text": "a: &a [x, x]\nb: &b [*a, *a]\nc: &c [*b, *b]\nd: [*c, *c]\n" * 9}),
         ("SaveMap", {"title": "x" * 60_000}),
         ("LoadScenario", {"name": "x" * 60_000}),
         ("LoadScenario", {"name": "../plane"}),

@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from autodrive.protocol.messages import Pause
+from autodrive.protocol.messages import EditMap, MapModule, Pause
 from autodrive.recording.replay import Replay
 from tests.page.test_replay import drive, replay
 from tests.page.test_screens import SHOW_CARDS
@@ -55,6 +55,13 @@ def test_axe_finds_nothing_in_any_state(two_cars: PageServer, new_tab: NewTab, a
     if not tab.get("edit").is_visible():
         tab.click("edit-details")
     check(tab, axe, "Edit mode")
+    tab.click("build-button")
+    two_cars.request(EditMap({"a": MapModule("straight_road", 3.0, 3.0)}))
+    tab.wait_until(lambda: tab.value("store.scene.value.map_scene.problems.length") == 2)
+    if not tab.get("build").is_visible():
+        tab.click("build-details")
+    check(tab, axe, "Build mode")
+    tab.click("edit-button")
     tab.click("edit-save")
     check(tab, axe, "save")
 

@@ -90,6 +90,10 @@ def test_a_closed_loop_is_built_from_an_empty_plane_and_saved(plane: PageServer,
     checked = call("check", file)
     assert checked.returncode == 0, checked.stderr
     assert "draft" not in file.read_text()
+    building.get("build-template").select_option("oval")
+    building.wait_until(lambda: len(parts(building)) == 11)
+    building.get("build-file").set_input_files(file)
+    wait_for_parts(building, *(f"curved_road_{one}" for one in range(1, 5)))
     assert load_map(file).drivable.equals(plane.simulation.world.map.drivable)
     building.click("build-save")
     building.click("save-map-scenario")

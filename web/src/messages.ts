@@ -293,11 +293,14 @@ export interface EditMap {
 }
 
 /**
- * Replace the map by a map of the simulator, one of `MapScene.templates`.
+ * Replace the map by a map of the simulator, one of `MapScene.templates`, or by the `text` of a map's file (YAML).
+ *
+ * The modules of a text are those of `MapScene.modules`. Its map is a draft, which may be unfinished.
  */
 export interface UseMap {
   type: 'UseMap'
-  name: string
+  name?: string
+  text?: string
 }
 
 /**

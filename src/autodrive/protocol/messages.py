@@ -339,9 +339,13 @@ class EditMap(msgspec.Struct, frozen=True, tag=True):
 
 
 class UseMap(msgspec.Struct, frozen=True, tag=True):
-    """Replace the map by a map of the simulator, one of `MapScene.templates`."""
+    """Replace the map by a map of the simulator, one of `MapScene.templates`, or by the `text` of a map's file (YAML).
 
-    name: Name
+    The modules of a text are those of `MapScene.modules`. Its map is a draft, which may be unfinished.
+    """
+
+    name: Name = ""
+    text: Annotated[str, msgspec.Meta(max_length=2**16)] = ""
 
 
 class Undo(msgspec.Struct, frozen=True, tag=True):

@@ -353,6 +353,45 @@ def test_a_box_of_the_map_is_where_it_was_put_and_undo_brings_it_back() -> None:
     assert place() == pytest.approx([1.5, 0.0], abs=1e-3)
 
 
+def test_the_text_of_a_map_is_opened_and_undone() -> None:
+    building = Building()
+    building.put(a=MapModule("straight_road", 3.0, 3.0), w=WALL)
+    text, parts = building.simulation.map_text("Mine"), building.scene.parts
+    building.ask(UseMap("oval"), UseMap(text=text))
+    assert building.simulation.undo_name == "open a map"
+    assert building.scene.parts == parts
+    assert building.simulation.map_text() == text
+    building.ask(Undo())
+    assert "a" not in building.scene.parts
+    spec = find("map", "mini_map").read_text()
+    building.ask(UseMap(text=spec))
+    assert building.scene.problems == []
+    assert yaml.safe_load(building.simulation.map_text()) == yaml.safe_load(spec)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("title: [", "invalid YAML"),
+        ("- 1", "expected 'key: value' lines"),
+        ("title: x\nwals: []", "'wals' is not a known key.*walls"),
+        ("title: x\nplacements: [{module: /etc/passwd.yaml, x: 0, y: 0}]", "module '/etc/passwd.yaml' is not known"),
+        ("title: x\nplacements: [{module: lawn, x: far, y: 0}]", r"placement 1.x \(line 2\): must be a number"),
+        ("a: &a [x]\nb: &b [*a, *a]\ntitle: !!python/name:os.system x", "tags such as"),
+        ("title: x\nplacements: [{module: lawn, x: 0, y: 0, mass: 1}]", "mass cannot be set for lawn"),
+        ("title: x\nwalls: [{points: [[0, -1], [0, 1]], height: 0.2}]", "overlap at the start"),
+    ],
+)
+def test_a_wrong_text_is_refused_and_nothing_is_lost(text: str, problem: str) -> None:
+    building = Building()
+    building.put(w=WALL)
+    before = building.simulation.map_text()
+    with pytest.raises(AutodriveError, match=f"(?s){problem}"):
+        building.ask(UseMap(text=text))
+    assert building.simulation.map_text() == before
+    assert building.simulation.undo_name == "add w"
+
+
 def test_a_race_track_has_no_parts(tmp_path: Path) -> None:
     building = Building("practice")
     assert map_scene(building.world, lambda name, _: name) is None

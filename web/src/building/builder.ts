@@ -339,10 +339,10 @@ export class Builder {
     return this.put(repair)
   }
 
-  /** Starts from a map of the simulator. */
-  use(name: string): Promise<boolean> {
+  /** Starts from a map of the simulator, or from the text of a map's file. */
+  use(map: { name: string } | { text: string }): Promise<boolean> {
     this.select()
-    return this.request({ type: 'UseMap', name })
+    return this.request({ type: 'UseMap', ...map })
   }
 
   /** Downloads the map as a YAML file. */

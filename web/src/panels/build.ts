@@ -27,6 +27,10 @@ export function build(store: Store, builder: Builder, editor: Editor, view: () =
     if (isBuilding) document.documentElement.style.setProperty('--edit-bar', `${buttons.offsetHeight}px`)
     document.documentElement.toggleAttribute('data-editing', store.isMapViewed)
   }
+  const warn = (): void => {
+    if (store.isBuilding.value && store.scene.value && !builder.scene)
+      store.warning.value = 'This map is a race track, which is not built of modules.'
+  }
   new ResizeObserver(show).observe(buttons)
   isPanelOpen.watch(show)
   store.isEditing.watch(show)
@@ -34,8 +38,9 @@ export function build(store: Store, builder: Builder, editor: Editor, view: () =
     show()
     if (!isBuilding) return
     store.isMenuOpen.value = false
-    if (!builder.scene) store.warning.value = 'This map is a race track, which is not built of modules.'
+    warn()
   })
+  store.scene.watch(warn)
   return [buttons, details]
 }
 
@@ -264,7 +269,7 @@ function problems(store: Store, builder: Builder): HTMLElement {
 
 /** Maps of the simulator to start from. */
 function start(store: Store, builder: Builder): HTMLElement {
-  const select = choice('build-template', (name) => name && void builder.use(name), {
+  const select = choice('build-template', (name) => name && void builder.use({ name }), {
     'aria-label': 'Start from a map',
   })
   store.scene.watch((scene) => {
@@ -272,7 +277,14 @@ function start(store: Store, builder: Builder): HTMLElement {
     setOptions(select, { '': 'Choose a map', ...templates })
     select.value = ''
   })
-  return section('Start from', select)
+  const file = h('input', { type: 'file', accept: '.yaml,.yml', testid: 'build-file', hidden: true })
+  file.addEventListener('change', async () => {
+    const text = await file.files?.[0]?.text()
+    if (text) await builder.use({ text })
+    file.value = ''
+  })
+  const open = h('button', { testid: 'build-open-file', onclick: () => file.click() }, 'Open a file')
+  return section('Start from', select, h('div', { class: 'row' }, open, file))
 }
 
 /** The problem without the advice for a file. */

@@ -362,9 +362,9 @@ class Client:
         """
         return self.connection.request(EditMap(dict(parts), dict(seen or {})))
 
-    def use_map(self, name: str) -> Frame:
-        """Replace the map by one of the simulator, see `scene.map_scene.templates`, for example to build on it."""
-        return self.connection.request(UseMap(name))
+    def use_map(self, name: str = "", *, text: str = "") -> Frame:
+        """Replace the map by one of the simulator, see `scene.map_scene.templates`, or by that of a file's text."""
+        return self.connection.request(UseMap(name, text))
 
     def map_text(self, title: str = "") -> str:
         """The map with all edits, as YAML, with that title if there is one."""

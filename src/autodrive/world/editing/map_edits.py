@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -33,24 +33,34 @@ NOUNS = {MapModule: "a module", MapWall: "a wall", MapBlock: "a block", MapProp:
 
 def edited_map(specs: Specs, edit: EditMap | UseMap) -> Specs:
     """The Specs after an edit of the map. Raises `AutodriveError`."""
-    if isinstance(edit, UseMap):
+    if isinstance(edit, UseMap) and not edit.text:
         known = yaml_files.names("map")
         if edit.name not in known:
             raise CommandError(f"map '{edit.name}' is not known. {suggest(edit.name, known)}")
         return _with_map(specs, edit.name, read_map(edit.name)[0])
+    folder = Path(specs.map.path).parent.absolute()
+    modules = {str(folder / one) if one.endswith(YAML) else one: its for one, its in specs.map.modules.items()}
+    if isinstance(edit, UseMap):
+        spec = yaml_files.parse(edit.text, MapSpec, "the text of the map")
+        _check_modules((one.module for one in spec.placements), modules)
+        spec = checked({key: getattr(spec, key) for key in spec.model_fields_set} | {"is_draft": True}, MapSpec)
+        return _with_map(specs, spec, read_map(spec, known=modules)[0])
     spec = own_map(specs)
     now = parts_of(spec)
     for name, part in edit.seen.items():
         if now.get(name) != part:
             raise CommandError(f"'{name}' was changed by another client meanwhile: edit it again as it is now")
-    folder = Path(specs.map.path).parent.absolute()
-    modules = {str(folder / one) if one.endswith(YAML) else one: its for one, its in specs.map.modules.items()}
-    known = sorted({*yaml_files.names("module"), *modules})
-    for part in edit.parts.values():
-        if isinstance(part, MapModule) and part.module not in known:
-            raise CommandError(f"module '{part.module}' is not known. {suggest(part.module, known)}")
+    _check_modules((part.module for part in edit.parts.values() if isinstance(part, MapModule)), modules)
     spec = _changed(spec, edit.parts)
     return _with_map(specs, spec, read_map(spec, known=modules)[0])
+
+
+def _check_modules(names: Iterable[str], of_map: Collection[str]) -> None:
+    """Raises `CommandError` for a module that is neither of the simulator nor in the map: no other file is read."""
+    known = sorted({*yaml_files.names("module"), *of_map})
+    for name in names:
+        if name not in known:
+            raise CommandError(f"module '{name}' is not known. {suggest(name, known)}")
 
 
 def own_map(specs: Specs) -> MapSpec:
@@ -94,7 +104,7 @@ def name_of_entry(entry: Entry, number: int) -> str:
 def name_of_edit(edit: EditMap | UseMap, before: Specs) -> str:
     """The edit in a few words, for the button that undoes it."""
     if isinstance(edit, UseMap):
-        return f"use the map {edit.name}"
+        return f"use the map {edit.name}" if edit.name else "open a map"
     there = parts_of(own_map(before))
     verb = "change"
     if not there.keys() & edit.parts.keys():
