@@ -106,6 +106,24 @@ def test_drive_and_tyres_of_the_document_fit_the_race_cars(tmp_path: Path) -> No
     assert changed == car
 
 
+def test_the_weather_of_the_document_is_that_of_the_world() -> None:
+    names = run("weather.md")
+    assert names["frame"].weather.rain == 0.6
+    assert names["frame"].time_of_day == 66600.0
+
+
+def test_scenario_and_tyres_in_the_document_on_weather_are_valid(tmp_path: Path) -> None:
+    start, tyres = examples("weather.md")
+    (tmp_path / "rainy.yaml").write_text(start)
+    spec = load_scenario(tmp_path / "rainy.yaml")
+    assert (spec.weather.rain, spec.weather.fog, spec.time_of_day) == (0.6, 0.2, 66600.0)
+    car = load_vehicle(
+        car_file(tmp_path, {f"wheels.{name}": one for name, one in yaml.safe_load(tyres)["wheels"].items()})
+    )
+    assert car.wheels.weather is not None
+    assert car.wheels.weather.wet_grip == 0.75
+
+
 def test_the_race_of_the_document_drives() -> None:
     names = run("race_car.md")
     car = names["frame"].vehicles["V1"]

@@ -32,7 +32,7 @@ _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Loader(_SafeLoader):
-    """Loads plain YAML; a date is a text. The numbers are checked by `_number`."""
+    """Loads plain YAML; a date and a time are texts. The numbers are checked by `_number`."""
 
 
 _Loader.yaml_implicit_resolvers = {
@@ -41,8 +41,13 @@ _Loader.yaml_implicit_resolvers = {
 }
 
 
-def _number(loader: Any, node: yaml.ScalarNode) -> int | float:
-    """A number; the constructors of PyYAML raise errors without a place for some texts, such as '0b_'."""
+def _number(loader: Any, node: yaml.ScalarNode) -> int | float | str:
+    """A number; the constructors of PyYAML raise errors without a place for some texts, such as '0b_'.
+
+    18:30 is a time and stays a text; YAML 1.1 reads it as a number to the base 60.
+    """
+    if ":" in node.value:
+        return node.value
     is_whole = node.tag.endswith(":int")
     try:
         if len(node.value) <= 100:

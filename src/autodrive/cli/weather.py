@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -26,14 +27,15 @@ def weather(
     ],
 ) -> None:
     """Print what a weather means in numbers on asphalt: grip, stopping distances, ranges of the LIDARs, sight."""
-    from autodrive.physics.weather import ChangingWeather, sight
+    from autodrive.protocol.messages import Weather
     from autodrive.world.compile import weather_effects
     from autodrive.world.factory import make
 
     start = environment(values)
     world = make(_plane([*BRAKING], start))
-    now = ChangingWeather.settled(world.spec.weather.message).at(0.0)
-    typer.echo(f"ground         wetness {now.wetness:.2f}, snow cover {now.snow_cover:.2f}")
+    now = world.weather or Weather()
+    typer.echo(f"ground         wetness {now.wetness or 0.0:.2f}, snow cover {now.snow_cover or 0.0:.2f}")
+    far = math.inf
     for (name, speed), spec in zip(BRAKING.items(), world.vehicle_specs.values(), strict=True):
         effects = weather_effects(now, world.map.ground, spec)
         stopping = f"stops from {speed:g} m/s in {_stopping_distance(name, speed, start):.3g} m"
@@ -41,7 +43,7 @@ def weather(
         typer.echo(
             f"{'':<14} LIDAR {effects.lidar_dark:.1f} m at 10 % and {effects.lidar_bright:.1f} m at 80 % reflectivity"
         )
-    far = sight(now)
+        far = effects.sight
     typer.echo("sight          " + (f"{far:.0f} m" if far < FAR else f"more than {FAR:.0f} m"))
     if world.time_of_day is not None:
         typer.echo(f"light          {'day' if world.scene_light else 'night'}")

@@ -273,6 +273,28 @@ def test_images_without_subscribers_are_not_requested(simulation: Simulation, se
         assert not bridge.wants_images
 
 
+def environment(node: Recorder, **values: float) -> None:
+    """Publish on the topics of time of day and weather."""
+    for name, value in values.items():
+        node.subscriptions[f"autodrive/environment/{name}"].callback(SimpleNamespace(data=value))
+
+
+def test_topics_set_the_weather_and_the_time_of_day(simulation: Simulation, server: Server) -> None:
+    node = Recorder()
+    with running(Config(port=server.port, robot_description=URDF), node) as bridge:
+        wait_until(lambda: bridge.frame is not None)
+        environment(node, weather_id=6, time_of_day=1140)
+        weather = simulation.frame.weather
+        assert weather is not None
+        assert (weather.rain, simulation.frame.time_of_day) == (0.8, 19 * 3600.0)
+        environment(node, weather_id=0, fog_intensity=7.0)  # limited to 1
+        weather = simulation.frame.weather
+        assert weather is not None
+        assert (weather.rain, weather.fog) == (0.0, 1.0)
+        environment(node, fog_intensity=0.0)
+    simulation.request(Reset()).result(LIMIT)
+
+
 # -- devkit mode ---------------------------------------------------------------------------------------------------
 
 
