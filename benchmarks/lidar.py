@@ -26,7 +26,7 @@ from autodrive.scenario import load_scenario
 from autodrive.world.compile import CompiledScenario
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.support.whole_map import whole_map_world  # noqa: E402
+from tests.support.whole_map import whole_map_world
 
 ROUNDS, CALLS = 21, 200
 RAYS = (360, 1080)
