@@ -5,9 +5,9 @@
 Wall time on all cores, medians of rounds that take turns. A step of ours is an action of 25 ms with a scan of 1080 rays
 at its end, on the tracks of the training. "Cars that stand" show what steps without contacts and new episodes cost; at
 full throttle and straight on, 2 to 3 % of the steps end an episode at a wall. "With the learning" is a whole iteration
-of examples/learning/ppo.py. The interpreters are those of environments with `gymnasium[box2d]` (CarRacing-v3: 20 ms of a car seen from above, and a
-picture of 96 x 96 pixels) and with `gymkhana` (an action of 25 ms in five steps, and a scan of 1080 rays); each of them
-runs in one process for each core, with random actions.
+of examples/learning/ppo.py. The interpreters are those of environments with `gymnasium[box2d]` (CarRacing-v3: 20 ms of
+a car seen from above, and a picture of 96 x 96 pixels) and with `gymkhana` (an action of 25 ms in five steps, and a
+scan of 1080 rays); each of them runs in one process for each core, with random actions.
 """
 
 from __future__ import annotations

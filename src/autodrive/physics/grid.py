@@ -118,5 +118,5 @@ def _rectangles(kind: Integers, size: Floats, position: Floats, rotation: Floats
 
 @inlined
 def _cell(offset: float, cells_per_metre: float, count: int) -> int:
-    """Row or column of a place, the nearest one outside of the grid."""
-    return int(min(max(offset * cells_per_metre, 0.0), count - 1.0))
+    """Row or column of a place, the nearest one outside of the grid; the first one of a place that is not a number."""
+    return int(min(max(0.0, offset * cells_per_metre), count - 1.0))

@@ -105,7 +105,7 @@ def fill(shapes: Shapes, qpos: Floats, slots: Slots) -> None:
         far = slots.reach[b] + SLACK
         for k in range(fixed_near(shapes.grid, x, y, far, slots.found, 0)):
             s = slots.found[k]
-            if distance(shapes.kind[s], shapes.size[s], shapes.position[s], shapes.rotation[s], x, y, z) <= far:
+            if distance(int(shapes.kind[s]), shapes.size[s], shapes.position[s], shapes.rotation[s], x, y, z) <= far:
                 count = _insert(s, slots.shape, count)
     for k in range(count):
         _set(k + 1, slots.shape[k], shapes, slots)

@@ -15,7 +15,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.base.transforms import Vector
 from autodrive.physics.buffers import Scratch, VehicleContacts
-from autodrive.physics.clearance import can_any_touch, find_nearby, path
+from autodrive.physics.clearance import MARGIN, can_any_touch, find_nearby, path
 from autodrive.physics.engine import (
     AWAKE,
     Views,
@@ -61,7 +61,7 @@ def advance(
     if has_diverged(views) or not _is_sound(state.qpos, state.qvel, scratch.applied):
         return False
     for i in range(n):
-        find_nearby(i, model, state, scratch, duration)
+        scratch.horizon[i] = 0.0
         for axis in range(3):
             state.vehicle_acceleration[i, axis] = 0.0
             # the angular acceleration is the difference over the tick
@@ -72,6 +72,8 @@ def advance(
         scratch.applied[:] = 0.0
         for i in range(n):
             v = model.vehicles[i]
+            if scratch.horizon[i] <= MARGIN:
+                find_nearby(i, model, state, scratch, duration)
             angle = state.steering_angle[i]
             _actuate(i, model, state, throttle[i], steering[i], k)
             if k == first or state.steering_angle[i] != angle:  # it is often constant
@@ -95,11 +97,11 @@ def advance(
                     v, rotation, model.gravity, model.dt, scratch.applied, state.qpos, state.qvel, state.qacc
                 )
                 _limit_angular_velocity(v, state.qpos, state.qvel)
-                way = path(v, state.qvel, model.dt)
-                scratch.clearance[i] -= way
-                scratch.horizon[i] -= way
         for i in range(n):
             v = model.vehicles[i]
+            way = path(v, state.qvel, model.dt)
+            scratch.clearance[i] -= way
+            scratch.horizon[i] -= way
             x, y, z = _acceleration(v, state.qpos, state.qvel, scratch.velocity[i], 1.0 / duration)
             state.vehicle_acceleration[i, 0] += x
             state.vehicle_acceleration[i, 1] += y

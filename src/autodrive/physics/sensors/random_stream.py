@@ -57,7 +57,9 @@ Ratio = tuple[float, float, float, float, float, float, float, float, float, flo
 
 def new_stream(rng: np.random.Generator) -> Stream:
     """A stream whose key is drawn from `rng`; its integers are the same on every processor."""
-    return np.array([*rng.integers(0, 2**64, size=2, dtype=np.uint64), 0], dtype=np.uint64)
+    stream = np.zeros(3, np.uint64)
+    stream[:2] = rng.bit_generator.random_raw(2)  # pyright: ignore[reportAttributeAccessIssue]  not in the stubs
+    return stream
 
 
 @jit_uncounted

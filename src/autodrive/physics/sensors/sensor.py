@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -151,5 +152,9 @@ class Schedule:
 
 def random_generator(seed: int, vehicle: str, sensor: str) -> np.random.Generator:
     """The random stream of one sensor; depends on the three arguments only."""
-    key = [int.from_bytes(hashlib.blake2b(name.encode(), digest_size=16).digest()) for name in (vehicle, sensor)]
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_key(vehicle), _key(sensor))))
+
+
+@functools.cache
+def _key(name: str) -> int:
+    return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=16).digest())
