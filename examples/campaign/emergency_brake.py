@@ -32,13 +32,13 @@ class Driver:
         """Keep the lane by IPS and IMU, until the box is near: then brake until the end."""
         car = frame.vehicles["V1"]
         image = car.cameras.get("front")
-        is_dark = not frame.scene_light
+        lamps = 0 if frame.scene_light else 1
         if self.has_detector and image is not None and image.time != self.seen_at:
             self.seen_at = image.time
             self.is_braking |= distance_to_box(image.rgba, image.intrinsics.fx) < self.brakes_at
         offset, heading = car.ips.position[1] - LANE, (car.imu.euler[2] + np.pi) % (2.0 * np.pi) - np.pi
         steering = float(np.clip(-2.0 * offset - 2.0 * heading, -1.0, 1.0))
-        return Command(0.0 if self.is_braking else self.throttle, steering, headlights=1 if is_dark else 0)
+        return Command(0.0 if self.is_braking else self.throttle, steering, headlights=lamps)
 
 
 def distance_to_box(rgba, focal_length):
