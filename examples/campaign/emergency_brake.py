@@ -3,6 +3,7 @@
 import numpy as np
 
 from autodrive import Command
+from autodrive.protocol.messages import Headlights
 
 BOX_WIDTH = 0.3
 """[m]."""
@@ -32,7 +33,7 @@ class Driver:
         """Keep the lane by IPS and IMU, until the box is near: then brake until the end."""
         car = frame.vehicles["V1"]
         image = car.cameras.get("front")
-        lamps = 0 if frame.scene_light else 1
+        lamps = None if frame.scene_light else Headlights.LOW
         if self.has_detector and image is not None and image.time != self.seen_at:
             self.seen_at = image.time
             self.is_braking |= distance_to_box(image.rgba, image.intrinsics.fx) < self.brakes_at

@@ -113,7 +113,8 @@ def test_a_mixed_installation_is_refused_at_start_in_one_line(tmp_path: Path) ->
 
 
 def test_mujoco_4_0_0_solves_with_dense_jacobians(monkeypatch: pytest.MonkeyPatch) -> None:
-    mjcf = "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
+    floor = "<geom type='plane' size='1 1 1'/>"
+    mjcf = f"<mujoco><worldbody>{floor}<body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
     dense = engine.mujoco.mjtJacobian.mjJAC_DENSE  # pyright: ignore[reportAttributeAccessIssue]
     monkeypatch.setattr(engine, "VERSION", "4.0.1")
     assert engine.Engine(mjcf, fixed_shapes(())).model.opt.jacobian != dense
