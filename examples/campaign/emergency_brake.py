@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from autodrive import Command
-from autodrive.protocol.messages import Headlights
+from autodrive import Command, Headlights
 
 BOX_WIDTH = 0.3
 """[m]."""
@@ -11,6 +10,8 @@ BAND = np.s_[90:160, 240:400]
 """Rows and columns of the image above the bonnet of the car."""
 SATURATED = 0.35
 """Least (max - min) / max of a colour of the box; walls have less."""
+LIGHTS = (Headlights.OFF, Headlights.LOW)
+"""By day and at night."""
 LANE = -0.15
 """y of the lane [m]."""
 
@@ -33,13 +34,13 @@ class Driver:
         """Keep the lane by IPS and IMU, until the box is near: then brake until the end."""
         car = frame.vehicles["V1"]
         image = car.cameras.get("front")
-        lamps = None if frame.scene_light else Headlights.LOW
+        is_dark = not frame.scene_light
         if self.has_detector and image is not None and image.time != self.seen_at:
             self.seen_at = image.time
             self.is_braking |= distance_to_box(image.rgba, image.intrinsics.fx) < self.brakes_at
         offset, heading = car.ips.position[1] - LANE, (car.imu.euler[2] + np.pi) % (2.0 * np.pi) - np.pi
         steering = float(np.clip(-2.0 * offset - 2.0 * heading, -1.0, 1.0))
-        return Command(0.0 if self.is_braking else self.throttle, steering, headlights=lamps)
+        return Command(0.0 if self.is_braking else self.throttle, steering, headlights=LIGHTS[is_dark])
 
 
 def distance_to_box(rgba, focal_length):
