@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from autodrive import Command
+from autodrive import Command, Headlights
 
 BOX_WIDTH = 0.3
 """[m]."""
@@ -10,6 +10,8 @@ BAND = np.s_[90:160, 240:400]
 """Rows and columns of the image above the bonnet of the car."""
 SATURATED = 0.35
 """Least (max - min) / max of a colour of the box; walls have less."""
+LIGHTS = (Headlights.OFF, Headlights.LOW)
+"""By day and at night."""
 LANE = -0.15
 """y of the lane [m]."""
 
@@ -38,7 +40,7 @@ class Driver:
             self.is_braking |= distance_to_box(image.rgba, image.intrinsics.fx) < self.brakes_at
         offset, heading = car.ips.position[1] - LANE, (car.imu.euler[2] + np.pi) % (2.0 * np.pi) - np.pi
         steering = float(np.clip(-2.0 * offset - 2.0 * heading, -1.0, 1.0))
-        return Command(0.0 if self.is_braking else self.throttle, steering, headlights=1 if is_dark else 0)
+        return Command(0.0 if self.is_braking else self.throttle, steering, headlights=LIGHTS[is_dark])
 
 
 def distance_to_box(rgba, focal_length):

@@ -85,7 +85,7 @@ RACE = Problem(
         "tracks": 32,
         "track_width": (0.9, 1.6),
         "track_length": (58.0, 70.0),
-        "track_radius": (0.75, 1.2),
+        "track_radius": (0.75, 1.6),
         "noise": 1.0,
         "friction": (0.75, 1.25),
         "mass": (0.75, 1.25),

@@ -21,6 +21,7 @@ from autodrive.cli import doctor
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.physics import engine
+from autodrive.scenario.maps.solids import fixed_shapes
 from tests.connect.client.conftest import bare
 
 ROOT = Path(__file__).parents[2]
@@ -112,12 +113,13 @@ def test_a_mixed_installation_is_refused_at_start_in_one_line(tmp_path: Path) ->
 
 
 def test_mujoco_4_0_0_solves_with_dense_jacobians(monkeypatch: pytest.MonkeyPatch) -> None:
-    mjcf = "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
+    floor = "<geom type='plane' size='1 1 1'/>"
+    mjcf = f"<mujoco><worldbody>{floor}<body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
     dense = engine.mujoco.mjtJacobian.mjJAC_DENSE  # pyright: ignore[reportAttributeAccessIssue]
     monkeypatch.setattr(engine, "VERSION", "4.0.1")
-    assert engine.Engine(mjcf).model.opt.jacobian != dense
+    assert engine.Engine(mjcf, fixed_shapes(())).model.opt.jacobian != dense
     monkeypatch.setattr(engine, "VERSION", "4.0.0")
-    assert engine.Engine(mjcf).model.opt.jacobian == dense
+    assert engine.Engine(mjcf, fixed_shapes(())).model.opt.jacobian == dense
 
 
 def test_doctor_checks_the_packages_of_this_platform_only(monkeypatch: pytest.MonkeyPatch) -> None:

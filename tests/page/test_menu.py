@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from autodrive.protocol.messages import SetDrivingMode
+from autodrive.protocol.messages import Reset, SetDrivingMode, SetWeather
 from tests.support.page import PageServer, Tab
 
 
@@ -64,3 +64,18 @@ def test_another_scenario_and_another_vehicle(plane: PageServer, tab: Tab) -> No
     assert plane.frame.vehicles["V1"].throttle == 0
     tab.page.keyboard.press("v")
     tab.wait_until(lambda: tab.get("vehicle").input_value() == "V1")
+
+
+def test_weather_and_time_of_day_are_set_with_the_keyboard(tab: Tab, plane: PageServer) -> None:
+    tab.show("menu")
+    tab.get("weather").focus()
+    tab.page.keyboard.type("Heavy r")  # selects 'Heavy rain'
+    tab.wait_until(lambda: "LIDAR" in tab.get("weather-numbers").inner_text())
+    tab.get("time-of-day").focus()
+    for _ in range(3):
+        tab.page.keyboard.press("ArrowRight")
+    tab.wait_until(lambda: tab.value("store.frame.value.time_of_day") == 60 * (12 * 60 + 15))
+    assert tab.get("time-of-day").get_attribute("aria-valuetext") == "12:15"
+    assert tab.value("store.frame.value.weather.rain") == 0.8
+    plane.request(SetWeather())
+    plane.request(Reset())

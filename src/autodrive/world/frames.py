@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from operator import itemgetter
 
 import numpy as np
+from msgspec.structs import replace
 
 from autodrive.base.arrays import Floats, Integers, read_only_copy
 from autodrive.base.suggest import ByName
@@ -35,6 +36,8 @@ class FrameBuilder:
     """Builds the Frames of one world; each Frame has copies of the State, which later ticks do not change."""
 
     def __init__(self, compiled: CompiledScenario) -> None:
+        self.weather: Weather | None = None
+        self.weather_effects: WeatherEffects | None = None
         self._own_sensors = compiled.own_sensors
         self._numbers = numbers(compiled.state)
         self._qpos = compiled.state.qpos
@@ -58,12 +61,10 @@ class FrameBuilder:
         scene_light: bool,
         time_of_day: float | None = None,
         *,
-        weather: Weather | None = None,
-        weather_effects: WeatherEffects | None = None,
         races: Sequence[RaceState] | None = None,
     ) -> Frame:
         """The Frame of the State at `time` [s]; what is given of the vehicles is by their number."""
-        return Frame(
+        frame = Frame(
             time=time,
             tick=tick,
             vehicles=ByName(
@@ -82,9 +83,10 @@ class FrameBuilder:
             events=events,
             scene_light=scene_light,
             time_of_day=time_of_day,
-            weather=weather,
-            weather_effects=weather_effects,
         )
+        if self.weather is None:
+            return frame
+        return replace(frame, weather=self.weather, weather_effects=self.weather_effects)
 
     def _vehicle_frame(
         self,

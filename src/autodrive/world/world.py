@@ -104,7 +104,7 @@ class World(OneThread):
         """Probable mistakes in the scenario, as parts of their texts; see `autodrive.base.specs.joined`."""
         self.tick_duration = compiled.spec.tick
         self._seed = compiled.spec.seed
-        self._weather, self._weather_now, self._weather_effects = ChangingWeather(), None, None
+        self._weather, self._weather_now = ChangingWeather(), None
         self._weather_ticks = max(1, round(WEATHER_PERIOD / compiled.spec.tick))
         self._follows_weather = False
         """Whether wetness or snow cover of the ground are changing."""
@@ -480,7 +480,8 @@ class World(OneThread):
             self._weather_now = shown
             set_weather(self.compiled, self.spec, self.vehicle_specs, now, self._seed)
             first = self.vehicle_specs[self.vehicle_names[0]]
-            self._weather_effects = None if shown is None else weather_effects(now, self.map.ground, first)
+            self._frames.weather = shown
+            self._frames.weather_effects = weather_effects(now, self.map.ground, first)
 
     def _set_light(self, light: SceneLight) -> None:
         before = self.scene_light, self.time_of_day
@@ -618,8 +619,6 @@ class World(OneThread):
             events,
             scene_light,
             time_of_day,
-            weather=self._weather_now,
-            weather_effects=self._weather_effects,
             races=self.race and self.race.states(time),
         )
         return self._publish(frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved))

@@ -253,6 +253,24 @@ def test_a_reset_world_is_a_new_world_and_leaves_the_others_alone() -> None:
         new.step(commands)
 
 
+@pytest.mark.parametrize("worlds", [[3, 1], [False, True, False, True]])
+def test_some_worlds_move_and_the_others_stay_as_they_are(worlds: Any) -> None:
+    some, all_ = BatchWorld(TWO_CARS, 4), BatchWorld(TWO_CARS, 4)
+    for commands in random_commands(4, 2, 60):
+        some.step(commands)
+        all_.step(commands)
+    before = copies(some.readings)
+    for commands in random_commands(4, 2, 60, seed=1):
+        some.step(commands, worlds=worlds)
+        all_.step(commands)
+    for column, old, moved in zip(some.readings, before, all_.readings, strict=True):
+        np.testing.assert_array_equal(column[[0, 2]], old[[0, 2]])
+        np.testing.assert_array_equal(column[[1, 3]], moved[[1, 3]])
+    assert (some.readings.tick == [60, 120, 60, 120]).all()
+    with pytest.raises(CommandError, match="worlds must be a mask"):
+        some.step(np.zeros((4, 2, 2)), worlds=[4])
+
+
 def test_start_poses_are_those_of_a_scenario() -> None:
     poses = {"V1": [[-0.4, 0.1, 0.3], [0.0, 0.0, 0.0], [-1.0, -0.5, -2.0]], "single_1": [1.0, 1.0, 0.7]}
     batch = BatchWorld("boxes", 4)

@@ -119,7 +119,11 @@ function pieces(
     oninput: () => filter(),
   })
   const grid = h('div', { class: 'pieces', testid: 'build-pieces' })
-  const hint = h('p', { class: 'edit-hint' }, 'Click an open end of a road, or take a piece. N: next open end.')
+  const hint = h(
+    'p',
+    { class: 'edit-hint' },
+    'Click an open end of a road, or take a piece. N: next open end. While the simulation is paused (P), edits are faster.',
+  )
   let shown: MapScene['modules'] | null = null
 
   function card(id: string, title: string, image: HTMLElement | null, use: () => void): HTMLElement {

@@ -24,17 +24,14 @@ class NoiseColumns(NamedTuple):
     is_noisy: NDArray[np.bool_]
     """Shape (n, v, s)."""
     stream: NDArray[np.uint64]
-    """`random_stream.Stream` of each sensor, shape (n, v, s, 3)."""
+    """`random_stream.Stream` of each sensor, then that of the weather of the LIDAR, shape (n, v, s + 1, 3)."""
     channels: Floats
     """sigma, offset, walk and step of each channel, shape (n, v, c, 4)."""
     bias: Floats
     """Of each channel, shape (n, v, c)."""
     lidar: Floats
-    """sigma, relative_sigma, step, dropout, scale, and the drawn factor of all ranges, shape (n, v, 6)."""
-    weather: Floats
-    """What the weather does to each LIDAR, see `lidar_weather`; zeros: nothing."""
-    weather_stream: NDArray[np.uint64]
-    """`random_stream.Stream` of each LIDAR in the weather, shape (n, v, 3)."""
+    """sigma, relative_sigma, step, dropout, scale, the drawn factor of all ranges, and the figures of the weather (see
+    `lidar_weather`; zeros: nothing), shape (n, v, 6 + figures)."""
 
 
 class ReadingColumns(NamedTuple):

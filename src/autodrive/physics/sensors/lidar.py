@@ -15,7 +15,7 @@ from autodrive.base.jit import inlined
 from autodrive.physics.sensors.columns import Due, Memory, ReadingColumns, mount_orientation, mount_position
 from autodrive.physics.sensors.fan import cast_fan
 from autodrive.physics.sensors.lidar_noise import RPLIDAR_A1M8, LidarNoise, classify, measure_with_noise
-from autodrive.physics.sensors.lidar_weather import THRESHOLD, pass_weather
+from autodrive.physics.sensors.lidar_weather import THRESHOLD, WEATHER, pass_weather
 from autodrive.physics.sensors.sensor import STRONG, Distance, Mount, NoisePreset, NoisySpec, Rate, Reader, Sampled
 from autodrive.physics.sensors.sweep import Timing, cast_sweep
 from autodrive.protocol.messages import LidarScan
@@ -31,7 +31,7 @@ def sample(due: Due, values: Floats, row: Any, memory: Memory) -> None:
     first, last = row["first"][due.s], row["last"][due.s]
     rays = last - first
     inverse_range, hits = memory.working.inverse_range[:rays], memory.working.hits[:rays]
-    is_weather = memory.noise.weather[k, i, THRESHOLD] > 0.0
+    is_weather = memory.noise.lidar[k, i, WEATHER + THRESHOLD] > 0.0
     cast_fan(
         memory.motion.vehicle_position[i],
         memory.motion.vehicle_orientation[i],
@@ -113,9 +113,10 @@ def _sweep(due: Due, row: Any, memory: Memory) -> None:
 @inlined
 def _measure_ranges(due: Due, row: Any, memory: Memory, time: float, inverse_range: Floats, hits: Integers) -> None:
     """Writes the ranges of a scan that was complete at `time` [s]; `hits`: see `Working`."""
-    weather = memory.noise.weather[due.k, due.i]
+    weather = memory.noise.lidar[due.k, due.i, WEATHER:]
     if weather[THRESHOLD] > 0.0:
-        pass_weather(inverse_range, hits, memory.sensors.targets, weather, memory.noise.weather_stream[due.k, due.i])
+        streams = memory.noise.stream[due.k, due.i]
+        pass_weather(inverse_range, hits, memory.sensors.targets, weather, streams[len(streams) - 1])
     noise, low, high = memory.noise, row["scan_range_min"], row["scan_range_max"]
     memory.readings.time[due.k, due.i, due.s] = time
     ranges = memory.readings.lidar_ranges[due.k, due.i, : len(inverse_range)]

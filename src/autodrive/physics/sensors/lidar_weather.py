@@ -23,9 +23,12 @@ from autodrive.physics.weather import (
 from autodrive.protocol.messages import Weather
 
 EXTINCTION, BACKSCATTER, THRESHOLD, FIRST = range(4)
-"""Places in `NoiseColumns.weather`: extinction [1/m], reflectivity of the air, least power, reflectivities, ranges."""
+"""Places of the figures: extinction [1/m], reflectivity of the air, least power, reflectivities, ranges [m]."""
 KINDS = len(TARGETS)
 WIDTH = FIRST + 2 * KINDS
+"""Number of figures."""
+WEATHER = 6
+"""Place of the first one in `NoiseColumns.lidar`."""
 GROUND = TARGETS["ground"]
 
 
@@ -44,7 +47,7 @@ class Ranging(Protocol):
 
 
 def figures(weather: Weather, range_max: float, rated: float) -> list[float]:
-    """A row of `NoiseColumns.weather` of a LIDAR; `range_max` [m] and `rated`: see `weather.detection_range`."""
+    """The figures of a LIDAR in `NoiseColumns.lidar`; `range_max` [m] and `rated`: see `weather.detection_range`."""
     wetness = weather.wetness or 0.0
     lost = extinction(weather)
     if lost == 0.0 and wetness == 0.0:
@@ -66,9 +69,9 @@ def set_lidar_weather(
 
     Its random stream depends on `seed` and `name`, and begins when there is weather for the first time.
     """
-    columns.weather[k, i] = figures(weather, lidar.range_max, lidar.rated_reflectivity)
-    stream = columns.weather_stream[k, i]
-    if columns.weather[k, i, THRESHOLD] > 0.0 and not stream.any():
+    columns.lidar[k, i, WEATHER:] = figures(weather, lidar.range_max, lidar.rated_reflectivity)
+    stream = columns.stream[k, i, -1]
+    if columns.lidar[k, i, WEATHER + THRESHOLD] > 0.0 and not stream.any():
         stream[:] = new_stream(random_generator(seed, name, "weather"))
 
 

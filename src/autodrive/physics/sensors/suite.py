@@ -17,7 +17,7 @@ from autodrive.physics.model import Shapes
 from autodrive.physics.sensors.catalog import NOISY_VALUES, SENSORS, VALUES
 from autodrive.physics.sensors.columns import motion_of, working_memory
 from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.lidar_weather import set_lidar_weather
+from autodrive.physics.sensors.lidar_weather import WEATHER, set_lidar_weather
 from autodrive.physics.sensors.sampling import sample
 from autodrive.physics.sensors.sensor import Reader
 from autodrive.physics.sensors.settings import ConfiguredSensor
@@ -152,7 +152,7 @@ class SensorSuite:
     def _changing(self) -> list[NDArray[Any]]:
         """The columns that later readings depend on."""
         noise, columns = self._noise, self._columns
-        changing = [noise.stream, noise.bias, noise.lidar, noise.weather, noise.weather_stream]
+        changing = [noise.stream, noise.bias, noise.lidar]
         changing += [columns.time, columns.sweep, columns.sweep_ranges, columns.sweep_hits]
         return [*changing, *self._working.before] if self._rolling_rays else changing
 
@@ -179,8 +179,8 @@ class SensorSuite:
         noise.stream[0, i, s] = its_noise.stream[0, i, s]
         columns.time[0, i, s] = its_columns.time[0, i, s]
         if isinstance(spec := self._configured[i][name].spec, LidarSpec):
-            noise.lidar[0, i] = its_noise.lidar[0, i]
-            noise.weather_stream[0, i] = its_noise.weather_stream[0, i]
+            noise.lidar[0, i, :WEATHER] = its_noise.lidar[0, i, :WEATHER]
+            noise.stream[0, i, -1] = its_noise.stream[0, i, -1]
             columns.sweep[0, i] = its_columns.sweep[0, i]
             if spec.is_rolling:
                 columns.sweep_ranges[0, i, : spec.rays] = its_columns.sweep_ranges[0, i, : spec.rays]

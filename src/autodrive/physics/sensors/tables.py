@@ -13,7 +13,7 @@ from autodrive.physics.model import columns as table_columns
 from autodrive.physics.sensors.catalog import ALWAYS_READ, KINDS, NOISY_VALUES, NUMBERS, SENSORS, VALUES
 from autodrive.physics.sensors.columns import NoiseColumns, ReadingColumns, SensorTables
 from autodrive.physics.sensors.lidar import LidarSpec
-from autodrive.physics.sensors.lidar_weather import WIDTH
+from autodrive.physics.sensors.lidar_weather import WEATHER, WIDTH
 from autodrive.physics.sensors.random_stream import new_stream, normal
 from autodrive.physics.sensors.sensor import Mount, Schedule, random_generator
 from autodrive.physics.sensors.settings import ConfiguredSensor
@@ -112,7 +112,7 @@ def start_noise(columns: NoiseColumns, k: int, i: int, name: str, seed: int) -> 
 
     Each sensor has a random stream, which depends on `seed`, `name` and the name of the sensor.
     """
-    columns.weather[k, i], columns.weather_stream[k, i] = 0.0, 0
+    columns.lidar[k, i, WEATHER:], columns.stream[k, i, -1] = 0.0, 0
     for s in np.flatnonzero(columns.is_noisy[k, i]).tolist():
         sensor, stream = SENSORS[s], columns.stream[k, i, s]
         stream[:] = new_stream(random_generator(seed, name, sensor))
@@ -127,12 +127,10 @@ def noise_columns(n: int, v: int) -> NoiseColumns:
     sensors, channels = len(SENSORS), NOISY_VALUES[SENSORS[-1]].stop
     return NoiseColumns(
         is_noisy=np.zeros((n, v, sensors), np.bool_),
-        stream=np.zeros((n, v, sensors, 3), np.uint64),
+        stream=np.zeros((n, v, sensors + 1, 3), np.uint64),
         channels=np.zeros((n, v, channels, 4)),
         bias=np.zeros((n, v, channels)),
-        lidar=np.zeros((n, v, 6)),
-        weather=np.zeros((n, v, WIDTH)),
-        weather_stream=np.zeros((n, v, 3), np.uint64),
+        lidar=np.zeros((n, v, WEATHER + WIDTH)),
     )
 
 
