@@ -11,6 +11,7 @@ import shlex
 import signal
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -103,10 +104,21 @@ def test_the_commands_of_a_page_run(page: Path, lines: list[str], tmp_path: Path
         with subprocess.Popen(arguments, cwd=tmp_path, env=variables, **output) as process:
             assert process.stdout is not None
             if LASTING.match(command):
-                assert any("http://" in line for line in process.stdout), f"{command}: no address of a page"
+                begin = _until(process.stdout, "press Ctrl-C to stop")
+                assert any("http://" in line for line in begin), f"{command}: no address of a page: {begin}"
                 process.send_signal(signal.SIGINT)
             printed, _ = process.communicate(timeout=LIMIT)
         assert process.returncode == 0, f"{command}: {printed}"
+
+
+def _until(lines: Iterable[str], end: str) -> list[str]:
+    """The lines up to the first one that contains `end`, or all."""
+    found = []
+    for line in lines:
+        found.append(line)
+        if end in line:
+            break
+    return found
 
 
 def test_each_reason_is_that_of_a_command() -> None:

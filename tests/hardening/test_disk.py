@@ -118,6 +118,7 @@ OTHERS = {
     "experiments/identification/windows.py": {"write_text"},
     "experiments/policies/policy.py": {"savez"},  # into memory
     "base/cache.py": {"mkstemp", "TemporaryFile", "open"},  # `write_file`, `new_file` and `write_cached` themselves
+    "cli/compiled.py": {"write_text"},  # into the folder of a wheel that is built
     "cli/doctor.py": {"TemporaryFile"},  # looks whether a file can be written
     "cli/app.py": {"open"},  # /dev/null
     "scenario/files.py": {"write_text"},  # in a temporary folder, like the next one

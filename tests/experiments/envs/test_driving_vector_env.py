@@ -117,7 +117,7 @@ def test_an_unstable_world_ends_its_episode_only() -> None:
 
 
 def test_a_wrong_number_of_seeds_is_named() -> None:
-    with pytest.raises(ValueError, match="there must be 2 seeds, one for each environment, not 3"):
+    with pytest.raises(ValueError, match="there must be 2 seeds, one for each world, not 3"):
         vector_env("NigelParking-v0", 2).reset(seed=[1, 2, 3])
 
 
