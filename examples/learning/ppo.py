@@ -83,13 +83,13 @@ RACE = Problem(
     reward=0.2,
     settings={
         "tracks": 32,
-        "track_width": (0.9, 1.6),
+        "track_width": (0.9, 1.4),
         "track_length": (58.0, 70.0),
-        "track_radius": (0.75, 1.6),
+        "track_radius": (0.75, 0.9),
         "noise": 1.0,
-        "friction": (0.75, 1.25),
-        "mass": (0.75, 1.25),
-        "latency": (0.0, 0.05),
+        "friction": (0.8, 1.2),
+        "mass": (0.8, 1.2),
+        "latency": (0.0, 0.04),
     },
 )
 PROBLEMS = {
