@@ -101,6 +101,23 @@ def test_rain_and_snow_are_in_front_of_the_scene_and_change_with_time(renderer: 
     assert np.abs(calm - image(renderer, Weather(clouds=1.0, wetness=1.0), 2.0)).max() == 0.0
 
 
+@pytest.mark.parametrize("weather", [Weather(rain=1.0), Weather(snow=1.0)])
+def test_rain_and_snow_never_darken_what_headlamps_light(renderer: Renderer, weather: Weather) -> None:
+    """Few pixels of an image show a drop or a flake: the median of many images is the scene without them."""
+    state = in_weather(weather)
+    state.header["is_day"] = False
+    state.vehicles["position"][0] = 0.0
+    state.vehicles["lamps"] = 1.0
+    images = []
+    for time in range(25):
+        state.header["time"] = time
+        images.append(renderer.draw(state, [LOOK])[0].rgba[..., :3].astype(np.float64))
+    behind = np.median(images, axis=0)
+    assert behind.max() > 100.0  # bright ground or wall
+    assert (np.array(images) - behind).min() >= -1.0
+    assert (np.array(images) - behind).max() > 10.0
+
+
 def test_clouds_dim_the_sun_and_fade_shadows() -> None:
     clear, dull = DAY, in_air(DAY, air_of(Weather(clouds=1.0)))
     assert max(dull.sun_color) < 0.1 * max(clear.sun_color)

@@ -4,8 +4,11 @@ import type { IUniform } from 'three'
 import {
   BufferAttribute,
   BufferGeometry,
+  CustomBlending,
   GLSL3,
   Mesh,
+  OneFactor,
+  OneMinusSrcColorFactor,
   ShaderMaterial,
   Vector2,
   Vector4,
@@ -33,6 +36,7 @@ export class Precipitation {
     this.material = new ShaderMaterial({
       ...{ vertexShader: PRECIPITATION_VERTEX, fragmentShader: PRECIPITATION_FRAGMENT, glslVersion: GLSL3 },
       ...{ uniforms: { ...shared, ...this.own }, transparent: true, depthTest: false, depthWrite: false },
+      ...{ blending: CustomBlending, blendSrc: OneFactor, blendDst: OneMinusSrcColorFactor },
     })
     this.mesh = new Mesh(this.geometry, this.material)
     this.mesh.frustumCulled = false

@@ -229,6 +229,7 @@ class Renderer:
         write(program, "shape", np.array(shape, np.float32).tobytes())
         self._context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
         self._context.enable(moderngl.BLEND)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
         quads.render(moderngl.TRIANGLES, 6 * (streaks + flakes))
         self._context.disable(moderngl.BLEND)
         self._context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
