@@ -69,12 +69,17 @@ def test_a_damaged_file_is_one_line_and_is_built_again(
 ) -> None:
     for damage in damages(file.read_bytes()):
         file.write_bytes(damage)
-        caplog.clear()
-        monkeypatch.setattr(jit, "reported", [])
-        assert is_compiled()
-        (line,) = caplog.messages
-        assert "damaged" in line
-        assert not is_compiled()
+        check_repair(caplog, monkeypatch)
+
+
+def check_repair(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The damage of a file is one line, and the function is compiled once."""
+    caplog.clear()
+    monkeypatch.setattr(jit, "reported", [])
+    assert is_compiled()
+    (line,) = caplog.messages
+    assert "damaged" in line
+    assert not is_compiled()
 
 
 def test_a_compilation_is_announced_once_unless_its_functions_are_shown(
@@ -213,12 +218,7 @@ def test_a_damaged_file_of_a_wheel_is_one_line_and_is_replaced_by_code_of_this_m
 ) -> None:
     for damage in damages(shipped.read_bytes()):
         shipped.write_bytes(damage)
-        caplog.clear()
-        monkeypatch.setattr(jit, "reported", [])
-        assert is_compiled()
-        (line,) = caplog.messages
-        assert "damaged" in line
-        assert not is_compiled()
+        check_repair(caplog, monkeypatch)
         shutil.rmtree(jit.CACHE)
 
 

@@ -740,8 +740,8 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     """The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
 
     `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
-    midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under
-    a clear sky over dry ground.
+    midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under a clear sky over dry
+    ground.
     """
 
     time: float
