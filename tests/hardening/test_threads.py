@@ -30,6 +30,7 @@ CALLS: dict[str, Callable[[World], object]] = {
     "set_scene_light": lambda world: world.set_scene_light(False),
     "set_time_of_day": lambda world: world.set_time_of_day(0.0),
     "set_weather": lambda world: world.set_weather(),
+    "show_drawings": lambda world: world.draw.points([[0.0, 0.0]]),
     "look": lambda world: world.look(),
     "close": lambda world: world.close(),
 }

@@ -101,7 +101,7 @@ def test_commands_are_refused_with_a_sentence_and_the_plot_has_the_whole_run(rep
     tab.wait_for_notice("nothing can be changed")
     # what has no effect is hidden, and the time is shown once
     tab.show("menu", "hud")
-    for control in ("edit-button", "record-button", "reset", "mode", "scene-light", "connect", "programs"):
+    for control in ("edit-button", "record-button", "reset", "mode", "scene-light", "weather", "connect", "programs"):
         assert tab.get(control).is_hidden()
     assert tab.get("camera").is_visible()
     clocks = ("hud-time", "time", "real-time-factor", "timeline-time")

@@ -10,6 +10,7 @@ import pytest
 import autodrive
 from autodrive import Command, CommandError
 from autodrive.protocol.messages import (
+    Draw,
     Frame,
     Hold,
     Reset,
@@ -55,6 +56,7 @@ def test_an_observer_hears_all_that_a_world_is_given_and_does() -> None:
     world.set_scene_light(False)
     world.set_time_of_day(100.0, 2.0)
     world.set_weather(Weather(rain=0.5))
+    world.draw.clear()
     world.restore(saved)
     world.look()
     world.observers.remove(notes)
@@ -73,6 +75,7 @@ def test_an_observer_hears_all_that_a_world_is_given_and_does() -> None:
         *(SetSceneLight(False), 0),
         *(SetTimeOfDay(100.0, 2.0), 0),
         *(SetWeather(Weather(rain=0.5)), 0),
+        Draw({}, clears=True),
         *(Restored(), 0),
     ]
 

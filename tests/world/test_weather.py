@@ -12,8 +12,9 @@ import autodrive
 from autodrive import Command, CommandError, Scenario, Weather, World
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import checked
-from autodrive.protocol.messages import Frame
+from autodrive.protocol.messages import Frame, SetWeather, Step
 from autodrive.protocol.weather import PRESETS
+from autodrive.world.simulation import Simulation
 
 FORWARD = {"V1": Command(throttle=0.5, steering=0.1)}
 STORM = Weather(clouds=1.0, fog=0.3, rain=0.8, snow=0.2, wind=0.5)
@@ -59,6 +60,24 @@ def test_a_scenario_starts_with_its_weather_and_time_of_day() -> None:
     assert frame.weather.rain == 0.0
     assert frame.weather.wetness == pytest.approx(math.exp(-0.1 / 300.0))  # it dries
     assert world.reset().weather == Weather(clouds=1.0, rain=0.8, wetness=1.0, snow_cover=0.0)
+
+
+def test_a_held_ground_stays_held_when_other_amounts_change() -> None:
+    with Simulation(autodrive.make(), is_paused=True) as simulation:
+        world = simulation.world
+
+        def given(weather: Weather, **more: bool) -> Weather | None:
+            simulation.request(SetWeather(weather, **more)).result()
+            simulation.request(Step(20)).result()
+            return world.weather
+
+        assert given(Weather(wetness=0.5)) == Weather(wetness=0.5, snow_cover=0.0)
+        assert given(Weather(wind=0.3), keeps_ground=True) == Weather(wind=0.3, wetness=0.5, snow_cover=0.0)
+        assert given(Weather(wetness=0.7), keeps_ground=True) == Weather(wetness=0.7, snow_cover=0.0)
+        dried = given(Weather())
+        assert dried is not None
+        assert dried.wetness is not None
+        assert dried.wetness < 0.7
 
 
 def test_wrong_weather_is_refused() -> None:

@@ -11,7 +11,7 @@ interface Pending {
 export class Connection {
   private readonly pending = new Map<number, Pending>()
   private nextId = 1
-  private subscription: Subscribe = { type: 'Subscribe' }
+  private subscription: Subscribe = { type: 'Subscribe', drawings: true }
   /** Why the simulator refused this page. */
   private refusal = ''
 
@@ -79,6 +79,8 @@ export class Connection {
       case 'Scene':
         store.scans.clear()
         store.cameraImages.clear()
+        store.drawings.clear()
+        store.drawingChanges.value += 1
         if (!(store.vehicle.value in message.vehicles)) store.vehicle.value = Object.keys(message.vehicles)[0] ?? ''
         store.scene.value = message
         break
@@ -87,6 +89,11 @@ export class Connection {
         break
       case 'Scan':
         store.scans.set(message.vehicle, message.scan)
+        break
+      case 'Drawn':
+        if (message.drawing) store.drawings.set(message.name, message)
+        else store.drawings.delete(message.name)
+        store.drawingChanges.value += 1
         break
       case 'Picture':
         store.cameraImages.set(`${message.vehicle}/${message.camera}`, message)

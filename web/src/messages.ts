@@ -141,10 +141,38 @@ export interface Weather {
 
 /**
  * Set the weather, all of it: what `weather` leaves out is none. The ground follows with its time constants.
+ *
+ * `keeps_ground`: what `weather` does not say of wetness and snow cover stays as it is: held, or following.
  */
 export interface SetWeather {
   type: 'SetWeather'
   weather?: Weather
+  keeps_ground?: boolean
+}
+
+/**
+ * Points, lines or a text in the view, not in the images of sensors. See `DrawCalls`.
+ *
+ * `points` x, y, z [m] in the map frame. 'path': a line through all; 'lines': one between each pair; 'text': its
+ * middle. `color`: red, green, blue and opacity, 0 to 1, sRGB. `size` [m]: diameter of points, width of lines, height
+ * of a text. `lifetime`: simulated time after which it disappears [s]; None: it stays.
+ */
+export interface Drawing {
+  kind: 'points' | 'path' | 'lines' | 'text'
+  points: ([number, number, number])[]
+  text: string
+  color: [number, number, number, number]
+  size: number
+  lifetime: number | null
+}
+
+/**
+ * Draw, replace or remove (None) drawings, by name; `clears`: remove all others. A reset removes all.
+ */
+export interface Draw {
+  type: 'Draw'
+  drawings: Record<string, Drawing | null>
+  clears?: boolean
 }
 
 /**
@@ -535,7 +563,8 @@ export interface Hello {
 /**
  * Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
  *
- * `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether scans are sent.
+ * `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
+ * are sent.
  * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
  * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
  * backlog.
@@ -547,6 +576,7 @@ export interface Subscribe {
   picture_rate?: number
   picture_width?: number | null
   picture_quality?: number
+  drawings?: boolean
 }
 
 /**
@@ -576,7 +606,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 }
 
 /**
@@ -825,6 +855,16 @@ export interface Scan {
   type: 'Scan'
   vehicle: string
   scan: LidarScan
+}
+
+/**
+ * A drawing of that name; it is shown before the simulated time `until` [s]. None: it was removed.
+ */
+export interface Drawn {
+  type: 'Drawn'
+  name: string
+  drawing: Drawing | null
+  until: number
 }
 
 /**
@@ -1106,7 +1146,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 
 export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
@@ -1114,7 +1154,7 @@ export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
-export type ServerMessage = Starting | Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame
+export type ServerMessage = Starting | Welcome | Scene | Status | Scan | Drawn | Picture | Rendered | Response | Error | Frame
 
 /** The weathers that have a name, in the order of the devkit. */
 export const WEATHERS: Record<string, Weather> = {

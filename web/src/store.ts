@@ -1,5 +1,5 @@
 // The latest messages of the server and the choices of the user; the interface between connection, scene and panels.
-import type { Event, Frame, LidarScan, Picture, Scene, Starting, Status, Welcome } from './messages'
+import type { Drawn, Event, Frame, LidarScan, Picture, Scene, Starting, Status, Welcome } from './messages'
 import { Observable } from './observable'
 
 export type Link = 'connecting' | 'starting' | 'open' | 'lost'
@@ -39,6 +39,9 @@ export class Store {
   readonly scans = new Map<string, LidarScan>()
   /** The latest camera image by `vehicle/camera`; set before the Frame that it belongs to. */
   readonly cameraImages = new Map<string, Picture>()
+  /** What scripts have drawn, by name; `drawingChanges` counts the changes. */
+  readonly drawings = new Map<string, Drawn>()
+  readonly drawingChanges = new Observable(0)
   readonly rendered = new Observable<Rendered | null>(null)
   /** Whether the first image of the simulator's renderer is awaited. */
   readonly isStreamStarting = new Observable(false)
@@ -74,6 +77,8 @@ export class Store {
   readonly isMapOpen = new Observable(false)
   /** Whether the driven lines are drawn in the scene and on the small map. */
   readonly areTrailsShown = new Observable(false)
+  /** Whether the drawings of scripts are shown in the scene. */
+  readonly areDrawingsShown = new Observable(true)
   /** Whether a screen reader gets the scene in words. */
   readonly isDescribed = new Observable(false)
   /** Whether a click on the ground sets a point of a measured distance. */

@@ -86,6 +86,7 @@ export function followViewInLink(store: Store): void {
     log: flag(store.isLogOpen),
     map: flag(store.isMapOpen),
     trails: flag(store.areTrailsShown),
+    drawings: flag(store.areDrawingsShown),
     scan: flag(store.isScanShown),
     bearing: part(
       store.bearing,

@@ -67,11 +67,12 @@ describe('the menu', () => {
     expect(intensity.getAttribute('aria-valuetext')).toBe('100 %')
     intensity.value = '0.5'
     intensity.dispatchEvent(new Event('input'))
-    expect(socket.request).toEqual({ type: 'SetWeather', weather: { ...clear, clouds: 0.5, rain: 0.4 } })
+    const half = { ...clear, clouds: 0.5, rain: 0.4 }
+    expect(socket.request).toEqual({ type: 'SetWeather', weather: half, keeps_ground: true })
     const wind = get<HTMLInputElement>('weather-wind')
     wind.value = '1'
     wind.dispatchEvent(new Event('input'))
-    expect(socket.request).toMatchObject({ type: 'SetWeather', weather: { wind: 1, rain: 0.4 } })
+    expect(socket.request).toMatchObject({ type: 'SetWeather', weather: { wind: 1, rain: 0.4 }, keeps_ground: true })
   })
 
   test('the time of day is a slider that says its time', () => {

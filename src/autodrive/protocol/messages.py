@@ -202,9 +202,42 @@ class WeatherEffects(Displayed, frozen=True, gc=False):
 
 
 class SetWeather(msgspec.Struct, frozen=True, tag=True):
-    """Set the weather, all of it: what `weather` leaves out is none. The ground follows with its time constants."""
+    """Set the weather, all of it: what `weather` leaves out is none. The ground follows with its time constants.
+
+    `keeps_ground`: what `weather` does not say of wetness and snow cover stays as it is: held, or following.
+    """
 
     weather: Weather = Weather()
+    keeps_ground: bool = False
+
+
+MAX_POINTS = 2000
+"""Of a drawing."""
+
+
+class Drawing(msgspec.Struct, frozen=True):
+    """Points, lines or a text in the view, not in the images of sensors. See `DrawCalls`.
+
+    `points` x, y, z [m] in the map frame. 'path': a line through all; 'lines': one between each pair; 'text': its
+    middle. `color`: red, green, blue and opacity, 0 to 1, sRGB. `size` [m]: diameter of points, width of lines, height
+    of a text. `lifetime`: simulated time after which it disappears [s]; None: it stays.
+    """
+
+    kind: Literal["points", "path", "lines", "text"]
+    points: Annotated[
+        tuple[tuple[Coordinate, Coordinate, Coordinate], ...], msgspec.Meta(min_length=1, max_length=MAX_POINTS)
+    ]
+    text: Annotated[str, msgspec.Meta(max_length=200)] = ""
+    color: tuple[Share, Share, Share, Share] = (1.0, 0.58, 0.0, 1.0)
+    size: float = 0.02
+    lifetime: float | None = None
+
+
+class Draw(msgspec.Struct, frozen=True, tag=True):
+    """Draw, replace or remove (None) drawings, by name; `clears`: remove all others. A reset removes all."""
+
+    drawings: Annotated[dict[Name, Drawing | None], msgspec.Meta(max_length=1000)]
+    clears: bool = False
 
 
 class SetDrivingMode(msgspec.Struct, frozen=True, tag=True):
@@ -382,6 +415,7 @@ Operation: TypeAlias = (
     | SetSceneLight
     | SetTimeOfDay
     | SetWeather
+    | Draw
     | SetDrivingMode
     | Retire
     | LoadScenario

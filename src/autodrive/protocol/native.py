@@ -11,7 +11,17 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from autodrive.protocol.messages import CameraIntrinsics, Command, Frame, LidarScan, MapPart, Name, Operation, Pose
+from autodrive.protocol.messages import (
+    CameraIntrinsics,
+    Command,
+    Drawing,
+    Frame,
+    LidarScan,
+    MapPart,
+    Name,
+    Operation,
+    Pose,
+)
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.protocol.replay import Curve, RecordingOperation, RecordingStatus, Timeline
 
@@ -42,7 +52,8 @@ class Hello(msgspec.Struct, frozen=True, tag=True):
 class Subscribe(msgspec.Struct, frozen=True, tag=True):
     """Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
 
-    `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`: whether scans are sent.
+    `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
+    are sent.
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
     backlog.
@@ -53,6 +64,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     picture_rate: Rate = 0.0
     picture_width: int | None = None
     picture_quality: int = 75
+    drawings: bool = False
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
@@ -345,6 +357,14 @@ class Scan(msgspec.Struct, frozen=True, tag=True, gc=False):
     scan: LidarScan
 
 
+class Drawn(msgspec.Struct, frozen=True, tag=True):
+    """A drawing of that name; it is shown before the simulated time `until` [s]. None: it was removed."""
+
+    name: str
+    drawing: Drawing | None
+    until: float
+
+
 class Picture(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A new image of a sensor camera as JPEG; sent before the first Frame that it belongs to."""
 
@@ -391,5 +411,7 @@ class Error(msgspec.Struct, frozen=True, tag=True, gc=False):
     id: int | None = None
 
 
-ServerMessage: TypeAlias = Starting | Welcome | Scene | Status | Scan | Picture | Rendered | Response | Error | Frame
+ServerMessage: TypeAlias = (
+    Starting | Welcome | Scene | Status | Scan | Drawn | Picture | Rendered | Response | Error | Frame
+)
 """A streamed Frame has no scans and images, which are messages of their own, and all events since the last one sent."""

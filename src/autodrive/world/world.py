@@ -29,8 +29,10 @@ from autodrive.physics.state import BODY_COLUMNS, State, VehicleView, copied, nu
 from autodrive.physics.tick import advance, place
 from autodrive.physics.weather import ChangingWeather
 from autodrive.protocol.commands import MAX_DISTANCE, check_flag, check_seed, check_weather, is_number
+from autodrive.protocol.drawing import DrawCalls, drawn_after
 from autodrive.protocol.messages import (
     Command,
+    Draw,
     Event,
     Frame,
     RaceStatus,
@@ -42,6 +44,7 @@ from autodrive.protocol.messages import (
     SetWeather,
     Weather,
 )
+from autodrive.protocol.native import Drawn
 from autodrive.protocol.weather import is_clear
 from autodrive.scenario import FACTOR_LIMITS
 from autodrive.world.compile import CompiledScenario, set_factors, set_weather, weather_effects, wheels_in
@@ -85,6 +88,10 @@ class World(OneThread):
             raise CommandError(f"engine must be 'auto' or 'always', not {engine!r}")
         self.observers: list[Observer] = []
         """Told each command, change and Frame of this World, as long as they are in the list."""
+        self.draw = DrawCalls(self.show_drawings)
+        """Draws points, lines and texts into the view."""
+        self.drawings: dict[str, Drawn] = {}
+        """By name; each change makes another dictionary. They belong neither to the State nor to a Snapshot."""
         self._always_engine = engine == "always"
         self.compiled = compiled
         """Model, State and engine; what changes them changes the results."""
@@ -225,6 +232,7 @@ class World(OneThread):
         c.contacts.impulse[:] = 0.0
         c.contacts.pair_count[0] = 0
         self._tick = 0
+        self.drawings = {}
         self._controls.reset()
         self._light = SceneLight(self.spec.scene_light, self.spec.time_of_day)
         self._poses.held = {}
@@ -354,6 +362,7 @@ class World(OneThread):
         self._tick, self._seed = before._tick, before._seed
         self._light, self._poses.held = before._light, dict(before._poses.held)
         self._weather = before._weather
+        self.drawings = before.drawings
         self._controls.restore(before._controls.save())
         self._referee.restore(before._referee.save())
         if self.race is not None and before.race is not None and self.race.identity == before.race.identity:
@@ -446,19 +455,29 @@ class World(OneThread):
         self._tell(lambda: SetTimeOfDay(time_of_day, scale))
         self._set_light(light)
 
+    @by_one_thread
+    def show_drawings(self, request: Draw) -> None:
+        """Show, replace and remove drawings in the view; `draw` has a method for each kind. Raises `CommandError`."""
+        self.drawings = drawn_after(self.drawings, request, self.time)
+        self._tell(lambda: request)
+
     @property
     def weather(self) -> Weather | None:
         """The weather with wetness and snow cover of the ground; None: clear, over dry ground."""
         return self._weather_now
 
     @by_one_thread
-    def set_weather(self, weather: Weather | None = None) -> None:
+    def set_weather(self, weather: Weather | None = None, *, keeps_ground: bool = False) -> None:
         """Set the weather from now on; None: clear. The ground becomes wet, white or dry with its time constants.
 
-        Raises `CommandError` if an amount is not a number from 0 to 1.
+        `keeps_ground`: wetness and snow cover that are held stay so, unless `weather` has others. Raises `CommandError`
+        if an amount is not a number from 0 to 1.
         """
         weather = Weather() if weather is None else weather
         check_weather(weather)
+        if keeps_ground:
+            held = {name: getattr(self._weather.weather, name) for name in ("wetness", "snow_cover")}
+            weather = replace(weather, **{name: held[name] for name in held if getattr(weather, name) is None})
         self._weather = self._weather.following(weather, self.time)
         self._tell(lambda: SetWeather(weather))
         before = self._weather_now

@@ -11,6 +11,7 @@ import pytest
 
 import autodrive
 from autodrive.connect.server.server import Server
+from autodrive.world.simulation import Simulation
 
 ROOT = Path(__file__).parents[3]
 CODE = re.findall(
@@ -30,6 +31,13 @@ def test_what_the_document_shows_runs(
 
 def test_document_has_examples() -> None:
     assert len(CODE) == 6
+
+
+def test_the_example_that_draws_shows_its_path_and_its_goal(server: Server, simulation: Simulation) -> None:
+    command = [sys.executable, str(ROOT / "examples" / "client" / "2_draw_path.py"), server.url, "1.0"]
+    subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert set(simulation.world.drawings) == {"circle", "goal", "text"}
+    assert simulation.frame.vehicles["V1"].speed > 0.05
 
 
 def test_the_lockstep_example_gives_the_same_twice_and_reaches_its_line(server: Server) -> None:

@@ -26,9 +26,11 @@ export function tools(store: Store, actions: Actions): HTMLElement {
     labelled('Small map', toggleSwitch('minimap-switch', 'Key Q', store.isMapOpen)),
     labelled('Describe the scene', toggleSwitch('describe-switch', DESCRIBE, store.isDescribed)),
     labelled('Driven lines', toggleSwitch('trails-switch', 'Key T', store.areTrailsShown)),
+    labelled('Drawings of programs', toggleSwitch('drawings-switch', DRAWINGS, store.areDrawingsShown)),
   )
 }
 
+const DRAWINGS = 'Points, lines and texts that programs draw into the scene'
 const DESCRIBE = 'Each second a line of text for screen readers: place, speed and nearest obstacle (key Y)'
 
 /** Enters or leaves full screen. */

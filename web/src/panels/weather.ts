@@ -23,10 +23,10 @@ export function weather(store: Store, actions: Actions): HTMLElement {
   const kinds = choice('weather', (kind) => kind !== OWN && set(scaled(kind, 1)))
   const names = [...Object.keys(WEATHERS), OWN].map((name) => [name, title(name)])
   setOptions(kinds, Object.fromEntries(names))
-  const intensity = slider('weather-intensity', 1, 0.05, (value) => set(scaled(kindOf(current), value)))
+  const intensity = slider('weather-intensity', 1, 0.05, (value) => set(scaled(kindOf(current), value), true))
   const amounts = AMOUNTS.map((name) => ({
     name,
-    input: slider(`weather-${name}`, 1, 0.05, (value) => set({ ...current, [name]: value })),
+    input: slider(`weather-${name}`, 1, 0.05, (value) => set({ ...current, [name]: value }, true)),
   }))
   const clockText = h('span', { class: 'state', testid: 'time-of-day-text' })
   const clock = slider('time-of-day', MINUTES - STEP, STEP, (minutes) => {
@@ -34,9 +34,10 @@ export function weather(store: Store, actions: Actions): HTMLElement {
   })
   let current: Weather = WEATHERS.sunny
 
-  function set(wanted: Weather): void {
+  /** Sets a weather; only a preset ends a state of the ground that a script holds. */
+  function set(wanted: Weather, keepsGround = false): void {
     current = wanted
-    void actions.request({ type: 'SetWeather', weather: wanted })
+    void actions.request({ type: 'SetWeather', weather: wanted, ...(keepsGround && { keeps_ground: true }) })
   }
 
   function show(frame: Frame | null): void {

@@ -5,6 +5,7 @@ import type { Frame, Scene } from '../messages'
 import type { Store } from '../store'
 import type { Trails } from '../trails'
 import { sceneUrl } from './assets'
+import { DrawingView } from './drawing_view'
 import { EditCamera } from './edit_camera'
 import { type Asset, loadAsset } from './glb'
 import { drawLabels, Labels } from './labels'
@@ -70,6 +71,7 @@ class View implements SceneView {
   private readonly scan = new ScanView()
   private readonly labels: Labels
   private readonly trailView = new TrailView()
+  private readonly drawingView = new DrawingView()
   private readonly remote: RemoteImage
   private readonly choice: QualityChoice
   private readonly assets = new Map<string, Asset>()
@@ -181,6 +183,7 @@ class View implements SceneView {
     this.scan.dispose()
     this.labels.dispose()
     this.trailView.dispose()
+    this.drawingView.dispose()
     this.viewpoints.dispose()
     this.editCamera.dispose()
     this.remote.dispose()
@@ -258,7 +261,7 @@ class View implements SceneView {
     const { scene } = this
     if (!scene || !this.assets.has(scene.model)) return
     this.world = new World(scene, this.assets, this.profile)
-    this.world.scene.add(this.scan.group, this.trailView.mesh)
+    this.world.scene.add(this.scan.group, this.trailView.mesh, this.drawingView.mesh)
     this.resize()
     this.choice.restart(performance.now() / 1000)
   }
@@ -351,6 +354,7 @@ class View implements SceneView {
     const scan = store.isScanShown.value ? (store.scans.get(followed) ?? null) : null
     this.scan.show(scan, followed, spec.lidar, motion)
     this.trailView.update(scene, this.trails, store.areTrailsShown.value, state.isDay)
+    this.drawingView.update(store)
     this.draw = () => renderer.render(world, viewpoints.camera, state, followed, 0)
     renderer.render(world, viewpoints.camera, state, followed, dt)
     this.images++

@@ -21,7 +21,7 @@ const decoder = new Decoder({ extensionCodec: codec, useBigInt64: false })
 
 export class Link {
   private socket: WebSocket | null = null
-  private subscription: Subscribe = { type: 'Subscribe' }
+  private subscription: Subscribe = { type: 'Subscribe', drawings: true }
   private retryDelay = RETRY
 
   /** `onMessage` gets each message of the simulator, and `Lost` when there is no connection any more. */

@@ -45,6 +45,8 @@ export class Outbox {
       case 'Starting':
       case 'Rendered':
         return `${this.count} ${message.type}`
+      case 'Drawn':
+        return `${this.count} Drawn ${message.name}`
       case 'Scan':
         return `${this.count} Scan ${message.vehicle}`
       case 'Picture':

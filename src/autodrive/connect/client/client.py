@@ -19,6 +19,7 @@ from autodrive.connect.client.client_socket import Address
 from autodrive.connect.client.connection import LOADING, Connection
 from autodrive.connect.client.view import View
 from autodrive.protocol.commands import check_commands, check_weather
+from autodrive.protocol.drawing import DrawCalls
 from autodrive.protocol.messages import (
     AddBox,
     Command,
@@ -95,6 +96,8 @@ class Client:
         name = (Path(sys.argv[0]).name or "python") if name is None else name
         wanted = Subscribe(frame_rate, scans, picture_rate, picture_width, picture_quality)
         self.connection = Connection(Address.of(address, token), name, wanted, timeout, patience)
+        self.draw = DrawCalls(self.connection.request)
+        """Draws points, lines and texts into the view of the page."""
         self._seen_updates = 0
         self._images: dict[tuple[str, str], tuple[Picture, NDArray[np.uint8]]] = {}
 
@@ -298,11 +301,11 @@ class Client:
         seconds = None if time is None else _number("time", time)
         return self.connection.request(SetTimeOfDay(seconds, _number("scale", scale)))
 
-    def set_weather(self, weather: Weather | None = None) -> Frame:
-        """Set the weather, for example `Weather(rain=0.6)`; None: clear. The ground follows."""
+    def set_weather(self, weather: Weather | None = None, *, keeps_ground: bool = False) -> Frame:
+        """Set the weather, for example `Weather(rain=0.6)`; None: clear. The ground follows; see `SetWeather`."""
         weather = Weather() if weather is None else weather
         check_weather(weather)
-        return self.connection.request(SetWeather(weather))
+        return self.connection.request(SetWeather(weather, bool(keeps_ground)))
 
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> Frame:
         """Let a vehicle obey a script (autonomous, True) or a person (manual, False)."""

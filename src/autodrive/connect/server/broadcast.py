@@ -71,6 +71,7 @@ class Broadcast:
         """Offer the latest Frame to a client that is new or has changed its subscription."""
         if self.encoded.latest is not None:
             client.offer(self.encoded.latest, (), self._loop.time())
+        client.on_drawings()
 
     def _take_items(self) -> None:
         for item in self.queue.take():
@@ -83,6 +84,9 @@ class Broadcast:
                 self._loading = asyncio.create_task(self._load_scene(item.world))
             else:
                 self._send(item)
+        if self._world is not None and self.encoded.set_drawings(self._world.drawings):
+            for client in self._clients:
+                client.on_drawings()
 
     def _hold(self, item: FrameUpdate | Completion) -> None:
         """Keep an item for later: of consecutive updates the last of the World that is being loaded, and the last."""

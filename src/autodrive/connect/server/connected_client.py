@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Event, Frame
-from autodrive.protocol.native import Error, Response, Scan, Scene, Subscribe
+from autodrive.protocol.native import Drawn, Error, Response, Scan, Scene, Subscribe
 from autodrive.protocol.replay import Curve
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ class ConnectedClient:
         self._is_frame_due = False
         self._next_frame = 0.0
         self._sent_scans: dict[str, Any] = {}
+        self._sent_drawings: dict[str, Drawn] = {}
         self._sent_pictures: dict[tuple[str, str], Any] = {}
         self._next_pictures: dict[tuple[str, str], float] = {}
 
@@ -91,6 +92,11 @@ class ConnectedClient:
         self._rendered = rendered
         self._wake.set()
 
+    def on_drawings(self) -> None:
+        """Send the drawings that are new, if it wants them."""
+        if self.subscription.drawings:
+            self._wake.set()
+
     def on_scene_change(self) -> None:
         """Discard the events of the previous scene and send the new one."""
         self._events.clear()
@@ -129,6 +135,7 @@ class ConnectedClient:
             if scene is not None and scene is not self._sent_scene:
                 self._sent_scene = scene
                 self._sent_scans.clear()
+                self._sent_drawings.clear()
                 self._sent_pictures.clear()
                 await send(self._encoded.scene_bytes)
             if self._status is not None:  # it is older than the replies, so it is sent first
@@ -144,7 +151,19 @@ class ConnectedClient:
                 rendered, self._rendered = self._rendered, None
                 await send(rendered)
             if self._encoded.scene is scene:
+                await self._send_drawings(send)
                 await self._send_frame(send)
+
+    async def _send_drawings(self, send: Send) -> None:
+        """Send what differs from the drawings that were sent."""
+        wanted = self._encoded.drawings if self.subscription.drawings else {}
+        for name in [name for name in self._sent_drawings if name not in wanted]:
+            del self._sent_drawings[name]
+            await send(encode(Drawn(name, None, 0.0)))
+        for name, drawn in wanted.items():
+            if self._sent_drawings.get(name) is not drawn:
+                self._sent_drawings[name] = drawn
+                await send(self._encoded.drawn_bytes(drawn))
 
     async def _send_frame(self, send: Send) -> None:
         """Send the latest Frame if one is due, after its new scans and pictures."""

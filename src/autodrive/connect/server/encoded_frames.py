@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from autodrive.protocol.codec import encode, streamed
 from autodrive.protocol.messages import CameraImage, Event, Frame, LidarScan
-from autodrive.protocol.native import Picture, Scan, Scene, Subscribe
+from autodrive.protocol.native import Drawn, Picture, Scan, Scene, Subscribe
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.jpeg import JpegEncoder
@@ -25,12 +25,14 @@ class EncodedFrames:
         self.scene: Scene | None = None
         self.latest: Frame | None = None
         self.scene_bytes = b""
+        self.drawings: dict[str, Drawn] = {}
         self.has_pictures = jpeg_encoder is not None
         self._jpeg_encoder = jpeg_encoder
         self._streamed: tuple[Frame | None, Frame | None] = None, None
         self._frame: Frame | None = None
         self._frames: dict[tuple[int, ...], tuple[tuple[Event, ...], bytes]] = {}
         self._scans: dict[str, tuple[LidarScan, bytes]] = {}
+        self._drawn: dict[str, tuple[Drawn, bytes]] = {}
         self._pictures: dict[tuple[str, str], tuple[CameraImage, dict[tuple[int, int], bytes]]] = {}
 
     def set_scene(self, scene: Scene) -> None:
@@ -63,6 +65,21 @@ class EncodedFrames:
         known = self._scans.get(scan.vehicle)
         if known is None or known[0] is not scan.scan:
             known = self._scans[scan.vehicle] = scan.scan, encode(scan)
+        return known[1]
+
+    def set_drawings(self, drawings: dict[str, Drawn]) -> bool:
+        """Replace the drawings; whether they are others."""
+        is_new = drawings is not self.drawings
+        if is_new:
+            self.drawings = drawings
+            self._drawn = {name: one for name, one in self._drawn.items() if name in drawings}
+        return is_new
+
+    def drawn_bytes(self, drawn: Drawn) -> bytes:
+        """The encoded drawing."""
+        known = self._drawn.get(drawn.name)
+        if known is None or known[0] is not drawn:
+            known = self._drawn[drawn.name] = drawn, encode(drawn)
         return known[1]
 
     async def picture_bytes(self, vehicle: str, camera: str, image: CameraImage, wanted: Subscribe) -> bytes:

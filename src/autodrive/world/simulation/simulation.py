@@ -16,6 +16,7 @@ from autodrive.protocol.commands import check_commands, is_number
 from autodrive.protocol.messages import (
     AddBox,
     Command,
+    Draw,
     EditMap,
     Frame,
     Hold,
@@ -340,8 +341,10 @@ class Simulation(Paced):
                 self.world.set_scene_light(enabled)
             case SetTimeOfDay(time=time_of_day, scale=scale):
                 self.world.set_time_of_day(time_of_day, scale)
-            case SetWeather(weather=weather):
-                self.world.set_weather(weather)
+            case SetWeather(weather=weather, keeps_ground=keeps_ground):
+                self.world.set_weather(weather, keeps_ground=keeps_ground)
+            case Draw():
+                self.world.show_drawings(request)
             case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
                 self.world.set_driving_mode(vehicle, is_autonomous)
             case Retire(vehicle=vehicle, reason=reason, is_disqualified=is_disqualified):
