@@ -172,6 +172,7 @@ class World(OneThread):
         finite; nothing has moved then. Raises `EngineError` if the physics cannot continue, and `SensorError` if a
         sensor of the user fails; after that, call `reset` or `restore`.
         """
+        self._check_open()
         c, controls, race = self.compiled, self._controls, self.race
         if commands is not None:
             controls.accept(commands, self._tick)
@@ -209,6 +210,7 @@ class World(OneThread):
         `poses`: x, y [m] and yaw [rad] on the ground at which vehicles and objects start this time, by name. Raises
         `CommandError` for a wrong seed, and for a pose that is wrong or overlaps something; then nothing has changed.
         """
+        self._check_open()
         if seed is not None:
             check_seed(seed)
         on_ground = {} if poses is None else self._start_poses(poses)
@@ -571,7 +573,8 @@ class World(OneThread):
 
     @by_one_thread
     def close(self) -> None:
-        """Release the camera renderer; a world without cameras holds nothing."""
+        """Release the camera renderer; no step can follow."""
+        self._is_closed = True
         if self._cameras is not None:
             self._cameras.close()
 
