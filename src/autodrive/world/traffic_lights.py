@@ -53,7 +53,9 @@ class TrafficLights:
             self.set_states[light] = TrafficLightState(state)
         except ValueError:
             known = ", ".join(f"{one.value} {one.name.lower()}" for one in TrafficLightState)
-            raise CommandError(f"state of traffic light '{light}' must be None or one of {known}, not {state!r}") from None
+            raise CommandError(
+                f"state of traffic light '{light}' must be None or one of {known}, not {state!r}"
+            ) from None
 
     def restore(self, states: Mapping[str, TrafficLightState]) -> None:
         """Go back to these `set_states`, which may be those of a world with other lights."""
@@ -180,6 +182,6 @@ def note_stop_lines(
             any_crossed |= has_crossed[i, k]
             ahead[i, k] = now
             if lines[k, 5] > 0.0 and not has_crossed[i, k]:
-                is_near = is_beside and 0.0 < now and now <= reach[i]
+                is_near = is_beside and now > 0.0 and now <= reach[i]
                 has_stopped[i, k] = is_near and (has_stopped[i, k] or is_slow)
     return any_crossed

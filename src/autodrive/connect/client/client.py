@@ -46,9 +46,9 @@ from autodrive.protocol.messages import (
     SetWeather,
     Step,
     Teleport,
+    TrafficLightState,
     Undo,
     UseMap,
-    TrafficLightState,
     Weather,
 )
 from autodrive.protocol.native import (

@@ -247,7 +247,7 @@ class Bridge:
 
     def _publish_lights(self, lights: Mapping[str, TrafficLightFrame]) -> None:
         """State and time to change of the traffic lights of the map; direct mode. Creates their topics first."""
-        for number, (name, light) in enumerate(lights.items(), 1):
+        for number, (_name, light) in enumerate(lights.items(), 1):
             topics = light_topic(self.config, number), change_topic(self.config, number)
             if topics[0].name not in self._created:
                 self._created.add(topics[0].name)

@@ -127,9 +127,7 @@ def light_cycles(spec: LightProgramSpec, tick: float) -> dict[str, LightCycle]:
     return cycles
 
 
-def _changes(
-    parts: list[tuple[int, TrafficLightState]], length: int
-) -> Iterator[tuple[int, TrafficLightState]]:
+def _changes(parts: list[tuple[int, TrafficLightState]], length: int) -> Iterator[tuple[int, TrafficLightState]]:
     """The parts that differ from the one before, in a cycle; the first one if all are equal."""
     ends = [start for start, _ in parts[1:]] + [length]
     lasting = [one for one, end in zip(parts, ends, strict=True) if end > one[0]]
