@@ -143,5 +143,5 @@ def light_topic(config: Config, number: int) -> Topic:
 
 def change_topic(config: Config, number: int) -> Topic:
     """Time until a traffic light changes; direct mode."""
-    text = "time until the light changes [s]; nan: not known"
+    text = "time until the light changes [s]; nan: not known; direct mode"
     return Topic(f"autodrive/{config.light_name(number)}/time_to_change", "std_msgs/Float32", text)
