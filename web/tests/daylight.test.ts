@@ -4,7 +4,8 @@ import { type Daylight, daylight, effectsOf, extinction, inWeather } from '../sr
 
 const look = (exposure: number, sun_direction: number[]): Daylight => {
   const colour = [exposure, 0, 0]
-  return { sun_direction, sun_color: colour, zenith: colour, horizon: colour, floor_glow: colour, exposure, glow: 0 }
+  const light = { sun_color: colour, zenith: colour, horizon: colour, floor_glow: colour, dawn: colour }
+  return { sun_direction, sun_place: sun_direction, ...light, exposure, glow: 0 }
 }
 const night = look(9, [0, 0, 1])
 const [low, high] = [look(2, [1, 0, 0]), look(4, [0, 1, 0])]
@@ -24,8 +25,19 @@ describe('daylight', () => {
   })
 
   it('does not mix in the night at sunrise and sunset', () => {
-    expect(daylight(table, true, 60 * 5)).toBe(low)
-    expect(daylight(table, true, 60 * 25)).toBe(high)
+    const [rise, set] = [daylight(table, true, 60 * 5), daylight(table, true, 60 * 25)]
+    expect(rise).toMatchObject({ exposure: low.exposure, sun_color: low.sun_color })
+    expect(set).toMatchObject({ exposure: high.exposure, sun_color: high.sun_color })
+  })
+
+  it('shows the dawn before sunrise', () => {
+    const dusk = { ...night, dawn: [2, 1, 0] }
+    const [first, later] = [0, 5].map((minute) => {
+      return daylight({ ...table, minutes: [night, dusk, low, high] }, false, 60 * minute)
+    })
+    expect(first.dawn).toEqual(night.dawn)
+    expect(later.dawn[1]).toBeCloseTo(0.5)
+    expect(later.exposure).toBe(night.exposure)
   })
 })
 
