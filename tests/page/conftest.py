@@ -126,12 +126,13 @@ def session_tab(running: PageServer, browser: Browser) -> Iterator[Tab]:
 
 @pytest.fixture
 def tab(running: PageServer, session_tab: Tab) -> Iterator[Tab]:
-    """The shared tab with closed panels and no held key. Request it after the scenario."""
+    """The shared tab with closed panels and dialogs, and no held key. Request it after the scenario."""
     session_tab.page.set_viewport_size({"width": 1024, "height": 768})
     session_tab.wait_until(lambda: session_tab.value("store.scene.value.scenario") == running.scenario())
     session_tab.wait_for_state(running)
     session_tab.page.evaluate(
-        "() => { document.activeElement?.blur(); window.dispatchEvent(new Event('blur'))"
+        "() => { document.querySelectorAll('dialog[open]').forEach((dialog) => dialog.close())"
+        " ; document.activeElement?.blur(); window.dispatchEvent(new Event('blur'))"
         ' ; autodrive.store.camera.value = "Driver\'s Eye" }'
     )
     session_tab.show()

@@ -99,6 +99,7 @@ def test_keys_of_the_help_fit_their_caps(plane: PageServer, tab: Tab) -> None:
     for size in ((1280, 720), (390, 844)):
         tab.page.set_viewport_size({"width": size[0], "height": size[1]})
         tab.page.keyboard.press("?")
+        tab.get("help-dialog").wait_for(state="visible")
         too_wide = tab.page.evaluate(
             """() => [...document.querySelectorAll('.help-body dt')].filter((dt) => {
                 const right = Math.max(...[...dt.children].map((cap) => cap.getBoundingClientRect().right))
@@ -109,6 +110,7 @@ def test_keys_of_the_help_fit_their_caps(plane: PageServer, tab: Tab) -> None:
         lefts = "() => [...document.querySelectorAll('.help-body dd')].map((dd) => dd.getBoundingClientRect().left)"
         assert len(set(tab.page.evaluate(lefts))) == (2 if size[0] > 640 else 1), "columns"
         tab.page.keyboard.press("?")
+        tab.get("help-dialog").wait_for(state="hidden")
 
 
 def test_keys_zoom_and_turn_the_camera_and_describe_the_scene(plane: PageServer, tab: Tab) -> None:
