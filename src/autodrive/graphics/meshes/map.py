@@ -23,7 +23,6 @@ from autodrive.graphics.meshes.strips import Line, painted_lines, shade_along, s
 from autodrive.protocol.labels import Label
 from autodrive.scenario.maps.ground import SIMPLIFY_TOLERANCE, TILE, Region, floor_extent, regions, tile_extent
 from autodrive.scenario.maps.map import GRID
-from autodrive.scenario.maps.track_map import barriers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,8 +53,8 @@ RAISED = ("bevel", "kerb", "pavement")
 KERB_SHADE, KERB_SHADE_WIDTH = 0.4, 0.012
 WALL_SHADE, WALL_SHADE_WIDTH = 0.55, 0.1
 """Share of the sky that a kerb, and a wall or a building, hides from the ground at its foot, and how far [m]."""
-DUCT_SHADE = 0.2
-"""Likewise of a duct: parts of its thickness that its shade reaches on both sides of its face."""
+DUCT_SHADE = 0.3
+"""Likewise of a duct, from the ground below its face; a quarter of its width far."""
 
 
 def map_asset(map_: Map) -> Asset:
@@ -74,11 +73,13 @@ def map_asset(map_: Map) -> Asset:
 def _shade(map_: Map, kinds: list[Region]) -> Iterator[Line]:
     """Shade at the feet of kerbs, walls, buildings and barriers."""
     if map_.track is not None:
-        duct = map_.track.barrier.kind == "duct"
-        reach = DUCT_SHADE * map_.track.barrier.width if duct else 0.0
-        for barrier in barriers(map_.track):
-            line = barrier.points[::-1]
-            yield shade_along(line, reach or WALL_SHADE_WIDTH, WALL_SHADE, behind=reach)
+        barrier = map_.track.barrier
+        for face in map_.track.walls:  # a duct touches the floor half its width behind its face
+            line = np.vstack([face, face[:1]])[::-1]
+            if barrier.kind == "duct":
+                yield shade_along(line, 0.25 * barrier.width, DUCT_SHADE, behind=0.5 * barrier.width)
+            else:
+                yield shade_along(line, WALL_SHADE_WIDTH, WALL_SHADE)
         return
     kerbs = shapely.union_all([kind.geometry for kind in kinds if kind.name in RAISED], grid_size=GRID)
     yield from _shade_around(kerbs, KERB_SHADE_WIDTH, KERB_SHADE)

@@ -21,6 +21,10 @@ TOLERANCE = 2e-4
 """Largest distance of the middle of a strip from that of its polygon [m]."""
 ENDLESS = 1e4
 """Half the length of a strip whose ends are not drawn [m]."""
+OFF_AREA = 0.03
+"""Largest difference between the area of a strip and that of its polygon, as a share."""
+CORNER = 0.6
+"""A polygon turns more than this at a corner, and less at the points of an arc [rad]."""
 OFF_ROAD = 0.02
 """Share of a painted polygon that may lie beside the road."""
 
@@ -102,21 +106,51 @@ def strips(lines: Iterable[Line]) -> Strips | None:
 
 
 def _line(polygon: shapely.Polygon) -> Line | None:
-    """The strip that a polygon is, if it has two long sides with points beside each other."""
+    """The strip that a polygon is, if it has two long sides beside each other."""
     ring = shapely.get_coordinates(shapely.get_exterior_ring(orient(polygon)))[:-1]
-    n, odd = divmod(len(ring), 2)
-    if odd or n < 2 or shapely.get_num_interior_rings(polygon):
+    if len(ring) < 4 or shapely.get_num_interior_rings(polygon):
         return None
-    splits = [np.roll(ring, -k, axis=0) for k in range(n)]
-    right, left = min(((s[:n], s[n:][::-1]) for s in splits), key=lambda pair: _apart(*pair).max())
-    apart = _apart(right, left)
-    if apart.max() > MOST_MITRE * apart.min():
-        return None
+    right, left = _sides_of_arc(ring) or _sides_of_bent_line(ring) or (ring[:2], ring[:2])
+    apart = np.linalg.norm(left - right, axis=1)
     middle = 0.5 * (right + left)
+    length = float(np.linalg.norm(np.diff(middle, axis=0), axis=1).sum())
+    if apart.max() > MOST_MITRE * apart.min() or abs(apart.min() * length - polygon.area) > OFF_AREA * polygon.area:
+        return None
     kept = shapely.get_coordinates(shapely.simplify(shapely.LineString(middle), TOLERANCE))
     is_kept = np.isin(middle.view(np.complex128)[:, 0], kept.view(np.complex128)[:, 0])
     return Line(right[is_kept], left[is_kept], float(apart.min()), False, (1.0, 0.0), (1.0, 0.0))
 
 
-def _apart(right: Floats, left: Floats) -> Floats:
-    return np.linalg.norm(left - right, axis=1)
+def _sides_of_arc(ring: Floats) -> tuple[Floats, Floats] | None:
+    """The longer sides of a polygon with four corners, whose other points are on arcs, at points beside each other."""
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], np.sum(before * after, axis=1))
+    corners = np.flatnonzero(turn > CORNER)
+    if len(corners) != 4 or (turn < -CORNER).any():
+        return None
+    closed = np.vstack([ring, ring])
+    sides = [closed[a : (b if b > a else b + len(ring)) + 1] for a, b in zip(corners, np.roll(corners, -1), strict=True)]
+    first = max((0, 1), key=lambda k: _length(sides[k])[-1] + _length(sides[k + 2])[-1])
+    right, left = sides[first], sides[first + 2][::-1]
+    shares = [_length(side) / _length(side)[-1] for side in (right, left)]
+    at = np.union1d(*shares)
+    at = at[np.concatenate([[True], np.diff(at) > 1e-9])]
+    return _points_at(right, shares[0], at), _points_at(left, shares[1], at)
+
+
+def _sides_of_bent_line(ring: Floats) -> tuple[Floats, Floats] | None:
+    """The sides of a line with mitred bends, which have equally many points."""
+    n, odd = divmod(len(ring), 2)
+    if odd:
+        return None
+    splits = [np.roll(ring, -k, axis=0) for k in range(n)]
+    pairs = ((split[:n], split[n:][::-1]) for split in splits)
+    return min(pairs, key=lambda pair: np.linalg.norm(pair[0] - pair[1], axis=1).max())
+
+
+def _length(side: Floats) -> Floats:
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(side, axis=0), axis=1))])
+
+
+def _points_at(side: Floats, shares: Floats, at: Floats) -> Floats:
+    return np.column_stack([np.interp(at, shares, side[:, axis]) for axis in range(2)])

@@ -106,8 +106,8 @@ DAWN: tuple[tuple[float, Vector], ...] = (
     (-9 * DEGREE, (0.0, 0.0, 0.0)),
     (-4 * DEGREE, (0.20, 0.07, 0.06)),
     (0.0, (1.0, 0.36, 0.12)),
-    (4 * DEGREE, (1.7, 0.80, 0.28)),
-    (10 * DEGREE, (1.0, 0.62, 0.30)),
+    (4 * DEGREE, (1.3, 0.60, 0.22)),
+    (10 * DEGREE, (0.7, 0.42, 0.20)),
     (22 * DEGREE, (0.0, 0.0, 0.0)),
 )
 """`Daylight.dawn` by the elevation of the sun."""

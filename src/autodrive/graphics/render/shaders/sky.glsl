@@ -21,8 +21,8 @@ vec3 sky_light(vec3 d) {
     seen += dawn.rgb * (glow * (0.12 + 0.88 * towards * towards * towards * towards));
     float off = 1.0 - c, clear = 1.0;
     float night = clamp(1.0 - 8.0 * zenith.g, 0.0, 1.0);
-    vec3 bright = sun_color.rgb * (0.0025 / (0.002 + off)) + vec3(0.0);
-    bright += sun_color.rgb * (12.0 * smoothstep(0.99976, 0.99988, c));
+    vec3 bright = sun_color.rgb * (0.0025 / (0.002 + off));
+    bright += sun_color.rgb * (12.0 * smoothstep(0.99988, 0.99994, c));
     if (night > 0.0) seen += night * star_light(d);
 #ifdef CLOUDS
     vec2 at = d.xy / (up + 0.14);
