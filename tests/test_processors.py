@@ -140,6 +140,8 @@ def output(*command: str | Path, **environment: str) -> str:
 def test_the_code_of_another_processor_gives_the_same_bits(
     name: str, film_under: Callable[[str], dict[str, str]]
 ) -> None:
+    if name == "OpenBLAS for SkylakeX" and not get_host_cpu_features().get("avx512f"):
+        pytest.skip("this processor has no AVX-512: it cannot run code for SkylakeX")
     usual, other = film_under(""), film_under(name)
     for what in ("model", "state", "frames"):
         assert other[what] == usual[what], what

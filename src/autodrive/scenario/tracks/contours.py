@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.polygon import orient
 
 from autodrive.base.arrays import Floats
@@ -27,25 +28,22 @@ def contours(values: Floats, level: float) -> list[Floats]:
     code = corners[:-1, :-1] * 8 + corners[:-1, 1:] * 4 + corners[1:, 1:] * 2 + corners[1:, :-1]
     rows, columns = np.nonzero((code > 0) & (code < 15))
     _check(len(rows), MAX_BORDER, "pixels at borders between free and occupied areas")
-    points: dict[tuple[int, int, int], tuple[float, float]] = {}
     following: dict[tuple[int, int, int], tuple[int, int, int]] = {}
     for row, column, kind in zip(rows.tolist(), columns.tolist(), code[rows, columns].tolist(), strict=True):
         # the sides of a square, as (row, column, 0 for horizontal or 1 for vertical) of their upper left corner
         sides = ((row, column, 0), (row, column + 1, 1), (row + 1, column, 0), (row, column, 1))
         for start, end in _LINES[kind]:
             following[sides[start]] = sides[end]
-            points.setdefault(sides[start], _crossing(values, outside, level, sides[start]))
-    lines: list[Floats] = []
-    height = values.shape[0]
-    while following:
-        first = next(iter(following))
+    lines: list[list[tuple[int, int, int]]] = []
+    for first in list(following):  # each time the first of what is left would look at all that is gone
         line, at = [], first
         while at in following:
-            line.append(points[at])
+            line.append(at)
             at = following.pop(at)
-        lines.append(np.array([(x, height - y) for x, y in line]))
+        if line:
+            lines.append(line)
     _check(len(lines), MAX_LINES, "separate free or occupied areas")
-    return lines
+    return [_crossings(values, outside, level, np.array(line)) for line in lines]
 
 
 def _check(count: int, most: int, what: str) -> None:
@@ -74,17 +72,20 @@ _LINES: dict[int, tuple[tuple[int, int], ...]] = {
 """From side to side of a square, with the low corners on the left; high corners that touch diagonally are joined."""
 
 
-def _crossing(values: Floats, outside: float, level: float, side: tuple[int, int, int]) -> tuple[float, float]:
-    """Where a side of a square has the level, in pixels of the image; y points down. `outside`: beyond the image."""
-    row, column, is_vertical = side
-    rows, columns = values.shape
-    a, b = (
-        float(values[i - 1, j - 1]) if 0 < i <= rows and 0 < j <= columns else outside
-        for i, j in ((row, column), (row + is_vertical, column + 1 - is_vertical))
-    )
-    share = min(max((level - a) / (b - a), 0.05), 0.95)
-    x, y = column - 0.5, row - 0.5
-    return (x, y + share) if is_vertical else (x + share, y)
+def _crossings(values: Floats, outside: float, level: float, sides: NDArray[np.int64]) -> Floats:
+    """Where sides of squares have the level, in pixels, shape (n, 2); y points up. `outside`: beyond the image."""
+    height, width = values.shape
+    rows, columns, is_vertical = sides.T
+
+    def at(i: NDArray[np.int64], j: NDArray[np.int64]) -> Floats:
+        is_inside = (i > 0) & (i <= height) & (j > 0) & (j <= width)
+        found = values[np.clip(i, 1, height) - 1, np.clip(j, 1, width) - 1]
+        return np.where(is_inside, found.astype(np.float64), outside)
+
+    a, b = at(rows, columns), at(rows + is_vertical, columns + 1 - is_vertical)
+    share = np.clip((level - a) / (b - a), 0.05, 0.95)
+    x, y = columns - 0.5, rows - 0.5
+    return np.stack([x + np.where(is_vertical, 0.0, share), height - (y + np.where(is_vertical, share, 0.0))], axis=1)
 
 
 def free_area(lines: list[Floats], point: tuple[float, float] | None, tolerance: float, gap: float) -> list[Floats]:

@@ -6,6 +6,7 @@ import functools
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -234,7 +235,10 @@ def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
     outer, inner = (shapely.segmentize(ring, spacing) for ring in rings[:2])
     outer_points, inner_points = shapely.MultiPoint(_points(outer)), shapely.MultiPoint(_points(inner))
     borders = shapely.voronoi_polygons(shapely.union(outer_points, inner_points), only_edges=True)
-    parts = np.concatenate([_split(border) for border in shapely.get_parts(borders)])
+    corners, border = shapely.get_coordinates(shapely.get_parts(borders), return_index=True)
+    is_segment = border[1:] == border[:-1]
+    segments = np.stack([corners[:-1], corners[1:]], axis=1)[is_segment]
+    parts: Any = shapely.linestrings(segments)  # an array of them
     ends = shapely.points(shapely.get_coordinates(parts))
     outer_away, inner_away = (
         shapely.STRtree(shapely.get_parts(points)).query_nearest(ends, return_distance=True, all_matches=False)[1]
@@ -258,12 +262,6 @@ def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
 
 def _points(line: BaseGeometry) -> Floats:
     return shapely.get_coordinates(line)[:-1]
-
-
-def _split(line: BaseGeometry) -> Floats:
-    """The segments of a line."""
-    points = shapely.get_coordinates(line)
-    return np.atleast_1d(shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1)))  # type: ignore[return-value]
 
 
 def _race_line(path: Path, warnings: list[str]) -> Floats:
