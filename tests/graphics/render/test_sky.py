@@ -50,7 +50,7 @@ def test_the_horizon_below_a_low_sun_is_warm_and_that_of_noon_is_not() -> None:
     for hour, is_warm in ((17.8, True), (18.1, True), (12.0, False)):
         x, y, _ = sun_at(hour * HOUR)
         red, _, blue = seen(towards((x, y, 0.05)), time_of_day=hour * HOUR)[110:118].mean((0, 1))
-        assert (red > blue + 15.0) is is_warm, hour
+        assert bool(red > blue + 15.0) is is_warm, hour
         opposite = seen(towards((-x, -y, 0.05)), time_of_day=hour * HOUR)[110:118].mean((0, 1))
         assert not is_warm or red - blue > opposite[0] - opposite[2] + 10.0
 

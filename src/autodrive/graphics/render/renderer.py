@@ -201,6 +201,7 @@ class Renderer:
     def _draw_strips(self, number: int, view: View) -> None:
         """Draw the strips on the ground that the camera sees, for the view with that number."""
         if self._strips is not None:
+            self._camera.bind_to_uniform_block(1)
             self._strips.draw(self._strip_target(number, view.intrinsics.width, view.intrinsics.height)[1])
 
     def _use_strips(self, number: int, view: View) -> None:

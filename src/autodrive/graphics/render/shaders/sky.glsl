@@ -23,7 +23,7 @@ vec3 sky_light(vec3 d) {
     float night = clamp(1.0 - 8.0 * zenith.g, 0.0, 1.0);
     vec3 bright = sun_color.rgb * (0.0025 / (0.002 + off));
     bright += sun_color.rgb * (12.0 * smoothstep(0.99988, 0.99994, c));
-    if (night > 0.0) seen += night * star_light(d);
+    if (night > 0.0) seen += night * (1.0 - dawn.w) * star_light(d);
 #ifdef CLOUDS
     vec2 at = d.xy / (up + 0.14);
     float cover = dawn.w, shape = smoothstep(0.0, 0.16, up);
