@@ -56,7 +56,7 @@ test('its images are as wide as the window, and narrower while they come too slo
       store.rendered.value = { jpeg: new Uint8Array(), time: 0 } as never
       await settle()
     }
-    return (socket.request as { width: number }).width
+    return (socket.request as unknown as { width: number }).width
   }
   expect(await receive(1 / 5, 4)).toBe(1200)
   expect(await receive(1 / 10, 4)).toBe(800)

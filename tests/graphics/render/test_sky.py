@@ -42,7 +42,7 @@ def towards(direction: tuple[float, float, float], fov_deg: float = 60.0) -> Vie
 def test_the_sun_is_where_it_is(hour: int) -> None:
     image = seen(towards(sun_at(hour * HOUR)), time_of_day=hour * HOUR).min(axis=2)
     bright = np.argwhere(image >= image.max() - 1.0)
-    assert bright.mean(0) == pytest.approx([119.5, 119.5], abs=3.0)
+    assert bright.mean(0) == pytest.approx([119.5, 119.5], abs=6.0)  # thin clouds veil a part of the halo
     assert image[120, 120] > image[:20].mean() + 40.0
 
 
@@ -63,9 +63,10 @@ def test_the_dusk_ends_in_the_night() -> None:
 
 def test_more_clouds_hide_more_of_the_sky() -> None:
     look = view(0.0, 0.0, 1.0, yaw_deg=-60.0, pitch_deg=-40.0)
-    blue = [(image[..., 2] - image[..., 0] > 25.0).mean() for image in (
-        seen(look, weather=Weather(clouds=clouds)) for clouds in (0.0, 0.4, 0.7, 1.0)
-    )]
+    blue = [
+        (image[..., 2] - image[..., 0] > 25.0).mean()
+        for image in (seen(look, weather=Weather(clouds=clouds)) for clouds in (0.0, 0.4, 0.7, 1.0))
+    ]
     assert blue == sorted(blue, reverse=True)
     assert blue[0] > 0.6
     assert blue[3] < 0.05

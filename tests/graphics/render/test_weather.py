@@ -85,8 +85,8 @@ def test_wet_ground_is_darker_near_by_and_snow_whitens_level_surfaces_only(rende
     assert labels is not None
     wall = labels == Label.WALL
     assert wall.sum() > 5000
-    # at most a tenth is whiter: images have the mean colour of a pixel at an edge, labels that of its centre; all may be
-    # darker, because a camera exposes snow for a shorter time
+    # at most a tenth is whiter: images have the mean colour of a pixel at an edge, labels that of its centre;
+    # all may be darker, because a camera exposes snow for a shorter time
     assert ((white[wall] - dry[wall]).max(axis=1) > 3.0).mean() < 0.1
 
 

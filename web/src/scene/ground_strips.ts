@@ -2,6 +2,7 @@
 
 import type { Camera, WebGLRenderer } from 'three'
 import {
+  BufferAttribute,
   BufferGeometry,
   CustomBlending,
   DoubleSide,
@@ -9,7 +10,6 @@ import {
   HalfFloatType,
   InterleavedBuffer,
   InterleavedBufferAttribute,
-  BufferAttribute,
   Matrix4,
   Mesh,
   NearestFilter,

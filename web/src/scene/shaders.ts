@@ -74,7 +74,7 @@ in vec3 color, emission, finish;
 in float open;
 out vec3 place, facing, in_sun;
 flat out vec3 own_color, own_emission, own_finish;
-out vec3 own_uv;  // and `open`
+out vec3 own_uv;  // and open
 #ifdef LIGHTWEIGHT
 out vec3 from_sky, from_sun;
 #endif
@@ -296,7 +296,10 @@ uniform vec4 caster_half, lamp_place[${LAMP_SLOTS}], lamp_aim[${LAMP_SLOTS}], la
 `
 
 function ofCameras(shader: string): string {
-  return shader.replace(/layout.*/, BLOCKS).replace('TONE', SHOWN).replace('LIGHT_FORMULAS', LIGHT_FORMULAS)
+  return shader
+    .replace(/layout.*/, BLOCKS)
+    .replace('TONE', SHOWN)
+    .replace('LIGHT_FORMULAS', LIGHT_FORMULAS)
 }
 
 /** Light of headlights in fog, rain and snow before the camera, and strips on the ground: the shaders of the cameras. */

@@ -104,10 +104,10 @@ STRIP = np.dtype(
 
 @dataclass(frozen=True)
 class Strips:
-    """Paint and soft shade on the ground z = 0, as strips. An image shows the mean of each pixel, however thin they are.
+    """Paint and soft shade on the ground z = 0, as strips. A pixel shows its mean, however thin they are.
 
-    For that, renderers move the vertices by about a pixel along both vectors of `outward`: across, a move by this vector
-    changes the distance from the middle by 1 m; along, it is a unit vector at an end and 0 elsewhere.
+    For that, renderers move the vertices by about a pixel along both vectors of `outward`: across, a move by this
+    vector changes the distance from the middle by 1 m; along, it is a unit vector at an end and 0 elsewhere.
     """
 
     vertices: NDArray[np.void]

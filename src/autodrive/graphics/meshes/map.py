@@ -106,7 +106,10 @@ def _ground(map_: Map, of_map: list[Region], plain: BaseGeometry) -> Iterator[As
     heights = vertices.heights([kind.name for kind in kinds])
     inside = shapely.point_on_surface(np.array(cells, dtype=object))
     is_plain = shapely.intersects(inside, plain)
-    kinds = [replace(kind, name="plain_paint") if one and kind.name == "paint" else kind for kind, one in zip(kinds, is_plain, strict=True)]
+    kinds = [
+        replace(kind, name="plain_paint") if one and kind.name == "paint" else kind
+        for kind, one in zip(kinds, is_plain, strict=True)
+    ]
     middle = shapely.get_coordinates(inside)
     column, row = np.floor((middle - (x0, y0)) / TILE).astype(int).T
     is_outside = (column < 0) | (row < 0) | (column >= columns) | (row >= rows)

@@ -45,7 +45,7 @@ class Mesh(NamedTuple):
         )
 
     def dim_below(self, height: float, least: float, *, floor: float = 0.0) -> Mesh:
-        """The mesh with that least share of open sky at the floor, which grows to the whole sky at `height` above it."""
+        """The mesh with that least share of open sky at the floor; it grows to the whole sky at `height` above it."""
         share = np.clip((self.positions[:, 2] - floor) / height, 0.0, 1.0)
         return self._replace(open=least + (1.0 - least) * share)
 

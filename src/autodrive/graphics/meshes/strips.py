@@ -129,7 +129,9 @@ def _sides_of_arc(ring: Floats) -> tuple[Floats, Floats] | None:
     if len(corners) != 4 or (turn < -CORNER).any():
         return None
     closed = np.vstack([ring, ring])
-    sides = [closed[a : (b if b > a else b + len(ring)) + 1] for a, b in zip(corners, np.roll(corners, -1), strict=True)]
+    sides = [
+        closed[a : (b if b > a else b + len(ring)) + 1] for a, b in zip(corners, np.roll(corners, -1), strict=True)
+    ]
     first = max((0, 1), key=lambda k: _length(sides[k])[-1] + _length(sides[k + 2])[-1])
     right, left = sides[first], sides[first + 2][::-1]
     shares = [_length(side) / _length(side)[-1] for side in (right, left)]

@@ -247,7 +247,7 @@ class BatchRenderer(Renderer):
             self._use_strips(k % RING, self._view)
             ground = ((self._seen_static, piece, None, None, light[is_in]) for is_in, piece in static[k])
             self._draw_calls([*self._posed(part, k, is_dimmed[k], light), *ground], is_day, weather=weather)
-            self._draw_sky(part.clips[k], weather=weather)
+            self._draw_sky(part.clips[k], looks[k])
             own = replace(self._view, position=part.eyes[k, :3, 3].tolist())
             self._draw_air(part.clips[k], looks[k].air, 0.0, own)
             targets[k % RING].finish()

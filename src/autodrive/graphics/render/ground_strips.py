@@ -25,13 +25,19 @@ class GroundStrips:
         fields = [(name, int(np.prod(STRIP[name].shape))) for name in STRIP.names or ()]
         self._array = context.vertex_array(
             self._program,
-            [(context.buffer(strips.vertices.tobytes()), " ".join(f"{n}f" for _, n in fields), *(f for f, _ in fields))],
+            [
+                (
+                    context.buffer(strips.vertices.tobytes()),
+                    " ".join(f"{n}f" for _, n in fields),
+                    *(f for f, _ in fields),
+                )
+            ],
             context.buffer(strips.triangles.tobytes()),
         )
 
     def target(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         """A texture for paint and shade of an image of that size, and what draws into it."""
-        texture = self._context.texture((width, height), 2, dtype="f2")
+        texture = self._context.texture((width, height), 4)  # llvmpipe reads other formats slowly
         texture.filter = moderngl.NEAREST, moderngl.NEAREST
         return texture, self._context.framebuffer([texture])
 

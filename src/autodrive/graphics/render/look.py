@@ -104,10 +104,10 @@ FULL_DAY_ELEVATION = 20 * DEGREE
 """The light is that of `DAY` above this elevation."""
 DAWN: tuple[tuple[float, Vector], ...] = (
     (-9 * DEGREE, (0.0, 0.0, 0.0)),
-    (-4 * DEGREE, (0.20, 0.07, 0.06)),
-    (0.0, (1.0, 0.36, 0.12)),
-    (4 * DEGREE, (1.3, 0.60, 0.22)),
-    (10 * DEGREE, (0.7, 0.42, 0.20)),
+    (-4 * DEGREE, (0.08, 0.03, 0.025)),
+    (0.0, (0.50, 0.20, 0.08)),
+    (4 * DEGREE, (0.85, 0.40, 0.15)),
+    (10 * DEGREE, (0.55, 0.33, 0.16)),
     (22 * DEGREE, (0.0, 0.0, 0.0)),
 )
 """`Daylight.dawn` by the elevation of the sun."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
     from autodrive.base.transforms import Vector
     from autodrive.graphics.assets.asset import Asset, Detail
-    from autodrive.graphics.render.look import Air
+    from autodrive.graphics.render.look import Air, Daylight
     from autodrive.graphics.render.render_state import RenderState
     from autodrive.graphics.render.scene import RenderScene
 
@@ -38,6 +38,8 @@ STREAKS, FLAKES, DROPS = 260, 500, 14
 """Rain streaks, snow flakes, and drops on the lens, in an image of the heaviest rain and snow."""
 BEAM_FOG_CELLS = 24 * 18
 """As `CELLS` in shaders/beam_fog.vert."""
+STARRY = 0.125
+"""There are stars if the zenith (its green part) is darker."""
 PART_SIZE = 0.06
 """Of the parts of a vehicle [m]."""
 
@@ -162,7 +164,7 @@ class Renderer:
         for number, (target, view) in enumerate(zip(targets, views, strict=True)):
             target.begin()
             self._use_strips(number, view)
-            self._draw_colors(view, state.look.air, state.time, state.is_day)
+            self._draw_colors(view, state.look, state.time, state.is_day)
         for target in targets:
             target.finish()
         images = [RenderedImage(target.read()) for target in targets]
@@ -190,9 +192,7 @@ class Renderer:
         del number
         return RenderTarget(self._context, width, height, self.quality.antialiasing)
 
-    def _new_strip_target(
-        self, number: int, width: int, height: int
-    ) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+    def _new_strip_target(self, number: int, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         """Likewise."""
         del number
         assert self._strips is not None
@@ -208,11 +208,11 @@ class Renderer:
         if self._strips is not None:
             self._strip_target(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["strip_map"])
 
-    def _draw_colors(self, view: View, air: Air, time: float, is_day: bool) -> None:
+    def _draw_colors(self, view: View, look: Daylight, time: float, is_day: bool) -> None:
         clip = self._look(view)
-        self._draw_calls(self._seen(clip), is_day, weather=air.effects)
-        self._draw_sky(clip, weather=air.effects)
-        self._draw_air(clip, air, time, view)
+        self._draw_calls(self._seen(clip), is_day, weather=look.air.effects)
+        self._draw_sky(clip, look)
+        self._draw_air(clip, look.air, time, view)
 
     def _draw_calls(self, calls: list[DrawCall], is_day: bool, *, weather: tuple[str, ...]) -> None:
         """Draw these, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
@@ -237,8 +237,8 @@ class Renderer:
                 write(program, "lamps", glow)
             model.draw(program, first, count)
 
-    def _draw_sky(self, clip: Floats, *, weather: tuple[str, ...]) -> None:
-        program, corners = self._sky("AIR" in weather)
+    def _draw_sky(self, clip: Floats, look: Daylight) -> None:
+        program, corners = self._sky("AIR" in look.air.effects, look.zenith[1] < STARRY)
         if self._clouds is not None:
             array, layer = self._clouds
             self._textures[array].use(UNITS["textures"])
@@ -357,8 +357,8 @@ class Renderer:
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
-    def _new_sky(self, is_hazy: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
-        flags = ["AIR"] * is_hazy + ["CLOUDS"] * (self._clouds is not None)
+    def _new_sky(self, is_hazy: bool, is_starry: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        flags = ["AIR"] * is_hazy + ["STARS"] * is_starry + ["CLOUDS"] * (self._clouds is not None)
         program = self._linked("sky.vert", "sky.frag", False, **dict.fromkeys(flags, 1))
         return program, self._context.vertex_array(program, [])
 
@@ -371,7 +371,7 @@ class Renderer:
         flags = {
             "QUICK": is_quick,
             "FLAT": variant.kind == "flat",
-            "FINE": variant.kind == "flat" and variant.is_textured,
+            "FINE": variant.kind == "flat" and variant.is_textured and not is_quick,
             "STRIPS": variant.kind == "flat" and self._strips is not None,
             "MATT": variant.kind == "matt" and is_quick,
             "TEXTURED": variant.is_textured,

@@ -116,8 +116,8 @@ class Shadows:
     def draw_still(self, objects: Floats, eyes: Floats) -> bool:
         """Redraw the static shadow map if an object or the area has changed; whether an object has.
 
-        `objects`: poses, shape (n, 4, 4); `eyes`: poses of the cameras, shape (m, 4, 4). Only the places where an object
-        was and is are drawn again: a new map takes milliseconds in software.
+        `objects`: poses, shape (n, 4, 4); `eyes`: poses of the cameras, shape (m, 4, 4). Only the places where an
+        object was and is are drawn again: a new map takes milliseconds in software.
         """
         key, area = objects.tobytes(), self.area(eyes)
         if key == self._drawn_objects and area == self._drawn_area:

@@ -100,7 +100,7 @@ void main() {
 #endif
 #ifdef TEXTURED
     vec3 texel = texture(textures, vec3(own_uv.xy, own_finish.z)).rgb;
-#ifdef FLAT  // a second, finer scale near the camera
+#ifdef FINE  // a second, finer scale near the camera
     float near = clamp(1.5 - 1.5 * distance(eye.xyz, place), 0.0, 1.0);
     vec3 fine = texture(textures, vec3(3.1 * own_uv.xy, own_finish.z)).rgb;
     color *= texel * mix(texel, fine, near);
@@ -130,7 +130,7 @@ void main() {
 #else
     float lit = 1.0;
 #endif
-#if defined(FLAT) && defined(TEXTURED) && defined(SUNLIT)
+#if defined(FINE) && defined(SUNLIT)
     lit *= clamp(dot(uneven(fine.g, near), sun_direction.xyz) / sun_direction.z, 0.4, 1.6);
 #endif
 #if defined(FLAT) || defined(MATT)

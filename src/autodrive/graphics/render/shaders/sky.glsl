@@ -1,6 +1,7 @@
 // The sky, for the cameras of the simulator and for the page. CLOUDS: there is `cloud_noise(vec2)`, whose two values are
-// spread evenly from 0 to 1: of heaps, and of streaks.
+// spread evenly from 0 to 1: of heaps, and of streaks. STARS: the zenith is dark.
 // sun_place: towards the sun or moon that is seen, drift of the clouds; dawn: glow below the sun, share of clouds
+#ifdef STARS
 vec3 star_light(vec3 d) {
     vec2 at = d.xy * (45.0 / (1.0 + d.z)), cell = floor(at);
     uvec2 h = uvec2(ivec2(cell) + 4096) * uvec2(0x9e3779b9u, 0x85ebca6bu);
@@ -9,21 +10,24 @@ vec3 star_light(vec3 d) {
     vec3 r = vec3(float(x & 1023u), float((x >> 10u) & 1023u), float((x >> 20u) & 1023u)) / 1023.0;
     vec2 off = at - cell - 0.15 - 0.7 * r.xy, wide = max(fwidth(at), 0.03);
     vec2 near = clamp(1.2 - abs(off) / wide, 0.0, 1.0);
-    float bright = r.z * r.z * r.z;
+    vec2 share = min(0.06 / wide, 1.0);  // of a wide pixel
+    float bright = r.z * r.z * r.z * share.x * share.y;
     return mix(vec3(1.0, 0.85, 0.7), vec3(0.75, 0.85, 1.0), r.x) * (0.5 * bright * near.x * near.y * smoothstep(0.0, 0.25, d.z));
 }
+#endif
 
 vec3 sky_light(vec3 d) {
     float up = clamp(d.z, 0.0, 1.0), c = dot(d, sun_place.xyz);
     vec3 seen = mix(horizon.rgb, zenith.rgb, sqrt(up)) * 0.31831;
     float level = dot(d.xy, sun_place.xy) * inversesqrt(dot(d.xy, d.xy) * dot(sun_place.xy, sun_place.xy) + 1e-9);
-    float towards = 0.5 + 0.5 * level, glow = exp(-5.0 * up);
+    float towards = 0.5 + 0.5 * level, glow = exp(-6.5 * up);
     seen += dawn.rgb * (glow * (0.12 + 0.88 * towards * towards * towards * towards));
     float off = 1.0 - c, clear = 1.0;
-    float night = clamp(1.0 - 8.0 * zenith.g, 0.0, 1.0);
     vec3 bright = sun_color.rgb * (0.0025 / (0.002 + off));
     bright += sun_color.rgb * (12.0 * smoothstep(0.99988, 0.99994, c));
-    if (night > 0.0) seen += night * (1.0 - dawn.w) * star_light(d);
+#ifdef STARS
+    seen += clamp(1.0 - 8.0 * zenith.g, 0.0, 1.0) * (1.0 - dawn.w) * star_light(d);
+#endif
 #ifdef CLOUDS
     vec2 at = d.xy / (up + 0.14);
     float cover = dawn.w, shape = smoothstep(0.0, 0.16, up);
