@@ -17,7 +17,7 @@ export class Sky {
     this.material = new ShaderMaterial({
       ...{ vertexShader: SKY_VERTEX, fragmentShader: SKY_FRAGMENT, glslVersion: GLSL3 },
       ...{ uniforms: { ...shared, map_from_clip: { value: this.mapFromClip }, clouds: { value: clouds } } },
-      ...{ defines: { STARS: 1, ...(clouds ? { CLOUDS: 1 } : {}) } },
+      ...{ defines: { STARS: 1, DAWN: 1, ...(clouds ? { CLOUDS: 1 } : {}) } },
       ...{ depthWrite: false, depthFunc: LessEqualDepth },
     })
     this.mesh = new Mesh(this.geometry, this.material)

@@ -238,7 +238,7 @@ class Renderer:
             model.draw(program, first, count)
 
     def _draw_sky(self, clip: Floats, look: Daylight) -> None:
-        program, corners = self._sky("AIR" in look.air.effects, look.zenith[1] < STARRY)
+        program, corners = self._sky("AIR" in look.air.effects, look.zenith[1] < STARRY, any(look.dawn))
         if self._clouds is not None:
             array, layer = self._clouds
             self._textures[array].use(UNITS["textures"])
@@ -357,8 +357,16 @@ class Renderer:
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
-    def _new_sky(self, is_hazy: bool, is_starry: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
-        flags = ["AIR"] * is_hazy + ["STARS"] * is_starry + ["CLOUDS"] * (self._clouds is not None)
+    def _new_sky(self, is_hazy: bool, is_starry: bool, is_dawn: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        is_quick = self.quality.detail == "reduced"
+        has = {
+            "AIR": is_hazy,
+            "STARS": is_starry,
+            "DAWN": is_dawn,
+            "CLOUDS": self._clouds is not None,
+            "QUICK": is_quick,
+        }
+        flags = [name for name, is_set in has.items() if is_set]
         program = self._linked("sky.vert", "sky.frag", False, **dict.fromkeys(flags, 1))
         return program, self._context.vertex_array(program, [])
 

@@ -1,5 +1,6 @@
 // The sky, for the cameras of the simulator and for the page. CLOUDS: there is `cloud_noise(vec2)`, whose two values are
-// spread evenly from 0 to 1: of heaps, and of streaks. STARS: the zenith is dark.
+// spread evenly from 0 to 1: of heaps, and of streaks.
+// STARS: the zenith is dark. DAWN: `dawn` is not 0. QUICK: both layers of clouds have one pattern.
 // sun_place: towards the sun or moon that is seen, drift of the clouds; dawn: glow below the sun, share of clouds
 #ifdef STARS
 vec3 star_light(vec3 d) {
@@ -19,9 +20,13 @@ vec3 star_light(vec3 d) {
 vec3 sky_light(vec3 d) {
     float up = clamp(d.z, 0.0, 1.0), c = dot(d, sun_place.xyz);
     vec3 seen = mix(horizon.rgb, zenith.rgb, sqrt(up)) * 0.31831;
+    vec3 warm = vec3(0.0);
+#ifdef DAWN
     float level = dot(d.xy, sun_place.xy) * inversesqrt(dot(d.xy, d.xy) * dot(sun_place.xy, sun_place.xy) + 1e-9);
     float towards = 0.5 + 0.5 * level, glow = exp(-6.5 * up);
     seen += dawn.rgb * (glow * (0.12 + 0.88 * towards * towards * towards * towards));
+    warm = 0.5 * dawn.rgb * glow * towards;
+#endif
     float off = 1.0 - c, clear = 1.0;
     vec3 bright = sun_color.rgb * (0.0025 / (0.002 + off));
     bright += sun_color.rgb * (12.0 * smoothstep(0.99988, 0.99994, c));
@@ -31,8 +36,11 @@ vec3 sky_light(vec3 d) {
 #ifdef CLOUDS
     vec2 at = d.xy / (up + 0.14);
     float cover = dawn.w, shape = smoothstep(0.0, 0.16, up);
-    vec2 low = cloud_noise(0.11 * at + sun_place.w), high = cloud_noise(0.06 * at.yx + 0.7 * sun_place.w);
-    vec3 lit = 0.31831 * (0.5 * sun_color.rgb + 0.5 * (zenith.rgb + horizon.rgb)) + 0.5 * dawn.rgb * glow * towards;
+    vec2 low = cloud_noise(0.11 * at + sun_place.w), high = low;
+#ifndef QUICK
+    high = cloud_noise(0.06 * at.yx + 0.7 * sun_place.w);
+#endif
+    vec3 lit = 0.31831 * (0.5 * sun_color.rgb + 0.5 * (zenith.rgb + horizon.rgb)) + warm;
     float thin = shape * 0.55 * smoothstep(0.62 - 0.4 * cover, 1.1, high.g);
     float heap = shape * smoothstep(1.0 - 1.25 * cover, 1.12 - 1.0 * cover, low.r);
     seen = mix(seen, lit, thin);
