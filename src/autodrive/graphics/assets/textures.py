@@ -64,8 +64,8 @@ def _cardboard() -> Floats:
 
 def _clouds() -> Floats:
     """Noise for the shape of clouds: heaps (red) and streaks (green). Squared linear values are spread evenly."""
-    heaps = sum(noise(70 + k, 2.0**k, 2.0 ** (k + 1)) / 1.7**k for k in range(1, 7))
-    streaks = sum(noise(80 + k, 2.0**k, 2.0 ** (k + 1)) / 1.5**k for k in range(1, 6))
+    heaps = np.sum([noise(70 + k, 2.0**k, 2.0 ** (k + 1)) / 1.7**k for k in range(1, 7)], axis=0)
+    streaks = np.sum([noise(80 + k, 2.0**k, 2.0 ** (k + 1)) / 1.5**k for k in range(1, 6)], axis=0)
     channels = [_spread_evenly(heaps), _spread_evenly(streaks), np.zeros((SIZE, SIZE))]
     linear = np.stack(channels, axis=-1) ** 2
     return 255.0 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)

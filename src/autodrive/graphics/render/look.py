@@ -164,8 +164,9 @@ def _look_at_minute(minute: int) -> Daylight:
 
 
 def _dawn(elevation: float) -> Vector:
-    red, green, blue = (np.interp(elevation, *zip(*((e, c[k]) for e, c in DAWN), strict=True)) for k in range(3))
-    return float(red), float(green), float(blue)
+    elevations, colors = [one for one, _ in DAWN], np.array([color for _, color in DAWN])
+    red, green, blue = (float(np.interp(elevation, elevations, channel)) for channel in colors.T)
+    return red, green, blue
 
 
 @dataclass(frozen=True)

@@ -261,7 +261,10 @@ class Renderer:
         self._context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
         self._context.enable(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
-        common = {"map_from_clip": columns(np.linalg.inv(clip)), "heads": np.int32(heads).tobytes()}
+        common = {
+            "map_from_clip": columns(np.asarray(np.linalg.inv(clip), np.float64)),
+            "heads": np.int32(heads).tobytes(),
+        }
         if is_foggy:
             self._draw_plain("beam_fog", 6 * BEAM_FOG_CELLS, **common)
         k = view.intrinsics
