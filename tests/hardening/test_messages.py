@@ -199,6 +199,7 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
     {"type": "SetSceneLight", "enabled": False},
     {"type": "SetTimeOfDay", "time": 3600.0, "scale": 60.0},
     {"type": "SetWeather", "weather": {"rain": 0.5, "wetness": None}},
+    {"type": "SetTrafficLight", "light": "traffic_light_1", "state": 3},
     {"type": "SetDrivingMode", "vehicle": "V1", "is_autonomous": True},
     {"type": "LoadScenario", "name": "plane"},
     {"type": "Place", "name": "V1", "x": 0.3, "y": 0.3, "yaw": 0.0},

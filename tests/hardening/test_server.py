@@ -84,6 +84,8 @@ def cut_off(send: Callable[[int], object], most: int = 1000) -> None:
         ("SetWeather", {"weather": {"rain": 2.0}}),
         ("SetWeather", {"weather": {"fog": float("nan")}}),
         ("SetTimeOfDay", {"time": 0.0, "scale": HUGE}),
+        ("SetTrafficLight", {"light": "traffic_light_1", "state": 4}),
+        ("SetTrafficLight", {"light": "L" * 60_000, "state": None}),
         ("AddBox", {"name": "box", "x": 0.5, "y": 0.5, "size": [-1.0, 1.0, 1.0]}),
         ("AddBox", {"name": "box", "x": 0.5, "y": 0.5, "mass": HUGE}),
         ("AddBox", {"name": "box", "x": 0.5, "y": 0.5, "size": [HUGE, 1.0, 1.0]}),

@@ -35,6 +35,7 @@ from autodrive.protocol.messages import (
     SetSensor,
     SetSpeed,
     SetTimeOfDay,
+    SetTrafficLight,
     SetWeather,
     Step,
     Teleport,
@@ -342,6 +343,8 @@ class Simulation(Paced):
                 self.world.set_time_of_day(time_of_day, scale)
             case SetWeather(weather=weather):
                 self.world.set_weather(weather)
+            case SetTrafficLight(light=light, state=state):
+                self.world.set_traffic_light(light, state)
             case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
                 self.world.set_driving_mode(vehicle, is_autonomous)
             case Retire(vehicle=vehicle, reason=reason, is_disqualified=is_disqualified):
