@@ -107,7 +107,7 @@ def test_the_commands_of_a_page_run(page: Path, lines: list[str], tmp_path: Path
                 begin = _until(process.stdout, "press Ctrl-C to stop")
                 assert any("http://" in line for line in begin), f"{command}: no address of a page: {begin}"
                 process.send_signal(signal.SIGINT)
-            printed, _ = process.communicate(timeout=LIMIT)
+            printed, _ = process.communicate(timeout=4 * LIMIT)  # some compute minutes of driving
         assert process.returncode == 0, f"{command}: {printed}"
 
 

@@ -112,6 +112,14 @@ def test_the_weather_of_the_document_is_that_of_the_world() -> None:
     assert names["frame"].time_of_day == 66600.0
 
 
+def test_the_traffic_lights_of_the_document_are_set_and_follow_its_program(tmp_path: Path) -> None:
+    assert run("traffic_lights.md")["frame"].traffic_lights["traffic_light_1"].mode == "set"
+    (tmp_path / "town.yaml").write_text(examples("traffic_lights.md")[0])
+    lights = autodrive.make(tmp_path / "town.yaml").frame.traffic_lights.values()
+    # at 22 - 4 = 18 s of the cycle: the second phase has green from 11 s to 19 s, the first one again at 22 s
+    assert [(one.state.name, one.time_to_change) for one in lights] == [("RED", 4.0), ("GREEN", 1.0)] * 2
+
+
 def test_scenario_and_tyres_in_the_document_on_weather_are_valid(tmp_path: Path) -> None:
     start, tyres = examples("weather.md")
     (tmp_path / "rainy.yaml").write_text(start)

@@ -80,6 +80,8 @@ SCRIPTS = {
     "Client(8730)": "use '127.0.0.1:8730' or the link that it prints",
     "Client('127.0.0.1:1', patience=0.0)": "start one with 'autodrive'",
     # -- after the end ----------------------------------------------------------------------------------------------
+    "world = make('plane'); world.close(); world.step()": CLOSED,
+    "world = make('plane'); world.close(); world.reset()": CLOSED,
     "batch = BatchWorld('plane'); batch.close(); batch.step(np.zeros((1, 1, 2)))": CLOSED,
     "batch = BatchWorld('plane'); batch.close(); batch.reset()": CLOSED,
     "environment.close(); environment.step(np.zeros(2))": CLOSED,

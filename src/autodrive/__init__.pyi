@@ -36,8 +36,12 @@ from .protocol.messages import RaceState as RaceState
 from .protocol.messages import RaceStatus as RaceStatus
 from .protocol.messages import RaceStatusChanged as RaceStatusChanged
 from .protocol.messages import RangeReading as RangeReading
+from .protocol.messages import RedLight as RedLight
 from .protocol.messages import SetBack as SetBack
+from .protocol.messages import StopSign as StopSign
 from .protocol.messages import TailLights as TailLights
+from .protocol.messages import TrafficLightFrame as TrafficLightFrame
+from .protocol.messages import TrafficLightState as TrafficLightState
 from .protocol.messages import VehicleFrame as VehicleFrame
 from .protocol.messages import Weather as Weather
 from .protocol.messages import WheelsReading as WheelsReading

@@ -201,6 +201,7 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
     {"type": "SetWeather", "weather": {"rain": 0.5, "wetness": None}},
     {"type": "Draw", "drawings": {"a": {"kind": "path", "points": [[0.0, 0.0, 0.1], [1.0, 0.0, 0.1]]}, "b": None}},
     {"type": "Draw", "drawings": {"c": {"kind": "text", "points": [[0.0, 0.0, 0.1]], "text": "c", "lifetime": 0.1}}},
+    {"type": "SetTrafficLight", "light": "traffic_light_1", "state": 3},
     {"type": "SetDrivingMode", "vehicle": "V1", "is_autonomous": True},
     {"type": "LoadScenario", "name": "plane"},
     {"type": "Place", "name": "V1", "x": 0.3, "y": 0.3, "yaw": 0.0},

@@ -89,6 +89,8 @@ def cut_off(send: Callable[[int], object], most: int = 1000) -> None:
         ("Draw", {"drawings": {"a": {"kind": "points", "points": [[0, 0, 0]], "lifetime": -1.0}}}),
         ("Draw", {"drawings": {"a": {"kind": "points", "points": [[0, 0, 0]], "size": float("nan")}}}),
         ("Draw", {"drawings": {f"a{number}": None for number in range(2000)}}),
+        ("SetTrafficLight", {"light": "traffic_light_1", "state": 4}),
+        ("SetTrafficLight", {"light": "L" * 60_000, "state": None}),
         ("AddBox", {"name": "box", "x": 0.5, "y": 0.5, "size": [-1.0, 1.0, 1.0]}),
         ("AddBox", {"name": "box", "x": 0.5, "y": 0.5, "mass": HUGE}),
         ("AddBox", {"name": "box", "x": 0.5, "y": 0.5, "size": [HUGE, 1.0, 1.0]}),

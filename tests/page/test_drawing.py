@@ -23,10 +23,10 @@ def test_drawings_are_seen_until_they_disappear_and_can_be_hidden(
     plane.request(Pause())
     try:
         x, y, _ = plane.vehicle.pose.position.tolist()
-        ahead = [(x + 0.8, y + 0.05 * side, 0.05) for side in ((0,) if kind == "text" else (-1, 1))]
-        shape = {"kind": kind, "points": tuple(ahead), "text": "HHHH" if kind == "text" else ""}
+        above = [(x + 0.8, y + 0.05 * side, 0.25) for side in ((0,) if kind == "text" else (-1, 1))]
+        shape = {"kind": kind, "points": tuple(above), "text": "HHHH" if kind == "text" else ""}
         drawing = Drawing(**shape, color=MAGENTA, size=0.1, lifetime=0.2)
-        tab = new_tab(draws=True).open(plane.url)
+        tab = new_tab(draws=True).open(plane.url + "?quality=low")
         tab.show()
         tab.wait_for_image()
         assert magenta(tab) == 0

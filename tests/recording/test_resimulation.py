@@ -16,8 +16,10 @@ from autodrive.protocol.messages import (
     Reset,
     SetDrivingMode,
     SetTimeOfDay,
+    SetTrafficLight,
     SetWeather,
     Teleport,
+    TrafficLightState,
     Undo,
     Weather,
 )
@@ -51,6 +53,8 @@ def test_everything_that_a_simulation_does_is_repeated(tmp_path: Path) -> None:
             Hold("V1", (0.0, 0.0, 0.5)),
             Hold("V1", None),
             Reset(5),
+            LoadScenario("tiny_town"),
+            SetTrafficLight("traffic_light_1", TrafficLightState.GREEN),
             LoadScenario("mini_map"),
         ]
         for i, request in enumerate(requests):
@@ -62,7 +66,7 @@ def test_everything_that_a_simulation_does_is_repeated(tmp_path: Path) -> None:
         simulation.run(0.2)
     assert recorder.error == ""
     with open_recording(path) as recording:
-        assert len(recording.scenarios) == 4  # the first, with a box, without it, and the mini-map
+        assert len(recording.scenarios) == 5  # the first, with a box, without it, Tiny Town, and the mini-map
         result = resimulate(recording)
     assert str(result) == "identical"
     assert result.frames > 30

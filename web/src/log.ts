@@ -92,6 +92,10 @@ export function describe(event: Event): [string, Level] {
       return [`${event.vehicle} left the road`, 'warning']
     case 'BackOnRoad':
       return [`${event.vehicle} is back on the road`, 'good']
+    case 'RedLight':
+      return [`${event.vehicle} crossed the stop line of ${event.light} at red`, 'warning']
+    case 'StopSign':
+      return [`${event.vehicle} did not stop at ${event.sign}`, 'warning']
     case 'CheckpointPassed':
       return [`${event.vehicle} passed checkpoint ${event.checkpoint} of lap ${event.lap}`, 'info']
     case 'LapCompleted':

@@ -176,6 +176,20 @@ export interface Draw {
 }
 
 /**
+ * What a traffic light shows; the numbers are those of the devkit.
+ */
+export enum TrafficLightState { OFF = 0, RED = 1, YELLOW = 2, GREEN = 3 }
+
+/**
+ * Let a traffic light show that state until a Reset; None: what its program says, or nothing without a program.
+ */
+export interface SetTrafficLight {
+  type: 'SetTrafficLight'
+  light: string
+  state: TrafficLightState | null
+}
+
+/**
  * Set the source of commands of a vehicle: a person (manual; scripts are ignored) or a script (autonomous).
  */
 export interface SetDrivingMode {
@@ -473,6 +487,28 @@ export interface BackOnRoad {
 }
 
 /**
+ * The front of a vehicle crossed the stop line of a traffic light at red; `position` [m], shape (3,), as above.
+ */
+export interface RedLight {
+  type: 'RedLight'
+  time: number
+  vehicle: string
+  light: string
+  position: Float64Array
+}
+
+/**
+ * The front of a vehicle crossed the stop line of a stop sign, and it had not stopped before it.
+ */
+export interface StopSign {
+  type: 'StopSign'
+  time: number
+  vehicle: string
+  sign: string
+  position: Float64Array
+}
+
+/**
  * A vehicle passed a checkpoint at `time`, within the tick; `lap` from 1, `split` [s] since the start of the lap.
  *
  * `sector_time` [s] since the checkpoint before. The finish line is the last checkpoint.
@@ -606,7 +642,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 }
 
 /**
@@ -694,7 +730,7 @@ export interface Plan {
  */
 export interface Mark {
   time: number
-  event: Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
+  event: Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 }
 
 /**
@@ -1091,11 +1127,22 @@ export interface WeatherEffects {
 }
 
 /**
+ * A traffic light: what it shows, and the time until that changes [s]; None: it is not known or does not change.
+ *
+ * `mode`: 'program', 'flashing' (yellow, as its program says at night), 'set' (by a request), or 'off'.
+ */
+export interface TrafficLightFrame {
+  state: TrafficLightState
+  time_to_change: number | null
+  mode: 'off' | 'program' | 'flashing' | 'set'
+}
+
+/**
  * The world after a tick: `time` [s] since reset, number of ticks, vehicles and movable objects by name.
  *
  * `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
  * midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under a clear sky over dry
- * ground.
+ * ground. `traffic_lights` are those of the map, by name.
  */
 export interface Frame {
   type: 'Frame'
@@ -1103,11 +1150,12 @@ export interface Frame {
   tick: number
   vehicles: Record<string, VehicleFrame>
   objects: Record<string, ObjectFrame>
-  events: (Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged)[]
+  events: (Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged)[]
   scene_light: boolean
   time_of_day: number | null
   weather: Weather | null
   weather_effects: WeatherEffects | null
+  traffic_lights: Record<string, TrafficLightFrame>
 }
 
 /**
@@ -1146,9 +1194,9 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 
-export type Event = Collision | OffRoad | BackOnRoad | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
+export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
 export type MapPart = MapModule | MapWall | MapBlock | MapProp
 

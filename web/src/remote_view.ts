@@ -4,8 +4,14 @@ import { clamp, lensZoomOf } from './scene/zoom'
 import type { Store } from './store'
 
 /** Maximum width [pixels] and rate [Hz] of the images. */
-const MAX_WIDTH = 960
+const MAX_WIDTH = 1920
 const RATE = 30
+/** Width of the images relative to the window, in steps: a lower one if the rate [Hz] is lower than this. */
+const STEPS = [1, 0.75, 0.5]
+const LEAST_RATE = 12
+/** Images are counted for so long [s]; a higher step is taken if its rate will probably be sufficient, by a margin. */
+const COUNTED = 3
+const MARGIN = 1.3
 
 /** Orbit camera: rotation per pixel of dragging [rad], limits of the elevation, and place until the user moves it. */
 const TURN = 0.006
@@ -16,6 +22,9 @@ const ORBIT = { azimuth: Math.PI * 0.8, elevation: 0.5, distance: 1 }
 export function requestRemoteView(store: Store, connection: Connection, canvas: HTMLElement): void {
   let isStreaming = false
   let isScheduled = false
+  let step = 0
+  let count = 0
+  let since = 0
 
   /** Sends one request per task, after all changes in it. */
   function schedule(): void {
@@ -31,7 +40,8 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
     const isWanted = store.quality.value === 'stream'
     if (store.link.value !== 'open' || !store.scene.value || (!isWanted && !isStreaming)) return
     isStreaming = isWanted
-    const width = Math.min(MAX_WIDTH, Math.round(canvas.clientWidth * Math.min(1, devicePixelRatio)) || MAX_WIDTH)
+    const wide = STEPS[step] * canvas.clientWidth * Math.min(1, devicePixelRatio)
+    const width = Math.min(MAX_WIDTH, Math.round(wide) || MAX_WIDTH)
     const camera = isWanted ? store.camera.value : null
     const place = { height: store.birdHeight.value, ...(store.orbit.value ?? ORBIT), zoom: lensZoomOf(store) }
     const view = { vehicle: store.vehicle.value, ...place, width, rate: RATE }
@@ -43,8 +53,25 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
     })
   }
 
+  /** Counts an image, and takes another step if there are too few or enough of them. */
+  function judge(): void {
+    const elapsed = performance.now() / 1000 - since
+    if (elapsed > 2 * COUNTED) [count, since] = [0, performance.now() / 1000] // there were none for a while
+    count++
+    if (elapsed < COUNTED || elapsed > 2 * COUNTED) return
+    const rate = count / elapsed
+    ;[count, since] = [0, performance.now() / 1000]
+    const higher = (rate * STEPS[step] ** 2) / (STEPS[step - 1] ?? Infinity) ** 2
+    if (rate < LEAST_RATE && step < STEPS.length - 1) step++
+    else if (higher > MARGIN * LEAST_RATE) step--
+    else return
+    schedule()
+  }
+
   const { quality, camera, vehicle, birdHeight, lensZoom, orbit, scene } = store
   for (const observable of [quality, camera, vehicle, birdHeight, lensZoom, orbit, scene]) observable.watch(schedule)
+  store.rendered.watch((image) => image && isStreaming && judge())
+  window.addEventListener('resize', schedule)
   store.link.watch((link) => {
     if (link !== 'open')
       isStreaming = false // a new server has no camera for this page

@@ -4,10 +4,11 @@ import { type Daylight, daylight, effectsOf, extinction, inWeather } from '../sr
 
 const look = (exposure: number, sun_direction: number[]): Daylight => {
   const colour = [exposure, 0, 0]
-  return { sun_direction, sun_color: colour, zenith: colour, horizon: colour, floor_glow: colour, exposure, glow: 0 }
+  const light = { sun_color: colour, zenith: colour, horizon: colour, floor_glow: colour, dawn: colour }
+  return { sun_direction, sun_place: sun_direction, ...light, exposure, glow: 0 }
 }
 const night = look(9, [0, 0, 1])
-const [low, high] = [look(2, [1, 0, 0]), look(4, [0, 1, 0])]
+const [low, high] = [look(2, [1, 0, 0]), look(4, [0.96, 0.28, 0])]
 const table = { day: look(1, [0, 0, 1]), night, minutes: [night, low, high, night] }
 
 describe('daylight', () => {
@@ -19,13 +20,24 @@ describe('daylight', () => {
   it('lies between two entries of the table, in steps of a minute', () => {
     const { exposure, sun_direction } = daylight(table, true, 60 * 15 + 59)
     expect(exposure).toBe(3)
-    expect(sun_direction[0]).toBeCloseTo(Math.SQRT1_2)
-    expect(sun_direction[1]).toBeCloseTo(Math.SQRT1_2)
+    expect(sun_direction[0]).toBeCloseTo(0.98 / Math.hypot(0.98, 0.14))
+    expect(sun_direction[1]).toBeCloseTo(0.14 / Math.hypot(0.98, 0.14))
   })
 
   it('does not mix in the night at sunrise and sunset', () => {
-    expect(daylight(table, true, 60 * 5)).toBe(low)
-    expect(daylight(table, true, 60 * 25)).toBe(high)
+    const [rise, set] = [daylight(table, true, 60 * 5), daylight(table, true, 60 * 25)]
+    expect(rise).toMatchObject({ exposure: low.exposure, sun_color: low.sun_color })
+    expect(set).toMatchObject({ exposure: high.exposure, sun_color: high.sun_color })
+  })
+
+  it('shows the dawn before sunrise', () => {
+    const dusk = { ...night, dawn: [2, 1, 0] }
+    const [first, later] = [0, 5].map((minute) => {
+      return daylight({ ...table, minutes: [night, dusk, low, high] }, false, 60 * minute)
+    })
+    expect(first.dawn).toEqual(night.dawn)
+    expect(later.dawn[1]).toBeCloseTo(0.5)
+    expect(later.exposure).toBe(night.exposure)
   })
 })
 

@@ -49,6 +49,24 @@ describe('the menu', () => {
     return all
   }
 
+  test('a traffic light shows its phase and time to change, and is set or given back to its program', () => {
+    const { socket, store } = page()
+    const light = { state: 3, time_to_change: 2.4, mode: 'program' as const }
+    store.frame.value = frameOf(['V1'], { traffic_lights: { tl: light } })
+    expect(get('light-tl-state').textContent).toBe('Green, 3 s')
+    const select = get<HTMLSelectElement>('light-tl')
+    expect(select.value).toBe('')
+    select.value = '1'
+    select.dispatchEvent(new Event('change'))
+    expect(socket.request).toEqual({ type: 'SetTrafficLight', light: 'tl', state: 1 })
+    store.frame.value = frameOf(['V1'], { traffic_lights: { tl: { state: 1, time_to_change: null, mode: 'set' } } })
+    expect(get('light-tl-state').textContent).toBe('Red')
+    expect(select.value).toBe('1')
+    select.value = ''
+    select.dispatchEvent(new Event('change'))
+    expect(socket.request).toEqual({ type: 'SetTrafficLight', light: 'tl', state: null })
+  })
+
   test('a weather is chosen by name, by intensity, and by single amounts', () => {
     const { socket, store } = page()
     const clear = { clouds: 0, fog: 0, rain: 0, snow: 0, wind: 0, wetness: null, snow_cover: null }

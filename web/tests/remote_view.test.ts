@@ -42,6 +42,29 @@ test("Driver's Eye zooms with its focal length", async () => {
   expect(socket.request).toMatchObject({ camera: "Driver's Eye", zoom: expect.closeTo(1.1) })
 })
 
+test('its images are as wide as the window, and narrower while they come too slowly', async () => {
+  const { store, socket, canvas } = await page()
+  Object.defineProperty(canvas, 'clientWidth', { value: 1600 })
+  store.quality.value = 'stream'
+  await settle()
+  expect(socket.request).toMatchObject({ width: 1600 })
+  const clock = vi.spyOn(performance, 'now')
+  let now = 1e6
+  const receive = async (period: number, seconds: number) => {
+    for (const end = now + 1000 * seconds; now < end; now += 1000 * period) {
+      clock.mockReturnValue(now)
+      store.rendered.value = { jpeg: new Uint8Array(), time: 0 } as never
+      await settle()
+    }
+    return (socket.request as unknown as { width: number }).width
+  }
+  expect(await receive(1 / 5, 4)).toBe(1200)
+  expect(await receive(1 / 10, 4)).toBe(800)
+  expect(await receive(1 / 14, 7)).toBe(800) // the next step would be too slow again
+  expect(await receive(1 / 40, 4)).toBe(1200)
+  clock.mockRestore()
+})
+
 test('it ends when another quality is chosen', async () => {
   const { store, socket } = await page()
   store.quality.value = 'stream'

@@ -164,7 +164,7 @@ export function statusOf(values: Partial<Status> = {}): Status {
 export function frameOf(vehicles: readonly string[] = ['V1'], values: Partial<Frame> = {}): Frame {
   return {
     ...{ type: 'Frame', time: 0, tick: 0, objects: {}, events: [], scene_light: true, time_of_day: null },
-    ...{ weather: null, weather_effects: null },
+    ...{ weather: null, weather_effects: null, traffic_lights: {} },
     vehicles: Object.fromEntries(vehicles.map((name) => [name, vehicleOf()])),
     ...values,
   }

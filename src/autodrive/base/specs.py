@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest
@@ -27,6 +27,19 @@ Degrees: TypeAlias = Annotated[float, Field(ge=-3600.0, le=3600.0)]
 """An angle [degree]."""
 Name: TypeAlias = Annotated[str, Field(pattern=r"^[\w .-]*$", max_length=100)]
 """A name that the engine and the scene files accept."""
+
+
+def _seconds(value: Any) -> Any:
+    """A time of day 'HH:MM' or 'HH:MM:SS' in seconds."""
+    if not isinstance(value, str):
+        return value
+    if not (found := re.fullmatch(r"(\d{1,2}):(\d{2})(?::(\d{2}))?", value)) or not int(found[1]) < 24:
+        raise ValueError(f"must be seconds since midnight or HH:MM, such as 18:30, not '{value[:20]}'")
+    return 3600.0 * int(found[1]) + 60.0 * int(found[2]) + int(found[3] or 0)
+
+
+TimeOfDay: TypeAlias = Annotated[float, BeforeValidator(_seconds), Field(ge=0.0, lt=86400.0)]
+"""Since midnight [s], or a text such as '18:30'."""
 
 
 class Spec(BaseModel):

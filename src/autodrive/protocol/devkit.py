@@ -16,7 +16,7 @@ import base64
 import gzip
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING
@@ -46,7 +46,9 @@ from autodrive.protocol.messages import (
     LidarScan,
     Operation,
     SetTimeOfDay,
+    SetTrafficLight,
     SetWeather,
+    TrafficLightState,
     Weather,
 )
 from autodrive.protocol.weather import PRESETS
@@ -79,7 +81,8 @@ def telemetry(
 ) -> dict[str, str]:
     """Telemetry message of all vehicles (2020: the first vehicle only), with the key order of the original.
 
-    Vehicle i of the frame is 'V<i+1>'. `traffic_lights` holds states by number from 1; missing ones are 0 (disabled).
+    Vehicle i of the frame is 'V<i+1>'. 'TL<n>' is traffic light n of the map; `traffic_lights` holds states by number
+    from 1 of those that the map does not have, missing ones are 0 (disabled).
     A camera without an image in `images` is sent as a black image of its size in `image_sizes`: scripts read the image
     keys of all cameras of their profile. A vehicle without a LIDAR sends a scan without returns.
     """
@@ -90,7 +93,8 @@ def telemetry(
             for name, vehicle in list(vehicles)[:1]
             for key, text in _vehicle_telemetry(name, vehicle, profile, images, image_sizes)
         }
-    data = {f"TL{n} State": str((traffic_lights or {}).get(n, 0)) for n in range(1, TRAFFIC_LIGHTS + 1)}
+    shown = {**(traffic_lights or {}), **{n: light.state for n, light in enumerate(frame.traffic_lights.values(), 1)}}
+    data = {f"TL{n} State": str(int(shown.get(n, 0))) for n in range(1, TRAFFIC_LIGHTS + 1)}
     for i, (name, vehicle) in enumerate(vehicles, start=1):
         data |= {f"V{i} {key}": text for key, text in _vehicle_telemetry(name, vehicle, profile, images, image_sizes)}
     return data
@@ -311,6 +315,18 @@ ENVIRONMENT = {
 }
 """Smallest and largest value of each key of time of day and weather, since 2023. 'Time': minutes since midnight, used
 without 'Auto Time'; 'Time Scale': seconds of the day per second, used with it."""
+
+
+def light_operations(before: Mapping[int, int], now: Mapping[int, int], lights: Sequence[str]) -> list[Operation]:
+    """What a script requests that has changed the states of traffic lights, by number from 1.
+
+    `lights`: names of the traffic lights of the map. A light that is set to 0 follows its program again.
+    """
+    return [
+        SetTrafficLight(light, TrafficLightState(state) if state else None)
+        for number, light in enumerate(lights, 1)
+        if (state := now.get(number, 0)) != before.get(number, 0)
+    ]
 
 
 TIME_SCALE = 60.0

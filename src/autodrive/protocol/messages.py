@@ -48,6 +48,15 @@ class TailLights(enum.IntEnum):
     BRIGHT = 2
 
 
+class TrafficLightState(enum.IntEnum):
+    """What a traffic light shows; the numbers are those of the devkit."""
+
+    OFF = 0
+    RED = 1
+    YELLOW = 2
+    GREEN = 3
+
+
 class RaceStatus(enum.IntEnum):
     """A vehicle in a race: it waits for the start, races, has finished, is disqualified, or has retired."""
 
@@ -240,6 +249,13 @@ class Draw(msgspec.Struct, frozen=True, tag=True):
     clears: bool = False
 
 
+class SetTrafficLight(msgspec.Struct, frozen=True, tag=True):
+    """Let a traffic light show that state until a Reset; None: what its program says, or nothing without a program."""
+
+    light: Name
+    state: TrafficLightState | None
+
+
 class SetDrivingMode(msgspec.Struct, frozen=True, tag=True):
     """Set the source of commands of a vehicle: a person (manual; scripts are ignored) or a script (autonomous)."""
 
@@ -416,6 +432,7 @@ Operation: TypeAlias = (
     | SetTimeOfDay
     | SetWeather
     | Draw
+    | SetTrafficLight
     | SetDrivingMode
     | Retire
     | LoadScenario
@@ -677,6 +694,17 @@ class ObjectFrame(Displayed, frozen=True, gc=False):
     pose: Pose
 
 
+class TrafficLightFrame(Displayed, frozen=True, gc=False):
+    """A traffic light: what it shows, and the time until that changes [s]; None: it is not known or does not change.
+
+    `mode`: 'program', 'flashing' (yellow, as its program says at night), 'set' (by a request), or 'off'.
+    """
+
+    state: TrafficLightState
+    time_to_change: float | None
+    mode: Literal["off", "program", "flashing", "set"]
+
+
 # -- events -----------------------------------------------------------------------------------------------------
 
 
@@ -708,6 +736,20 @@ class OffRoad(_OfVehicle, frozen=True, tag=True):
 class BackOnRoad(_OfVehicle, frozen=True, tag=True):
     """All wheels of a vehicle are on the drivable area again."""
 
+    position: Array
+
+
+class RedLight(_OfVehicle, frozen=True, tag=True):
+    """The front of a vehicle crossed the stop line of a traffic light at red; `position` [m], shape (3,), as above."""
+
+    light: str
+    position: Array
+
+
+class StopSign(_OfVehicle, frozen=True, tag=True):
+    """The front of a vehicle crossed the stop line of a stop sign, and it had not stopped before it."""
+
+    sign: str
     position: Array
 
 
@@ -767,7 +809,7 @@ class RaceStatusChanged(_OfVehicle, frozen=True, tag=True):
 
 RaceEvent: TypeAlias = CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
-Event: TypeAlias = Collision | OffRoad | BackOnRoad | RaceEvent
+Event: TypeAlias = Collision | OffRoad | BackOnRoad | RedLight | StopSign | RaceEvent
 
 
 class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
@@ -775,7 +817,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
 
     `events` are the events of this tick, in order. `scene_light` is True by day. `time_of_day` is the time since
     midnight [s], None if the light is fixed. `weather` and `weather_effects` are None under a clear sky over dry
-    ground.
+    ground. `traffic_lights` are those of the map, by name.
     """
 
     time: float
@@ -787,6 +829,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag=True):
     time_of_day: float | None = None
     weather: Weather | None = None
     weather_effects: WeatherEffects | None = None
+    traffic_lights: dict[str, TrafficLightFrame] = {}
 
     def __repr__(self) -> str:
         return display.frame_text(self)

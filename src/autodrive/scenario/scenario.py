@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -12,7 +11,6 @@ from typing import Annotated, Any, TypeAlias
 from msgspec import structs
 from pydantic import (
     AfterValidator,
-    BeforeValidator,
     Discriminator,
     Field,
     FieldSerializationInfo,
@@ -22,11 +20,12 @@ from pydantic import (
     model_validator,
 )
 
-from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec
+from autodrive.base.specs import Coordinate, Degrees, Length, Mass, RuleError, Spec, TimeOfDay
 from autodrive.base.suggest import suggest
 from autodrive.physics.sensors.settings import SensorSettings
 from autodrive.protocol.messages import Weather
 from autodrive.protocol.weather import PRESETS
+from autodrive.scenario.maps.light_programs import MAX_PROGRAMS, LightProgramSpec
 from autodrive.scenario.maps.spec import MapSpec
 
 DEFAULT = "mini_map"
@@ -159,19 +158,6 @@ class WeatherSpec(Spec):
         return Weather(**self.model_dump())
 
 
-def _seconds(value: Any) -> Any:
-    """A time of day 'HH:MM' or 'HH:MM:SS' in seconds."""
-    if not isinstance(value, str):
-        return value
-    if not (found := re.fullmatch(r"(\d{1,2}):(\d{2})(?::(\d{2}))?", value)) or not int(found[1]) < 24:
-        raise ValueError(f"must be seconds since midnight or HH:MM, such as 18:30, not '{value[:20]}'")
-    return 3600.0 * int(found[1]) + 60.0 * int(found[2]) + int(found[3] or 0)
-
-
-TimeOfDay: TypeAlias = Annotated[float, BeforeValidator(_seconds), Field(ge=0.0, lt=86400.0)]
-"""Since midnight [s], or a text such as '18:30'."""
-
-
 class ScenarioSpec(Spec):
     """The start of a run; `autodrive.Scenario` is the same class.
 
@@ -194,6 +180,10 @@ class ScenarioSpec(Spec):
     """True: day; False: night."""
     time_of_day: TimeOfDay | None = None
     """Time since midnight [s], or 'HH:MM', instead of `scene_light`; it stands still."""
+    light_programs: Annotated[dict[str, LightProgramSpec | None], Field(max_length=MAX_PROGRAMS)] = Field(
+        default_factory=dict
+    )
+    """Programs of traffic lights by name, in addition to those of the map; None: without that of the map."""
     weather: WeatherSpec = WeatherSpec()
     """Weather and ground at the start: amounts, or a name such as heavy_rain."""
     tick: float = Field(default=0.01, ge=1e-5, le=0.1)

@@ -28,6 +28,7 @@ from autodrive.physics.weather import TARGETS, detection_range, extinction, road
 from autodrive.protocol.messages import Weather, WeatherEffects
 from autodrive.scenario import MAX_BOXES, RaceSpec, ScenarioSpec, VehiclePlacement
 from autodrive.scenario.descriptions import Specs
+from autodrive.scenario.maps.light_programs import all_programs, program_problems
 from autodrive.scenario.maps.map import RESERVED, BoxPlacement, Map, compile_map, problem_texts, problems_of_draft
 from autodrive.scenario.maps.mjcf import world_mjcf
 from autodrive.scenario.maps.placing import MapProblem
@@ -93,6 +94,11 @@ def compile_specs(specs: Specs) -> CompiledScenario:
     boxes, unknown_boxes = _boxes(spec, map_)
     race, wrong_race = _race(specs, map_)
     twice = _names_used_twice(spec, map_, boxes)
+    problems += [
+        (_at("light_programs", name), f": {text}")
+        for name, text in program_problems(all_programs(map_.light_programs, spec.light_programs), map_.traffic_lights)
+        if name in spec.light_programs
+    ]
     problems = [*overlapping_boxes(spec, map_, boxes), *problems, *wrong_sensors, *wrong_own_sensors]
     problems += [*unknown_boxes, *wrong_race, *twice]
     warnings = placement_warnings(spec, map_, vehicles, boxes) + [(_at("map"), ": ", *one.text) for one in map_problems]

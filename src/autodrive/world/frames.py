@@ -20,6 +20,7 @@ from autodrive.protocol.messages import (
     ObjectFrame,
     Pose,
     RaceState,
+    TrafficLightFrame,
     VehicleFrame,
     Weather,
     WeatherEffects,
@@ -62,6 +63,7 @@ class FrameBuilder:
         time_of_day: float | None = None,
         *,
         races: Sequence[RaceState] | None = None,
+        traffic_lights: dict[str, TrafficLightFrame],
     ) -> Frame:
         """The Frame of the State at `time` [s]; what is given of the vehicles is by their number."""
         frame = Frame(
@@ -83,6 +85,7 @@ class FrameBuilder:
             events=events,
             scene_light=scene_light,
             time_of_day=time_of_day,
+            traffic_lights=traffic_lights,
         )
         if self.weather is None:
             return frame

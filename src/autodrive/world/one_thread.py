@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import Concatenate, ParamSpec, TypeVar
 
-from autodrive.base.errors import WorldInUseError
+from autodrive.base.errors import CommandError, WorldInUseError
 
 
 class OneThread:
@@ -16,6 +16,11 @@ class OneThread:
     def __init__(self) -> None:
         self._in_use = threading.RLock()
         """Held by the thread that is inside a method; no thread waits for it."""
+        self._is_closed = False
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise CommandError(f"this {type(self).__name__} is closed: make a new one")
 
 
 User = TypeVar("User", bound=OneThread)

@@ -12,7 +12,8 @@ from autodrive.base.errors import SnapshotError
 from autodrive.physics.model import Table
 from autodrive.physics.state import State
 from autodrive.physics.weather import ChangingWeather
-from autodrive.protocol.messages import Frame
+from autodrive.protocol.messages import Frame, TrafficLightState
+from autodrive.scenario.maps.light_programs import all_programs
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.controls import VehicleControls
 from autodrive.world.light import SceneLight
@@ -27,6 +28,8 @@ class Snapshot(NamedTuple):
     seed: int
     state: State
     referee: Any
+    traffic_lights: dict[str, TrafficLightState]
+    stop_lines: Any
     race: Any
     sensors: Any
     own_sensors: Any
@@ -43,6 +46,8 @@ def identity(c: CompiledScenario, wheels: Table) -> str:
     tables = c.model.vehicles.tolist(), wheels.tolist()
     parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables, c.sensors.noise_factors
     race = c.race.identity if c.race else ""
+    if c.map.traffic_lights:
+        parts = *parts, all_programs(c.map.light_programs, c.spec.light_programs), c.map.traffic_lights
     return hashlib.sha256(repr(parts).encode() + race.encode() + c.map.drivable_edges.tobytes()).hexdigest()
 
 

@@ -41,12 +41,16 @@ from autodrive.protocol.messages import (
     SetDrivingMode,
     SetSceneLight,
     SetTimeOfDay,
+    SetTrafficLight,
     SetWeather,
+    TrafficLightFrame,
+    TrafficLightState,
     Weather,
 )
 from autodrive.protocol.native import Drawn
 from autodrive.protocol.weather import is_clear
 from autodrive.scenario import FACTOR_LIMITS
+from autodrive.scenario.maps.light_programs import all_programs
 from autodrive.world.compile import CompiledScenario, set_factors, set_weather, weather_effects, wheels_in
 from autodrive.world.controls import Controls
 from autodrive.world.frames import FrameBuilder
@@ -57,6 +61,7 @@ from autodrive.world.poses import Poses
 from autodrive.world.racing import Move
 from autodrive.world.referee import Referee
 from autodrive.world.snapshot import Snapshot, check_snapshot, identity
+from autodrive.world.traffic_lights import StopLineReferee, TrafficLights
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.backend import CameraBackend
@@ -129,6 +134,11 @@ class World(OneThread):
         self._referee = Referee(
             self.vehicle_names, compiled.owners, compiled.map.drivable_edges, 1.0 / compiled.spec.tick
         )
+        programs = all_programs(compiled.map.light_programs, compiled.spec.light_programs)
+        self._traffic_lights = TrafficLights(compiled.map.traffic_lights, programs, compiled.spec.tick)
+        lengths = [(0.5 * (one.wheelbase + one.size[0]), one.size[0]) for one in compiled.vehicles.values()]
+        lines = compiled.map.stop_lines
+        self._stop_lines = StopLineReferee(self.vehicle_names, lengths, lines) if lines else None
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
         c, controls = compiled, self._controls
@@ -179,6 +189,7 @@ class World(OneThread):
         finite; nothing has moved then. Raises `EngineError` if the physics cannot continue, and `SensorError` if a
         sensor of the user fails; after that, call `reset` or `restore`.
         """
+        self._check_open()
         c, controls, race = self.compiled, self._controls, self.race
         if commands is not None:
             controls.accept(commands, self._tick)
@@ -203,6 +214,9 @@ class World(OneThread):
             news, moves = race.judge(time, c.state.vehicle_position, events)
             events += tuple(news)
             is_moved = bool(moves) and self._move(moves)
+        if self._stop_lines is not None:
+            places = c.state.vehicle_position, c.state.vehicle_orientation, c.state.vehicle_velocity
+            events += tuple(self._stop_lines.judge(time, *places, self._lights_now))
         self._sample()
         if commands is not None:
             for observer in self.observers:
@@ -216,6 +230,7 @@ class World(OneThread):
         `poses`: x, y [m] and yaw [rad] on the ground at which vehicles and objects start this time, by name. Raises
         `CommandError` for a wrong seed, and for a pose that is wrong or overlaps something; then nothing has changed.
         """
+        self._check_open()
         if seed is not None:
             check_seed(seed)
         on_ground = {} if poses is None else self._start_poses(poses)
@@ -237,6 +252,9 @@ class World(OneThread):
         self._light = SceneLight(self.spec.scene_light, self.spec.time_of_day)
         self._poses.held = {}
         self._referee.reset()
+        self._traffic_lights.set_states = {}
+        if self._stop_lines is not None:
+            self._stop_lines.reset()
         place(c.model, c.state, c.views)
         if self.race is not None:
             self.race.reset(self._ground_poses(), c.state.vehicle_position)
@@ -306,10 +324,9 @@ class World(OneThread):
         nothing has moved.
         """
         self._poses.place(poses)
-        if self.race is not None:
-            for name in poses:
-                if name in self.vehicle_names:
-                    self.race.moved(self._controls.index(name), self.compiled.state.vehicle_position)
+        for name in self.vehicle_names:
+            if name in poses:
+                self._note_moved(self._controls.index(name))
         self._tell(lambda: SetPoses(plain(poses)))
         self._show(is_moved=True)
 
@@ -365,6 +382,10 @@ class World(OneThread):
         self.drawings = before.drawings
         self._controls.restore(before._controls.save())
         self._referee.restore(before._referee.save())
+        self._traffic_lights.restore(before._traffic_lights.set_states)
+        if self._stop_lines is not None and self.map.stop_lines == before.map.stop_lines:
+            assert before._stop_lines is not None
+            self._stop_lines.restore(before._stop_lines.save())
         if self.race is not None and before.race is not None and self.race.identity == before.race.identity:
             self.race.restore(before.race.save())
         place(c.model, c.state, c.views)
@@ -484,6 +505,17 @@ class World(OneThread):
         self._apply_weather()
         self._show(is_moved=before != self._weather_now)
 
+    @by_one_thread
+    def set_traffic_light(self, light: str, state: TrafficLightState | None) -> None:
+        """Let a traffic light of the map show that state until a reset; None: what its program says.
+
+        Raises `CommandError` for an unknown light and for a value that is no state.
+        """
+        self._traffic_lights.set(light, state)
+        given = None if state is None else TrafficLightState(state)
+        self._tell(lambda: SetTrafficLight(light, given))
+        self._show(is_moved=True)
+
     def _apply_weather(self, *, is_reset: bool = False) -> None:
         """Let tyres, LIDARs and Frames have the weather of now, or of the latest multiple of `WEATHER_PERIOD`.
 
@@ -517,6 +549,8 @@ class World(OneThread):
             seed=self._seed,
             state=copied(c.state),
             referee=self._referee.save(),
+            traffic_lights=dict(self._traffic_lights.set_states),
+            stop_lines=self._stop_lines and self._stop_lines.save(),
             race=self.race and self.race.save(),
             sensors=c.sensors.save(),
             own_sensors=c.own_sensors.save(),
@@ -550,6 +584,9 @@ class World(OneThread):
         for column, kept in zip(c.state, saved.state, strict=True):
             column[:] = kept
         self._referee.restore(saved.referee)
+        self._traffic_lights.restore(saved.traffic_lights)
+        if self._stop_lines is not None:
+            self._stop_lines.restore(saved.stop_lines)
         if self.race is not None:
             self.race.restore(saved.race)
         c.sensors.restore(saved.sensors)
@@ -590,7 +627,8 @@ class World(OneThread):
 
     @by_one_thread
     def close(self) -> None:
-        """Release the camera renderer; a world without cameras holds nothing."""
+        """Release the camera renderer; no step can follow."""
+        self._is_closed = True
         if self._cameras is not None:
             self._cameras.close()
 
@@ -604,11 +642,17 @@ class World(OneThread):
             for pose in poses:
                 with contextlib.suppress(CommandError):  # the place is taken
                     self._poses.place({name: self._on_ground(name, *pose)})
-                    assert self.race is not None
-                    self.race.moved(i, self.compiled.state.vehicle_position)
+                    self._note_moved(i)
                     is_moved = True
                     break
         return is_moved
+
+    def _note_moved(self, i: int) -> None:
+        """Vehicle i was placed by hand: it has crossed no line."""
+        if self.race is not None:
+            self.race.moved(i, self.compiled.state.vehicle_position)
+        if self._stop_lines is not None:
+            self._stop_lines.reset(i)
 
     def _ground_poses(self) -> list[tuple[float, float, float]]:
         """x, y [m] and heading [rad] of the vehicles."""
@@ -639,8 +683,13 @@ class World(OneThread):
             scene_light,
             time_of_day,
             races=self.race and self.race.states(time),
+            traffic_lights=self._lights_now() if self._traffic_lights else {},
         )
         return self._publish(frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved))
+
+    def _lights_now(self) -> dict[str, TrafficLightFrame]:
+        """What the traffic lights show."""
+        return self._traffic_lights.at(self._tick, self.time_of_day)
 
     def _publish(self, frame: Frame) -> Frame:
         """Make that the current Frame."""

@@ -19,6 +19,7 @@ from msgspec.structs import replace
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection
 
+import autodrive
 from autodrive import AutodriveError, Frame, Simulation
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.connect.bridge.engineio import Dialect
@@ -327,6 +328,24 @@ def test_a_script_sets_the_time_of_day_and_places_the_vehicle(
         received = bridge.counters.commands_received
         wait_until(lambda: bridge.counters.commands_received > received + 10)
         assert bridge.counters.refused_values == 0
+
+
+def test_a_script_sets_the_traffic_lights_of_the_map_and_reads_their_program() -> None:
+    orders = {"V1 Throttle": "0", "TL1 State": "0", "TL2 State": "3"}
+    script = Script(orders)
+
+    def reads(*expected: tuple[int, str]) -> bool:
+        return bool(script.received) and all(script.received[-1][f"TL{n} State"] == text for n, text in expected)
+
+    with Simulation(autodrive.make("tiny_town")) as simulation, bridged(simulation, script):
+        wait_until(lambda: simulation.frame.traffic_lights["traffic_light_2"].mode == "set")
+        wait_until(lambda: reads((1, "3"), (2, "3"), (4, "1")))  # 1 and 4 follow their program
+        simulation.request(Reset()).result(LIMIT)  # the script still wants green
+        wait_until(lambda: simulation.frame.traffic_lights["traffic_light_2"].mode == "set")
+        orders["TL2 State"] = "0"
+        wait_until(lambda: simulation.frame.traffic_lights["traffic_light_2"].mode == "program")
+        simulation.request(Reset()).result(LIMIT)
+        wait_until(lambda: reads((2, "1")))
 
 
 def test_ambiguous_keys_are_reported(simulation: Simulation) -> None:

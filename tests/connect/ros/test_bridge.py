@@ -295,6 +295,29 @@ def test_topics_set_the_weather_and_the_time_of_day(simulation: Simulation, serv
     simulation.request(Reset()).result(LIMIT)
 
 
+def test_topics_of_traffic_lights_are_those_of_the_frame_and_set_them() -> None:
+    with Simulation(started(autodrive.make("tiny_town"))) as simulation, served(simulation) as server:
+        node = Recorder()
+        with running(Config(port=server.port, robot_description=URDF), node):
+            wait_until(lambda: "/autodrive/tl_4/state" in node.messages or "autodrive/tl_4/state" in node.messages)
+            simulation.request(Pause()).result(LIMIT)
+            frame = simulation.request(Step(1)).result(LIMIT)
+            light = frame.traffic_lights["traffic_light_2"]
+            wait_until(lambda: node.last("autodrive/tl_2/time_to_change")["data"] == light.time_to_change)
+            assert node.last("autodrive/tl_2/state")["data"] == light.state
+
+            def command(state: int) -> None:
+                node.subscriptions["autodrive/tl_2/command"].callback(SimpleNamespace(data=state))
+
+            command(3)
+            set_ = simulation.request(Step(1)).result(LIMIT).traffic_lights["traffic_light_2"]
+            assert (int(set_.state), set_.mode) == (3, "set")
+            wait_until(lambda: math.isnan(node.last("autodrive/tl_2/time_to_change")["data"]))
+            assert node.last("autodrive/tl_2/state")["data"] == 3
+            command(0)
+            assert simulation.request(Step(1)).result(LIMIT).traffic_lights["traffic_light_2"].mode == "program"
+
+
 # -- devkit mode ---------------------------------------------------------------------------------------------------
 
 

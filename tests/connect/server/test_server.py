@@ -260,15 +260,14 @@ def test_the_bridge_connects_reports_its_error_and_disconnects(one: NativeClient
         assert status["bridge"]["error"] == ""
 
 
-def test_a_new_scenario_starts_with_its_scene(one_world: World) -> None:
-    one_world.reset(0)
+def test_a_new_scenario_starts_with_its_scene() -> None:
     is_note_seen = threading.Event()  # a quick load would leave no time for a Status with its note
 
     def load(scenario: str | Descriptions) -> World:
         is_note_seen.wait()
         return autodrive.make(scenario)
 
-    simulation = Simulation(one_world, load=load)
+    simulation = Simulation(autodrive.make("plane"), load=load)
     served = Served(simulation, scene_files, scenarios={"two_cars": "Two cars"})
     with (
         Server(served, PageOptions(port=free_port())) as server,
@@ -313,9 +312,8 @@ def test_scene_cameras_are_rendered_for_other_clients(gl: str, one: NativeClient
     assert "Rendered" not in seen[10:]
 
 
-def test_scene_cameras_continue_in_another_scenario(gl: str, one_world: World) -> None:
-    one_world.reset(0)
-    simulation = Simulation(one_world, load=autodrive.make)
+def test_scene_cameras_continue_in_another_scenario(gl: str) -> None:
+    simulation = Simulation(autodrive.make("plane"), load=autodrive.make)
     scenarios = {"two_cars": "Two cars"}
     served = Served(simulation, scene_files, scenarios=scenarios)
     with Server(served, PageOptions(port=free_port())) as server, simulation:

@@ -16,6 +16,7 @@ from autodrive.base.transforms import rotation_from_quaternion
 from autodrive.graphics.assets.asset import Asset, AssetNode, Detail
 from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.assets.packed import pack, unpack
+from autodrive.graphics.meshes.strips import shade_along, strips
 from autodrive.protocol.labels import Label
 from tests.support.example_asset import DIM, GLASS, assert_same, example, surface
 
@@ -34,6 +35,22 @@ def test_unpacking_returns_what_was_packed() -> None:
     asset, glb = unpack(pack(example(), b"file"))
     assert_same(asset, example())
     assert glb == b"file"
+
+
+def test_strips_are_in_the_file_for_our_renderers_only() -> None:
+    lines = [shade_along(np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 1.0)]), 0.1, 0.5)]
+    asset = replace(example(), strips=strips(lines))
+    assert asset.strips is not None
+    tree, binary = parts(write_glb(asset))
+    for name, expected in (("vertices", asset.strips.vertices), ("triangles", asset.strips.triangles)):
+        accessor = tree["accessors"][tree["nodes"][0]["extras"]["strips"][name]]
+        start = tree["bufferViews"][accessor["bufferView"]]["byteOffset"]
+        assert binary[start : start + expected.nbytes] == expected.tobytes()
+    assert "extras" not in parts(write_glb(asset, ("full",)))[0]["nodes"][0]
+    again = unpack(pack(asset, b""))[0].strips
+    assert again is not None
+    assert again.vertices.tobytes() == asset.strips.vertices.tobytes()
+    assert again.vertices.dtype == asset.strips.vertices.dtype
 
 
 def test_the_same_asset_gives_the_same_bytes() -> None:

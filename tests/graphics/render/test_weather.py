@@ -85,8 +85,9 @@ def test_wet_ground_is_darker_near_by_and_snow_whitens_level_surfaces_only(rende
     assert labels is not None
     wall = labels == Label.WALL
     assert wall.sum() > 5000
-    # at most a tenth is not equal: images have the mean colour of a pixel at an edge, labels that of its centre
-    assert (np.abs(white[wall] - dry[wall]).max(axis=1) > 3.0).mean() < 0.1
+    # at most a tenth is whiter: images have the mean colour of a pixel at an edge, labels that of its centre;
+    # all may be darker, because a camera exposes snow for a shorter time
+    assert ((white[wall] - dry[wall]).max(axis=1) > 3.0).mean() < 0.1
 
 
 def test_rain_and_snow_are_in_front_of_the_scene_and_change_with_time(renderer: Renderer) -> None:
@@ -109,7 +110,7 @@ def test_rain_and_snow_never_darken_what_headlamps_light(renderer: Renderer, wea
     state.vehicles["position"][0] = 0.0
     state.vehicles["lamps"] = 1.0
     images = []
-    for time in range(25):
+    for time in range(0, 125, 5):  # a drop stays on the lens for 4 s
         state.header["time"] = time
         images.append(renderer.draw(state, [LOOK])[0].rgba[..., :3].astype(np.float64))
     behind = np.median(images, axis=0)

@@ -93,10 +93,10 @@ def test_car_can_follow_every_lane(name):
 def test_traffic_keeps_to_its_side_at_every_port(name):
     spec = load_module(name).spec
     for port in spec.ports.values():
-        x, y, yaw = port.pose_out
+        x, y, yaw = port.pose_out()
         left = -math.sin(yaw) * (x - port.x) + math.cos(yaw) * (y - port.y)
         assert left == pytest.approx(DRIVING_SIDE * 0.15)
-        assert math.hypot(x - port.pose_in[0], y - port.pose_in[1]) == pytest.approx(0.3)
+        assert math.hypot(x - port.pose_in()[0], y - port.pose_in()[1]) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize("name", DRIVABLE)

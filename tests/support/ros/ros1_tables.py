@@ -8,7 +8,7 @@ import inspect
 from pathlib import Path
 
 from autodrive.connect.ros import Bridge, Config
-from autodrive.connect.ros.topics import WORLD_TOPICS
+from autodrive.connect.ros.topics import WORLD_TOPICS, change_topic
 from tests.support.ros.recorder import Recorder
 from tests.support.tables import rewritten
 
@@ -26,6 +26,7 @@ def published() -> list[str]:
     """A row for each published topic."""
     known = [topic for topic in node().topics.values() if topic not in WORLD_TOPICS]
     lights = [topic for topic in node("devkit").topics.values() if "/tl_" in topic.name]
+    lights.append(change_topic(Config(), 1))
     rows = [f"| `{t.name.removeprefix(ROOT)}` | {t.type} | {t.text} |" for t in (*known, *WORLD_TOPICS, *lights)]
     return ["| topic | type | description |", "|---|---|---|", *rows]
 

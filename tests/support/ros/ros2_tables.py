@@ -6,7 +6,8 @@ import json
 import subprocess
 from pathlib import Path
 
-from autodrive.connect.ros.topics import WORLD_TOPICS
+from autodrive.connect.ros import Config
+from autodrive.connect.ros.topics import WORLD_TOPICS, change_topic
 from tests.support.ros.ros1_tables import ROOT, node
 from tests.support.tables import rewritten
 
@@ -39,9 +40,9 @@ def published() -> list[str]:
     rows = ["| topic | type | description | QoS (depth) |", "|---|---|---|---|"]
     known = {name: topic for name, topic in node().topics.items() if topic not in WORLD_TOPICS}
     lights = {name: topic for name, topic in node("devkit").topics.items() if "/tl_1/" in name}
-    for topic in (*known.values(), *WORLD_TOPICS, *lights.values()):
+    for topic in (*known.values(), *WORLD_TOPICS, *lights.values(), change_topic(Config(), 1)):
         name = topic.name.removeprefix(ROOT)
-        text = f"{topic.text} (devkit mode; also `tl_2` to `tl_4`)" if "/tl_1/" in name else topic.text
+        text = f"{topic.text} (also `tl_2` and so on)" if "/tl_1/" in name else topic.text
         rows.append(f"| `{name}` | {topic.type} | {text} | {QOS[topic.qos]} |")
     return rows
 

@@ -30,16 +30,11 @@ from autodrive.world import World
 from tests.support.waiting import LIMIT, wait_until
 
 
-@pytest.fixture(scope="module")
-def one_world() -> World:
-    return autodrive.make("plane")
-
-
 @pytest.fixture
-def world(one_world: World) -> World:
-    one_world.reset(0)
-    one_world.set_driving_mode("V1", True)
-    return one_world
+def world() -> World:
+    world = autodrive.make("plane")
+    world.set_driving_mode("V1", True)
+    return world
 
 
 @pytest.fixture

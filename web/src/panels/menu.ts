@@ -13,6 +13,7 @@ import { ask } from './question'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
 import { tools } from './tools'
+import { trafficLights } from './traffic_lights'
 import { weather } from './weather'
 
 const QUALITIES: Record<Quality, string> = {
@@ -56,6 +57,7 @@ export function menu(
     time(store, actions),
     scenario(store, connection, save),
     weather(store, actions),
+    trafficLights(store, actions),
     view(store),
     tools(store, actions),
   )

@@ -14,6 +14,8 @@ const COLOUR_OF: Partial<Record<Mark['event']['type'], Colour>> = {
   Collision: 'bad',
   OffRoad: 'warn',
   BackOnRoad: 'good',
+  RedLight: 'bad',
+  StopSign: 'bad',
 }
 /** Distance between two times that are written [px]. */
 const SPACING = 90

@@ -11,6 +11,8 @@ export interface Daylight {
   floor_glow: number[]
   exposure: number
   glow: number
+  sun_place: number[]
+  dawn: number[]
 }
 
 /** Extinction [1/m] below which air is drawn as clear; as in `look.py`. */
@@ -30,20 +32,28 @@ export function extinction(sight: number): number {
   return Math.log(20) / sight
 }
 
+/** Share of clouds; rain, snow and fog come with clouds. */
+export function cloudsOf(weather: Weather | null): number {
+  return weather ? Math.max(weather.clouds, 0.8 * weather.rain, 0.7 * weather.snow, 0.7 * weather.fog) : 0
+}
+
 /** That light under clouds, as `in_air` of the simulator: less sun, and a grey sky. */
 export function inWeather(look: Daylight, weather: Weather | null): Daylight {
   if (!weather) return look
-  const clouds = Math.max(weather.clouds, 0.8 * weather.rain, 0.7 * weather.snow, 0.7 * weather.fog)
+  const clouds = cloudsOf(weather)
   const grey = ([red, green, blue]: number[], factor: number) => {
     const mean = factor * (0.3 * red + 0.5 * green + 0.2 * blue)
     return [red, green, blue].map((one) => one + clouds * (mean - one))
   }
+  const snow = weather.snow_cover ?? 0
   return {
     ...look,
     sun_color: look.sun_color.map((one) => (1 - 0.93 * clouds) * one),
     zenith: grey(look.zenith, 0.95),
     horizon: grey(look.horizon, 0.9),
     floor_glow: grey(look.floor_glow, 0.8),
+    dawn: grey(look.dawn, 0.3),
+    exposure: look.exposure * (1 - snow * (0.15 + 0.4 * Math.max(0, 1 - 2 * look.zenith[1]))),
   }
 }
 
@@ -57,13 +67,15 @@ interface Table {
 /** The light; `timeOfDay` [s since midnight] in steps of a minute, null if the light is fixed. */
 export function daylight(table: Record<string, unknown>, isDay: boolean, timeOfDay: number | null): Daylight {
   const { day, night, minutes } = table as unknown as Table
-  if (!isDay) return night
-  if (timeOfDay === null) return day
+  if (timeOfDay === null) return isDay ? day : night
   const place = Math.floor(timeOfDay / 60) / 10
   const [low, high] = [Math.floor(place), Math.floor(place) + 1].map((i) => minutes[i % minutes.length])
+  const between = mixed(low, high, place - Math.floor(place))
+  const nights = [low, high].filter((one) => isSame(one, night)).length
+  if (!isDay) return nights === 2 ? between : night // in the dusk only the sky differs from the night
   // at sunrise and sunset one of them is the night
-  if (isSame(low, night)) return high
-  return isSame(high, night) ? low : mixed(low, high, place - Math.floor(place))
+  const { dawn, sun_place } = between
+  return nights === 1 ? { ...(isSame(low, night) ? high : low), dawn, sun_place } : between
 }
 
 function isSame(a: Daylight, b: Daylight): boolean {
@@ -73,9 +85,15 @@ function isSame(a: Daylight, b: Daylight): boolean {
 function mixed(a: Daylight, b: Daylight, share: number): Daylight {
   const number = (x: number, y: number) => x + share * (y - x)
   const vector = (x: number[], y: number[]) => x.map((value, i) => number(value, y[i]))
-  const direction = vector(a.sun_direction, b.sun_direction)
+  const direction = (x: number[], y: number[]) => {
+    if (x[0] * y[0] + x[1] * y[1] + x[2] * y[2] < 0.9) return x // from the sun to the moon
+    const sum = vector(x, y)
+    return sum.map((value) => value / Math.hypot(...sum))
+  }
   return {
-    sun_direction: direction.map((value) => value / Math.hypot(...direction)),
+    sun_direction: direction(a.sun_direction, b.sun_direction),
+    sun_place: direction(a.sun_place, b.sun_place),
+    dawn: vector(a.dawn, b.dawn),
     sun_color: vector(a.sun_color, b.sun_color),
     zenith: vector(a.zenith, b.zenith),
     horizon: vector(a.horizon, b.horizon),

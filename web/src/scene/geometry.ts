@@ -46,7 +46,7 @@ export function shadowGeometry(asset: Asset, skeleton: Skeleton, detail: Detail)
   )
   if (parts.length === 0) return null
   const geometry = mergeSurfaces(asset, skeleton, parts, true, null)
-  for (const name of ['normal', 'color', 'emission', 'uv', 'finish']) geometry.deleteAttribute(name)
+  for (const name of ['normal', 'color', 'emission', 'uv', 'open', 'finish']) geometry.deleteAttribute(name)
   return geometry
 }
 
@@ -64,6 +64,7 @@ function mergeSurfaces(
   const color = new Float32Array(3 * vertices)
   const emission = new Float32Array(3 * vertices)
   const uv = new Float32Array(2 * vertices)
+  const open = new Float32Array(vertices).fill(1)
   const finish = new Float32Array(3 * vertices) // roughness, metallic, kind
   const bones = new Float32Array(2 * vertices) // bone, lamp
   const indices = new Uint32Array(count)
@@ -93,6 +94,7 @@ function mergeSurfaces(
       bones.set(skinned, 2 * (first + i))
     }
     if (surface.uvs) uv.set(surface.uvs, 2 * first)
+    if (surface.open) for (let i = 0; i < own; i++) open[first + i] = surface.open[3 * i]
     for (let i = 0; i < surface.indices.length; i++) indices[at + i] = surface.indices[i] + first
     first += own
     at += surface.indices.length
@@ -103,6 +105,7 @@ function mergeSurfaces(
   geometry.setAttribute('color', new BufferAttribute(color, 3))
   geometry.setAttribute('emission', new BufferAttribute(emission, 3))
   geometry.setAttribute('uv', new BufferAttribute(uv, 2))
+  geometry.setAttribute('open', new BufferAttribute(open, 1))
   geometry.setAttribute('finish', new BufferAttribute(finish, 3))
   geometry.setAttribute('bones', new BufferAttribute(bones, 2))
   geometry.setIndex(new BufferAttribute(vertices < 65536 ? new Uint16Array(indices) : indices, 1))

@@ -16,6 +16,8 @@ export interface Surface {
   positions: Float32Array
   normals: Float32Array
   uvs: Float32Array | null
+  /** Share of the sky that each vertex sees, three times; null: all. */
+  open: Float32Array | null
   indices: Uint16Array | Uint32Array
   color: Vector
   /** Whether the page may paint it in the colour of the vehicle. */
@@ -38,10 +40,19 @@ export interface Node {
   surfaces: Partial<Record<Detail, Surface[]>>
 }
 
+/** Paint and shade on the ground: `STRIP` and `Strips` of graphics/assets/asset.py. */
+export interface Strips {
+  vertices: Float32Array
+  triangles: Uint32Array
+}
+
 export interface Asset {
   nodes: Node[]
   /** Textures (sRGB). */
   images: ImageBitmap[]
+  /** Index of the noise of the clouds; -1: none. */
+  clouds: number
+  strips: Strips | null
 }
 
 const MAGIC = 0x46546c67
@@ -52,7 +63,7 @@ const UINT16 = 5123
 interface Tree {
   nodes: TreeNode[]
   meshes?: Mesh[]
-  images?: { bufferView: number; mimeType: string }[]
+  images?: { name: string; bufferView: number; mimeType: string }[]
   textures?: { source: number }[]
   materials: Material[]
   accessors: { bufferView: number; type: 'SCALAR' | 'VEC2' | 'VEC3'; componentType: number; count: number }[]
@@ -65,19 +76,19 @@ interface TreeNode {
   mesh?: number
   translation?: Vector
   rotation?: [number, number, number, number]
-  extras?: { detail?: Detail; joint?: Joint; lamp?: string }
+  extras?: { detail?: Detail; joint?: Joint; lamp?: string; strips?: { vertices: number; triangles: number } }
 }
 
 interface Mesh {
   primitives: {
-    attributes: { POSITION: number; NORMAL: number; TEXCOORD_0?: number }
+    attributes: { POSITION: number; NORMAL: number; TEXCOORD_0?: number; COLOR_0?: number }
     indices: number
     material: number
   }[]
 }
 
 interface Material {
-  extras?: { paint?: boolean }
+  extras?: { paint?: boolean; beneath?: number }
   pbrMetallicRoughness: {
     baseColorFactor: [...Vector, number]
     baseColorTexture?: { index: number }
@@ -107,7 +118,21 @@ export async function readAsset(data: ArrayBuffer): Promise<Asset> {
     const bytes = new Uint8Array(data, binary + at.byteOffset, at.byteLength)
     return createImageBitmap(new Blob([bytes], { type: image.mimeType }), { colorSpaceConversion: 'none' })
   })
-  return { nodes: nodes(tree, data, binary), images: await Promise.all(images) }
+  const clouds = (tree.images ?? []).findIndex((image) => image.name === 'clouds')
+  const written = tree.nodes[0].extras?.strips
+  const strips = written && {
+    vertices: accessorValues(written.vertices, tree, data, binary) as Float32Array,
+    triangles: accessorValues(written.triangles, tree, data, binary) as Uint32Array,
+  }
+  return { nodes: nodes(tree, data, binary), images: await Promise.all(images), clouds, strips: strips ?? null }
+}
+
+function accessorValues(number: number, tree: Tree, data: ArrayBuffer, binary: number) {
+  const accessor = tree.accessors[number]
+  const view = tree.bufferViews[accessor.bufferView]
+  const size = { SCALAR: 1, VEC2: 2, VEC3: 3 }[accessor.type]
+  const Values = { [FLOAT]: Float32Array, [UINT16]: Uint16Array }[accessor.componentType] ?? Uint32Array
+  return new Values(data, binary + view.byteOffset, accessor.count * size)
 }
 
 function nodes(tree: Tree, data: ArrayBuffer, binary: number): Node[] {
@@ -141,18 +166,13 @@ function nodes(tree: Tree, data: ArrayBuffer, binary: number): Node[] {
 }
 
 function meshSurfaces(mesh: Mesh, tree: Tree, data: ArrayBuffer, binary: number): Surface[] {
-  const values = (number: number): Float32Array | Uint16Array | Uint32Array => {
-    const accessor = tree.accessors[number]
-    const view = tree.bufferViews[accessor.bufferView]
-    const size = { SCALAR: 1, VEC2: 2, VEC3: 3 }[accessor.type]
-    const Values = { [FLOAT]: Float32Array, [UINT16]: Uint16Array }[accessor.componentType] ?? Uint32Array
-    return new Values(data, binary + view.byteOffset, accessor.count * size)
-  }
+  const values = (number: number) => accessorValues(number, tree, data, binary)
   return mesh.primitives.map((primitive) => {
-    const material = tree.materials[primitive.material]
+    const own = tree.materials[primitive.material]
+    const material = tree.materials[own.extras?.beneath ?? primitive.material] // paint is drawn from the strips
     const finish = material.pbrMetallicRoughness
     const strength = material.extensions?.KHR_materials_emissive_strength?.emissiveStrength ?? 1
-    const uvs = primitive.attributes.TEXCOORD_0
+    const { TEXCOORD_0: uvs, COLOR_0: open } = primitive.attributes
     const texture = finish.baseColorTexture
     const [red, green, blue] = finish.baseColorFactor
     const [er, eg, eb] = material.emissiveFactor ?? [0, 0, 0]
@@ -160,6 +180,7 @@ function meshSurfaces(mesh: Mesh, tree: Tree, data: ArrayBuffer, binary: number)
       positions: values(primitive.attributes.POSITION) as Float32Array,
       normals: values(primitive.attributes.NORMAL) as Float32Array,
       uvs: uvs === undefined ? null : (values(uvs) as Float32Array),
+      open: open === undefined ? null : (values(open) as Float32Array),
       indices: values(primitive.indices) as Uint16Array | Uint32Array,
       color: [red, green, blue],
       isPaint: material.extras?.paint ?? false,

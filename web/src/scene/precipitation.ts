@@ -1,11 +1,13 @@
-// Rain streaks and snow flakes before the camera, at other places in each image, as in the images of the cameras.
+// What is in the air before the camera, as in the images of the cameras: rain streaks and snow flakes, at other places in
+// each image, drops on the lens, and light of headlights in fog.
 
-import type { IUniform } from 'three'
+import type { Camera, IUniform } from 'three'
 import {
   BufferAttribute,
   BufferGeometry,
   CustomBlending,
   GLSL3,
+  Matrix4,
   Mesh,
   OneFactor,
   OneMinusSrcColorFactor,
@@ -15,56 +17,94 @@ import {
   type WebGLRenderer,
 } from 'three'
 
+import { cloudsOf } from './daylight'
 import type { WorldState } from './motion'
-import { PRECIPITATION_FRAGMENT, PRECIPITATION_VERTEX } from './shaders'
+import { BEAM_FOG_FRAGMENT, BEAM_FOG_VERTEX, PRECIPITATION_FRAGMENT, PRECIPITATION_VERTEX } from './shaders'
 
-/** In an image of the heaviest rain and snow, as `STREAKS` and `FLAKES` of the simulator. */
+/** In an image of the heaviest rain and snow, as `STREAKS`, `FLAKES` and `DROPS` of the simulator. */
 const STREAKS = 260
 const FLAKES = 500
-/** Their places change so often [Hz]. */
+const DROPS = 14
+/** As `BEAM_FOG_CELLS` of the simulator. */
+const BEAM_FOG_CELLS = 24 * 18
+/** The places of streaks and flakes change so often [Hz]. */
 const RATE = 30
+/** As `CLOUD_DRIFT` of the simulator. */
+const CLOUD_DRIFT = 0.004
 
 export class Precipitation {
-  readonly mesh: Mesh
+  readonly meshes: Mesh[]
   private readonly geometry = new BufferGeometry()
-  private readonly material: ShaderMaterial
-  private readonly own = { seed: { value: 0 }, flakes: { value: 0 }, shape: { value: new Vector4() } }
+  private readonly fogGeometry = new BufferGeometry()
+  private readonly materials: ShaderMaterial[]
+  private readonly mapFromClip = new Matrix4()
+  private readonly own = {
+    ...{ seed: { value: 0 }, flakes: { value: 0 }, drops: { value: 0 }, shape: { value: new Vector4() } },
+    map_from_clip: { value: this.mapFromClip },
+  }
   private wind = 0
+  private time = 0
 
-  constructor(shared: Record<string, IUniform>) {
-    this.geometry.setAttribute('position', new BufferAttribute(new Float32Array(18 * (STREAKS + FLAKES)), 3))
-    this.material = new ShaderMaterial({
-      ...{ vertexShader: PRECIPITATION_VERTEX, fragmentShader: PRECIPITATION_FRAGMENT, glslVersion: GLSL3 },
-      ...{ uniforms: { ...shared, ...this.own }, transparent: true, depthTest: false, depthWrite: false },
-      ...{ blending: CustomBlending, blendSrc: OneFactor, blendDst: OneMinusSrcColorFactor },
+  /** `shared`: the uniforms of the light; `head_count`: number of headlights. */
+  constructor(private readonly shared: Record<string, IUniform>) {
+    const count = STREAKS + FLAKES + DROPS
+    this.geometry.setAttribute('position', new BufferAttribute(new Float32Array(18 * count), 3))
+    this.fogGeometry.setAttribute('position', new BufferAttribute(new Float32Array(18 * BEAM_FOG_CELLS), 3))
+    const uniforms = { ...shared, ...this.own, heads: shared.head_count }
+    const shaders = [
+      { vertexShader: BEAM_FOG_VERTEX, fragmentShader: BEAM_FOG_FRAGMENT },
+      { vertexShader: PRECIPITATION_VERTEX, fragmentShader: PRECIPITATION_FRAGMENT },
+    ]
+    this.materials = shaders.map((pair) => {
+      return new ShaderMaterial({
+        ...{ ...pair, uniforms, glslVersion: GLSL3, transparent: true, depthTest: false, depthWrite: false },
+        ...{ blending: CustomBlending, blendSrc: OneFactor, blendDst: OneMinusSrcColorFactor },
+      })
     })
-    this.mesh = new Mesh(this.geometry, this.material)
-    this.mesh.frustumCulled = false
-    this.mesh.renderOrder = 20 // after the sky
-    this.mesh.visible = false
-    this.mesh.onBeforeRender = (renderer) => this.fit(renderer)
+    this.meshes = this.materials.map((material, i) => {
+      const mesh = new Mesh(i === 0 ? this.fogGeometry : this.geometry, material)
+      mesh.frustumCulled = false
+      mesh.renderOrder = 20 + i // after the sky
+      mesh.visible = false
+      return mesh
+    })
+    this.meshes[1].onBeforeRender = (renderer) => this.fit(renderer)
   }
 
-  update({ weather, time }: WorldState): void {
-    const [streaks, flakes] = [Math.round(STREAKS * (weather?.rain ?? 0)), Math.round(FLAKES * (weather?.snow ?? 0))]
-    this.mesh.visible = streaks + flakes > 0
-    this.geometry.setDrawRange(0, 6 * (streaks + flakes))
+  /** `isHazy`: whether the air is drawn. */
+  update({ weather, time }: WorldState, isHazy: boolean): void {
+    const { rain, snow, wind } = weather ?? { rain: 0, snow: 0, wind: 0 }
+    const [streaks, flakes, drops] = [STREAKS * rain, FLAKES * snow, DROPS * rain].map(Math.round)
+    this.meshes[0].visible = isHazy && this.shared.head_count.value > 0
+    this.meshes[1].visible = streaks + flakes > 0
+    this.geometry.setDrawRange(0, 6 * (streaks + flakes + drops))
     this.own.seed.value = Math.floor(RATE * time)
     this.own.flakes.value = streaks
-    this.wind = weather?.wind ?? 0
+    this.own.drops.value = streaks + flakes
+    this.wind = wind
+    this.time = time
+    this.shared.sun_place.value.w = (CLOUD_DRIFT * wind * time) % 1000
+    this.shared.dawn.value.w = cloudsOf(weather)
+  }
+
+  /** Sets the view directions from a camera. */
+  prepare(camera: Camera): void {
+    this.mapFromClip.multiplyMatrices(camera.matrixWorld, camera.projectionMatrixInverse)
   }
 
   dispose(): void {
     this.geometry.dispose()
-    this.material.dispose()
+    this.fogGeometry.dispose()
+    for (const material of this.materials) material.dispose()
   }
 
   /** Sets the size of a pixel of the image that is drawn. */
   private fit(renderer: WebGLRenderer): void {
-    const { x, y } = renderer.getDrawingBufferSize(size)
+    const target = renderer.getRenderTarget()
+    const { x, y } = target ? size.set(target.width, target.height) : renderer.getDrawingBufferSize(size)
     const pixel = 2 * Math.max(1, y / 480)
-    this.own.shape.value.set(pixel / x, pixel / y, 0.1 + 0.9 * this.wind, 0)
-    this.material.uniformsNeedUpdate = true
+    this.own.shape.value.set(pixel / x, pixel / y, 0.1 + 0.9 * this.wind, this.time)
+    this.materials[1].uniformsNeedUpdate = true
   }
 }
 

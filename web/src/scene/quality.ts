@@ -5,7 +5,7 @@ export interface Profile {
   name: 'light' | 'low' | 'high' | 'ultra'
   /** Maximum number of image pixels per CSS pixel. */
   pixelRatio: number
-  /** Samples per pixel (MSAA). */
+  /** Samples per pixel (MSAA); 0: jagged edges are smoothed afterwards (FXAA). */
   samples: number
   /** Size of the shadow maps [pixels]: static objects, vehicles, one headlight (0: no shadows). */
   stillMap: number
@@ -22,7 +22,7 @@ export interface Profile {
 
 export const PROFILES: Record<Profile['name'], Profile> = {
   light: {
-    ...{ name: 'light', pixelRatio: 0.5, samples: 0, stillMap: 1024, casterMap: 1024, beamMap: 0, softness: 1 },
+    ...{ name: 'light', pixelRatio: 0.75, samples: 0, stillMap: 1024, casterMap: 1024, beamMap: 0, softness: 1 },
     ...{ fullDetail: 0, isLightweight: true, anisotropy: 1 },
   },
   low: {

@@ -1,4 +1,4 @@
-// Renders the world with WebGL: shadow maps first, then the image, with MSAA if the profile uses it.
+// Renders the world with WebGL: shadow maps first, then the image, with MSAA or FXAA.
 
 import type { PerspectiveCamera } from 'three'
 import {
@@ -21,10 +21,34 @@ import { isSoftware, type Profile } from './quality'
 import type { World } from './world'
 
 const COPY_VERTEX = 'void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }'
+/** FXAA: jagged edges are smoothed, with the formulas of render/fxaa.py (T. Lottes, 2009). */
 const COPY_FRAGMENT = /* glsl */ `
 uniform sampler2D drawn;
 out vec4 pixel;
+#ifdef FXAA
+vec3 at(vec2 off) {
+  vec2 size = vec2(textureSize(drawn, 0));
+  return texture(drawn, (gl_FragCoord.xy + off) / size).rgb;
+}
+float brightness(vec3 c) { return dot(c, vec3(0.299, 0.587, 0.114)); }
+void main() {
+  vec3 own = at(vec2(0.0));
+  float m = brightness(own), nw = brightness(at(vec2(-1.0, 1.0))), ne = brightness(at(vec2(1.0, 1.0)));
+  float sw = brightness(at(vec2(-1.0, -1.0))), se = brightness(at(vec2(1.0, -1.0)));
+  float low = min(m, min(min(nw, ne), min(sw, se))), high = max(m, max(max(nw, ne), max(sw, se)));
+  pixel = vec4(own, 1.0);
+  if (high - low < max(0.03, 0.125 * high)) return;
+  vec2 along = vec2(nw + ne - sw - se, nw + sw - ne - se);  // across the gradient
+  float scale = min(abs(along.x), abs(along.y)) + max((nw + ne + sw + se) * 0.03125, 0.0078);
+  along = clamp(along / scale, -8.0, 8.0);
+  vec3 near = 0.5 * (at(along / -6.0) + at(along / 6.0));
+  vec3 wide = 0.5 * near + 0.25 * (at(-0.5 * along) + at(0.5 * along));
+  float b = brightness(wide);
+  pixel = vec4(b < low || b > high ? near : wide, 1.0);
+}
+#else
 void main() { pixel = vec4(texelFetch(drawn, ivec2(gl_FragCoord.xy), 0).rgb, 1.0); }
+#endif
 `
 
 export class Renderer {
@@ -74,8 +98,8 @@ export class Renderer {
     this.gl.setPixelRatio(this.ratio)
     this.gl.setSize(width, height, false)
     this.target?.dispose()
-    this.target = null
-    if (profile.samples === 0) return
+    this.copy.defines = profile.samples === 0 ? { FXAA: 1 } : {}
+    this.copy.needsUpdate = true
     const { width: columns, height: rows } = this.gl.domElement
     const options = {
       minFilter: LinearFilter,
@@ -93,8 +117,9 @@ export class Renderer {
     gl.info.reset()
     this.cameraPosition.copy(camera.position)
     world.update(state, followed, this.cameraPosition, dt)
-    world.drawShadows(gl, this.cameraPosition, followed)
-    world.prepare(camera)
+    world.drawShadows(gl, camera, followed)
+    const { width, height } = target ?? gl.domElement
+    world.prepare(gl, camera, width, height)
     gl.setRenderTarget(target)
     gl.clear()
     gl.render(world.scene, camera)

@@ -1,14 +1,19 @@
 // Shaders of the scene: sun with shadows, sky, headlights with shadows, other lamps. The formulas are the files of the
 // simulator cameras, so that both images agree.
 
+import BEAM_FOG_FRAG from '../../../src/autodrive/graphics/render/shaders/beam_fog.frag?raw'
+import BEAM_FOG from '../../../src/autodrive/graphics/render/shaders/beam_fog.vert?raw'
 import LIGHT_FORMULAS from '../../../src/autodrive/graphics/render/shaders/light.glsl?raw'
-import PRECIPITATION_FRAGMENT from '../../../src/autodrive/graphics/render/shaders/precipitation.frag?raw'
+import PRECIPITATION_FRAG from '../../../src/autodrive/graphics/render/shaders/precipitation.frag?raw'
 import PRECIPITATION from '../../../src/autodrive/graphics/render/shaders/precipitation.vert?raw'
+import SKY_LIGHT from '../../../src/autodrive/graphics/render/shaders/sky.glsl?raw'
+import STRIP_FRAGMENT from '../../../src/autodrive/graphics/render/shaders/strip.frag?raw'
+import STRIP from '../../../src/autodrive/graphics/render/shaders/strip.vert?raw'
 import SHOWN from '../../../src/autodrive/graphics/render/shaders/tone.glsl?raw'
 import { BEAM_SLOTS, LAMP_SLOTS } from './lamps'
 import { BONES } from './skeleton'
 
-export { PRECIPITATION_FRAGMENT }
+export { STRIP_FRAGMENT }
 
 export const CASTER_TILES = 4
 export const CASTER_SLOTS = CASTER_TILES * CASTER_TILES
@@ -17,6 +22,7 @@ const LIGHT = /* glsl */ `
 uniform vec3 sun_direction, sun_color, zenith, horizon;
 uniform vec4 floor_glow;  // snow cover of the ground
 uniform vec4 exposure;    // of reflected light, of emitted light, extinction of the air, wetness of the ground
+uniform vec4 sun_place, dawn;
 `
 
 const TONE = /* glsl */ `
@@ -60,13 +66,15 @@ export const SCENE_VERTEX = /* glsl */ `
 ${LIGHT}
 ${BONE}
 uniform mat3 sun_from_map;
+uniform vec4 still_offset;  // w: offset of in_sun from the surface
 #ifdef SKINNED
 uniform float glows[13];  // 0: always on; 1 ... 12: the lamps
 #endif
 in vec3 color, emission, finish;
+in float open;
 out vec3 place, facing, in_sun;
 flat out vec3 own_color, own_emission, own_finish;
-out vec2 own_uv;
+out vec3 own_uv;  // and open
 #ifdef LIGHTWEIGHT
 out vec3 from_sky, from_sun;
 #endif
@@ -81,8 +89,8 @@ void main() {
 #endif
   own_color = color;
   own_finish = finish;
-  own_uv = uv;
-  in_sun = sun_from_map * (place + 0.004 * facing);  // offset from the surface, against shadow acne
+  own_uv = vec3(uv, open);
+  in_sun = sun_from_map * (place + still_offset.w * facing);  // offset from the surface, against shadow acne
 #ifdef LIGHTWEIGHT
   from_sky = 0.31831 * mix(floor_glow.rgb, 0.5 * (zenith + horizon), facing.z * 0.5 + 0.5);
   from_sun = 0.31831 * clamp(dot(facing, sun_direction), 0.0, 1.0) * sun_color;
@@ -97,6 +105,9 @@ precision highp sampler2DShadow;
 ${LIGHT}
 uniform int is_day;
 uniform sampler2D surface_image;
+#ifdef STRIPS
+uniform sampler2D strip_map;  // paint and shade of each pixel of level ground
+#endif
 uniform sampler2DShadow still_map, caster_map, beam_map;
 uniform vec4 still_scale, still_offset;         // from in_sun to the shadow map of static objects
 uniform int caster_count;
@@ -110,7 +121,7 @@ uniform mat4 beam_from_map[${BEAM_SLOTS}];
 uniform float beam_texel;
 in vec3 place, facing, in_sun;
 flat in vec3 own_color, own_emission, own_finish;
-in vec2 own_uv;
+in vec3 own_uv;
 #ifdef LIGHTWEIGHT
 in vec3 from_sky, from_sun;
 #endif
@@ -183,13 +194,28 @@ vec3 in_air(vec3 light) {
 
 void main() {
   vec3 color = own_color;
+  vec3 n = normalize(facing), v = normalize(cameraPosition - place);
+  bool is_flat = own_finish.z < 0.5, is_glossy = own_finish.z > 1.5;
 #ifdef TEXTURED
-  color *= texture(surface_image, own_uv).rgb;
+  vec3 texel = texture(surface_image, own_uv.xy).rgb;
+#ifdef FINE
+  float near = is_flat ? clamp(1.5 - 1.5 * distance(cameraPosition, place), 0.0, 1.0) : 0.0;
+  vec3 fine = texture(surface_image, 3.1 * own_uv.xy).rgb;
+  texel = sqrt(texel * mix(texel, fine, near));
+  n = is_flat ? normalize(uneven(sqrt(fine.g), near)) : n;
+#endif
+  color *= texel;
+#endif
+  float open = openness() * own_uv.z;
+#ifdef STRIPS
+  vec2 strip = is_flat && place.z < 0.001 ? texelFetch(strip_map, ivec2(gl_FragCoord.xy), 0).rg : vec2(0.0);
+  color = mix(color, PAINT, min(strip.r, 1.0));
+  open *= 1.0 - min(strip.g, 0.8);
 #endif
 #if !defined(SKINNED) && (defined(WET) || defined(SNOW))
   color = weathered(color, normalize(facing));
 #endif
-  float open = openness(), lit = is_day == 1 ? sunlit() : 1.0;
+  float lit = is_day == 1 ? sunlit() : 1.0;
   float roughness = own_finish.x, metallic = own_finish.y;
 #ifdef LIGHTWEIGHT
   vec3 plain = color * (1.0 - 0.5 * metallic);
@@ -199,8 +225,6 @@ void main() {
     return;
   }
 #endif
-  vec3 n = normalize(facing), v = normalize(cameraPosition - place);
-  bool is_flat = own_finish.z < 0.5, is_glossy = own_finish.z > 1.5;
   Finish f;
   f.alpha = roughness * roughness;
   f.roughness = roughness;
@@ -246,22 +270,41 @@ void main() {
 }
 `
 
-/** The colour changes from the horizon to the zenith. */
 export const SKY_FRAGMENT = /* glsl */ `
 ${LIGHT}
+#ifdef CLOUDS
+uniform sampler2D clouds;
+vec2 cloud_noise(vec2 at) { return sqrt(texture(clouds, at).rg); }
+#endif
 in vec3 ray;
 out vec4 pixel;
 ${TONE}
+${SKY_LIGHT}
 void main() {
-  float up = clamp(ray.z * inversesqrt(dot(ray, ray)), 0.0, 1.0);
-  vec3 low = shown(horizon * 0.31831 * exposure.x), high = shown(zenith * 0.31831 * exposure.x);
-  vec3 seen = mix(low, high, sqrt(up));
+  vec3 d = normalize(ray), seen = sky_light(d);
 #ifdef AIR
-  seen = mix(low, seen, exp(-3.0 * exposure.z / (up + 0.02)));
+  seen = mix(horizon * 0.31831, seen, exp(-3.0 * exposure.z / (max(d.z, 0.0) + 0.02)));
 #endif
-  pixel = vec4(dithered(seen), 1.0);
+  pixel = vec4(dithered(shown(seen * exposure.x)), 1.0);
 }
 `
 
-/** Rain and snow before the camera: the shaders of the simulator cameras, whose uniform block is replaced. */
-export const PRECIPITATION_VERTEX = PRECIPITATION.replace(/layout.*/, LIGHT).replace('TONE', SHOWN)
+/** Uniforms instead of the uniform blocks of the simulator cameras. */
+const BLOCKS = /* glsl */ `
+${LIGHT}
+uniform vec4 caster_half, lamp_place[${LAMP_SLOTS}], lamp_aim[${LAMP_SLOTS}], lamp_color[${LAMP_SLOTS}];
+`
+
+function ofCameras(shader: string): string {
+  return shader
+    .replace(/layout.*/, BLOCKS)
+    .replace('TONE', SHOWN)
+    .replace('LIGHT_FORMULAS', LIGHT_FORMULAS)
+}
+
+/** Light of headlights in fog, rain and snow before the camera, and strips on the ground: the shaders of the cameras. */
+export const PRECIPITATION_VERTEX = ofCameras(PRECIPITATION)
+export const PRECIPITATION_FRAGMENT = PRECIPITATION_FRAG.replace('DOWN', '-1.0')
+export const BEAM_FOG_VERTEX = ofCameras(BEAM_FOG)
+export const BEAM_FOG_FRAGMENT = ofCameras(BEAM_FOG_FRAG)
+export const STRIP_VERTEX = STRIP.replace(/layout.*/, 'uniform mat4 clip_from_map;')

@@ -27,6 +27,12 @@ import { type ActiveLamps, BEAM_SLOTS } from './lamps'
 import type { Profile } from './quality'
 import { CASTER_SLOTS, CASTER_TILES, DEPTH_FRAGMENT, DEPTH_VERTEX } from './shaders'
 
+/** As in render/shadows.py: [m], and texels. */
+const FINE = 0.006
+const NEAR = 4
+const NEAR_STEP = 2
+const SKIN = 1.2
+
 /** Material for depth maps: with an offset against shadow acne, and two-sided, because thin parts cast shadows too. */
 export function depthMaterial(bones: IUniform<Float32Array> | null): ShaderMaterial {
   return new ShaderMaterial({
@@ -64,6 +70,10 @@ export class Shadows {
   private isPrepared = false
   private readonly targets: Record<'still' | 'caster' | 'beam', WebGLRenderTarget | null>
   private readonly lightCamera = new Camera()
+  /** Of all static objects, in the sun frame, and their height [m]; and the area for which the map was drawn. */
+  private readonly box = new Box3()
+  private top = 0
+  private drawnArea = ''
 
   /** `sun` is the rotation from `sunAxes`; `extent` is the radius of the largest vehicle about its origin [m]. */
   constructor(
@@ -112,27 +122,58 @@ export class Shadows {
     this.isStaticMapOutdated = true
   }
 
-  /** Draws the shadow map of static objects if one of them has moved. */
-  drawStatic(renderer: WebGLRenderer): void {
+  /** Draws the shadow map of static objects if one of them, or the area that it covers, has changed. */
+  drawStatic(renderer: WebGLRenderer, camera: Camera): void {
     const { still } = this.targets
-    if (!still || !this.isStaticMapOutdated) return
+    if (!still) return
+    if (this.isStaticMapOutdated) {
+      this.staticScene.updateMatrixWorld()
+      this.box.makeEmpty()
+      this.top = Math.max(sunBox(this.staticScene, this.sun, this.box), 0)
+      if (this.box.isEmpty()) this.box.set(new Vector3(9, 9, 9), new Vector3(10, 10, 10))
+      this.box.expandByScalar(0.02)
+      this.box.max.z += this.top / this.sunHeight + 0.2 // the length of the longest shadow
+    }
+    const area = this.area(camera)
+    if (!this.isStaticMapOutdated && String(area) === this.drawnArea) return
     this.isStaticMapOutdated = false
-    this.staticScene.updateMatrixWorld()
-    const box = new Box3()
-    const top = sunBox(this.staticScene, this.sun, box)
-    if (box.isEmpty()) box.set(new Vector3(9, 9, 9), new Vector3(10, 10, 10))
-    box.expandByScalar(0.02)
-    box.max.z += Math.max(top, 0) / this.sunHeight + 0.2 // the length of the longest shadow
+    this.drawnArea = String(area)
+    const box = this.box.clone()
+    if (area) {
+      const near = new Box3()
+      for (const x of [area[0], area[2]])
+        for (const y of [area[1], area[3]])
+          for (const z of [0, this.top]) near.expandByPoint(new Vector3(x, y, z).applyMatrix3(this.sun))
+      near.min.z = box.min.z
+      near.max.z = box.max.z
+      if (near.intersectsBox(box)) box.intersect(near)
+    }
     const size = box.getSize(new Vector3())
     const scale = this.uniforms.still_scale.value.set(1 / size.x, 1 / size.y, 1 / size.z, 1 / this.profile.stillMap)
     const offset = this.uniforms.still_offset.value
-    offset.set(-box.min.x * scale.x, -box.min.y * scale.y, -box.min.z * scale.z, 0)
+    const texel = Math.max(size.x, size.y) / this.profile.stillMap
+    const tile = (2 * this.extent * CASTER_TILES) / this.profile.casterMap
+    offset.set(-box.min.x * scale.x, -box.min.y * scale.y, -box.min.z * scale.z, SKIN * Math.max(texel, tile))
     this.aim(scale, offset)
     still.viewport.set(0, 0, still.width, still.height)
     still.scissorTest = false
     renderer.setRenderTarget(still)
     renderer.clear(false, true, false)
     renderer.render(this.staticScene, this.lightCamera)
+  }
+
+  /** The ground that the map of static objects covers for a camera, as `Shadows.area` of the simulator; null: all. */
+  private area(camera: Camera): number[] | null {
+    const size = this.box.getSize(center)
+    if (Math.hypot(size.x, size.y) < FINE * this.profile.stillMap) return null
+    const eye = camera.position
+    const look = camera.getWorldDirection(pointing)
+    const height = Math.min(Math.max(eye.z, 0), 10)
+    const ahead = Math.min(height / Math.max(-look.z, 1e-3), NEAR - 1 + 4 * height)
+    const reach = NEAR + 1.5 * height
+    const [x, y] = [eye.x + ahead * look.x, eye.y + ahead * look.y]
+    const low = [x, y].map((at) => NEAR_STEP * Math.floor((at - reach) / NEAR_STEP))
+    return [...low, ...[x, y].map((at) => NEAR_STEP * Math.ceil((at + reach) / NEAR_STEP))]
   }
 
   /** Draws each vehicle into its own tile. */
@@ -231,5 +272,6 @@ function sunBox(root: Object3D, sun: Matrix3, box: Box3): number {
 type InstanceMatrix = (index: number, matrix: Matrix4) => void
 
 const center = new Vector3()
+const pointing = new Vector3()
 const pose = new Matrix4()
 const tile = new Matrix4()

@@ -1,6 +1,6 @@
 // The sky: one triangle that covers the image behind all objects.
 
-import type { Camera, IUniform } from 'three'
+import type { Camera, IUniform, Texture } from 'three'
 import { BufferAttribute, BufferGeometry, GLSL3, LessEqualDepth, Matrix4, Mesh, ShaderMaterial } from 'three'
 
 import { SKY_FRAGMENT, SKY_VERTEX } from './shaders'
@@ -11,11 +11,13 @@ export class Sky {
   private readonly material: ShaderMaterial
   private readonly mapFromClip = new Matrix4()
 
-  constructor(shared: Record<string, IUniform>) {
+  /** `clouds`: their noise, if there is any. */
+  constructor(shared: Record<string, IUniform>, clouds: Texture | null) {
     this.geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3))
     this.material = new ShaderMaterial({
       ...{ vertexShader: SKY_VERTEX, fragmentShader: SKY_FRAGMENT, glslVersion: GLSL3 },
-      ...{ uniforms: { ...shared, map_from_clip: { value: this.mapFromClip } } },
+      ...{ uniforms: { ...shared, map_from_clip: { value: this.mapFromClip }, clouds: { value: clouds } } },
+      ...{ defines: { STARS: 1, DAWN: 1, ...(clouds ? { CLOUDS: 1 } : {}) } },
       ...{ depthWrite: false, depthFunc: LessEqualDepth },
     })
     this.mesh = new Mesh(this.geometry, this.material)

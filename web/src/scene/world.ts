@@ -26,6 +26,7 @@ import { hasSeveralVehicles, vehicleColour } from '../vehicle_colours'
 import { daylight, effectsOf, extinction, inWeather } from './daylight'
 import { meshParts, shadowGeometry } from './geometry'
 import type { Asset, Vector } from './glb'
+import { GroundStrips } from './ground_strips'
 import { LampGlare } from './lamp_glare'
 import { ActiveLamps, BEAM_SLOTS, lampsOf } from './lamps'
 import type { WorldState } from './motion'
@@ -54,6 +55,8 @@ export class World {
     horizon: { value: new Vector3() },
     floor_glow: { value: new Vector4() },
     exposure: { value: new Vector4() },
+    sun_place: { value: new Vector4() },
+    dawn: { value: new Vector4() },
     is_day: { value: 1 },
     caster_count: { value: 0 },
     beam_count: { value: 0 },
@@ -70,6 +73,7 @@ export class World {
   private readonly groups: InstanceGroup[] = []
   private readonly sky: Sky
   private readonly precipitation: Precipitation
+  private readonly strips: GroundStrips | null
   private readonly surfaces: ShaderMaterial[] = []
   private effects = ''
   private readonly glare: LampGlare
@@ -100,11 +104,15 @@ export class World {
     this.sunFromMap = { value: sunAxes(sun) }
     const axes = { sun_from_map: this.sunFromMap }
     this.shared = { ...this.light, ...this.shadows.uniforms, ...this.places, ...lamps, ...axes }
-    this.sky = new Sky(this.shared)
+    const map = asset(assets, description.model)
+    const textures = this.textures(map)
+    this.sky = new Sky(this.shared, textures[map.clouds] ?? null)
+    this.strips = map.strips && new GroundStrips(map.strips)
+    Object.assign(this.shared, this.strips?.uniform)
     this.glare = new LampGlare(models.length)
     this.precipitation = new Precipitation(this.shared)
-    this.scene.add(this.sky.mesh, this.glare.points, this.precipitation.mesh)
-    this.addMap(asset(assets, description.model))
+    this.scene.add(this.sky.mesh, this.glare.points, ...this.precipitation.meshes)
+    this.addMap(map, textures)
     for (const model of models) this.scene.add(model.build(profile, (bones) => this.material(null, bones)))
     this.addObjects(assets)
   }
@@ -117,17 +125,18 @@ export class World {
   /** Updates all poses and lamps, `dt` [s] after the last update. The headlights of `followed` cast shadows. */
   update(state: WorldState, followed: string, cameraPosition: Vector3, dt: number): void {
     this.setLight(state)
-    this.precipitation.update(state)
     for (const [name, motion] of state.vehicles) {
       this.vehicles.get(name)?.update(motion, dt, cameraPosition.distanceTo(motion.position) < this.profile.fullDetail)
     }
     for (const group of this.groups) this.place(group, state)
     this.setLamps(state.isDay, followed)
+    this.precipitation.update(state, this.effects.includes('AIR'))
     this.glare.update([...this.vehicles.values()], state.isDay)
   }
 
   /** Draws the shadow maps for the current state. */
-  drawShadows(renderer: WebGLRenderer, cameraPosition: Vector3, followed: string): void {
+  drawShadows(renderer: WebGLRenderer, camera: Camera, followed: string): void {
+    const cameraPosition = camera.position
     this.shadows.prepare(renderer)
     const models = [...this.vehicles.values()]
     const casters = models
@@ -136,7 +145,7 @@ export class World {
     for (const [slot, model] of casters.entries()) model.footprint(this.places.caster_place.value, 4 * slot)
     this.light.caster_count.value = casters.length
     if (this.light.is_day.value === 1) {
-      this.shadows.drawStatic(renderer)
+      this.shadows.drawStatic(renderer, camera)
       this.shadows.drawCasters(renderer, casters)
     } else {
       const own = this.vehicles.get(followed)
@@ -145,9 +154,12 @@ export class World {
     }
   }
 
-  /** Prepares the sky for a camera. */
-  prepare(camera: Camera): void {
+  /** Prepares the sky, the air and the strips on the ground for a camera and an image of that size [pixels]. */
+  prepare(renderer: WebGLRenderer, camera: Camera, width: number, height: number): void {
+    camera.updateMatrixWorld()
     this.sky.prepare(camera)
+    this.precipitation.prepare(camera)
+    this.strips?.draw(renderer, camera, width, height)
   }
 
   /** Redraws the shadow maps, after the WebGL context was lost. */
@@ -159,6 +171,7 @@ export class World {
     this.shadows.dispose()
     this.sky.dispose()
     this.precipitation.dispose()
+    this.strips?.dispose()
     this.glare.dispose()
     for (const model of this.vehicles.values()) model.dispose()
     for (const thing of this.disposables) thing.dispose()
@@ -172,6 +185,7 @@ export class World {
     if (bones) defines.SKINNED = 1
     if (texture) defines.TEXTURED = 1
     if (isLightweight) defines.LIGHTWEIGHT = 1
+    else if (texture) defines.FINE = 1
     if (beamMap > 0) defines.BEAM_SHADOWS = 1
     const uniforms = { ...this.shared, ...bones, surface_image: { value: texture } }
     const material = new ShaderMaterial({
@@ -202,11 +216,12 @@ export class World {
     return geometry
   }
 
-  private addMap(model: Asset): void {
+  private addMap(model: Asset, textures: Texture[]): void {
     const skeleton = new Skeleton(model.nodes)
-    const textures = this.textures(model)
     for (const { geometry, image } of meshParts(model, skeleton, 'full', false)) {
-      this.scene.add(new Mesh(this.keep(geometry), this.material(textures[image] ?? null, null)))
+      const material = this.material(textures[image] ?? null, null)
+      if (this.strips) material.defines.STRIPS = 1
+      this.scene.add(new Mesh(this.keep(geometry), material))
     }
     const shadow = shadowGeometry(model, skeleton, 'shadow')
     if (shadow) this.shadows.staticScene.add(new Mesh(this.keep(shadow), this.keepDepth()))
@@ -281,6 +296,7 @@ export class World {
       this.light[name].value.fromArray(look[name])
     }
     this.light.floor_glow.value.fromArray([...look.floor_glow, weather?.snow_cover ?? 0])
+    for (const name of ['sun_place', 'dawn'] as const) this.light[name].value.set(...(look[name] as Vector), 0)
     this.light.exposure.value.set(look.exposure, look.glow, extinction(sight), weather?.wetness ?? 0)
     this.light.is_day.value = isDay ? 1 : 0
   }

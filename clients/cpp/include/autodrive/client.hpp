@@ -73,6 +73,9 @@ public:
     /// Sets the weather; the wetness and the snow cover of the ground follow unless they are set.
     Frame set_weather(const Weather& weather = {});
 
+    /// Lets a traffic light show a state (0 off, 1 red, 2 yellow, 3 green) until a reset; none: what its program says.
+    Frame set_traffic_light(const std::string& light, std::optional<int> state);
+
     /// Sends any operation of the protocol, and returns the Frame after it.
     Frame request(const Json& request);
 

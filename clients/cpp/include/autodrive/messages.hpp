@@ -72,12 +72,19 @@ struct VehicleFrame {
     std::int64_t collision_count = 0;  ///< since the last reset
 };
 
-/// A collision, a road departure, a return to the road, or an event of a race.
+/// What a traffic light shows.
+struct TrafficLight {
+    int state = 0;                         ///< 0 off, 1 red, 2 yellow, 3 green
+    std::optional<double> time_to_change;  ///< [s]; none: it is not known, or the light does not change
+    std::string mode;                      ///< "off", "program", "flashing", or "set" by a request
+};
+
+/// A collision, a road departure, a red light or stop sign not obeyed, or an event of a race.
 struct Event {
-    std::string type;  ///< "Collision", "OffRoad", "BackOnRoad", "LapCompleted" ...
+    std::string type;  ///< "Collision", "OffRoad", "RedLight", "StopSign", "LapCompleted" ...
     double time = 0.0;    ///< [s]
     std::string vehicle;  ///< name of the vehicle
-    std::string other;    ///< name of the other object in a collision
+    std::string other;    ///< name of the other object in a collision, of the traffic light, or of the stop sign
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< position [m]
 };
 
@@ -102,6 +109,7 @@ struct Frame {
     bool scene_light = true;                       ///< true: day, false: night
     std::optional<double> time_of_day;             ///< [s since midnight]; none: the light is fixed
     std::optional<Weather> weather;                ///< none: clear sky over dry ground
+    std::map<std::string, TrafficLight> traffic_lights;  ///< those of the map, by name
 };
 
 /// An image of a sensor camera, not decoded.

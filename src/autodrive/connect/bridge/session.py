@@ -109,6 +109,9 @@ class Session:
         self._requested_holds: dict[str, Hold] = {}
         self._environment: dict[str, float] = {}
         self._requested_environment: dict[str, float] = {}
+        self._lights: dict[int, int] = {}
+        self._requested_lights: dict[int, int] = {}
+        self._latest_tick = 0
         self._is_reset_due = False
         self._has_reset = False
         self._requested_at: Frame | None = None
@@ -187,6 +190,7 @@ class Session:
         previous = {name: self._commands.get(name, Command()) for name in vehicles}
         message = devkit.read_commands(data, self._detection.profile or PROFILES["2025"], previous)
         self._traffic_lights.update(message.traffic_lights)
+        self._lights |= message.traffic_lights
         for vehicle, command in message.commands.items():
             if vehicles[vehicle].is_autonomous:
                 self._commands[vehicle] = command
@@ -218,6 +222,11 @@ class Session:
                 operations.append(hold)
         operations += devkit.environment_operations(self._requested_environment, self._environment)
         self._requested_environment = dict(self._environment)
+        if frame.tick < self._latest_tick:  # a reset has set the lights back
+            self._requested_lights = {}
+        self._latest_tick = frame.tick
+        operations += devkit.light_operations(self._requested_lights, self._lights, list(frame.traffic_lights))
+        self._requested_lights = dict(self._lights)
         for operation in operations:
             try:
                 self._simulation.request(operation)

@@ -43,9 +43,11 @@ from autodrive.protocol.messages import (
     SetSensor,
     SetSpeed,
     SetTimeOfDay,
+    SetTrafficLight,
     SetWeather,
     Step,
     Teleport,
+    TrafficLightState,
     Undo,
     UseMap,
     Weather,
@@ -306,6 +308,10 @@ class Client:
         weather = Weather() if weather is None else weather
         check_weather(weather)
         return self.connection.request(SetWeather(weather, bool(keeps_ground)))
+
+    def set_traffic_light(self, light: str, state: TrafficLightState | int | None) -> Frame:
+        """Let a traffic light show that state until a reset; None: what its program says."""
+        return self.connection.request(SetTrafficLight(light, None if state is None else TrafficLightState(state)))
 
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> Frame:
         """Let a vehicle obey a script (autonomous, True) or a person (manual, False)."""

@@ -7,7 +7,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -27,12 +27,24 @@ from autodrive.connect.ros.topics import (
     TF,
     TF_STATIC,
     WORLD_TOPICS,
+    change_topic,
     light_topic,
     published,
 )
 from autodrive.connect.ros.vehicle_publisher import VehiclePublisher
 from autodrive.protocol.devkit import ENVIRONMENT, environment_operations
-from autodrive.protocol.messages import Collision, Command, Frame, Operation, Reset, SetDrivingMode, Teleport
+from autodrive.protocol.messages import (
+    Collision,
+    Command,
+    Frame,
+    Operation,
+    Reset,
+    SetDrivingMode,
+    SetTrafficLight,
+    Teleport,
+    TrafficLightFrame,
+    TrafficLightState,
+)
 from autodrive.protocol.native import Scene, Status
 
 log = logging.getLogger(__name__)
@@ -229,8 +241,23 @@ class Bridge:
         if self.config.publish_tf and self._node.has_subscribers(TF):
             self._publish_transforms(moving, update.frame.time, TF)
         for topic, (_, state) in zip(self._light_topics, sorted(update.traffic_lights.items()), strict=False):
-            if self._node.has_subscribers(topic):
-                self._node.publish(Message(topic.type, {"data": state}), topic)
+            self._publish_number(topic, state)
+        if self._is_direct and update.frame.traffic_lights and not self.config.is_league:
+            self._publish_lights(update.frame.traffic_lights)
+
+    def _publish_lights(self, lights: Mapping[str, TrafficLightFrame]) -> None:
+        """State and time to change of the traffic lights of the map; direct mode. Creates their topics first."""
+        for number, (_name, light) in enumerate(lights.items(), 1):
+            topics = light_topic(self.config, number), change_topic(self.config, number)
+            if topics[0].name not in self._created:
+                self._created.add(topics[0].name)
+                self._node.add_topics([*topics], [_light_command(topics[0], partial(self._on_light, number))])
+            self._publish_number(topics[0], int(light.state))
+            self._publish_number(topics[1], math.nan if light.time_to_change is None else light.time_to_change)
+
+    def _publish_number(self, topic: Topic, value: float) -> None:
+        if self._node.has_subscribers(topic):
+            self._node.publish(Message(topic.type, {"data": value}), topic)
 
     def _publish_transforms(self, transforms: list[Transform], seconds: float, topic: Topic) -> None:
         stamp = Time.of(seconds)
@@ -346,14 +373,17 @@ class Bridge:
         return [light_topic(self.config, number) for number in range(1, 5)] if has_lights else []
 
     def _light_subscriptions(self) -> list[Subscription]:
-        def on_light(number: int, message: Any) -> None:
-            assert isinstance(self._source, DevkitSource)
-            self._source.traffic_lights[number] = min(max(int(message.data), 0), 3)
-
         return [
-            Subscription(topic.name.replace("state", "command"), topic.type, topic.text, partial(on_light, number))
-            for number, topic in enumerate(self._light_topics, start=1)
+            _light_command(topic, partial(self._on_light, number)) for number, topic in enumerate(self._light_topics, 1)
         ]
+
+    def _on_light(self, number: int, message: Any) -> None:
+        state = min(max(int(message.data), 0), 3)
+        if isinstance(self._source, DevkitSource):
+            self._source.traffic_lights[number] = state
+        elif self.frame is not None and number <= len(self.frame.traffic_lights):
+            light = list(self.frame.traffic_lights)[number - 1]
+            self._try(SetTrafficLight(light, TrafficLightState(state) if state else None))
 
     # -- time of day and weather ----------------------------------------------------------------------------------
 
@@ -405,3 +435,9 @@ class Bridge:
             self._closed.wait(RETRY_INTERVAL)
         if isinstance(self._source, DirectSource):
             self._source.close()
+
+
+def _light_command(state: Topic, callback: Callable[[Any], None]) -> Subscription:
+    """Sets a traffic light; 0 lets it follow its program again."""
+    text = "0 as its program says, 1 red, 2 yellow, 3 green"
+    return Subscription(state.name.replace("state", "command"), state.type, text, callback)

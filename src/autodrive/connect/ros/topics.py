@@ -137,5 +137,11 @@ def published(config: Config, topics: list[Topic]) -> list[Topic]:
 
 
 def light_topic(config: Config, number: int) -> Topic:
-    """State of a traffic light; devkit mode."""
+    """State of a traffic light of the map."""
     return Topic(f"autodrive/{config.light_name(number)}/state", "std_msgs/Int32", "0 off, 1 red, 2 yellow, 3 green")
+
+
+def change_topic(config: Config, number: int) -> Topic:
+    """Time until a traffic light changes; direct mode."""
+    text = "time until the light changes [s]; nan: not known; direct mode"
+    return Topic(f"autodrive/{config.light_name(number)}/time_to_change", "std_msgs/Float32", text)

@@ -33,6 +33,8 @@ class Material:
     """Key in `Asset.textures`; none if empty."""
     is_paint: bool = False
     """Whether the page may show it in the colour of the vehicle, if there are several vehicles."""
+    beneath: Material | None = None
+    """Of road paint that is in `Asset.strips`, too: the material of the road, on which renderers draw the strips."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,8 @@ class MeshSurface:
     label: Label
     uvs: Points | None = None
     """Texture coordinates, shape (n, 2); (0, 0) is the upper left corner. Required with a texture."""
+    open: Points | None = None
+    """Share of the sky that each vertex sees (ambient occlusion), shape (n,); all of it if None."""
 
 
 Detail: TypeAlias = Literal["full", "reduced", "shadow"]
@@ -88,6 +92,30 @@ class AssetNode:
     """By level of detail; nothing is drawn at a level without an entry."""
 
 
+STRIP = np.dtype(
+    [
+        ("place", np.float32, 2),
+        ("outward", np.float32, 4),  # to the side and to the end that the vertex is at: see `Strips`
+        ("strip", np.float32, 4),  # distance from the middle across, half the width; the same along [m]
+        ("amounts", np.float32, 2),  # of paint and of shade
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Strips:
+    """Paint and soft shade on the ground z = 0, as strips. A pixel shows its mean, however thin they are.
+
+    For that, renderers move the vertices by about a pixel along both vectors of `outward`: across, a move by this
+    vector changes the distance from the middle by 1 m; along, it is a unit vector at an end and 0 elsewhere.
+    """
+
+    vertices: NDArray[np.void]
+    """dtype `STRIP`."""
+    triangles: NDArray[np.uint32]
+    """Shape (m, 3)."""
+
+
 @dataclass(frozen=True)
 class Asset:
     """Nodes and their textures."""
@@ -96,6 +124,7 @@ class Asset:
     nodes: tuple[AssetNode, ...]
     textures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     """sRGB images by name, shape (height, width, 3), first row at the top."""
+    strips: Strips | None = None
 
     def triangle_count(self, detail: Detail) -> int:
         """Number of triangles of all nodes at that level of detail."""

@@ -2,7 +2,7 @@
 
 In the file z is up; one root node turns it to glTF's y. A node has its "full" surfaces; "reduced" and "shadow" are
 children of it, named with `SUFFIX`, so that a page can use or ignore them. `extras` holds what glTF does not define:
-the joint and lamp of a node, the label of a primitive.
+the joint and lamp of a node, the label of a primitive, the strips on the ground (in the root node).
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ class _Writer:
         self._materials: dict[Material, int] = {}
         self._textures = {name: i for i, name in enumerate(asset.textures)}
         self._known: dict[tuple[object, ...], int] = {}
+        self._kept: list[np.ndarray] = []
 
     def file(self) -> bytes:
         """Header, tree and binary chunk."""
@@ -85,6 +86,12 @@ class _Writer:
     def _add_nodes(self) -> None:
         """The root, then the nodes of the Asset in their order, then the children with other levels of detail."""
         root: dict[str, Any] = {"name": self._asset.name, "rotation": list(Y_UP_FROM_Z_UP)}
+        strips = self._asset.strips
+        if strips is not None and "reduced" in self._details:  # only our renderers draw them
+            vertices = self._accessor(strips.vertices.view(np.float32), "<f4", "SCALAR")
+            root["extras"] = {
+                "strips": {"vertices": vertices, "triangles": self._accessor(strips.triangles, "<u4", "SCALAR")}
+            }
         own = {node.name: self._node(node) for node in self._asset.nodes}
         if len(own) < len(self._asset.nodes):
             raise ValueError(f"asset '{self._asset.name}': two nodes have the same name")
@@ -131,22 +138,30 @@ class _Writer:
         }
         if surface.uvs is not None:
             attributes["TEXCOORD_0"] = self._accessor(surface.uvs, "<f4", "VEC2")
+        if surface.open is not None:
+            attributes["COLOR_0"] = self._accessor(np.repeat(surface.open[:, None], 3, axis=1), "<f4", "VEC3")
         index = "<u2" if len(surface.positions) < 65536 else "<u4"  # index 65535 of 16 bits means "restart"
         return {
             "attributes": attributes,
             "indices": self._accessor(surface.triangles, index, "SCALAR"),
-            "material": self._materials.setdefault(surface.material, len(self._materials)),
+            "material": self._number(surface.material),
             "extras": {"label": surface.label.name},
         }
+
+    def _number(self, material: Material) -> int:
+        if material.beneath is not None:
+            self._number(material.beneath)
+        return self._materials.setdefault(material, len(self._materials))
 
     def _accessor(self, values: np.ndarray, dtype: str, kind: str) -> int:
         key = (id(values), dtype, kind)
         if key not in self._known:
             content = values.reshape(-1, _WIDTHS[kind]).astype(dtype)
+            self._kept.append(values)  # as long as its id counts
             self._known[key] = len(self._accessors)
             self._accessors.append(
                 {
-                    "bufferView": self._view(content.tobytes(), _INDICES if kind == "SCALAR" else _VERTICES),
+                    "bufferView": self._view(content.tobytes(), _VERTICES if dtype == "<f4" else _INDICES),
                     "componentType": _COMPONENTS[dtype],
                     "count": len(content),
                     "type": kind,
@@ -174,6 +189,8 @@ class _Writer:
         written: dict[str, Any] = {"name": material.name, "pbrMetallicRoughness": surface}
         if material.is_paint:
             written["extras"] = {"paint": True}
+        if material.beneath is not None:
+            written["extras"] = {"beneath": self._materials[material.beneath]}
         brightest = max(material.emission)
         if brightest > 0.0:
             # a factor is at most 1; dividing by a power of 2 is exact

@@ -8,13 +8,13 @@ import msgspec
 import numpy as np
 import simplejpeg
 
-from autodrive.graphics.assets.asset import Asset
+from autodrive.graphics.assets.asset import STRIP, Asset
 
 JPEG_QUALITY = 92
 """Of textures, without colour subsampling; the loss is invisible."""
 
 _Array: TypeAlias = tuple[str, tuple[int, ...], bytes]
-"""Type of the elements ('jpeg' for an image), shape, content."""
+"""Type of the elements ('jpeg' for an image, 'strip' for `STRIP`), shape, content."""
 
 
 def pack(asset: Asset, glb: bytes) -> bytes:
@@ -36,14 +36,14 @@ def jpeg(image: np.ndarray) -> bytes:
 def _encoded(array: Any) -> _Array:
     if array.dtype == np.uint8:
         return "jpeg", array.shape, jpeg(array)
-    return array.dtype.str, array.shape, array.tobytes()
+    return "strip" if array.dtype == STRIP else array.dtype.str, array.shape, array.tobytes()
 
 
 def _decoded(_type: type, value: _Array) -> np.ndarray:
     dtype, shape, content = value
     if dtype == "jpeg":
         return simplejpeg.decode_jpeg(content, colorspace="RGB")
-    return np.frombuffer(content, dtype).reshape(shape)
+    return np.frombuffer(content, STRIP if dtype == "strip" else dtype).reshape(shape)
 
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_encoded)

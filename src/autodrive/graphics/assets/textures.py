@@ -62,6 +62,22 @@ def _cardboard() -> Floats:
     return _shades((186, 146, 100), (flutes, (1.5, 1.4, 1.1)), (fibres, (4, 4, 3.4)), (noise(62, 2, 12), (3, 2.6, 2.2)))
 
 
+def _clouds() -> Floats:
+    """Noise for the shape of clouds: heaps (red) and streaks (green). Squared linear values are spread evenly."""
+    heaps = np.sum([noise(70 + k, 2.0**k, 2.0 ** (k + 1)) / 1.7**k for k in range(1, 7)], axis=0)
+    streaks = np.sum([noise(80 + k, 2.0**k, 2.0 ** (k + 1)) / 1.5**k for k in range(1, 6)], axis=0)
+    channels = [_spread_evenly(heaps), _spread_evenly(streaks), np.zeros((SIZE, SIZE))]
+    linear = np.stack(channels, axis=-1) ** 2
+    return 255.0 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
+
+
+def _spread_evenly(field: Floats) -> Floats:
+    """The ranks of the values, from 0 to 1."""
+    ranks = np.empty(field.size)
+    ranks[np.argsort(field, axis=None, kind="stable")] = np.linspace(0.0, 1.0, field.size)
+    return ranks.reshape(field.shape)
+
+
 def _speckled(color: Vector, *layers: tuple[int, float, float, Vector]) -> Callable[[], Floats]:
     """A colour with layers of noise: the arguments of `noise`, and the change of colour per unit."""
     return lambda: _shades(color, *((noise(seed, low, high), change) for seed, low, high, change in layers))
@@ -75,5 +91,6 @@ _MAKERS: dict[str, Callable[[], Floats]] = {
     "pavement": _speckled((137, 134, 128), (41, 100, 400, (7, 7, 7)), (42, 4, 26, (3, 3, 2.6))),
     "plaster": _speckled((205, 200, 190), (51, 60, 300, (2.5, 2.5, 2.5)), (52, 3, 16, (2.0, 2.0, 2.2))),
     "cardboard": _cardboard,
+    "clouds": _clouds,
 }
 NAMES = tuple(_MAKERS)

@@ -7,19 +7,21 @@ flickers. Adjacent pieces share bit-identical vertices, so that there are no cra
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import manifold3d
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from autodrive.graphics.assets.asset import Asset, AssetNode, Material
-from autodrive.graphics.assets.textures import texture
-from autodrive.graphics.meshes.map_solids import box_asset, sign_faces, solid_nodes
+from autodrive.graphics.meshes.map_solids import box_asset, solid_nodes, solid_texture
 from autodrive.graphics.meshes.polygons import Mesh
+from autodrive.graphics.meshes.strips import Line, painted_lines, shade_along, strips
 from autodrive.protocol.labels import Label
-from autodrive.scenario.maps.ground import TILE, Region, floor_extent, regions, tile_extent
+from autodrive.scenario.maps.ground import SIMPLIFY_TOLERANCE, TILE, Region, floor_extent, regions, tile_extent
 from autodrive.scenario.maps.map import GRID
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ KERB_HEIGHT, KERB_STEP = 0.006, 0.003
 """Heights of kerb and pavement, and of the face of the kerb towards the road [m]; all outside the drivable area."""
 
 WHITE = Material("paint", (0.82, 0.82, 0.79), roughness=0.7)
+"""As `PAINT` in render/shaders/light.glsl."""
 MATERIALS = {
     "floor": (Material("floor", (1.0, 1.0, 1.0), roughness=0.9, texture="floor"), 1.6),
     "lawn": (Material("lawn", (1.0, 1.0, 1.0), roughness=1.0, texture="grass"), 0.8),
@@ -43,45 +46,84 @@ MATERIALS = {
     "pavement": (Material("pavement", (1.0, 1.0, 1.0), roughness=0.9, texture="pavement"), 0.5),
     "kerb": (Material("kerb", (1.0, 1.0, 1.0), roughness=0.85, texture="kerb"), 0.5),
     "bevel": (Material("kerb", (1.0, 1.0, 1.0), roughness=0.85, texture="kerb"), 0.5),
-    "paint": (WHITE, 1.0),
+    "plain_paint": (WHITE, 1.0),
 }
 """Material of each region, and the period of its texture [m]."""
 RAISED = ("bevel", "kerb", "pavement")
+KERB_SHADE, KERB_SHADE_WIDTH = 0.4, 0.012
+WALL_SHADE, WALL_SHADE_WIDTH = 0.55, 0.1
+"""Share of the sky that a kerb, and a wall or a building, hides from the ground at its foot, and how far [m]."""
+DUCT_SHADE = 0.3
+"""Likewise of a duct, from the ground below its face; a quarter of its width far."""
 
 
 def map_asset(map_: Map) -> Asset:
     """The static part of a map. Nodes: 'tile_<i>' and 'floor' for the ground, and one for each solid, with its name."""
-    nodes = [*_ground(map_), *solid_nodes(map_)]
-    used = {s.material.texture for node in nodes for level in node.surfaces.values() for s in level} - {""}
-    textures = {name: sign_faces() if name == "signs" else texture(name) for name in sorted(used)}
-    return Asset(map_.name, tuple(nodes), textures)
+    kinds = regions(map_)
+    lines, plain = painted_lines(
+        [polygon for marking in map_.markings for polygon in shapely.get_parts(marking.geometry)], map_.drivable
+    )
+    nodes = [*_ground(map_, kinds, shapely.union_all(plain)), *solid_nodes(map_)]
+    materials = [s.material for node in nodes for level in node.surfaces.values() for s in level]
+    used = {(material.beneath or material).texture for material in materials} - {""} | {"clouds"}
+    textures = {name: solid_texture(name) for name in sorted(used)}
+    return Asset(map_.name, tuple(nodes), textures, strips([*lines, *_shade(map_, kinds)]))
+
+
+def _shade(map_: Map, kinds: list[Region]) -> Iterator[Line]:
+    """Shade at the feet of kerbs, walls, buildings and barriers."""
+    if map_.track is not None:
+        barrier = map_.track.barrier
+        for face in map_.track.walls:  # a duct touches the floor half its width behind its face
+            line = np.vstack([face, face[:1]])[::-1]
+            if barrier.kind == "duct":
+                yield shade_along(line, 0.25 * barrier.width, DUCT_SHADE, behind=0.5 * barrier.width)
+            else:
+                yield shade_along(line, WALL_SHADE_WIDTH, WALL_SHADE)
+        return
+    kerbs = shapely.union_all([kind.geometry for kind in kinds if kind.name in RAISED], grid_size=GRID)
+    yield from _shade_around(kerbs, KERB_SHADE_WIDTH, KERB_SHADE)
+    solids = shapely.union_all([shape.plan for shape in map_.statics if shape.material in ("wall", "block")])
+    yield from _shade_around(solids, WALL_SHADE_WIDTH, WALL_SHADE)
+
+
+def _shade_around(area: BaseGeometry, width: float, shade: float) -> Iterator[Line]:
+    for polygon in shapely.get_parts(shapely.simplify(area, SIMPLIFY_TOLERANCE)):
+        for ring in shapely.get_rings(orient(polygon)):  # the area is on the left
+            yield shade_along(shapely.get_coordinates(ring), width, shade)
 
 
 # -- ground -----------------------------------------------------------------------------------------------------
 
 
-def _ground(map_: Map) -> Iterator[AssetNode]:
-    """One node for each tile, and one for the floor around the tiles."""
-    cells, kinds = _cells(map_)
+def _ground(map_: Map, of_map: list[Region], plain: BaseGeometry) -> Iterator[AssetNode]:
+    """One node for each tile, and one for the floor around the tiles. `plain`: paint that is not in `Asset.strips`."""
+    cells, kinds = _cells(map_, of_map)
     x0, y0, x1, y1 = tile_extent(map_)
     columns, rows = round((x1 - x0) / TILE), round((y1 - y0) / TILE)
     vertices = _Vertices(cells)
     is_kerb = np.array([kind.name in RAISED for kind in kinds])
     heights = vertices.heights([kind.name for kind in kinds])
-    middle = shapely.get_coordinates(shapely.point_on_surface(np.array(cells, dtype=object)))
+    inside = shapely.point_on_surface(np.array(cells, dtype=object))
+    is_plain = shapely.intersects(inside, plain)
+    kinds = [
+        replace(kind, name="plain_paint") if one and kind.name == "paint" else kind
+        for kind, one in zip(kinds, is_plain, strict=True)
+    ]
+    middle = shapely.get_coordinates(inside)
     column, row = np.floor((middle - (x0, y0)) / TILE).astype(int).T
     is_outside = (column < 0) | (row < 0) | (column >= columns) | (row >= rows)
     tile = np.where(is_outside, -1, row * columns + column)
     walls = vertices.open_edges(is_kerb)
+    road = "road" if map_.track is None else "track"
     for number in np.unique(tile):
-        surfaces = tuple(_surfaces(np.flatnonzero(tile == number), kinds, vertices, heights, walls))
+        surfaces = tuple(_surfaces(np.flatnonzero(tile == number), kinds, vertices, heights, walls, road))
         name = "floor" if number < 0 else f"tile_{number}"
         yield AssetNode(name, surfaces={"full": surfaces, "reduced": surfaces})
 
 
-def _cells(map_: Map) -> tuple[list[shapely.Polygon], list[Region]]:
+def _cells(map_: Map, kinds: list[Region]) -> tuple[list[shapely.Polygon], list[Region]]:
     """Polygons that fill the extent of the floor, cut at the borders of tiles, and the region of each polygon."""
-    kinds = regions(map_)
     x0, y0, x1, y1 = tile_extent(map_)
     far = floor_extent(map_)
     cuts = [shapely.LineString([(x, y0), (x, y1)]) for x in np.arange(x0, x1 + TILE / 2.0, TILE)]
@@ -124,7 +166,7 @@ class _Vertices:
         """Height of each vertex for each raised region [m]; a bevel is lower where it touches the road."""
         low = np.zeros(len(self.points), bool)
         for name, rings in zip(names, self.ids, strict=True):
-            if name in ("road", "paint"):
+            if name in ("road", "paint", "plain_paint"):
                 for ring in rings:
                     low[ring] = True
         bevel = np.where(low, KERB_STEP, KERB_HEIGHT)
@@ -150,13 +192,16 @@ def _surfaces(
     vertices: _Vertices,
     heights: dict[str, Floats],
     walls: dict[int, list[tuple[int, int]]],
+    road: str,
 ) -> Iterator[MeshSurface]:
-    """The surfaces of a tile, one for each kind of ground."""
+    """The surfaces of a tile, one for each kind of ground. `road`: the kind beneath paint."""
     groups: dict[tuple[str, Label], list[int]] = {}
     for cell in cells.tolist():
         groups.setdefault((kinds[cell].name, kinds[cell].label), []).append(cell)
     for (name, label), members in groups.items():
-        material, period = MATERIALS[name]
+        material, period = MATERIALS[road if name == "paint" else name]
+        if name == "paint":
+            material = replace(WHITE, beneath=material)
         ids = np.concatenate([_triangles(vertices.rings[cell], vertices.ids[cell]) for cell in members])
         used, triangles = np.unique(ids, return_inverse=True)
         z = heights[name][used] if name in heights else np.zeros(len(used))

@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -33,10 +35,15 @@ if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
     from autodrive.scenario.maps.map import Map
 
-WALL = Material("wall", (0.62, 0.63, 0.62), roughness=0.9, texture="plaster")
+WALL = Material("wall", (0.62, 0.63, 0.62), roughness=0.9, texture="panels")
 COPING = Material("coping", (0.36, 0.37, 0.38), roughness=0.8)
-BLOCK = Material("block", (0.95, 0.88, 0.76), roughness=0.9, texture="plaster")
-ROOF = Material("roof", (0.13, 0.125, 0.12), roughness=0.9)
+BLOCK = Material("block", (1.0, 1.0, 1.0), roughness=0.9)
+BLOCK_COLORS = ((0.95, 0.86, 0.70), (0.92, 0.74, 0.60), (0.83, 0.86, 0.84), (0.90, 0.88, 0.83), (0.72, 0.78, 0.86))
+ROOF = Material("roof", (0.34, 0.33, 0.32), roughness=0.9, texture="roof")
+PANEL, BAY, STOREY = 0.5, 0.15, 0.12
+"""Widths of a panel of a wall and of a window with the wall beside it, and height of a storey, about [m]."""
+FOOT = 0.65
+"""Share of the sky that the foot of a wall sees."""
 STEEL = Material("steel", (0.36, 0.37, 0.38), roughness=0.6)
 FACE = Material("sign_face", (1.0, 1.0, 1.0), roughness=0.6, texture="signs")
 HOUSING = Material("housing", (0.022, 0.024, 0.026), roughness=0.65)
@@ -84,25 +91,107 @@ def _node(shape: StaticShape, prop: Prop | None) -> AssetNode:
 # -- walls and blocks -------------------------------------------------------------------------------------------
 
 
-def _capped(sides: Material, top: Material, label: Label) -> Callable[[StaticShape], tuple[MeshSurface, ...]]:
-    """Sides of one material, top of another, no bottom."""
+def _walls(shape: StaticShape) -> tuple[MeshSurface, ...]:
+    top = quad(box_faces(shape.size)["top"]).surface(COPING, Label.WALL)
+    return _sides(shape, PANEL).surface(WALL, Label.WALL), top
 
-    def surfaces(shape: StaticShape) -> tuple[MeshSurface, ...]:
-        faces = box_faces(shape.size)
-        walls = []
-        for name in ("front", "left", "back", "right"):
-            corners = faces[name]
-            along, up = np.linalg.norm(corners[1] - corners[0]) / 0.5, 2.0 * shape.size[2] / 0.5
-            walls.append(quad(corners, np.array([(0.0, 0.0), (along, 0.0), (along, -up), (0.0, -up)])))
-        return joined(walls).surface(sides, label), quad(faces["top"]).surface(top, label)
 
-    return surfaces
+def _block(shape: StaticShape) -> tuple[MeshSurface, ...]:
+    """A building: whole windows on each side, and a flat roof with a parapet."""
+    storeys = min(max(round(2.0 * shape.size[2] / STOREY), 1), STOREYS)
+    color = BLOCK_COLORS[zlib.crc32(shape.name.encode()) % len(BLOCK_COLORS)]
+    facade = replace(BLOCK, color=color, texture=f"facade_{storeys}")
+    roof = quad(box_faces(shape.size)["top"], np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)]))
+    return _sides(shape, BAYS * BAY, BAYS).surface(facade, Label.BLOCK), roof.surface(ROOF, Label.BLOCK)
+
+
+def _sides(shape: StaticShape, period: float, parts: int = 1) -> Mesh:
+    """The sides of a box. Their texture is as high as they are; a whole number of its `parts` fits each side."""
+    faces, e = box_faces(shape.size), 1.0 / SIZE
+    walls = []
+    for name in ("front", "left", "back", "right"):
+        corners = faces[name]
+        along = max(1.0, round(parts * np.linalg.norm(corners[1] - corners[0]) / period)) / parts
+        walls.append(quad(corners, np.array([(0.0, 1.0 - e), (along, 1.0 - e), (along, e), (0.0, e)])))
+    half = shape.size[2]
+    return joined(walls).dim_below(2.0 * half, FOOT, floor=-half)
 
 
 def _post(shape: StaticShape) -> tuple[MeshSurface, ...]:
     radius, half_height, _ = shape.size
     post = plate(shapely.Polygon(_circle(10, radius)), -half_height, half_height)
     return (surface([without_faces(post, (0.0, 0.0, -1.0))], STEEL, Label.POST),)
+
+
+# -- facades ----------------------------------------------------------------------------------------------------
+
+BAYS, STOREYS = 4, 4
+"""Windows beside each other in the texture of a facade, and the most above each other."""
+
+
+def solid_texture(name: str) -> NDArray[np.uint8]:
+    """The texture of that name, of the ground or of solids."""
+    if name == "signs":
+        return sign_faces()
+    if name in ("panels", "roof"):
+        return _on_plaster(_PANELS if name == "panels" else _ROOF)
+    return _on_plaster(_facade(int(name[-1]))) if name.startswith("facade") else texture(name)
+
+
+@cache
+def _on_plaster(elements: str) -> NDArray[np.uint8]:
+    """A drawing on white, of 100 x 100, with the grain of plaster."""
+    image = _rasterized(f'<rect width="100" height="100" fill="#fff"/>{elements}', 100).astype(np.float64)
+    grain = texture("plaster").astype(np.float64)
+    return np.clip(image * (grain / grain.mean((0, 1))) * 0.82, 0, 255).astype(np.uint8)
+
+
+_PANELS = (
+    '<path d="M0 88 H100 V100 H0 Z" fill="#b9b7b2"/><path d="M0 94 H100 V100 H0 Z" fill="#a3a19b"/>'
+    '<path d="M0 0 H100 V4 H0 Z" fill="#c9c8c4"/><path d="M0 0 V100 M100 0 V100" stroke="#8d8c88" stroke-width="1.6"/>'
+    '<path d="M1.4 4 V100" stroke="#e9e8e4" stroke-width=".7"/>'
+)
+_ROOF = (
+    '<rect width="100" height="100" fill="#6f6d6a"/><rect x="2" y="2" width="96" height="96" fill="none" stroke="#e4e2dc" stroke-width="4"/>'
+    '<rect x="4.4" y="4.4" width="91.2" height="91.2" fill="none" stroke="#3c3b39" stroke-width="1"/>'
+    '<rect x="60" y="20" width="14" height="10" fill="#8d8b87" stroke="#4a4947" stroke-width="1"/><circle cx="28" cy="66" r="4" fill="#4d4c4a"/>'
+)
+
+
+def _facade(storeys: int) -> str:
+    """Plinth, windows, a door in the second of four bays, and a parapet with a cornice."""
+    bottom, top = 93.0, 9.0
+    tall, wide = (bottom - top) / storeys, 100.0 / BAYS
+    parts = [
+        '<path d="M0 93 H100 V100 H0 Z" fill="#8f8a83"/><path d="M0 93 H100" stroke="#6e6a64" stroke-width=".8"/>'
+        '<path d="M0 0 H100 V5.5 H0 Z" fill="#dad6cd"/><path d="M0 5.5 H100 V7.4 H0 Z" fill="#9a958c"/>'
+        '<path d="M0 7.4 H100 V9 H0 Z" fill="#cbc6bc"/>'
+    ]
+    for storey in range(storeys):
+        y = bottom - (storey + 1) * tall
+        if storey:
+            parts.append(f'<path d="M0 {y + tall} H100" stroke="#c4bfb4" stroke-width="1"/>')
+        for bay in range(BAYS):
+            x = bay * wide
+            if storey == 0 and bay == 1:
+                parts.append(
+                    f'<rect x="{x + 0.30 * wide}" y="{y + 0.2 * tall}" width="{0.4 * wide}" height="{0.8 * tall + 7}" fill="#d8d3c8"/>'
+                    f'<rect x="{x + 0.34 * wide}" y="{y + 0.25 * tall}" width="{0.32 * wide}" height="{0.75 * tall + 7}" fill="#4a3527"/>'
+                    f'<rect x="{x + 0.39 * wide}" y="{y + 0.32 * tall}" width="{0.22 * wide}" height="{0.22 * tall}" fill="#31414d"/>'
+                )
+                continue
+            blind = 0.18 * tall * ((3 * bay + 2 * storey) % 4 == 1)
+            left, upper, w, h = x + 0.26 * wide, y + 0.2 * tall, 0.48 * wide, 0.56 * tall
+            parts.append(
+                f'<rect x="{left - 1.2}" y="{upper - 1}" width="{w + 2.4}" height="{h + 2}" fill="#e8e4da"/>'
+                f'<rect x="{left}" y="{upper}" width="{w}" height="{h}" fill="#22303b"/>'
+                f'<path d="M{left} {upper} h{w} v{0.45 * h} l{-w} {0.25 * h} Z" fill="#4d6474"/>'
+                f'<rect x="{left}" y="{upper}" width="{w}" height="{blind}" fill="#cfc7b4"/>'
+                f'<path d="M{left + 0.5 * w} {upper} v{h} M{left} {upper + 0.36 * h} h{w}" stroke="#e8e4da" stroke-width="1"/>'
+                f'<rect x="{left - 2.2}" y="{upper + h + 0.6}" width="{w + 4.4}" height="1.5" fill="#efece4"/>'
+                f'<rect x="{left - 2.2}" y="{upper + h + 2.1}" width="{w + 4.4}" height="1.1" fill="#8f8a80"/>'
+            )
+    return "".join(parts)
 
 
 # -- signs ------------------------------------------------------------------------------------------------------
@@ -192,8 +281,8 @@ def _visor() -> Mesh:
 
 
 _LOOKS = {
-    "wall": _capped(WALL, COPING, Label.WALL),
-    "block": _capped(BLOCK, ROOF, Label.BLOCK),  # a building without windows
+    "wall": _walls,
+    "block": _block,
     "post": _post,
     "housing": _housing,
 }

@@ -29,6 +29,8 @@ class Mesh(NamedTuple):
     """Indices of vertices, counter-clockwise seen from outside, shape (m, 3)."""
     uvs: Floats
     """Texture coordinates, shape (n, 2)."""
+    open: Floats | None = None
+    """Share of the sky that each vertex sees, shape (n,); all of it if None."""
 
     def surface(self, material: Material, label: Label) -> MeshSurface:
         """The mesh in that material."""
@@ -38,8 +40,14 @@ class Mesh(NamedTuple):
             self.normals.astype(np.float32),
             self.triangles.astype(np.uint32),
             label,
-            self.uvs.astype(np.float32) if material.texture else None,
+            self.uvs.astype(np.float32) if (material.beneath or material).texture else None,
+            None if self.open is None else self.open.astype(np.float32),
         )
+
+    def dim_below(self, height: float, least: float, *, floor: float = 0.0) -> Mesh:
+        """The mesh with that least share of open sky at the floor; it grows to the whole sky at `height` above it."""
+        share = np.clip((self.positions[:, 2] - floor) / height, 0.0, 1.0)
+        return self._replace(open=least + (1.0 - least) * share)
 
     def rotated(self, rotation: Floats) -> Mesh:
         """The mesh rotated by a matrix, shape (3, 3)."""
@@ -55,6 +63,9 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
         np.concatenate([part.normals for part in parts]),
         np.concatenate([part.triangles + start for part, start in zip(parts, starts, strict=False)]),
         np.concatenate([part.uvs for part in parts]),
+        None
+        if all(part.open is None for part in parts)
+        else np.concatenate([np.ones(len(part.positions)) if part.open is None else part.open for part in parts]),
     )
 
 

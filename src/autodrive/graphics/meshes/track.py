@@ -26,8 +26,15 @@ DUCT = Material("duct", (0.42, 0.43, 0.45), roughness=0.65)
 RING = Material("duct_ring", (0.05, 0.05, 0.055), roughness=0.7)
 CHUNK = 4.0
 """Length of the barrier of one node, about [m]: what is not visible is left out node by node."""
-FACES: dict[Detail, int] = {"full": 10, "reduced": 6, "shadow": 5}
-"""Faces around a duct; the quarter on the floor, which nobody sees, is left out. Shadows have no rings."""
+FACES: dict[Detail, int] = {"full": 8, "reduced": 8, "shadow": 4}
+"""Faces around a duct; the part on the floor, which nobody sees, is left out. Shadows have no rings.
+
+What casts the shadow has every second edge of what is drawn: it is nowhere outside, where it would shade its own duct.
+"""
+LOWEST = 1.36 * math.pi
+"""Angle around a duct at which its faces begin, at 5 % of its height [rad]."""
+DUCT_FOOT, WALL_FOOT = 0.35, 0.65
+"""Share of the sky that the foot of a duct and that of a wall see; from half the height of the duct on, it is all."""
 RING_PERIOD, RING_WIDTH = 0.5, 0.04
 """Of the dark rings of a duct [m]."""
 
@@ -78,7 +85,8 @@ def _wall(points: Floats, back: Floats, depth: Floats, height: float) -> tuple[M
     front = _strip(_at(points, 0.0), _at(points, height))
     rear = _strip(_at(behind, height), _at(behind, 0.0))
     top = _strip(_at(points, height), _at(behind, height))
-    return joined([front, rear]).surface(WALL, Label.WALL), top.surface(COPING, Label.WALL)
+    sides = joined([front, rear]).dim_below(height, WALL_FOOT)
+    return sides.surface(WALL, Label.WALL), top.surface(COPING, Label.WALL)
 
 
 def _duct(
@@ -90,7 +98,7 @@ def _duct(
         points, back, depth, is_ring = _with_rings(points, back, depth)
     rims: list[tuple[Floats, Floats]] = []
     for k in range(FACES[detail] + 1):
-        angle = math.pi * (1.25 - 1.5 * k / FACES[detail])
+        angle = LOWEST + (math.pi - 2.0 * LOWEST) * k / FACES[detail]
         cos, sin = math.cos(angle), math.sin(angle)
         rim = _at_height(points, back, depth, 0.5 + 0.5 * cos, height * (0.5 + 0.5 * sin))
         rims.append((rim, _normal(back, cos, sin)))
@@ -101,9 +109,8 @@ def _duct(
             if part.any():
                 found.append(_strip(low[0], high[0], low[1], high[1], only=part))
     caps = [_cap(np.array([rim[k] for rim, _ in rims]), k == 0) for k, is_end in ((0, first), (-1, last)) if is_end]
-    surfaces = [joined(plain).surface(DUCT, Label.WALL)] if plain else []
-    if rings or caps:
-        surfaces.append(joined([*rings, *caps]).surface(RING, Label.WALL))
+    parts = ((plain, DUCT), ([*rings, *caps], RING))
+    surfaces = [joined(m).dim_below(0.5 * height, DUCT_FOOT).surface(look, Label.WALL) for m, look in parts if m]
     return tuple(surfaces)
 
 

@@ -115,8 +115,10 @@ class BatchRenderer(Renderer):
         images = np.empty((n, k.height, k.width, 3), np.uint8)
         if n == 0:
             return images
-        # states with equal poses of the objects share a shadow map
-        order = np.array(sorted(range(n), key=[row.tobytes() for row in objects].__getitem__), np.intp)
+        # states with equal poses of the objects and near cameras share a shadow map
+        eyes = rigid_all(vehicles[:, self._row]) @ rigid(self._view.position, self._view.orientation)
+        keys = [(row.tobytes(), self._shadows.area(eye[None]) or ()) for row, eye in zip(objects, eyes, strict=True)]
+        order = np.array(sorted(range(n), key=keys.__getitem__), np.intp)
         with self._context:
             if is_day:
                 self._shadows.set_sun(looks[0].sun_direction)
@@ -227,10 +229,14 @@ class BatchRenderer(Renderer):
         size = self._view.intrinsics.width, self._view.intrinsics.height
         targets = [self._target(number, *size) for number in range(min(RING, m))]
         for k in range(m):
+            if k % RING == 0:  # for as many images as there are targets: llvmpipe waits for what a shader reads
+                for later in range(k, min(k + RING, m)):
+                    self._write_camera(part.clips[later], part.eyes[later, :3, 3])
+                    self._draw_strips(later % RING, self._view)
             if k >= RING:
                 targets[k % RING].read_rgb_into(self._pixels, (k - RING) * self._image_size)
             self._draw_list.frame[...] = 0
-            self._draw_list.set_sky(looks[k])
+            self._draw_list.set_sky(looks[k], 0.0)
             weather = looks[k].air.effects
             lit = self._illumination(part, k, casters[k], is_day)
             light = lit._replace(casters=()), lit
@@ -238,10 +244,12 @@ class BatchRenderer(Renderer):
             self._write_camera(part.clips[k], part.eyes[k, :3, 3])
             self._bind()
             targets[k % RING].begin()
+            self._use_strips(k % RING, self._view)
             ground = ((self._seen_static, piece, None, None, light[is_in]) for is_in, piece in static[k])
             self._draw_calls([*self._posed(part, k, is_dimmed[k], light), *ground], is_day, weather=weather)
-            self._draw_sky(part.clips[k], weather=weather)
-            self._draw_precipitation(looks[k].air, 0.0, replace(self._view, position=part.eyes[k, :3, 3].tolist()))
+            self._draw_sky(part.clips[k], looks[k])
+            own = replace(self._view, position=part.eyes[k, :3, 3].tolist())
+            self._draw_air(part.clips[k], looks[k].air, 0.0, own)
             targets[k % RING].finish()
         for k in range(max(m - RING, 0), m):
             targets[k % RING].read_rgb_into(self._pixels, k * self._image_size)
@@ -284,7 +292,7 @@ class BatchRenderer(Renderer):
         roots, places, near = part.roots[k], part.places[k], part.near[k].tolist()
         bones = [part.bones[k, i].tobytes() for i in range(v)]
         if is_day:
-            self._shadows.draw_still(places)
+            self._shadows.draw_still(places, part.eyes[k : k + 1])
         draws.set_casters(casters, roots, part.centers[k, :v], bones, is_day=is_day)
         lamps, n_beam = draws.set_lamps(part.vehicles[k], near, roots, places, bones, is_day=is_day)
         beams: list[int] = []

@@ -9,7 +9,7 @@ import numpy as np
 
 from autodrive.graphics.render.lighting import LAMP, burning, lamp_table, reach, strength
 from autodrive.graphics.render.look import Daylight
-from autodrive.graphics.render.scene import rigid_all, signals_of
+from autodrive.graphics.render.scene import rigid, rigid_all, signals_of
 from autodrive.graphics.render.shadows import BEAMS, BONES, CASTERS, columns
 from autodrive.physics.actuators.lights import LAMPS
 
@@ -29,6 +29,7 @@ NO_CASTER, NO_BEAM, NO_LAMP = CASTERS - 1, BEAMS - 1, LAMP_SLOTS - 1
 FRAME = np.dtype(
     [
         *((name, "f4", 4) for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow", "exposure")),
+        *((name, "f4", 4) for name in ("sun_place", "dawn")),
         ("sun_from_map", "f4", (4, 4)),
         *((name, "f4", 4) for name in ("still_scale", "still_offset")),
         *((name, "f4", (CASTERS, 4)) for name in ("caster_offset", "caster_tile", "caster_place")),
@@ -42,6 +43,9 @@ FRAME = np.dtype(
 
 OUTLINE = 0.92
 """A vehicle dims the ground around a rectangle that is smaller than its mesh by this factor."""
+
+CLOUD_DRIFT = 0.004
+"""Of the clouds in the strongest wind: parts of their pattern by second."""
 
 Slots: TypeAlias = tuple[int, ...]
 
@@ -98,6 +102,8 @@ class DrawList:
         self.outlines = [outline(model) for model in vehicles]
         """Of each vehicle; see `outline`."""
         self.frame = np.zeros((), FRAME)
+        self.n_beam = 0
+        """Number of headlights in the first slots of the lamps."""
         self.posed: list[PosedMesh] = []
         self.static_lit: list[Illumination] = []
         """For each range of the static mesh."""
@@ -115,10 +121,10 @@ class DrawList:
         self.frame[...] = 0
         if state.is_day:
             self._shadows.set_sun(state.look.sun_direction)
-            if self._shadows.draw_still(places):
+            if self._shadows.draw_still(places, np.array([rigid(view.position, view.orientation) for view in views])):
                 falls = self._shadows.falls_on(self._boxes[:, 0, :2], self._boxes[:, 1, :2])
                 self._is_shaded = ~self._is_flat | falls
-        self.set_sky(state.look)
+        self.set_sky(state.look, state.time)
         casters = near[: CASTERS - 1]
         self.set_casters(casters, roots, centers.reshape(-1, 3), bones, is_day=state.is_day)
         lit, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
@@ -158,12 +164,14 @@ class DrawList:
     def _bones(self, i: int, root: Floats, row: np.void) -> bytes:
         return _padded(self._skeletons[i].pose(root, signals_of(row)))
 
-    def set_sky(self, look: Daylight) -> None:
-        """Write sun and sky into `frame`."""
-        for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow"):
+    def set_sky(self, look: Daylight, time: float) -> None:
+        """Write sun and sky into `frame`, at a simulated time [s]."""
+        for name in ("sun_direction", "sun_color", "zenith", "horizon", "floor_glow", "sun_place", "dawn"):
             self.frame[name][:3] = getattr(look, name)
         self.frame["exposure"] = look.exposure, look.glow, look.air.extinction, look.air.wetness
         self.frame["floor_glow"][3] = look.air.snow_cover
+        self.frame["sun_place"][3] = (CLOUD_DRIFT * look.air.wind * time) % 1000.0
+        self.frame["dawn"][3] = look.air.clouds
         self.frame["sun_from_map"][:3, :3] = self._shadows.sun.T
 
     def set_casters(
@@ -182,7 +190,7 @@ class DrawList:
         if not is_day:
             return
         frame["still_scale"][:3], frame["still_offset"][:3] = shadows.still_scale, shadows.still_offset
-        frame["still_scale"][3] = 1.0 / shadows.still_size
+        frame["still_scale"][3], frame["still_offset"][3] = 1.0 / shadows.still_size, shadows.skin
         frame["caster_half"][2:] = shadows.caster_scale[[0, 2]]
         if casters:
             offsets, tiles = shadows.draw_casters(casters, roots, bones)
@@ -205,6 +213,7 @@ class DrawList:
         Returns the lamps in the order of their slots, and how many of them are headlights with shadows; none by day.
         `vehicles`: dtype `render_state.VEHICLE`; `near`: their numbers, the nearest to a camera first.
         """
+        self.n_beam = 0
         if is_day or not vehicles["lamps"].any():
             return np.zeros(0, LAMP), 0
         lit, owner, is_headlight = burning(self._tables, roots, vehicles["lamps"])
@@ -223,6 +232,7 @@ class DrawList:
             frame["lamp_place"][slots] = np.column_stack([lit["place"][chosen], lit["range"][chosen]])
             frame["lamp_aim"][slots] = np.column_stack([lit["aim"][chosen], lit["cos_outer"][chosen]])
             frame["lamp_color"][slots] = np.column_stack([lit["color"][chosen], lit["sharpness"][chosen]])
+        self.n_beam = len(beams)
         return np.concatenate([lit[beams], lit[others]]), len(beams)
 
     def _reached(

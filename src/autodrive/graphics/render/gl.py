@@ -26,6 +26,14 @@ BUILD_MODERNGL = "apt-get install -y g++ python3-dev libgl-dev libx11-dev && pip
 SHADERS = Path(__file__).parent / "shaders"
 
 
+_INCLUDED = {
+    "FRAME_FIELDS": "frame.glsl",
+    "TONE": "tone.glsl",
+    "LIGHT_FORMULAS": "light.glsl",
+    "SKY_LIGHT": "sky.glsl",
+}
+
+
 class GlUnavailable(AutodriveError):  # noqa: N818 (the condition is the name)
     """The machine has no OpenGL 3.3: cameras cannot be drawn, everything else works."""
 
@@ -73,9 +81,9 @@ def write(program: moderngl.Program, uniform: str, data: bytes) -> None:
 
 
 def source(name: str, **definitions: object) -> str:
-    """A shader of this package with these macros defined; FRAME_FIELDS, TONE and LIGHT_FORMULAS are files."""
+    """A shader of this package with these macros defined; FRAME_FIELDS, TONE, LIGHT_FORMULAS, SKY_LIGHT are files."""
     text = (SHADERS / name).read_text(encoding="utf-8")
-    for word, file in (("FRAME_FIELDS", "frame.glsl"), ("TONE", "tone.glsl"), ("LIGHT_FORMULAS", "light.glsl")):
+    for word, file in _INCLUDED.items():
         text = text.replace(word, (SHADERS / file).read_text(encoding="utf-8")) if word in text else text
     macros = "".join(f"#define {word} {value}\n" for word, value in definitions.items())
     return f"#version 330 core\n{macros}{text}"

@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from autodrive.base.transforms import Vector
 from autodrive.base.units import DEGREE
 from autodrive.physics.weather import extinction
@@ -57,6 +59,10 @@ class Daylight:
     """Factor for all reflected light."""
     glow: float
     """Factor for light that lamps and other surfaces emit."""
+    sun_place: Vector
+    """Unit vector towards the sun or moon in the sky; `sun_direction` is never so low."""
+    dawn: Vector = (0.0, 0.0, 0.0)
+    """Light of the sky near the horizon below a low sun."""
     air: Air = Air()  # noqa: RUF009  it is constant
 
 
@@ -74,6 +80,7 @@ DAY = Daylight(
     floor_glow=(0.75, 0.72, 0.66),
     exposure=0.92,
     glow=0.30,
+    sun_place=_towards(118, 44),
 )
 NIGHT = Daylight(
     sun_direction=_towards(118, 60),
@@ -83,6 +90,7 @@ NIGHT = Daylight(
     floor_glow=(0.014, 0.014, 0.016),
     exposure=1.7,
     glow=0.36,
+    sun_place=_towards(118, 60),
 )
 
 
@@ -94,6 +102,15 @@ LEAST_ELEVATION = 8 * DEGREE
 """The sun is drawn no lower, because shadows become longer than maps."""
 FULL_DAY_ELEVATION = 20 * DEGREE
 """The light is that of `DAY` above this elevation."""
+DAWN: tuple[tuple[float, Vector], ...] = (
+    (-9 * DEGREE, (0.0, 0.0, 0.0)),
+    (-4 * DEGREE, (0.08, 0.03, 0.025)),
+    (0.0, (0.50, 0.20, 0.08)),
+    (4 * DEGREE, (0.85, 0.40, 0.15)),
+    (10 * DEGREE, (0.55, 0.33, 0.16)),
+    (22 * DEGREE, (0.0, 0.0, 0.0)),
+)
+"""`Daylight.dawn` by the elevation of the sun."""
 
 
 def sun_at(time_of_day: float) -> Vector:
@@ -118,9 +135,12 @@ def look_at(time_of_day: float) -> Daylight:
 @lru_cache(maxsize=64)
 def _look_at_minute(minute: int) -> Daylight:
     time = 60.0 * minute
-    if not is_day_at(time):
-        return NIGHT
     x, y, z = sun_at(time)
+    if math.asin(z) <= DAWN[0][0]:
+        return NIGHT
+    dawn = _dawn(math.asin(z))
+    if not is_day_at(time):
+        return replace(NIGHT, sun_place=(x, y, z), dawn=dawn)
     elevation = max(math.asin(z), LEAST_ELEVATION)
     flat = math.cos(elevation) / math.hypot(x, y)
     share = min(math.asin(z) / FULL_DAY_ELEVATION, 1.0)
@@ -138,7 +158,15 @@ def _look_at_minute(minute: int) -> Daylight:
         floor_glow=mixed(NIGHT.floor_glow, DAY.floor_glow),
         exposure=NIGHT.exposure + share * (DAY.exposure - NIGHT.exposure),
         glow=NIGHT.glow + share * (DAY.glow - NIGHT.glow),
+        sun_place=(x, y, z),
+        dawn=dawn,
     )
+
+
+def _dawn(elevation: float) -> Vector:
+    elevations, colors = [one for one, _ in DAWN], np.array([color for _, color in DAWN])
+    red, green, blue = (float(np.interp(elevation, elevations, channel)) for channel in colors.T)
+    return red, green, blue
 
 
 @dataclass(frozen=True)
@@ -178,7 +206,10 @@ def air_of(weather: Weather) -> Air:
 
 @lru_cache(maxsize=64)
 def in_air(look: Daylight, air: Air) -> Daylight:
-    """That light in that weather: clouds take most of the sun, which fades shadows, and make the sky grey."""
+    """That light in that weather: clouds take most of the sun, which fades shadows, and make the sky grey.
+
+    A camera exposes snow for a shorter time.
+    """
     c = air.clouds
 
     def grey(colour: Vector, factor: float) -> Vector:
@@ -188,12 +219,16 @@ def in_air(look: Daylight, air: Air) -> Daylight:
 
     red, green, blue = look.sun_color
     sun = 1.0 - 0.93 * c
+    dark = max(0.0, 1.0 - 2.0 * look.zenith[1])
     return replace(
         look,
         sun_color=(sun * red, sun * green, sun * blue),
         zenith=grey(look.zenith, 0.95),
         horizon=grey(look.horizon, 0.9),
         floor_glow=grey(look.floor_glow, 0.8),
+        dawn=grey(look.dawn, 0.3),
+        # white ground is bright, most of all before headlights
+        exposure=look.exposure * (1.0 - air.snow_cover * (0.15 + 0.4 * dark)),
         air=air,
     )
 

@@ -15,6 +15,7 @@ from autodrive.graphics.render import texture_arrays
 from autodrive.graphics.render.draw_list import FRAME, DrawList, Illumination
 from autodrive.graphics.render.gl import moderngl, open_context, source, write
 from autodrive.graphics.render.gpu_mesh import GpuMesh
+from autodrive.graphics.render.ground_strips import GroundStrips
 from autodrive.graphics.render.lighting import perspective
 from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
@@ -29,16 +30,20 @@ if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
     from autodrive.base.transforms import Vector
     from autodrive.graphics.assets.asset import Asset, Detail
-    from autodrive.graphics.render.look import Air
+    from autodrive.graphics.render.look import Air, Daylight
     from autodrive.graphics.render.render_state import RenderState
     from autodrive.graphics.render.scene import RenderScene
 
-STREAKS, FLAKES = 260, 500
-"""Rain streaks and snow flakes in an image of the heaviest rain and snow."""
+STREAKS, FLAKES, DROPS = 260, 500, 14
+"""Rain streaks, snow flakes, and drops on the lens, in an image of the heaviest rain and snow."""
+BEAM_FOG_CELLS = 24 * 18
+"""As `CELLS` in shaders/beam_fog.vert."""
+STARRY = 0.125
+"""There are stars if the zenith (its green part) is darker."""
 PART_SIZE = 0.06
 """Of the parts of a vehicle [m]."""
 
-UNITS = {"textures": 0, "still_map": 1, "caster_map": 2, "beam_map": 3}
+UNITS = {"textures": 0, "still_map": 1, "caster_map": 2, "beam_map": 3, "strip_map": 4}
 """Texture unit of each sampler."""
 
 
@@ -117,11 +122,16 @@ class Renderer:
         """Indices of those triangles."""
         self._frame = context.buffer(reserve=FRAME.itemsize)
         self._camera = context.buffer(reserve=80)
+        self._clouds = layers.get("clouds")
+        """Texture array and layer of their noise."""
+        strips = scene.static.strips
+        self._strips = None if strips is None else GroundStrips(context, strips)
+        self._strip_target = cache(self._new_strip_target)
         self._program, self._target = cache(self._new_program), cache(self._new_target)
         self._label_program = cache(lambda is_jointed: self._linked("scene.vert", "label.frag", is_jointed))
         self._exact_target = cache(lambda width, height: DepthLabelTarget(context, width, height))
         self._sky = cache(self._new_sky)
-        self._precipitation = cache(self._new_precipitation)
+        self._plain = cache(self._new_plain)
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.depth_func = "<="
 
@@ -148,9 +158,13 @@ class Renderer:
         self._frame.write(self._draw_list.frame.tobytes())
         self._bind()
         targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
-        for target, view in zip(targets, views, strict=True):
+        for number, view in enumerate(views):  # all before the images: llvmpipe waits for what a shader reads
+            self._look(view)
+            self._draw_strips(number, view)
+        for number, (target, view) in enumerate(zip(targets, views, strict=True)):
             target.begin()
-            self._draw_colors(view, state.look.air, state.time, state.is_day)
+            self._use_strips(number, view)
+            self._draw_colors(view, state.look, state.time, state.is_day)
         for target in targets:
             target.finish()
         images = [RenderedImage(target.read()) for target in targets]
@@ -178,11 +192,27 @@ class Renderer:
         del number
         return RenderTarget(self._context, width, height, self.quality.antialiasing)
 
-    def _draw_colors(self, view: View, air: Air, time: float, is_day: bool) -> None:
+    def _new_strip_target(self, number: int, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        """Likewise."""
+        del number
+        assert self._strips is not None
+        return self._strips.target(width, height)
+
+    def _draw_strips(self, number: int, view: View) -> None:
+        """Draw the strips on the ground that the camera sees, for the view with that number."""
+        if self._strips is not None:
+            self._camera.bind_to_uniform_block(1)
+            self._strips.draw(self._strip_target(number, view.intrinsics.width, view.intrinsics.height)[1])
+
+    def _use_strips(self, number: int, view: View) -> None:
+        if self._strips is not None:
+            self._strip_target(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["strip_map"])
+
+    def _draw_colors(self, view: View, look: Daylight, time: float, is_day: bool) -> None:
         clip = self._look(view)
-        self._draw_calls(self._seen(clip), is_day, weather=air.effects)
-        self._draw_sky(clip, weather=air.effects)
-        self._draw_precipitation(air, time, view)
+        self._draw_calls(self._seen(clip), is_day, weather=look.air.effects)
+        self._draw_sky(clip, look)
+        self._draw_air(clip, look.air, time, view)
 
     def _draw_calls(self, calls: list[DrawCall], is_day: bool, *, weather: tuple[str, ...]) -> None:
         """Draw these, a textured one first: llvmpipe waits for all earlier draw calls before its first texture."""
@@ -207,32 +237,55 @@ class Renderer:
                 write(program, "lamps", glow)
             model.draw(program, first, count)
 
-    def _draw_sky(self, clip: Floats, *, weather: tuple[str, ...]) -> None:
-        program, corners = self._sky("AIR" in weather)
+    def _draw_sky(self, clip: Floats, look: Daylight) -> None:
+        program, corners = self._sky("AIR" in look.air.effects, look.zenith[1] < STARRY, any(look.dawn))
+        if self._clouds is not None:
+            array, layer = self._clouds
+            self._textures[array].use(UNITS["textures"])
+            write(program, "layer", np.float32(layer).tobytes())
         write(program, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
         self._context.disable(moderngl.CULL_FACE)
         corners.render(moderngl.TRIANGLES, 3)
         self._context.enable(moderngl.CULL_FACE)
 
-    def _draw_precipitation(self, air: Air, time: float, view: View) -> None:
-        """Rain and snow in the air before the camera; other places in each image, the same for the same time."""
-        streaks, flakes = round(STREAKS * air.rain), round(FLAKES * air.snow)
-        if streaks + flakes == 0:
+    def _draw_air(self, clip: Floats, air: Air, time: float, view: View) -> None:
+        """What is in the air before the camera: light of headlights in fog, rain and snow, and drops on the lens.
+
+        Other places in each image, the same for the same time.
+        """
+        streaks, flakes, drops = round(STREAKS * air.rain), round(FLAKES * air.snow), round(DROPS * air.rain)
+        heads = self._draw_list.n_beam
+        is_foggy = heads > 0 and "AIR" in air.effects
+        if streaks + flakes == 0 and not is_foggy:
             return
-        program, quads = self._precipitation()
-        k = view.intrinsics
-        place = f"{view.position} {view.orientation}".encode()
-        write(program, "seed", np.int32(zlib.crc32(place, round(1e4 * time)) & 0x7FFFFFFF).tobytes())
-        write(program, "flakes", np.int32(streaks).tobytes())
-        pixel = 2.0 * max(1.0, k.height / 480.0)
-        shape = pixel / k.width, pixel / k.height, 0.1 + 0.9 * air.wind, 0.0
-        write(program, "shape", np.array(shape, np.float32).tobytes())
         self._context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
         self._context.enable(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
-        quads.render(moderngl.TRIANGLES, 6 * (streaks + flakes))
+        common = {
+            "map_from_clip": columns(np.asarray(np.linalg.inv(clip), np.float64)),
+            "heads": np.int32(heads).tobytes(),
+        }
+        if is_foggy:
+            self._draw_plain("beam_fog", 6 * BEAM_FOG_CELLS, **common)
+        k = view.intrinsics
+        place = f"{view.position} {view.orientation}".encode()
+        seed = zlib.crc32(place, round(1e4 * time)) & 0x7FFFFFFF
+        pixel = 2.0 * max(1.0, k.height / 480.0)
+        shape = pixel / k.width, pixel / k.height, 0.1 + 0.9 * air.wind, time
+        numbers = {"seed": seed, "flakes": streaks, "drops": streaks + flakes}
+        common |= {name: np.int32(number).tobytes() for name, number in numbers.items()}
+        common["shape"] = np.array(shape, np.float32).tobytes()
+        self._draw_plain("precipitation", 6 * (streaks + flakes + drops), **common)
         self._context.disable(moderngl.BLEND)
         self._context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+
+    def _draw_plain(self, name: str, vertices: int, **uniforms: bytes) -> None:
+        """Draw triangles that the shaders of that name place by the numbers of their vertices."""
+        program, array = self._plain(name)
+        for uniform, data in uniforms.items():
+            write(program, uniform, data)
+        if vertices:
+            array.render(moderngl.TRIANGLES, vertices)
 
     def _draw_exact(self, view: View) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Depths [m] and labels, shape (height, width) each."""
@@ -307,12 +360,21 @@ class Renderer:
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
-    def _new_sky(self, is_hazy: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
-        program = self._linked("sky.vert", "sky.frag", False, **dict.fromkeys(["AIR"] * is_hazy, 1))
+    def _new_sky(self, is_hazy: bool, is_starry: bool, is_dawn: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        is_quick = self.quality.detail == "reduced"
+        has = {
+            "AIR": is_hazy,
+            "STARS": is_starry,
+            "DAWN": is_dawn,
+            "CLOUDS": self._clouds is not None,
+            "QUICK": is_quick,
+        }
+        flags = [name for name, is_set in has.items() if is_set]
+        program = self._linked("sky.vert", "sky.frag", False, **dict.fromkeys(flags, 1))
         return program, self._context.vertex_array(program, [])
 
-    def _new_precipitation(self) -> tuple[moderngl.Program, moderngl.VertexArray]:
-        program = self._linked("precipitation.vert", "precipitation.frag")
+    def _new_plain(self, name: str) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        program = self._linked(f"{name}.vert", f"{name}.frag", DOWN="1.0")  # the first row is at the top
         return program, self._context.vertex_array(program, [])
 
     def _new_program(self, variant: ShaderVariant) -> moderngl.Program:
@@ -320,6 +382,8 @@ class Renderer:
         flags = {
             "QUICK": is_quick,
             "FLAT": variant.kind == "flat",
+            "FINE": variant.kind == "flat" and variant.is_textured and not is_quick,
+            "STRIPS": variant.kind == "flat" and self._strips is not None,
             "MATT": variant.kind == "matt" and is_quick,
             "TEXTURED": variant.is_textured,
             "SUNLIT": variant.is_day,

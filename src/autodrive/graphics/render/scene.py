@@ -11,7 +11,7 @@ import numpy as np
 
 from autodrive.base.arrays import Floats
 from autodrive.base.transforms import Quaternion, Vector, rotation_from_quaternion
-from autodrive.graphics.assets.asset import Asset, AssetNode, Detail, MeshSurface, NodeJoint
+from autodrive.graphics.assets.asset import Asset, AssetNode, Detail, Material, MeshSurface, NodeJoint
 from autodrive.physics.actuators.lights import LAMPS, LightsSpec
 from autodrive.protocol.messages import WHEEL_NAMES
 
@@ -28,6 +28,7 @@ VERTEX = np.dtype(
         ("color", np.float32, 3),
         ("emission", np.float32, 3),
         ("uv", np.float32, 2),
+        ("open", np.float32),
         ("finish", np.float32, 4),  # roughness, metallic, texture layer, label
         ("bone_lamp", np.float32, 2),  # bone, lamp
     ]
@@ -197,9 +198,10 @@ def geometry(
     for nodes in [asset.nodes] if is_whole else [[node] for node in asset.nodes]:
         groups: dict[tuple[Kind, str], list[tuple[MeshSurface, AssetNode]]] = {}
         pairs = [(surface, node) for node in nodes for surface in node.surfaces.get(detail, ())]
-        textured = next((layers[s.material.texture][0] for s, _ in pairs if s.material.texture), "")
-        for surface, node in pairs:
-            own = layers[surface.material.texture][0] if surface.material.texture else textured
+        found = [_material(surface).texture for surface, _ in pairs]
+        textured = next((layers[name][0] for name in found if name), "")
+        for (surface, node), name in zip(pairs, found, strict=True):
+            own = layers[name][0] if name else textured
             kind = _kind(surface)
             kind = "matt" if kind == "flat" and is_whole else kind  # what moves is not level ground
             groups.setdefault((kind, own), []).append((surface, node))
@@ -223,6 +225,11 @@ def geometry(
     )
 
 
+def _material(surface: MeshSurface) -> Material:
+    """What is drawn; paint is in `Asset.strips`."""
+    return surface.material.beneath or surface.material
+
+
 def _kind(surface: MeshSurface) -> Kind:
     if np.all(surface.normals[:, 2] > 0.999):
         return "flat"
@@ -232,13 +239,14 @@ def _kind(surface: MeshSurface) -> Kind:
 def _vertices(
     surface: MeshSurface, node: AssetNode, skeleton: Skeleton, layers: dict[str, tuple[str, int]]
 ) -> NDArray[np.void]:
-    place, material = skeleton.place_of[node.name], surface.material
+    place, material = skeleton.place_of[node.name], _material(surface)
     part = np.zeros(len(surface.positions), VERTEX)
     part["position"] = surface.positions @ place[:3, :3].T + place[:3, 3]
     part["normal"] = surface.normals @ place[:3, :3].T
     part["color"], part["emission"] = material.color, material.emission
     if surface.uvs is not None:
         part["uv"] = surface.uvs
+    part["open"] = 1.0 if surface.open is None else surface.open
     layer = layers[material.texture][1] if material.texture else 0
     part["finish"] = material.roughness, material.metallic, layer, surface.label
     part["bone_lamp"] = skeleton.bone_of[node.name], 1 + LAMPS.index(node.lamp) if node.lamp else 0

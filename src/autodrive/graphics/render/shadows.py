@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import shapely
@@ -27,8 +27,17 @@ TILES = 4
 CASTERS = TILES * TILES
 BEAMS = 8
 """Slots for headlights that cast shadows."""
+Area: TypeAlias = tuple[float, float, float, float]
+
 BONES = 24
 """Maximum number of bones of a vehicle."""
+
+FINE = 0.006
+"""If the texels of the static shadow map would be larger, it covers only what is near the cameras [m]."""
+NEAR, NEAR_STEP = 4.0, 2.0
+"""How far around the middle of a view it reaches then, for a camera on the ground, and the step of its place [m]."""
+SKIN = 1.2
+"""Surfaces are moved so far towards the sun, against shadow acne: texels of the coarsest map."""
 
 CLIP_TO_MAP = np.array([[0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5], [0.0, 0.0, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]])
 """From [-1, 1] to [0, 1]."""
@@ -63,10 +72,13 @@ class Shadows:
         self.beam, self._beam_frame = self._map(self.beam_size * self.beams, self.beam_size)
         self._rest = context.framebuffer([context.renderbuffer((1, 1), 4)])
         self._drawn_objects: bytes | None = None
+        self._drawn_area: Area | None = None
         self.sun_direction: Vector = DAY.sun_direction
         """Unit vector towards the sun."""
         self.sun = sun_axes(self.sun_direction)
         """Sun axes from map axes, shape (3, 3)."""
+        extent = np.ptp(static.geometry.vertices["position"][:, :2], axis=0) if len(static.geometry.vertices) else 0.0
+        self._is_large = bool(np.linalg.norm(extent) > FINE * quality.still_map)
         self._object_points: list[Floats] = []
         """Vertices of each object in the static shadow map, in map axes."""
         self.still_scale, self.still_offset = np.ones(3), np.full(3, 9.0)
@@ -95,14 +107,23 @@ class Shadows:
         texture.repeat_x = texture.repeat_y = False
         return texture, self._context.framebuffer(depth_attachment=texture)
 
-    def draw_still(self, objects: Floats) -> bool:
-        """Redraw the static shadow map if an object has moved; whether it did. `objects`: poses, shape (n, 4, 4).
+    @property
+    def skin(self) -> float:
+        """How far surfaces are moved towards the sun, against shadow acne [m]."""
+        texels = 1.0 / (self.still_scale[:2].min() * self.still_size), TILES / (self.caster_scale[0] * self.caster_size)
+        return SKIN * float(max(texels))
 
-        Only the places where the object was and is are drawn again: a new map takes milliseconds in software.
+    def draw_still(self, objects: Floats, eyes: Floats) -> bool:
+        """Redraw the static shadow map if an object or the area has changed; whether an object has.
+
+        `objects`: poses, shape (n, 4, 4); `eyes`: poses of the cameras, shape (m, 4, 4). Only the places where an
+        object was and is are drawn again: a new map takes milliseconds in software.
         """
-        key = objects.tobytes()
-        if key == self._drawn_objects:
+        key, area = objects.tobytes(), self.area(eyes)
+        if key == self._drawn_objects and area == self._drawn_area:
             return False
+        is_moved = key != self._drawn_objects
+        self._drawn_area = area
         before = self._object_points
         self._object_points = [
             model.geometry.vertices["position"] @ pose[:3, :3].T + pose[:3, 3]
@@ -122,16 +143,38 @@ class Shadows:
                 self._static.draw(self._fixed)
                 self._draw_objects(clip, objects)
             frame.scissor = 0, 0, *frame.size
-        return True
+        return is_moved
+
+    def area(self, eyes: Floats) -> Area | None:
+        """Part of the ground that the static shadow map covers for these cameras; None: all. A function of `eyes` only.
+
+        x_min, y_min, x_max, y_max [m]; as `draw_still`.
+        """
+        if not self._is_large or len(eyes) == 0:
+            return None
+        height = np.clip(eyes[:, 2, 3], 0.0, 10.0)
+        ahead = np.minimum(height / np.maximum(-eyes[:, 2, 2], 1e-3), NEAR - 1.0 + 4.0 * height)
+        middle = eyes[:, :2, 3] + ahead[:, None] * eyes[:, :2, 2]
+        reach = (NEAR + 1.5 * height)[:, None]
+        low, high = np.floor((middle - reach) / NEAR_STEP).min(0), np.ceil((middle + reach) / NEAR_STEP).max(0)
+        x0, y0, x1, y1 = (NEAR_STEP * np.concatenate([low, high])).tolist()
+        return x0, y0, x1, y1
 
     def _fit_still(self) -> bool:
-        """Fit the static shadow map to the static meshes and the objects; whether that changed it."""
+        """Fit the static shadow map to the static meshes and the objects in its area; whether that changed it."""
         points = np.concatenate([self._static.geometry.vertices["position"].astype(np.float64), *self._object_points])
         if len(points) == 0:
             return False
         in_sun = points @ self.sun.T
         low, high = in_sun.min(0) - 0.02, in_sun.max(0) + 0.02
-        high[2] += points[:, 2].max() / self.sun_direction[2] + 0.2  # as far as shadows reach
+        top = points[:, 2].max()
+        high[2] += top / self.sun_direction[2] + 0.2  # as far as shadows reach
+        if self._drawn_area is not None:
+            x0, y0, x1, y1 = self._drawn_area
+            corners = np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (0.0, top)]) @ self.sun.T
+            near_low, near_high = np.maximum(low[:2], corners.min(0)[:2]), np.minimum(high[:2], corners.max(0)[:2])
+            if np.all(near_low < near_high):
+                low[:2], high[:2] = near_low, near_high
         before = self.still_scale, self.still_offset
         self.still_scale = 1.0 / (high - low)
         self.still_offset = -low * self.still_scale

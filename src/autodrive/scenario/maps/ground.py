@@ -67,6 +67,8 @@ def regions(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Region]
         lines = shapely.union_all([m.geometry for m in map_.markings if m.kind == kind], grid_size=GRID)
         add("paint", label, shapely.intersection(shapely.simplify(lines, tolerance), road, grid_size=GRID))
     add("road" if map_.track is None else "track", Label.ROAD, road)
+    if map_.track is not None and map_.track.barrier.kind == "duct":  # a duct leaves the floor below its sides visible
+        add("track", Label.GROUND, road.buffer(0.5 * map_.track.barrier.width, join_style="mitre"))
     strips = (("bevel", BEVEL), ("kerb", KERB_WIDTH), ("pavement", KERB_WIDTH + PAVEMENT_WIDTH))
     for name, width in strips if not road.is_empty and map_.track is None else ():
         strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * tolerance)

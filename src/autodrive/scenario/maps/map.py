@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,8 @@ from autodrive.base.specs import Place
 from autodrive.base.units import DEGREE
 from autodrive.scenario.maps.area import drivable_edges
 from autodrive.scenario.maps.lanes import LaneGraph, Piece, lane_graph
-from autodrive.scenario.maps.module import MarkingKind, Module, compile_module
+from autodrive.scenario.maps.light_programs import MAX_LIGHTS, LightProgramSpec, program_problems
+from autodrive.scenario.maps.module import MarkingKind, Module, compile_module, lane_end
 from autodrive.scenario.maps.placing import (
     OF_DRAFT,
     MapProblem,
@@ -36,6 +37,7 @@ from autodrive.scenario.maps.props import Prop, prop_shapes
 from autodrive.scenario.maps.shapes import Pose, rectangle
 from autodrive.scenario.maps.solids import BoxPlacement, StaticShape, block_shape, wall_shapes
 from autodrive.scenario.maps.spec import DescribedMap, GroundSpec, MapSpec
+from autodrive.scenario.maps.stop_lines import StopLine, stop_lines
 from autodrive.scenario.maps.track_map import barriers, lane, pieces, road, start_line
 from autodrive.scenario.tracks.track import Track, TrackSpec
 
@@ -94,8 +96,17 @@ class Map:
     """Pairs of connected ports, in both directions."""
     enclosure: BaseGeometry | None
     """The ground inside closed walls that enclose the drivable area; None if there are none."""
+    light_programs: dict[str, LightProgramSpec] = field(default_factory=dict)
+    """Programs of the traffic lights, by name."""
+    stop_lines: tuple[StopLine, ...] = ()
+    """Those of traffic lights and stop signs."""
     track: Track | None = None
     """The race track, if the map is one; its barriers are in `statics`."""
+
+    @property
+    def traffic_lights(self) -> list[str]:
+        """Names of the traffic lights, in the order of the devkit."""
+        return [prop.name for prop in self.props if prop.kind == "traffic_light"]
 
 
 def load_map(name: str | Path | MapSpec) -> Map:
@@ -214,7 +225,10 @@ def _compiled(
         modules=tuple(placed),
         joins=joins,
         enclosure=_enclosure(spec, drivable),
+        light_programs=spec.light_programs,
+        stop_lines=tuple(stop_lines(placed, props)),
     )
+    problems += _wrong_programs(spec, map_.traffic_lights)
     return map_, problems
 
 
@@ -278,6 +292,17 @@ def _wrong_names(solids: Sequence[StaticShape | BoxPlacement], labels: Sequence[
     ]
 
 
+def _wrong_programs(spec: MapSpec, lights: list[str]) -> list[MapProblem]:
+    problems = [
+        MapProblem("name", Place("map", ("light_programs", name)), f": {text}")
+        for name, text in program_problems(spec.light_programs, lights)
+    ]
+    if len(lights) > MAX_LIGHTS:
+        text = f": the map has {len(lights)} traffic lights; at most {MAX_LIGHTS} are possible"
+        problems.append(MapProblem("field", Place("map", ("props",)), text))
+    return problems
+
+
 def _box(one: PlacedModule) -> BoxPlacement:
     own = one.placement
     mass = own.mass or one.module.spec.mass
@@ -318,9 +343,10 @@ def _lane_graph(placed: list[PlacedModule], joins: dict[PortId, PortId]) -> Lane
     pieces: list[Piece] = []
     for i, one in enumerate(placed):
         for (port_in, port_out), points in zip(one.module.spec.lanes, one.lanes, strict=True):
-            met = joins.get((i, port_out))
-            end = ("in", met) if met else ("out", (i, port_out))
-            pieces.append(Piece(f"{one.name}:{port_in}>{port_out}", points, ("in", (i, port_in)), end))
+            (entry, in_), (exit_, out) = lane_end(port_in), lane_end(port_out)
+            met = joins.get((i, exit_))
+            end = ("in", met, out) if met else ("out", (i, exit_), out)
+            pieces.append(Piece(f"{one.name}:{port_in}>{port_out}", points, ("in", (i, entry), in_), end))
     return lane_graph(pieces)
 
 

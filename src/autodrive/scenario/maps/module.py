@@ -37,6 +37,8 @@ class Port(Spec):
     y: Coordinate
     yaw_deg: Degrees
     width: Extent
+    lanes: int = Field(default=1, ge=1, le=4)
+    """Lanes in each direction."""
     is_blind: bool = False
 
     @property
@@ -44,25 +46,30 @@ class Port(Spec):
         """Pose of the port, facing outward."""
         return self.x, self.y, self.yaw_deg * DEGREE
 
-    @property
-    def pose_in(self) -> Pose:
-        """Start of the lane that enters the module, heading inward."""
-        x, y, yaw = self._beside(-DRIVING_SIDE)
+    def pose_in(self, lane: int = 1) -> Pose:
+        """Start of a lane that enters the module, heading inward; lane 1 is next to the middle of the road."""
+        x, y, yaw = self._beside(-DRIVING_SIDE * self._middle_of(lane))
         return x, y, yaw + math.pi
 
-    @property
-    def pose_out(self) -> Pose:
-        """End of the lane that leaves the module, heading outward."""
-        return self._beside(DRIVING_SIDE)
+    def pose_out(self, lane: int = 1) -> Pose:
+        """End of a lane that leaves the module, heading outward."""
+        return self._beside(DRIVING_SIDE * self._middle_of(lane))
 
-    def _beside(self, side: int) -> Pose:
+    def line_in(self) -> Pose:
+        """The middle of all lanes that enter the module, heading inward."""
+        x, y, yaw = self._beside(-DRIVING_SIDE * self.width / 4.0)
+        return x, y, yaw + math.pi
+
+    def _middle_of(self, lane: int) -> float:
+        return self.width * (2 * lane - 1) / (4.0 * self.lanes)
+
+    def _beside(self, shift: float) -> Pose:
         x, y, yaw = self.pose
-        shift = side * self.width / 4.0
         return x - shift * math.sin(yaw), y + shift * math.cos(yaw), yaw
 
 
 class StopLine(Spec):
-    """A stop line across the lane that enters at a port; `distance` [m] is from the port to the centre of the line."""
+    """A stop line across the lanes that enter at a port; `distance` [m] is from the port to the centre of the line."""
 
     port: str
     distance: float = Field(ge=0.0, le=1e3)
@@ -93,7 +100,7 @@ class ModuleSpec(Spec):
     """Mass of an obstruction [kg]."""
     ports: Annotated[dict[str, Port], Field(max_length=100)] = Field(default_factory=dict)
     lanes: Annotated[tuple[tuple[str, str], ...], Field(max_length=200)] = ()
-    """Pairs of ports: entry and exit of each lane."""
+    """Entry and exit of each lane: a port, or 'port/2' for its second lane, counted from the middle of the road."""
     drivable: Shapes = ()
     """Shapes whose union is drivable."""
     markings: dict[MarkingKind, Shapes] = Field(default_factory=dict)
@@ -112,11 +119,14 @@ class ModuleSpec(Spec):
         return self
 
     def _unknown_ports(self) -> Iterator[Rule]:
-        named: list[Rule] = [(("lanes", i), name) for i, lane in enumerate(self.lanes) for name in lane]
+        named: list[Rule] = [(("lanes", i), end) for i, lane in enumerate(self.lanes) for end in lane]
         named += [(("stop_lines", i), line.port) for i, line in enumerate(self.stop_lines)]
-        for place, name in named:
+        for place, end in named:
+            name, _, number = end.partition("/")
             if name not in self.ports:
                 yield place, f"port '{name}' is not known. {suggest(name, sorted(self.ports))}"
+            elif number and number not in map(str, range(1, self.ports[name].lanes + 1)):
+                yield place, f"port '{name}' has no lane '{number}'; it has {self.ports[name].lanes}"
 
     def _ports_off_the_footprint(self) -> Iterator[Rule]:
         for name, port in self.ports.items():
@@ -127,12 +137,29 @@ class ModuleSpec(Spec):
                 yield ("ports", name), f"port '{name}' must be on an edge of the footprint and face straight outward"
 
     def _lanes_without_path(self) -> Iterator[Rule]:
+        known = {f"{name}{lane}" for name, port in self.ports.items() for lane in ("", *lane_names(port))}
         for i, (start, end) in enumerate(self.lanes):
-            if start in self.ports and end in self.ports:
+            if {start, end} <= known:
                 try:
-                    lane_path(self.ports[start].pose_in, self.ports[end].pose_out)
+                    self.path(start, end)
                 except ValueError as error:
                     yield ("lanes", i), f"lane from '{start}' to '{end}': {error}"
+
+    def path(self, start: str, end: str) -> Floats:
+        """The centre line of a lane [m], shape (n, 2), in the module frame. Raises `ValueError`, see `lane_path`."""
+        (entry, in_), (exit_, out) = lane_end(start), lane_end(end)
+        return lane_path(self.ports[entry].pose_in(in_), self.ports[exit_].pose_out(out))
+
+
+def lane_end(text: str) -> tuple[str, int]:
+    """Port and number of the lane of an end of a lane: 'west' or 'west/2'."""
+    port, _, number = text.partition("/")
+    return port, int(number or 1)
+
+
+def lane_names(port: Port) -> list[str]:
+    """What may follow the name of the port in an end of a lane."""
+    return [f"/{lane}" for lane in range(1, port.lanes + 1)]
 
 
 @dataclass(frozen=True)
@@ -168,13 +195,13 @@ def compile_module(described: Described[ModuleSpec]) -> Module:
         footprint=rectangle((0.0, 0.0, 0.0), spec.length, spec.width),
         drivable=shapely.union_all([shape.geometry() for shape in spec.drivable]),
         markings=(*shapes, *stops),
-        lanes=tuple(lane_path(spec.ports[a].pose_in, spec.ports[b].pose_out) for a, b in spec.lanes),
+        lanes=tuple(spec.path(a, b) for a, b in spec.lanes),
     )
 
 
 def _stop_line(spec: ModuleSpec, line: StopLine) -> BaseGeometry:
     port = spec.ports[line.port]
-    x, y, yaw = port.pose_in
+    x, y, yaw = port.line_in()
     centre = (x + line.distance * math.cos(yaw), y + line.distance * math.sin(yaw), yaw)
     # shorter than the lane is wide, so that it touches neither the edge line nor the opposite lane
     return rectangle(centre, line.width, 0.85 * port.width / 2.0)

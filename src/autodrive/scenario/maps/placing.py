@@ -46,6 +46,7 @@ class PlacedPort:
     pose: Pose
     """x [m], y [m], yaw [rad] outward."""
     width: float
+    lanes: int
     is_blind: bool
     is_open: bool
     """True if the port may stay unconnected."""
@@ -143,6 +144,8 @@ class MapProblem:
             )
         if self.kind == "turned":
             return f"do not face each other: turn the second module by {self.turn / DEGREE:.4g} degrees"
+        if first.lanes != second.lanes:
+            return f"have not as many lanes: {first.lanes} and {second.lanes} in each direction"
         return f"are not equally wide: {first.width:.4g} m and {second.width:.4g} m"
 
 
@@ -249,7 +252,7 @@ def _placed(label: Place, name: str, module: Module, placement: Placement) -> Pl
     for port_name, port in spec.ports.items():
         x, y = moved(np.array([[port.x, port.y]]), pose)[0].tolist()
         yaw = pose[2] + port.yaw_deg * DEGREE
-        ports.append(PlacedPort(port_name, (x, y, yaw), port.width, port.is_blind, port_name in opened))
+        ports.append(PlacedPort(port_name, (x, y, yaw), port.width, port.lanes, port.is_blind, port_name in opened))
     return PlacedModule(
         label,
         name,
@@ -286,7 +289,7 @@ def _mismatch(part: Place, a: PlacedPort, other: Place, b: PlacedPort) -> MapPro
     turn = -math.remainder(b.pose[2] - a.pose[2] - math.pi, 2.0 * math.pi)
     if abs(turn) > HEADING_TOLERANCE:
         return found("turned", turn=turn)
-    return found("width") if abs(a.width - b.width) > PORT_TOLERANCE else None
+    return found("width") if abs(a.width - b.width) > PORT_TOLERANCE or a.lanes != b.lanes else None
 
 
 def _fix(port: PlacedPort) -> str:

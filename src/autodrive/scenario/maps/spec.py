@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from autodrive.base.specs import Coordinate, Degrees, Described, Length, Mass, Name, RuleError, Spec
 from autodrive.base.units import DEGREE
+from autodrive.scenario.maps.light_programs import MAX_PROGRAMS, LightProgramSpec
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.props import PropSpec
 from autodrive.scenario.maps.shapes import Extent, Pose, Shapes
@@ -79,6 +80,8 @@ class MapSpec(Spec):
     walls: tuple[WallSpec, ...] = ()
     blocks: tuple[BlockSpec, ...] = ()
     props: tuple[PropSpec, ...] = ()
+    light_programs: Annotated[dict[str, LightProgramSpec], Field(max_length=MAX_PROGRAMS)] = Field(default_factory=dict)
+    """Programs of the traffic lights, by name: one for each intersection."""
 
     @model_validator(mode="after")
     def _is_small_enough(self) -> MapSpec:

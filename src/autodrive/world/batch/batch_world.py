@@ -69,7 +69,6 @@ class BatchWorld(OneThread):
         `scenario` and `engine`: see `autodrive.make`. Raises `SpecError`, and `CommandError` for other arguments.
         """
         super().__init__()
-        self._is_closed = False
         check_seed(seed)
         for name, value in (("n", n), ("threads", threads)):
             if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
@@ -222,10 +221,6 @@ class BatchWorld(OneThread):
         self._is_closed = True
         if self._pool is not None:
             self._pool.shutdown()
-
-    def _check_open(self) -> None:
-        if self._is_closed:
-            raise CommandError("these worlds are closed: make a new BatchWorld or environment")
 
     # -- parts of a step -----------------------------------------------------------------------------------------
 

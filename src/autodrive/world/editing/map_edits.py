@@ -154,6 +154,9 @@ def _changed(spec: MapSpec, parts: Mapping[str, MapPart | None]) -> MapSpec:
             raise CommandError(f"'{name}' is not in the map. {suggest(name, list(parts_of(spec)))}")
         lists[KEYS[type(part)]].append(_entry(name, part))
     kept = {key: getattr(spec, key) for key in spec.model_fields_set} | {"is_draft": True}
+    if spec.light_programs:
+        gone = {name for name, part in parts.items() if part is None}
+        kept["light_programs"] = {name: one.without(gone) for name, one in spec.light_programs.items()}
     return checked(kept | {key: one for key, one in lists.items() if one or key in kept}, MapSpec)
 
 

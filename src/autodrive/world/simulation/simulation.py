@@ -36,6 +36,7 @@ from autodrive.protocol.messages import (
     SetSensor,
     SetSpeed,
     SetTimeOfDay,
+    SetTrafficLight,
     SetWeather,
     Step,
     Teleport,
@@ -345,6 +346,8 @@ class Simulation(Paced):
                 self.world.set_weather(weather, keeps_ground=keeps_ground)
             case Draw():
                 self.world.show_drawings(request)
+            case SetTrafficLight(light=light, state=state):
+                self.world.set_traffic_light(light, state)
             case SetDrivingMode(vehicle=vehicle, is_autonomous=is_autonomous):
                 self.world.set_driving_mode(vehicle, is_autonomous)
             case Retire(vehicle=vehicle, reason=reason, is_disqualified=is_disqualified):

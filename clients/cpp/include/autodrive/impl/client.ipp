@@ -134,6 +134,10 @@ AUTODRIVE_INLINE Frame Client::set_weather(const Weather& weather) {
     return request({{"type", "SetWeather"}, {"weather", wire::weather(weather)}});
 }
 
+AUTODRIVE_INLINE Frame Client::set_traffic_light(const std::string& light, std::optional<int> state) {
+    return request({{"type", "SetTrafficLight"}, {"light", light}, {"state", state ? Json(*state) : Json()}});
+}
+
 AUTODRIVE_INLINE Frame Client::request(const Json& request) {
     const std::int64_t id = next_id_++;
     send({{"type", "Request"}, {"id", id}, {"operation", request}});

@@ -75,6 +75,18 @@ inline Json weather(const Weather& weather) {
     return json;
 }
 
+inline TrafficLight traffic_light(const Json& json) {
+    TrafficLight light{json.at("state"), std::nullopt, json.at("mode")};
+    if (const Json& time = json.at("time_to_change"); !time.is_null()) light.time_to_change = time.get<double>();
+    return light;
+}
+
+inline std::string other(const Json& event) {
+    for (const char* key : {"other", "light", "sign"})
+        if (const auto name = event.find(key); name != event.end()) return *name;
+    return "";
+}
+
 inline Frame frame(const Json& json) {
     Frame frame;
     frame.time = json.at("time");
@@ -85,8 +97,10 @@ inline Frame frame(const Json& json) {
     for (const auto& [name, value] : json.at("vehicles").items()) frame.vehicles[name] = vehicle(value);
     for (const auto& [name, value] : json.at("objects").items()) frame.objects[name] = pose(value.at("pose"));
     for (const Json& event : json.at("events"))
-        frame.events.push_back({event.at("type"), event.at("time"), event.at("vehicle"), event.value("other", ""),
+        frame.events.push_back({event.at("type"), event.at("time"), event.at("vehicle"), other(event),
                                 vector<3>(event.at("position"))});
+    if (const auto lights = json.find("traffic_lights"); lights != json.end())
+        for (const auto& [name, value] : lights->items()) frame.traffic_lights[name] = traffic_light(value);
     return frame;
 }
 

@@ -2,8 +2,10 @@
     vec4 sun_color;             // irradiance of a surface that faces it
     vec4 zenith, horizon, floor_glow;  // irradiance from above, from the horizon, from below; floor_glow.w: snow cover
     vec4 exposure;              // for reflected light, for emitted light; extinction of the air, wetness of the ground
+    vec4 sun_place;             // towards the sun or moon that is seen, drift of the clouds
+    vec4 dawn;                  // glow of the sky below the sun, share of clouds
     mat4 sun_from_map;
-    vec4 still_scale, still_offset;    // from in_sun to the static shadow map
+    vec4 still_scale, still_offset;    // from in_sun to the static shadow map; offset of in_sun from the surface
     vec4 caster_offset[16];     // the same for the tile of each vehicle
     vec4 caster_tile[16];       // corner and size of the tile; size of a texel, 0: no tile
     vec4 caster_place[16];      // x, y of the vehicle's centre, cosine and sine of its yaw

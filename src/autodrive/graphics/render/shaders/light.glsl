@@ -1,4 +1,5 @@
 // Formulas of light in fragment shaders, for the cameras of the simulator and for the page: glTF 2.0, appendix B.
+const vec3 PAINT = vec3(0.82, 0.82, 0.79);  // of roads, as `WHITE` in meshes/map.py
 struct Finish { vec3 diffuse, specular; float alpha, roughness; };
 
 // Light from sky and floor on a surface with the normal n.
@@ -53,6 +54,16 @@ vec3 lamp_light(int i, out vec3 l) {
     float window = clamp(1.0 - r2 * r2, 0.0, 1.0);
     return lamp_color[i].rgb * (cone * cone * window * window / (d2 + 1e-3));
 }
+
+#ifdef FINE
+// Normal of level ground that is as uneven as the brightness of its texture, near the camera (Mikkelsen 2010).
+vec3 uneven(float bright, float near) {
+    vec2 x = dFdx(place.xy), y = dFdy(place.xy);
+    vec2 slope = dFdx(bright) * vec2(y.y, -y.x) + dFdy(bright) * vec2(-x.y, x.x);
+    float area = x.x * y.y - x.y * y.x;
+    return vec3(clamp(slope * (-0.0006 * near / (abs(area) > 1e-12 ? area : 1e-12)), -0.4, 0.4), 1.0);
+}
+#endif
 
 // Weather: exposure.z is the extinction of the air [1/m], exposure.w the wetness of the ground, floor_glow.w its snow cover.
 // AIR, WET, SNOW: which of them are not 0.

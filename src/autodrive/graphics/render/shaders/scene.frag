@@ -1,10 +1,13 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
-// FLAT: level ground. FLAT and MATT have no gloss. QUICK: lamps cause no gloss. STILL: shadows of static meshes reach this
+// FLAT: level ground, STRIPS: with paint and shade. FLAT and MATT have no gloss. QUICK: lamps cause no gloss. STILL: shadows of static meshes reach this
 // draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows, headlights and other lamps that reach it.
 layout(std140) uniform Frame { FRAME_FIELDS };
 layout(std140) uniform Camera { mat4 clip_from_map; vec4 eye; };
 
 uniform sampler2DArray textures;
+#ifdef STRIPS
+uniform sampler2D strip_map;  // paint and shade of each pixel of level ground
+#endif
 uniform sampler2DShadow still_map, caster_map, beam_map;
 #if CASTERS > 0
 uniform int casters[CASTERS];
@@ -25,7 +28,7 @@ const int lamp_numbers[1] = int[1](0);
 in vec3 place, facing, in_sun;
 flat in vec3 own_color, own_emission;
 flat in vec4 own_finish;
-in vec2 own_uv;
+in vec3 own_uv;
 #ifdef FLAT
 flat in vec3 from_sky, from_sun;
 #elif defined(MATT)
@@ -52,7 +55,8 @@ float sunlit() {
     vec3 at, off;
 #ifdef STILL
     at = in_sun * still_scale.xyz + still_offset.xyz;
-    lit = shadow(still_map, at, vec2(still_scale.w));  // outside the map there is no shadow
+    off = abs(at - 0.5);
+    lit = max(off.x, off.y) < 0.499 ? shadow(still_map, at, vec2(still_scale.w)) : 1.0;
 #endif
     for (int i = 0; i < CASTERS; i++) {
         vec4 tile = caster_tile[casters[i]];
@@ -91,9 +95,21 @@ void main() {
     vec3 n = normalize(facing);
 #endif
     vec3 color = own_color;
+#ifdef STRIPS
+    vec2 strip = place.z < 0.001 ? texelFetch(strip_map, ivec2(gl_FragCoord.xy), 0).rg : vec2(0.0);
+#endif
 #ifdef TEXTURED
-    vec3 texel = texture(textures, vec3(own_uv, own_finish.z)).rgb;
+    vec3 texel = texture(textures, vec3(own_uv.xy, own_finish.z)).rgb;
+#ifdef FINE  // a second, finer scale near the camera
+    float near = clamp(1.5 - 1.5 * distance(eye.xyz, place), 0.0, 1.0);
+    vec3 fine = texture(textures, vec3(3.1 * own_uv.xy, own_finish.z)).rgb;
+    color *= texel * mix(texel, fine, near);
+#else
     color *= texel * texel;  // textures are stored as square roots of linear values
+#endif
+#endif
+#ifdef STRIPS
+    color = mix(color, PAINT, min(strip.r, 1.0));
 #endif
 #if !defined(JOINTED) && (defined(WET) || defined(SNOW))
     color = weathered(color, n);
@@ -105,11 +121,17 @@ void main() {
     f.diffuse = color * (1.0 - metallic);
     f.specular = mix(vec3(0.04), color, metallic);
 
-    float open = openness();
+    float open = openness() * own_uv.z;
+#ifdef STRIPS
+    open *= 1.0 - min(strip.g, 0.8);
+#endif
 #ifdef SUNLIT
     float lit = sunlit();
 #else
     float lit = 1.0;
+#endif
+#if defined(FINE) && defined(SUNLIT)
+    lit *= clamp(dot(uneven(fine.g, near), sun_direction.xyz) / sun_direction.z, 0.4, 1.6);
 #endif
 #if defined(FLAT) || defined(MATT)
     vec3 light = f.diffuse * (open * from_sky + lit * from_sun);

@@ -4,6 +4,7 @@ layout(std140) uniform Camera { mat4 clip_from_map; vec4 eye; };
 
 in vec3 position, normal, color, emission;
 in vec2 uv;
+in float open;     // share of the sky that the vertex sees
 in vec4 finish;  // roughness, metallic, texture layer, label
 #ifdef JOINTED
 uniform mat4 bones[BONES];
@@ -14,7 +15,7 @@ in vec2 bone_lamp;
 out vec3 place, facing, in_sun;
 flat out vec3 own_color, own_emission;
 flat out vec4 own_finish;
-out vec2 own_uv;
+out vec3 own_uv;  // and `open`
 #ifdef FLAT
 flat out vec3 from_sky, from_sun;
 #elif defined(MATT)
@@ -34,8 +35,8 @@ void main() {
 #endif
     own_color = color;
     own_finish = finish;
-    own_uv = uv;
-    in_sun = mat3(sun_from_map) * (place + 0.004 * facing);  // offset from the surface, against shadow acne
+    own_uv = vec3(uv, open);
+    in_sun = mat3(sun_from_map) * (place + still_offset.w * facing);  // offset from the surface, against shadow acne
 #if defined(FLAT) || defined(MATT)
     from_sky = 0.31831 * mix(floor_glow.rgb, 0.5 * (zenith.rgb + horizon.rgb), facing.z * 0.5 + 0.5);
     from_sun = 0.31831 * clamp(dot(facing, sun_direction.xyz), 0.0, 1.0) * sun_color.rgb;

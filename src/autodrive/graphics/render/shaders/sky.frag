@@ -1,15 +1,18 @@
-// The sky: bright at the horizon, darker towards the zenith.
+// The sky.
+layout(std140) uniform Frame { FRAME_FIELDS };
+#ifdef CLOUDS
+uniform sampler2DArray textures;
+uniform float layer;
+vec2 cloud_noise(vec2 at) { return texture(textures, vec3(at, layer)).rg; }
+#endif
 in vec3 ray;
-flat in vec3 low, high;
-#ifdef AIR
-flat in float haze;  // extinction times the height of the layer of fog
-#endif
 out vec4 pixel;
+TONE
+SKY_LIGHT
 void main() {
-    float up = clamp(ray.z * inversesqrt(dot(ray, ray)), 0.0, 1.0);
-    vec3 seen = mix(low, high, sqrt(up));
+    vec3 d = normalize(ray), seen = sky_light(d);
 #ifdef AIR
-    seen = mix(low, seen, exp(-haze / (up + 0.02)));
+    seen = mix(horizon.rgb * 0.31831, seen, exp(-3.0 * exposure.z / (max(d.z, 0.0) + 0.02)));  // a layer of 3 m
 #endif
-    pixel = vec4(seen, 1.0);
+    pixel = vec4(shown(seen * exposure.x), 1.0);
 }

@@ -1,0 +1,187 @@
+"""The traffic lights of a world: what they show at a tick, and who crosses their stop lines at red."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.errors import CommandError
+from autodrive.base.jit import jit_uncounted, resolved
+from autodrive.base.suggest import suggest
+from autodrive.protocol.messages import Event, RedLight, StopSign, TrafficLightFrame, TrafficLightState
+from autodrive.scenario.maps.light_programs import LightCycle, LightProgramSpec, light_cycles
+from autodrive.scenario.maps.stop_lines import StopLine
+
+FLASH_PERIOD = 1.0
+"""Of a flashing light [s]; it is on in the first half."""
+STOP_SPEED = 0.05
+"""A slower vehicle has stopped [m/s]."""
+STOP_REACH = 1.0
+"""It must have stopped with its front within so many of its lengths before the stop line."""
+OFF, RED, YELLOW, GREEN = TrafficLightState
+_DARK = TrafficLightFrame(OFF, None, "off")
+
+
+class TrafficLights:
+    """The traffic lights of a map by name, as their programs or requests set them."""
+
+    def __init__(self, names: Sequence[str], programs: Mapping[str, LightProgramSpec], tick: float) -> None:
+        """`tick`: duration of a tick [s]."""
+        cycles = {name: cycle for one in programs.values() for name, cycle in light_cycles(one, tick).items()}
+        self._cycles: dict[str, LightCycle | None] = {name: cycles.get(name) for name in names}
+        self._tick = tick
+        self._half_flash = max(1, round(0.5 * FLASH_PERIOD / tick))
+        self.set_states: dict[str, TrafficLightState] = {}
+        """States that were set by a request."""
+
+    def __len__(self) -> int:
+        return len(self._cycles)
+
+    def set(self, light: str, state: TrafficLightState | None) -> None:
+        """See `SetTrafficLight`. Raises `CommandError`."""
+        if light not in self._cycles:
+            raise CommandError(f"traffic light '{light}' is not known. {suggest(str(light), list(self._cycles))}")
+        if state is None:
+            self.set_states.pop(light, None)
+            return
+        try:
+            self.set_states[light] = TrafficLightState(state)
+        except ValueError:
+            known = ", ".join(f"{one.value} {one.name.lower()}" for one in TrafficLightState)
+            raise CommandError(
+                f"state of traffic light '{light}' must be None or one of {known}, not {state!r}"
+            ) from None
+
+    def restore(self, states: Mapping[str, TrafficLightState]) -> None:
+        """Go back to these `set_states`, which may be those of a world with other lights."""
+        self.set_states = {light: state for light, state in states.items() if light in self._cycles}
+
+    def at(self, tick: int, time_of_day: float | None) -> dict[str, TrafficLightFrame]:
+        """What they show. `time_of_day` [s since midnight]; None: the light of the scene is fixed."""
+        return {name: self._at(name, cycle, tick, time_of_day) for name, cycle in self._cycles.items()}
+
+    def _at(self, name: str, cycle: LightCycle | None, tick: int, time_of_day: float | None) -> TrafficLightFrame:
+        if (state := self.set_states.get(name)) is not None:
+            return TrafficLightFrame(state, None, "set")
+        if cycle is None:
+            return _DARK
+        if cycle.flashes(time_of_day):
+            halves, part = divmod(tick, self._half_flash)
+            state = OFF if halves % 2 else YELLOW
+            return TrafficLightFrame(state, (self._half_flash - part) * self._tick, "flashing")
+        state, ticks = cycle.at(tick)
+        return TrafficLightFrame(state, None if ticks is None else ticks * self._tick, "program")
+
+
+class StopLineReferee:
+    """Makes events of vehicles that cross a stop line at red, or at a stop sign without a stop.
+
+    A vehicle crosses a line when the middle of its front passes from before the line to behind it, within the width of
+    the lanes.
+    """
+
+    def __init__(self, names: Sequence[str], lengths: Sequence[tuple[float, float]], lines: Sequence[StopLine]) -> None:
+        """`lengths`: from the origin to the front of each vehicle, and its length [m]."""
+        self._names, self._lines = list(names), list(lines)
+        poses = [(*line.pose[:2], math.cos(line.pose[2]), math.sin(line.pose[2])) for line in lines]
+        rest = [(line.width, line.kind == "stop") for line in lines]
+        self._table = np.column_stack([np.array(poses), np.array(rest, np.float64)])
+        """x, y, cosine and sine of the heading, width, whether it belongs to a stop sign."""
+        self._fronts = np.array([front for front, _ in lengths])
+        self._reach = np.array([STOP_REACH * length for _, length in lengths])
+        n, m = len(self._names), len(self._lines)
+        self._ahead = np.full((n, m), np.nan)
+        """From the front of each vehicle to each line, along the heading of the line [m]; nan: not known."""
+        self._has_stopped = np.zeros((n, m), np.bool_)
+        """Since it came near."""
+        self._has_crossed = np.zeros((n, m), np.bool_)
+        self._note: Any = None
+
+    def reset(self, vehicle: int | None = None) -> None:
+        """Forget where a vehicle was, or all of them: a vehicle that is moved by hand crosses no line."""
+        rows = slice(None) if vehicle is None else vehicle
+        self._ahead[rows], self._has_stopped[rows] = np.nan, False
+
+    def save(self) -> Any:
+        """Everything that the future depends on, for `restore`."""
+        return self._ahead.copy(), self._has_stopped.copy()
+
+    def restore(self, saved: Any) -> None:
+        """Go back to the state of `save`; one of a map with other stop lines is forgotten."""
+        self.reset()
+        if saved is not None and saved[0].shape == self._ahead.shape:
+            self._ahead[:], self._has_stopped[:] = saved
+
+    def judge(
+        self,
+        time: float,
+        position: Floats,
+        orientation: Floats,
+        velocity: Floats,
+        lights: Callable[[], Mapping[str, TrafficLightFrame]],
+    ) -> list[Event]:
+        """What happened in the tick that ended at `time` [s]; `lights`: what they show at its end."""
+        arguments = (
+            self._table,
+            self._fronts,
+            self._reach,
+            position,
+            orientation,
+            velocity,
+            self._ahead,
+            self._has_stopped,
+            self._has_crossed,
+        )
+        if self._note is None:
+            self._note = resolved(note_stop_lines, *arguments)
+        if not self._note(*arguments):
+            return []
+        events: list[Event] = []
+        for i, k in np.argwhere(self._has_crossed).tolist():
+            line, place = self._lines[k], read_only_copy(position[i])
+            if line.kind == "stop":
+                if not self._has_stopped[i, k]:
+                    events.append(StopSign(time, self._names[i], line.prop, place))
+                self._has_stopped[i, k] = False
+            elif lights()[line.prop].state is RED:
+                events.append(RedLight(time, self._names[i], line.prop, place))
+        return events
+
+
+@jit_uncounted
+def note_stop_lines(
+    lines: Floats,
+    fronts: Floats,
+    reach: Floats,
+    position: Floats,
+    orientation: Floats,
+    velocity: Floats,
+    ahead: Floats,
+    has_stopped: NDArray[np.bool_],
+    has_crossed: NDArray[np.bool_],
+) -> bool:
+    """Write which vehicle has crossed which line, and has stopped before it; True if any has crossed one."""
+    any_crossed = False
+    for i in range(fronts.shape[0]):
+        w, x, y, z = orientation[i, 0], orientation[i, 1], orientation[i, 2], orientation[i, 3]
+        front_x = position[i, 0] + fronts[i] * (1.0 - 2.0 * (y * y + z * z))
+        front_y = position[i, 1] + fronts[i] * (2.0 * (x * y + w * z))
+        is_slow = abs(velocity[i, 0]) < STOP_SPEED
+        for k in range(lines.shape[0]):
+            dx, dy = lines[k, 0] - front_x, lines[k, 1] - front_y
+            now = dx * lines[k, 2] + dy * lines[k, 3]
+            aside = dy * lines[k, 2] - dx * lines[k, 3]
+            before = ahead[i, k]
+            is_beside = abs(aside) <= 0.5 * lines[k, 4]
+            has_crossed[i, k] = is_beside and before > 0.0 and now <= 0.0  # nan: False
+            any_crossed |= has_crossed[i, k]
+            ahead[i, k] = now
+            if lines[k, 5] > 0.0 and not has_crossed[i, k]:
+                is_near = is_beside and now > 0.0 and now <= reach[i]
+                has_stopped[i, k] = is_near and (has_stopped[i, k] or is_slow)
+    return any_crossed
