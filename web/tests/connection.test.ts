@@ -1,6 +1,6 @@
 import { beforeEach, describe, expect, test, vi } from 'vitest'
 
-import { PROTOCOL, SUBPROTOCOL } from '../src/messages'
+import { type Drawing, PROTOCOL, SUBPROTOCOL } from '../src/messages'
 import { connectedPage, FakeSocket, frameOf, newPage, scanOf, sceneOf, statusOf, welcome } from './support'
 
 beforeEach(() => {
@@ -20,7 +20,7 @@ test('the first messages are Hello and the subscription', () => {
   FakeSocket.latest.open()
   expect(FakeSocket.latest.sent).toEqual([
     { type: 'Hello', protocol: PROTOCOL, name: 'page' },
-    { type: 'Subscribe', frame_rate: 5 },
+    { type: 'Subscribe', drawings: true, frame_rate: 5 },
   ])
 })
 
@@ -105,6 +105,24 @@ describe('requests', () => {
   })
 })
 
+test('drawings are kept by name until they are removed or the scene changes', () => {
+  const { store, socket } = connectedPage(['V1'])
+  const drawing: Drawing = {
+    kind: 'points',
+    points: [[0, 0, 1]],
+    color: [1, 0, 0, 1],
+    text: '',
+    size: 1,
+    lifetime: null,
+  }
+  for (const name of ['a', 'b']) socket.receive({ type: 'Drawn', name, drawing, until: 3 })
+  expect([...store.drawings.keys()]).toEqual(['a', 'b'])
+  socket.receive({ type: 'Drawn', name: 'a', drawing: null, until: 0 })
+  expect([...store.drawings.keys()]).toEqual(['b'])
+  socket.receive(sceneOf(['V1']))
+  expect(store.drawings.size).toBe(0)
+})
+
 describe('reconnection', () => {
   test('delays double up to two seconds, and start again after a Welcome', () => {
     newPage()
@@ -144,7 +162,9 @@ describe('reconnection', () => {
     socket.close()
     vi.advanceTimersByTime(200)
     FakeSocket.latest.open()
-    expect(FakeSocket.latest.of('Subscribe')).toEqual([{ type: 'Subscribe', scans: true, frame_rate: 5 }])
+    expect(FakeSocket.latest.of('Subscribe')).toEqual([
+      { type: 'Subscribe', drawings: true, scans: true, frame_rate: 5 },
+    ])
   })
 
   test('a refused protocol version is the reason that is shown', () => {

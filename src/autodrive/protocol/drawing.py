@@ -121,7 +121,7 @@ def _places(name: str, points: Any) -> tuple[tuple[float, float, float], ...]:
         )
     if table.size == 0:
         return ()
-    if table.shape[1] == 2:
+    if table.shape[-1] == 2:
         table = np.column_stack((table, np.full(len(table), LIFT)))
     return tuple(map(tuple, table.tolist()))  # type: ignore[arg-type]  # pyright: ignore[reportReturnType]
 

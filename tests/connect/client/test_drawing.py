@@ -15,7 +15,7 @@ from autodrive.connect.client.client_socket import Address, ClientSocket
 from autodrive.connect.server.server import Server
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.drawing import MAX_PRIMITIVES
-from autodrive.protocol.messages import Draw, Drawing, Frame, Step
+from autodrive.protocol.messages import Draw, Drawing, Frame, Pause, Step
 from autodrive.protocol.native import PROTOCOL, Drawn, Hello, Subscribe
 from autodrive.world.simulation import Simulation
 from tests.support.waiting import LIMIT, wait_until
@@ -89,6 +89,9 @@ def test_drawings_of_the_world_disappear_by_simulated_time(server: Server, simul
     wait_until(lambda: simulation.world.time > until)
     simulation.request(Draw({"next": Drawing("points", ((0.0, 0.0, 0.0),))})).result()
     viewer.wait_for("next")
+    simulation.request(Pause()).result()
+    simulation.request(Draw({}, clears=True)).result()  # no Frame follows
+    viewer.wait_for()
 
 
 def test_they_change_neither_state_nor_frames_and_belong_to_no_snapshot() -> None:

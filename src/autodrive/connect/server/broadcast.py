@@ -84,6 +84,10 @@ class Broadcast:
                 self._loading = asyncio.create_task(self._load_scene(item.world))
             else:
                 self._send(item)
+        self.update_drawings()
+
+    def update_drawings(self) -> None:
+        """Send drawings that are new: with each Frame, and from time to time in a pause, in which none comes."""
         if self._world is not None and self.encoded.set_drawings(self._world.drawings):
             for client in self._clients:
                 client.on_drawings()

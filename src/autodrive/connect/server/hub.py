@@ -214,6 +214,7 @@ class Hub:
 
     async def _send_status_regularly(self) -> None:
         while True:
+            self.broadcast.update_drawings()
             self._send_status()
             await asyncio.sleep(STATUS_INTERVAL)
 
