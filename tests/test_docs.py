@@ -112,6 +112,15 @@ def test_the_weather_of_the_document_is_that_of_the_world() -> None:
     assert names["frame"].time_of_day == 66600.0
 
 
+def test_the_drawings_of_the_document_are_drawn() -> None:
+    drawings = run("drawing.md")["world"].drawings
+    assert {name: (one.drawing.kind, one.until) for name, one in drawings.items() if one.drawing} == {
+        "path": ("path", math.inf),
+        "points": ("points", 0.5),
+        "text": ("text", math.inf),
+    }
+
+
 def test_the_traffic_lights_of_the_document_are_set_and_follow_its_program(tmp_path: Path) -> None:
     assert run("traffic_lights.md")["frame"].traffic_lights["traffic_light_1"].mode == "set"
     (tmp_path / "town.yaml").write_text(examples("traffic_lights.md")[0])
