@@ -33,19 +33,22 @@ class TrafficLights:
     def __init__(self, names: Sequence[str], programs: Mapping[str, LightProgramSpec], tick: float) -> None:
         """`tick`: duration of a tick [s]."""
         cycles = {name: cycle for one in programs.values() for name, cycle in light_cycles(one, tick).items()}
-        self._cycles: dict[str, LightCycle | None] = {name: cycles.get(name) for name in names}
+        of_lights = {name: cycles.get(name) for name in names}
+        self._cycles = list(dict.fromkeys(of_lights.values()))
+        """The different ones: a tick looks once for all lights of a group. None: without a program."""
+        self._cycle_of = {name: self._cycles.index(cycle) for name, cycle in of_lights.items()}
         self._tick = tick
         self._half_flash = max(1, round(0.5 * FLASH_PERIOD / tick))
         self.set_states: dict[str, TrafficLightState] = {}
         """States that were set by a request."""
 
     def __len__(self) -> int:
-        return len(self._cycles)
+        return len(self._cycle_of)
 
     def set(self, light: str, state: TrafficLightState | None) -> None:
         """See `SetTrafficLight`. Raises `CommandError`."""
-        if light not in self._cycles:
-            raise CommandError(f"traffic light '{light}' is not known. {suggest(str(light), list(self._cycles))}")
+        if light not in self._cycle_of:
+            raise CommandError(f"traffic light '{light}' is not known. {suggest(str(light), list(self._cycle_of))}")
         if state is None:
             self.set_states.pop(light, None)
             return
@@ -59,15 +62,17 @@ class TrafficLights:
 
     def restore(self, states: Mapping[str, TrafficLightState]) -> None:
         """Go back to these `set_states`, which may be those of a world with other lights."""
-        self.set_states = {light: state for light, state in states.items() if light in self._cycles}
+        self.set_states = {light: state for light, state in states.items() if light in self._cycle_of}
 
     def at(self, tick: int, time_of_day: float | None) -> dict[str, TrafficLightFrame]:
         """What they show. `time_of_day` [s since midnight]; None: the light of the scene is fixed."""
-        return {name: self._at(name, cycle, tick, time_of_day) for name, cycle in self._cycles.items()}
+        shown = [self._at(cycle, tick, time_of_day) for cycle in self._cycles]
+        frames = {name: shown[k] for name, k in self._cycle_of.items()}
+        for name, state in self.set_states.items():
+            frames[name] = TrafficLightFrame(state, None, "set")
+        return frames
 
-    def _at(self, name: str, cycle: LightCycle | None, tick: int, time_of_day: float | None) -> TrafficLightFrame:
-        if (state := self.set_states.get(name)) is not None:
-            return TrafficLightFrame(state, None, "set")
+    def _at(self, cycle: LightCycle | None, tick: int, time_of_day: float | None) -> TrafficLightFrame:
         if cycle is None:
             return _DARK
         if cycle.flashes(time_of_day):
