@@ -18,8 +18,8 @@ NAMES = [f"traffic_light_{number}" for number in range(1, 5)]
 EAST_WEST, NORTH_SOUTH = NAMES[0], NAMES[1]
 LINE = -0.67
 """x of the stop line of the first traffic light [m]."""
-NOSE = (0.14154 + 0.3) / 2.0
-"""Of Nigel, ahead of the rear axle: half of wheelbase and length [m]."""
+NOSE = 0.23
+"""Of Nigel, ahead of the rear axle: its outline in the ROS package [m]."""
 CYCLE = 22.0
 """Of Tiny Town: two phases of 8 s of green, 2 s of yellow and 1 s of red for all [s]."""
 
