@@ -179,7 +179,7 @@ def test_other_files_are_no_policies(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("grip", "throttle"), [(1.0, 0.1), (0.3, 1.0)])
 def test_a_racer_reads_what_the_environment_shows(grip: float, throttle: float) -> None:
-    """From the encoders, the gyroscope and the LIDAR, at the same time in the same world; also while the wheels spin."""
+    """From encoders, gyroscope and LIDAR, at the same time in the same world; also while the wheels spin."""
     task = TimeTrial(5)
     car = VehiclePlacement(type="roboracer", sensors={"lidar": SensorSettings(noise="realistic")}, grip_factor=grip)
     world = autodrive.make(ScenarioSpec(map="practice", vehicles={"V1": car}, tick=PERIOD))
@@ -212,7 +212,7 @@ def test_a_racer_reads_what_the_environment_shows(grip: float, throttle: float) 
 def test_what_a_racer_cannot_read_is_refused() -> None:
     with pytest.raises(AutodriveError, match="reads offset, which no script can read in a race"):
         PolicyRacer(random_policy(inputs=("offset",)))
-    with pytest.raises(AutodriveError, match="reads speed, which no script can read in a race; .* wheel_speed"):
+    with pytest.raises(AutodriveError, match=r"reads speed, which no script can read in a race; .* wheel_speed"):
         PolicyRacer(random_policy(inputs=("speed",)))
     with pytest.raises(AutodriveError, match="a scan of 1080 rays, not of 361"):
         sectors(np.ones(361))
