@@ -34,7 +34,7 @@ def lens(tab: Tab, color: str) -> np.ndarray:
 def is_lit(tab: Tab, color: str) -> bool:
     """Far from the colour of the dark lens: bright, and red, yellow or green."""
     red, green, blue = lens(tab, color)
-    has_hue = {"red": red > 1.5 * green, "yellow": red > 1.2 * green > 1.8 * blue, "green": green > 1.5 * red}[color]
+    has_hue = {"red": red > 1.5 * green, "yellow": red > green > 1.5 * blue, "green": green > 1.5 * red}[color]
     return bool(max(red, green) > 0.85 and has_hue)
 
 

@@ -17,7 +17,9 @@ import type { VehicleModel } from './vehicle'
 /** Diameter of the glare of a headlight and of another lamp [m]. */
 const HEADLIGHT_SIZE = 0.16
 const LAMP_SIZE = 0.07
-/** Of a lens of a traffic light [m]. */
+/** Brightness of the glare of a lens of a traffic light at night: a brighter one would change its hue. */
+const LENS_BRIGHTNESS = 0.5
+/** Diameter of this glare [m]. */
 const LENS_SIZE = 0.05
 /** Brightness of the glare by day, relative to night. */
 const DAY_BRIGHTNESS = 0.3
@@ -98,7 +100,7 @@ export class LampGlare {
       position.setXYZ(slot, ...lens.position.toArray())
       aim.setXYZW(slot, ...lens.aim.toArray(), 0)
       point.copy(lens.color).divideScalar(Math.max(...lens.color.toArray()))
-      point.multiplyScalar(isDay ? DAY_BRIGHTNESS : 1)
+      point.multiplyScalar(isDay ? DAY_BRIGHTNESS : LENS_BRIGHTNESS)
       color.setXYZW(slot++, ...point.toArray(), LENS_SIZE)
     }
     this.geometry.setDrawRange(0, slot)
