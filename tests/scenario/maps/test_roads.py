@@ -42,8 +42,8 @@ def gate(of: Roads, start: tuple[float, float], end: tuple[float, float]) -> int
 @pytest.mark.parametrize("name", CLOSED)
 def test_each_link_goes_on_where_it_ends(name: str) -> None:
     of = roads(load_map(name), CLEARANCE)
-    assert of.count > 0
-    for link in range(of.count):
+    assert of.link_count > 0
+    for link in range(of.link_count):
         assert successors(of, link)
         for following in successors(of, link):
             end, start = points_of(of, link)[-1], points_of(of, following)[0]
@@ -65,7 +65,7 @@ def test_links_have_the_lengths_of_lines_and_quarters_of_circles() -> None:
 
 def test_the_lanes_of_an_oval_differ_by_a_turn_around_the_distance_between_them() -> None:
     oval = roads(load_map("oval"), CLEARANCE)
-    assert [successors(oval, link) for link in range(oval.count)] == [[0], [1]]
+    assert [successors(oval, link) for link in range(oval.link_count)] == [[0], [1]]
     assert not oval.is_gate.any()
     assert abs(oval.length[0] - oval.length[1]) == pytest.approx(2 * math.pi * 0.3, rel=2e-3)
 
@@ -74,14 +74,14 @@ def test_an_intersection_has_the_crossing_and_joining_pairs_of_the_textbook() ->
     """Four legs: 16 crossings, and at each of four exits three movements that join."""
     for clearance in (1e-3, CLEARANCE):
         of = roads(load_map("figure_eight"), clearance)
-        pairs = {frozenset((a, b)) for a in range(of.count) for b in rivals(of, a)}
+        pairs = {frozenset((a, b)) for a in range(of.link_count) for b in rivals(of, a)}
         joining = {pair for pair in pairs if len({tuple(points_of(of, a)[-1, :2].round(3)) for a in pair}) == 1}
         assert (len(pairs - joining), len(joining)) == (16, 12)
 
 
 def test_two_links_are_apart_where_they_are_clear_of_each_other() -> None:
     of = roads(load_map("tiny_town"), CLEARANCE)
-    for link in range(of.count):
+    for link in range(of.link_count):
         other_line = shapely.LineString(points_of(of, link)[:, :2])
         for other, (end, order) in rivals(of, link).items():
             assert rivals(of, other)[link][1] == -order
@@ -115,4 +115,4 @@ def test_a_map_without_a_closed_way_has_no_links() -> None:
         {"module": "dead_end", "x": -0.3, "y": 0.0, "yaw_deg": 180.0},
         {"module": "dead_end", "x": 0.3, "y": 0.0},
     ]
-    assert roads(load_map(MapSpec.model_validate({"title": "Street", "placements": ends})), CLEARANCE).count == 0
+    assert roads(load_map(MapSpec.model_validate({"title": "Street", "placements": ends})), CLEARANCE).link_count == 0

@@ -63,7 +63,7 @@ class Roads(NamedTuple):
     """1: the link gives way to the other one; -1: the other one does; 0: who comes first goes first."""
 
     @property
-    def count(self) -> int:
+    def link_count(self) -> int:
         """Number of links."""
         return len(self.length)
 

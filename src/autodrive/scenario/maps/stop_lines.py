@@ -42,7 +42,7 @@ def stop_lines(placed: Sequence[PlacedModule], props: Sequence[Prop], *kinds: Li
     """
     lines = list(_lines(placed))
     for prop in props:
-        kind = next((one for one in kinds if one == prop.kind), None)
+        kind: LineKind | None = next((one for one in kinds if one == prop.kind), None)
         if kind is None:
             continue
         x, y, yaw = prop.pose
