@@ -151,7 +151,7 @@ def test_a_track_by_points_has_the_bits_of_its_centre_line_in_a_file_and_in_a_sc
         (("width: 1.2", ""), r"width: is required with points"),
         (("width: 1.2", "width: 0.1"), r"width \(line 4\): must be at least 0.2"),
         (("6 0, 12 -1", "6 0, x"), r"point 3.*found 'x'"),
-        (("points: [", "pionts: ["), r"pionts.*Did you mean 'points'"),
+        (("points: [", "point: ["), r"point .*Did you mean 'points'"),
         (
             ("width: 1.2", "width: 5"),
             r"track 'wrong': point \d+ \(line 3\): the radius .* at least 2.60 m",
