@@ -45,7 +45,9 @@ class DuelVectorEnv(SeveralCarsVectorEnv):
     ) -> None:
         """`tracks`: number of random tracks, with the seeds from `track_seed` on; None: 3, or 1 if published.
 
-        `laps`: of a race of the variant "own". `noise`: see `Conditions`. `num_envs`: an even number. Raises `SpecError`.
+        `laps`: of a race of the variant "own". `noise`: see `Conditions`. `num_envs`: an even number.
+
+        Raises `SpecError`.
         """
         super().__init__(
             num_envs,

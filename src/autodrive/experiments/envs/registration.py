@@ -13,7 +13,10 @@ IDS = {
 ROBORACER, ROBORACER_STEPS = "RoboRacer-v0", 2400
 """The time trial, which has a class of its own, and its steps (60 s)."""
 
-SEVERAL_CARS = {"RoboRacerDuel-v0": ("duel_env:DuelVectorEnv", 4800)}
+SEVERAL_CARS = {
+    "NigelCrossing-v0": ("crossing_env:CrossingVectorEnv", 600),
+    "RoboRacerDuel-v0": ("duel_env:DuelVectorEnv", 4800),
+}
 """Id -> vector environment of several cars in each world, and its steps; there is no environment of one car."""
 
 
