@@ -22,7 +22,7 @@ def test_the_programs_of_the_page_run() -> None:
     for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
         with redirect_stdout(io.StringIO()):
             exec(code, names)
-    assert names["observations"].shape == (8, 59)  # of the last one, four races of two cars
+    assert names["observations"].shape == (8, 60)  # of the last one, four races of two cars
 
 
 def test_the_page_names_every_id_and_its_steps() -> None:

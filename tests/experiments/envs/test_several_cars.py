@@ -135,7 +135,7 @@ def test_the_published_crossing_rewards_what_the_table_says(actions: list[int], 
 
 def test_the_published_observation_of_the_crossing_is_that_of_the_poses() -> None:
     env = CrossingParallelEnv(variant="published")
-    env.reset(seed=2)
+    observations, _ = env.reset(seed=2)
     for _ in range(30):
         observations, *_ = env.step(dict.fromkeys(env.agents, FAST))
     readings = env.vector.batch.readings
@@ -190,6 +190,7 @@ def test_an_own_crossing_has_a_reward_of_the_way_and_ends_beside_the_road() -> N
     left = {agent: np.array([1.0, 1.0]) for agent in env.agents}
     start = env.vector.batch.readings.position[0, 0, 0]
     total, ended = 0.0, False
+    infos: dict[str, Any] = {}
     while not ended:
         _, rewards, terminated, _, infos = env.step({agent: left[agent] for agent in env.agents})
         total, ended = total + rewards["V1"] + 0.002, terminated["V1"]

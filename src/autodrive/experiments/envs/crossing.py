@@ -13,7 +13,8 @@ Variant "published": the benchmark of the AutoDRIVE Ecosystem (arXiv 2309.10007)
   which replaces that of a collision in the same step.
 - End of a car's episode: a collision, or within 0.15 m of the goal point of one of the two lanes, which is the success.
 - Start: at rest in the inner lane, 1.6 m from the middle of the crossing; the goals are 1.6 m behind it. Cars that only
-  drive straight on at the same speed collide. The throttle of each car is multiplied by a number from 0.9 to 1, drawn in each episode.
+  drive straight on at the same speed collide. The throttle of each car is multiplied by a number from 0.9 to 1, drawn
+  in each episode.
 
 The tolerance, the places and the order of the others are choices: they are not published.
 

@@ -27,6 +27,8 @@ STEPS = 4800
 class DuelVectorEnv(SeveralCarsVectorEnv):
     """Many races of two cars: see `autodrive.experiments.envs.duel`."""
 
+    task: Duel
+
     @with_suggestions
     def __init__(
         self,
@@ -93,6 +95,7 @@ class DuelParallelEnv(SeveralCarsParallelEnv):
         "render_modes": [],
         "is_parallelizable": True,
     }
+    vector: DuelVectorEnv
 
     def __init__(self, **settings: Any) -> None:
         """`settings`: of `DuelVectorEnv`. Raises `SpecError`."""

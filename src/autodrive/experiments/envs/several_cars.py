@@ -74,6 +74,7 @@ class SeveralCarsParallelEnv(ParallelEnv[str, Any, Any]):
         assert vector.batch.n == 1
         self.vector = vector
         """The environment that does the work."""
+        self._no_actions = np.zeros_like(vector.action_space.sample())
         self.render_mode = None
         self.possible_agents = list(vector.task.scenario.vehicles)
         self.agents: list[str] = []
@@ -105,8 +106,7 @@ class SeveralCarsParallelEnv(ParallelEnv[str, Any, Any]):
             return {}, {}, {}, {}, {}
         if missing := sorted(rows.keys() - actions.keys()):
             raise CommandError(f"actions: that of {missing[0]} is missing")
-        space = self.vector.action_space
-        given = np.zeros(space.shape, space.dtype)
+        given = np.zeros_like(self._no_actions)
         for agent, row in rows.items():
             given[row] = np.asarray(actions[agent]).reshape(given.shape[1:])
         observations, reward, _, truncated, info = self.vector.step(given)

@@ -18,7 +18,7 @@ Variant: TypeAlias = Literal["published", "own"]
 def is_published(variant: Variant) -> bool:
     """Whether it is the published one. Raises `SpecError` for another word."""
     if variant not in get_args(Variant):
-        raise SpecError([f"variant: {variant!r} is not known. {suggest(str(variant), get_args(Variant))}"])
+        raise SpecError([f"variant: {variant!r} is not known. {suggest(str(variant), [*get_args(Variant)])}"])
     return variant == "published"
 
 
