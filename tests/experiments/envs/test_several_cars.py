@@ -284,7 +284,7 @@ def test_an_own_duel_ends_for_both_when_one_has_won() -> None:
     ("make", "error"),
     [
         (lambda: CrossingVectorEnv(6), "with 4 cars in a world it must be a multiple, not 6"),
-        (lambda: CrossingVectorEnv(4, variant="publshed"), "variant: 'publshed' is not known. .*published"),  # pyright: ignore[reportArgumentType]
+        (lambda: CrossingVectorEnv(4, variant="other"), "variant: 'other' is not known. .*published"),  # pyright: ignore[reportArgumentType]
         (lambda: DuelVectorEnv(2, variant="published", action="continuous"), "the variant 'published' are discrete"),
         (lambda: CrossingVectorEnv(4, loss=1.5), "loss: must be a number from 0 to 1, not 1.5"),
         (lambda: DuelVectorEnv(2, noise=-1.0), "noise: must be a number from 0 to 100"),
