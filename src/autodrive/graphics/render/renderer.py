@@ -40,6 +40,8 @@ BEAM_FOG_CELLS = 24 * 18
 """As `CELLS` in shaders/beam_fog.vert."""
 STARRY = 0.125
 """There are stars if the zenith (its green part) is darker."""
+COARSE_WIDTH = 400
+"""The sky of wider images is drawn with fewer pixels [pixels]; see `Quality.sky_step`."""
 PART_SIZE = 0.06
 """Of the parts of a vehicle [m]."""
 
@@ -208,7 +210,7 @@ class Renderer:
 
     def _draw_behind(self, number: int, view: View, clip: Floats, look: Daylight | None) -> None:
         """Draw what `_new_behind` says, for the view with that number. Without `look` no sky."""
-        is_coarse = look is not None and self._is_sky_coarse(look)
+        is_coarse = look is not None and self._is_sky_coarse(look, view)
         if self._strips is None and not is_coarse:
             return
         width, height = view.intrinsics.width, view.intrinsics.height
@@ -229,7 +231,7 @@ class Renderer:
     def _draw_colors(self, view: View, look: Daylight, time: float, is_day: bool) -> None:
         clip = self._look(view)
         self._draw_calls(self._seen(clip), is_day, weather=look.air.effects)
-        if self._is_sky_coarse(look):
+        if self._is_sky_coarse(look, view):
             self._draw_coarse_sky(view)
         else:
             self._draw_sky(clip, look)
@@ -258,9 +260,9 @@ class Renderer:
                 write(program, "lamps", glow)
             model.draw(program, first, count)
 
-    def _is_sky_coarse(self, look: Daylight) -> bool:
-        """Stars are too small for it."""
-        return self.quality.sky_step > 1 and not _is_starry(look)
+    def _is_sky_coarse(self, look: Daylight, view: View) -> bool:
+        """Stars, and the sun in a small image, are too small for it."""
+        return self.quality.sky_step > 1 and view.intrinsics.width >= COARSE_WIDTH and not _is_starry(look)
 
     def _draw_sky(self, clip: Floats, look: Daylight, *, step: int = 1) -> None:
         """`step`: see `Quality.sky_step`."""
@@ -408,7 +410,7 @@ class Renderer:
             "QUICK": is_quick,
         }
         flags = [name for name, is_set in has.items() if is_set]
-        program = self._linked("sky.vert", "sky.frag", SHARPER=math.log2(step), **dict.fromkeys(flags, 1))
+        program = self._linked("sky.vert", "sky.frag", False, SHARPER=math.log2(step), **dict.fromkeys(flags, 1))
         return program, self._context.vertex_array(program, [])
 
     def _new_plain(self, name: str) -> tuple[moderngl.Program, moderngl.VertexArray]:
