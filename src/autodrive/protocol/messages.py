@@ -397,6 +397,19 @@ class UseMap(msgspec.Struct, frozen=True, tag=True):
     text: Annotated[str, msgspec.Meta(max_length=2**16)] = ""
 
 
+class CloseLoop(msgspec.Struct, frozen=True, tag=True):
+    """Close a road: add roads from an open end of the module `part` to an open end of the module `other`, as one edit.
+
+    Without `port` or `other_port`, any open end of the module; without `other`, the nearest open end that can be
+    reached.
+    """
+
+    part: Name
+    port: Name = ""
+    other: Name = ""
+    other_port: Name = ""
+
+
 class Undo(msgspec.Struct, frozen=True, tag=True):
     """Revert the latest edit."""
 
@@ -417,7 +430,7 @@ class SaveMap(msgspec.Struct, frozen=True, tag=True):
     title: Annotated[str, msgspec.Meta(max_length=200)] = ""
 
 
-Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap
+Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop
 
 Operation: TypeAlias = (
     Reset

@@ -15,6 +15,7 @@ from autodrive.connect.client.view import View
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import (
     AddBox,
+    CloseLoop,
     EditMap,
     Frame,
     LoadScenario,
@@ -39,7 +40,7 @@ from autodrive.protocol.native import (
 
 LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
-LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, EditMap, UseMap, Undo, Redo)
+LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, EditMap, UseMap, CloseLoop, Undo, Redo)
 """Operations that compile a scenario."""
 RETRY = 0.2
 """Time between two attempts to reconnect [s]."""

@@ -9,10 +9,11 @@ from typing import TypeAlias
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
-from autodrive.protocol.messages import AddBox, Edit, EditMap, Place, RemoveBox, UseMap
+from autodrive.protocol.messages import AddBox, CloseLoop, Edit, EditMap, Place, RemoveBox, UseMap
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.world import World
 from autodrive.world.compile import CompiledScenario
+from autodrive.world.editing.closing import closing_edit
 from autodrive.world.editing.edits import edited, name_of
 from autodrive.world.editing.map_edits import edited_map, name_of_edit, own_map, parts_of
 from autodrive.world.factory import compile_scenario
@@ -63,8 +64,11 @@ class Editor:
         specs = replace(world.specs, scenario=world.spec)
         before: dict[str, Floats | None] = {}
         moved: Poses = {}
+        title = ""
+        if isinstance(edit, CloseLoop):
+            edit, title = closing_edit(world, edit), "close the loop"
         if isinstance(edit, EditMap | UseMap):
-            after, name = edited_map(specs, edit), name_of_edit(edit, specs)
+            after, name = edited_map(specs, edit), title or name_of_edit(edit, specs)
             changed = edit.parts if isinstance(edit, EditMap) else parts_of(own_map(after)) | dict.fromkeys(world.boxes)
             before = {one: world.pose(one) for one in changed if one in world.boxes}
             moved = dict.fromkeys(changed)
