@@ -153,7 +153,7 @@ export class Builder {
   /** Goes to the next open end. */
   nextPort(): void {
     const { scene } = this
-    const ports = scene ? freePorts(scene) : []
+    const ports = scene ? freePorts(scene).filter(({ state }) => state !== 'open') : []
     if (ports.length === 0) return
     const hand = this.hand.value
     const target = hand?.kind === 'module' ? hand.target : null
