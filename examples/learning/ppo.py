@@ -5,8 +5,9 @@ Install it, train, and watch the result:
     python examples/learning/ppo.py race --seed 1 --output runs/race
     autodrive play runs/race/policy.npz practice
 
-Problems: "race" (car RoboRacer, LIDAR, random tracks), "duel" (two of them in each race, both driven by the policy that
-learns; `--begin-with runs/race` saves it the beginning), and "lane" (car Nigel, lane keeping). The output folder gets
+Problems: "race" (car RoboRacer, LIDAR, random tracks), "robust" (the same with more latency, noise, other grip and
+mass, and dearer collisions), "duel" (two of them in each race, both driven by the policy that learns), and "lane" (car
+Nigel, lane keeping). `--begin-with runs/race` saves "robust" and "duel" the beginning. The output folder gets
 checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
@@ -45,12 +46,14 @@ from autodrive.recording.plot import HEIGHT, Curves, panel, write_panels
 ENVS, HORIZON = 64, 128
 EPOCHS, MINIBATCHES = 4, 8
 TRACE, CLIP = 0.95, 0.2
-OPTIMIZER = optax.chain(optax.clip_by_global_norm(0.5), optax.adam(optax.linear_schedule(5e-4, 5e-5, 6000), eps=1e-5))
+RATE = 5e-4  # of the learning at the start
 WIDTH = 128
 CHECK_INTERVAL = 60.0  # between two checkpoints [s]
 TRY_INTERVAL = 10.0  # between two tries with --until-clean [s]
+ALONE = "race", "robust"  # problems whose policy drives laps on the shipped tracks
 LAPS = 10  # of a try, on each track
-SCALES = {"speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "range": 0.2}  # features become about -1 to 1; others as is
+SCALES = {"speed": 0.2, "wheel_speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "range": 0.2}
+"""Factors of features, which become about -1 to 1; the others stay."""
 
 
 MOTION, RANGES = INPUTS[:3], INPUTS[3:]  # what a script may read in a race
@@ -72,6 +75,8 @@ class Problem:
     discount: float
     reward: float  # factor that brings the values to about 1
     settings: dict[str, Any] = field(default_factory=dict)
+    crash: float = 0.0  # what a collision costs beyond the reward of the environment [m]
+    decay: int = 6000  # updates until the learning rate is a tenth
 
 
 RACE = Problem(
@@ -92,11 +97,28 @@ RACE = Problem(
         "latency": (0.0, 0.04),
     },
 )
+HARDER = {
+    "track_seed": 100,
+    "track_width": (0.9, 1.6),
+    "track_length": (45.0, 70.0),
+    "track_radius": (0.75, 1.6),
+    "noise": (0.0, 2.0),
+    "friction": (0.7, 1.25),
+    "mass": (0.75, 1.25),
+    "latency": (0.0, 0.055),
+}
 PROBLEMS = {
     "race": RACE,
+    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=25.0, decay=60_000),
     "duel": replace(RACE, settings={**RACE.settings, "cars": 2, "rivalry": 1.0}),
     "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (0.0, 1.0), discount=0.98, reward=3.0),
 }
+
+
+def optimizer(decay: int) -> optax.GradientTransformation:
+    """Adam, whose rate falls to a tenth."""
+    rate = optax.linear_schedule(RATE, 0.1 * RATE, decay)
+    return optax.chain(optax.clip_by_global_norm(0.5), optax.adam(rate, eps=1e-5))
 
 
 class Agent(eqx.Module):
@@ -165,7 +187,7 @@ def loss(agent: Agent, batch: tuple[Rollout, jax.Array, jax.Array]) -> jax.Array
 
 
 @eqx.filter_jit
-def learn(agent, memory, rollout, last_value, discount, key) -> tuple[Any, Any]:
+def learn(agent, memory, rollout, last_value, discount, optimizer, key) -> tuple[Any, Any]:
     """Improve the agent by a rollout; `memory` is that of the optimizer."""
     advantage = advantages(rollout, last_value, discount)
     data = jax.tree.map(lambda one: one.reshape(-1, *one.shape[2:]), (rollout, advantage, advantage + rollout.value))
@@ -175,7 +197,7 @@ def learn(agent, memory, rollout, last_value, discount, key) -> tuple[Any, Any]:
         weights, memory = carry
         batch = jax.tree.map(lambda one: one[places], data)
         gradient = jax.grad(lambda these: loss(eqx.combine(these, rest), batch))(weights)
-        changes, memory = OPTIMIZER.update(gradient, memory, weights)
+        changes, memory = optimizer.update(gradient, memory, weights)
         return (optax.apply_updates(weights, changes), memory), None
 
     keys = jax.random.split(key, EPOCHS)
@@ -204,7 +226,8 @@ class Trainer:
         self.scale = np.array([SCALES.get(kind, 1.0) for kind in kinds])
         self.key, key = jax.random.split(jax.random.PRNGKey(seed))
         self.agent: Agent = Agent(len(self.inputs), key)
-        self.memory = OPTIMIZER.init(eqx.filter(self.agent, eqx.is_inexact_array))
+        self.optimizer = optimizer(self.problem.decay)
+        self.memory = self.optimizer.init(eqx.filter(self.agent, eqx.is_inexact_array))
         self.steps, self.seconds = 0, 0.0
         self.returns: list[float] = []
         self._sums = np.zeros(ENVS)
@@ -233,6 +256,7 @@ class Trainer:
             self.key, key = jax.random.split(self.key)
             action, probability, value = decide(self.agent, self._seen, key)
             observation, reward, terminated, truncated, info = self.envs.step(self.command(action))
+            reward = reward - self.problem.crash * terminated
             self._sums += reward
             reward = self.problem.reward * reward
             has_ended = terminated | truncated
@@ -257,7 +281,9 @@ class Trainer:
         """One rollout, and what is learnt from it."""
         rollout, last_value = self.rollout()
         self.key, key = jax.random.split(self.key)
-        self.agent, self.memory = learn(self.agent, self.memory, rollout, last_value, self.problem.discount, key)
+        self.agent, self.memory = learn(
+            self.agent, self.memory, rollout, last_value, self.problem.discount, self.optimizer, key
+        )
 
     def policy(self) -> Policy:
         """The mean of the actions as a file that needs no JAX."""
@@ -328,8 +354,8 @@ def main() -> None:
     parser.add_argument("--begin-with", type=Path, help="folder of another training, whose networks are improved")
     parser.add_argument("--until-clean", action="store_true", help="end when it drives ten clean laps on all tracks")
     options = parser.parse_args()
-    if options.until_clean and options.problem != "race":
-        parser.error("--until-clean is for the problem 'race': the others have no laps")
+    if options.until_clean and options.problem not in ALONE:
+        parser.error("--until-clean is for the problems 'race' and 'robust': the others have no laps")
     options.output.mkdir(parents=True, exist_ok=True)
     trainer = Trainer(options.problem, options.seed)
     if options.begin_with:
@@ -371,7 +397,7 @@ def main() -> None:
             is_stopped = True
     trainer.save(options.output)
     draw_curve(options.output)
-    if options.problem == "race" and not is_stopped and driven != trainer.steps:
+    if options.problem in ALONE and not is_stopped and driven != trainer.steps:
         is_clean(trainer.policy())
 
 

@@ -134,7 +134,9 @@ def test_a_slow_disk_drops_images_and_frames_but_no_commands(tmp_path: Path, mon
     monkeypatch.setattr("autodrive.recording.recorder.MAX_QUEUE", 20)
     monkeypatch.setattr("autodrive.recording.outputs.CHUNK_SIZE", 1)
     simulation = Simulation(autodrive.make("plane"), speed=1e3)
+    is_free.set()
     with Recorder(tmp_path / "slow.mcap", simulation, has_meshes=False) as recorder:
+        is_free.clear()
         for _ in range(300):
             simulation.submit("V1", Command(0.5))
             simulation.run(0.01)
@@ -189,6 +191,16 @@ def test_an_image_waits_once_for_the_disk_and_after_left_out_images_others_are_r
     assert times[:8] == pytest.approx(0.03 * np.arange(8.0))
     assert times[-1] == pytest.approx(0.03 * (number - 1))
     assert len(times) == number - left_out
+
+
+def test_a_recording_that_has_begun_has_its_scenario(tmp_path: Path) -> None:
+    """In real time, too, where another thread writes: the process may be killed at any time."""
+    simulation = Simulation(autodrive.make("plane"), speed=1.0)
+    with Recorder(tmp_path / "begun.mcap", simulation, has_meshes=False):
+        (tmp_path / "killed.mcap").write_bytes((tmp_path / "begun.mcap").read_bytes())
+    with open_recording(tmp_path / "killed.mcap") as recording:
+        assert recording.scenario.spec == simulation.world.spec.model_dump(mode="json") | {"seed": 0}
+        assert [frame.tick for frame in recording.frames()] == [0]
 
 
 @pytest.mark.process

@@ -114,14 +114,19 @@ class Recorder:
         self._world: World | None = None
         self._is_closing = threading.Event()
         self._thread: threading.Thread | None = None
-        if self._is_threaded:
-            self._thread = threading.Thread(target=self._drain, name="autodrive-recorder", daemon=True)
-            self._thread.start()
+        has_begun = threading.Event()
         self._publish(self.world, self.world.frame)
+        self._add(self.output.flush)
+        self._add(has_begun.set)
         if isinstance(source, Simulation):
             source.add_observer(self)
         else:
             source.observers.append(self)
+        if self._is_threaded:
+            self._thread = threading.Thread(target=self._drain, name="autodrive-recorder", daemon=True)
+            self._thread.start()
+            while not (self.error or has_begun.wait(DRAIN_TIME)):
+                pass  # a process that is ended from now on leaves a file with its scenario
 
     @property
     def world(self) -> World:
@@ -266,6 +271,7 @@ class Recorder:
             self._empty_queue()
 
     def _drain(self) -> None:
+        self._empty_queue()
         while not self._is_closing.wait(DRAIN_TIME):
             self._empty_queue()
         self._empty_queue()

@@ -22,7 +22,7 @@ from autodrive.scenario.tracks.generate import generate_track
 
 BEARINGS = np.linspace(-132.5, 132.5, 54)
 """Of the sectors of the observation 'lidar' [deg]."""
-SPEED, SCAN = 0, 5
+SPEED, SCAN = 0, 6
 """Where an observation has the forward speed, and the first range."""
 
 

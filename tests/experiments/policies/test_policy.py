@@ -80,13 +80,13 @@ def test_a_policy_reads_the_last_moments_and_its_own_outputs() -> None:
     weight = np.array([[1.0, -0.5, 0.0], [0.25, 0.0, 0.5]], np.float32)
     policy = Policy(
         "time_trial",
-        ("speed@2", "drive@1", "steer@3"),
+        ("wheel_speed@2", "drive@1", "steer@3"),
         (1.0, 1.0, 1.0),
         (-1.0, 1.0),
         ((weight, np.zeros(2, np.float32)),),
     )
-    assert policy.readings == ("speed",)
-    driver = Driver(policy, ("yaw_rate", "speed"))
+    assert policy.readings == ("wheel_speed",)
+    driver = Driver(policy, ("yaw_rate", "wheel_speed"))
     for _ in range(2):
         speeds = np.random.default_rng(1).uniform(-0.4, 0.4, 20).tolist()
         drive, steer = [0.0] * 3, [0.0] * 3
@@ -119,9 +119,9 @@ def test_cars_have_memories_of_their_own() -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("speed@0", "input 'speed@0' of the policy: after '@' come the steps ago, 1 to 100"),
-        ("speed@101", "1 to 100"),
-        ("speed@x", "1 to 100"),
+        ("wheel_speed@0", "input 'wheel_speed@0' of the policy: after '@' come the steps ago, 1 to 100"),
+        ("wheel_speed@101", "1 to 100"),
+        ("wheel_speed@x", "1 to 100"),
         ("drive", "input 'drive' of the policy is its own output"),
         ("grip@2", "the policy reads grip, which is not among its readings"),
     ],
@@ -177,12 +177,14 @@ def test_other_files_are_no_policies(tmp_path: Path) -> None:
             Policy.load(file)
 
 
-def test_a_racer_reads_what_the_environment_shows() -> None:
-    """From the encoders, the gyroscope and the LIDAR, at the same time in the same world."""
+@pytest.mark.parametrize(("grip", "throttle"), [(1.0, 0.1), (0.3, 1.0)])
+def test_a_racer_reads_what_the_environment_shows(grip: float, throttle: float) -> None:
+    """From encoders, gyroscope and LIDAR, at the same time in the same world; also while the wheels spin."""
     task = TimeTrial(5)
-    car = VehiclePlacement(type="roboracer", sensors={"lidar": SensorSettings(noise="realistic")})
+    car = VehiclePlacement(type="roboracer", sensors={"lidar": SensorSettings(noise="realistic")}, grip_factor=grip)
     world = autodrive.make(ScenarioSpec(map="practice", vehicles={"V1": car}, tick=PERIOD))
-    places = [[one.name for one in observed(task, "lidar")].index(name) for name in INPUTS]
+    names = [one.name for one in observed(task, "lidar")]
+    places = [names.index(name) for name in INPUTS]
     episodes = Episodes(task, "lidar", 1)
     seen: list[np.ndarray] = []
 
@@ -192,21 +194,26 @@ def test_a_racer_reads_what_the_environment_shows() -> None:
             return np.zeros(2)
 
     racer = PolicyRacer(Spy("time_trial", INPUTS, (1.0,) * 57, (0.0, 1.0), random_policy().layers))
-    for _ in range(60):
-        readings = CarReadings.of_frame(world.frame)
-        episodes.advance(readings)
+    for _ in range(60 if grip == 1.0 else 8):
+        episodes.advance(CarReadings.of_frame(world.frame))
         racer.act(world.frame.vehicles["V1"])
-        world.step({"V1": Command(0.1, 0.05)})
-    expected = episodes.numbers()[0, places]
-    assert seen[-1][2:] == pytest.approx(expected[2:], abs=1e-6)  # steering, ranges
-    assert seen[-1][1] == pytest.approx(expected[1], abs=0.05)  # yaw rate, of a gyroscope
-    assert seen[-1][0] == pytest.approx(expected[0], rel=0.03)  # speed; the tyres slip
-    assert expected[0] > 1.0
+        expected = episodes.numbers()[0, places]
+        assert seen[-1][[0, *range(2, 57)]] == pytest.approx(expected[[0, *range(2, 57)]], abs=1e-5)  # float32
+        assert seen[-1][1] == pytest.approx(expected[1], abs=0.05)  # yaw rate, of a gyroscope
+        world.step({"V1": Command(throttle, 0.05)})
+    wheel_speed, speed = seen[-1][0], episodes.numbers()[0, names.index("speed")]
+    assert speed > 0.2
+    if grip == 1.0:
+        assert wheel_speed == pytest.approx(speed, rel=0.03)  # the tyres slip
+    else:
+        assert wheel_speed > 1.5 * speed
 
 
 def test_what_a_racer_cannot_read_is_refused() -> None:
     with pytest.raises(AutodriveError, match="reads offset, which no script can read in a race"):
         PolicyRacer(random_policy(inputs=("offset",)))
+    with pytest.raises(AutodriveError, match=r"reads speed, which no script can read in a race; .* wheel_speed"):
+        PolicyRacer(random_policy(inputs=("speed",)))
     with pytest.raises(AutodriveError, match="a scan of 1080 rays, not of 361"):
         sectors(np.ones(361))
 

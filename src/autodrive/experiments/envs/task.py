@@ -44,6 +44,8 @@ class CarReadings(NamedTuple):
     """[rad/s] in the vehicle frame, shape (n, 3)."""
     steering: Floats
     """[rad], shape (n,)."""
+    encoder_angles: Floats
+    """Of the rear wheels [rad], shape (n, 2)."""
     collision_count: NDArray[np.int64]
     """Since the reset, shape (n,)."""
     lidar_time: Floats
@@ -60,12 +62,14 @@ class CarReadings(NamedTuple):
         objects = [one.pose.position for one in frame.objects.values()]
         scans = [car.lidar for car in cars if car.lidar is not None]
         assert len(scans) == len(cars), "every car of these scenarios has a LIDAR"
-        of_cars: list[Any] = [np.array([getattr(car, name) for car in cars]) for name in cls._fields[3:7]]
+        of_cars: list[Any] = [np.array([getattr(car, name) for car in cars]) for name in cls._fields[3:6]]
         values: list[Any] = [
             np.full(len(cars), frame.time),
             np.array([car.pose.position for car in cars]),
             np.array([car.pose.orientation for car in cars]),
             *of_cars,
+            np.array([car.encoders.angles for car in cars]),
+            np.array([car.collision_count for car in cars]),
             np.array([scan.time for scan in scans]),
             np.array([scan.ranges for scan in scans]),
             np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
@@ -79,7 +83,7 @@ class CarReadings(NamedTuple):
         Views, which the next step of the batch overwrites, but for the time and the objects of several cars.
         """
         count = readings.position.shape[1]
-        cars: list[Any] = [one.reshape(-1, *one.shape[2:]) for one in (getattr(readings, f) for f in cls._fields[1:9])]
+        cars: list[Any] = [one.reshape(-1, *one.shape[2:]) for one in (getattr(readings, f) for f in cls._fields[1:10])]
         time, objects = readings.time, readings.object_pose[:, :, :3]
         if count > 1:
             time, objects = np.repeat(time, count), np.repeat(objects, count, axis=0)

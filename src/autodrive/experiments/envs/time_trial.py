@@ -42,10 +42,14 @@ LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 70.0
 LEAST_RADIUS, MOST_RADIUS = 0.6, 4.0
 """Of curves [m]: the car turns with 0.56 m."""
 
-KNOWN = 4
-TRACK, PLACE, DRIVEN = 0, 1, 1 + path.DRIVEN
-"""Columns of the memory: number of the track, and from `PLACE` on the memory of `path.follow`; `DRIVEN` is from the
-start line of the episode."""
+WHEEL_RADIUS = 0.059
+"""[m]: vehicles/roboracer.yaml."""
+WHEEL_SPEEDS = -5.0, 25.0
+"""Limits of the speed from the encoders [m/s]; beyond them a reading was lost."""
+KNOWN = 5
+TRACK, PLACE, DRIVEN, ANGLE = 0, 1, 1 + path.DRIVEN, 4
+"""Columns of the memory: number of the track, from `PLACE` on the memory of `path.follow`, and the mean angle of the
+rear wheels [rad], which begins with zero; `DRIVEN` is from the start line of the episode."""
 
 
 class TimeTrial(Task):
@@ -57,11 +61,12 @@ class TimeTrial(Task):
         Feature("side_speed", -10.0, 10.0, "speed to the left [m/s]"),
         Feature("yaw_rate", -20.0, 20.0, "[rad/s], left positive"),
         Feature("steering", -1.0, 1.0, "angle of the steering actuator [rad], left positive"),
+        Feature("wheel_speed", *WHEEL_SPEEDS, "mean speed of the rear wheels in the step, from the encoders [m/s]"),
         *path.line_features(PREVIEW, "track", 5.0, most_offset=2.0),
     )
     known = KNOWN
     observation = "lidar"
-    memory_size = 4
+    memory_size = 5
     scan = ScanView(first_degree=-135.0, degrees=5.0, sectors=54, range_max=10.0)
 
     def __init__(
@@ -108,7 +113,8 @@ class TimeTrial(Task):
             tick=TICK,
         )
         self._preview = np.array([round(distance / SPACING) for distance in PREVIEW])
-        self._reach = math.ceil(TOP_SPEED * TICK * frame_skip / SPACING) + 2
+        self._duration = TICK * frame_skip
+        self._reach = math.ceil(TOP_SPEED * self._duration / SPACING) + 2
 
     def start(self, rng: np.random.Generator) -> Start:
         """A place on one of the tracks."""
@@ -116,7 +122,7 @@ class TimeTrial(Task):
         place = int(rng.integers(self.tracks.count[track]))
         aside, turn = uniform(rng, (START_OFFSET, START_ANGLE))
         x, y, yaw = self.tracks.pose(track, place, aside)
-        return Start({"V1": (x, y, wrapped(yaw + turn))}, (float(track), float(place), 0.0, 0.0))
+        return Start({"V1": (x, y, wrapped(yaw + turn))}, (float(track), float(place), 0.0, 0.0, 0.0))
 
     def starts(self, rng: np.random.Generator) -> list[Start]:
         """A grid of all cars behind a start line anywhere on one of the tracks, in a random order. One car: `start`."""
@@ -129,7 +135,7 @@ class TimeTrial(Task):
         starts = []
         for name, place in zip(names, rng.permutation(len(names)).tolist(), strict=True):
             back = _steps_back(place)
-            memory = (float(track), float((line - back) % self.tracks.count[track]), 0.0, -back * SPACING)
+            memory = (float(track), float((line - back) % self.tracks.count[track]), 0.0, -back * SPACING, 0.0)
             starts.append(Start({name: grid[place]}, memory))
         return starts
 
@@ -143,7 +149,8 @@ class TimeTrial(Task):
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`. The nearest point is sought around the last one: parts of a track may be near."""
         t = self.tracks
-        _judge(cars, t.lines, t.count, t.length, self._laps, self._reach, self._preview, memory, features, outcome)
+        track = t.lines, t.count, t.length
+        _judge(cars, *track, self._laps, self._reach, self._duration, self._preview, memory, features, outcome)
 
 
 def _ends(given: Range) -> tuple[float, float]:
@@ -156,6 +163,12 @@ def _steps_back(place: int) -> int:
 
 
 @jit
+def wheel_speed(turned: float, duration: float) -> float:
+    """Speed of wheels that turned by this angle [rad] in the time `duration` [s], within `WHEEL_SPEEDS` [m/s]."""
+    return min(max(WHEEL_RADIUS * turned / duration, WHEEL_SPEEDS[0]), WHEEL_SPEEDS[1])
+
+
+@jit
 def _judge(
     cars: CarReadings,
     lines: Floats,
@@ -163,6 +176,7 @@ def _judge(
     lengths: Floats,
     laps: int,
     reach: int,
+    duration: float,
     preview: Integers,
     memory: Floats,
     features: Floats,
@@ -177,9 +191,12 @@ def _judge(
         )
         features[i, 0], features[i, 1] = cars.velocity[i, 0], cars.velocity[i, 1]
         features[i, 2], features[i, 3] = cars.angular_velocity[i, 2], cars.steering[i]
+        angle = 0.5 * (cars.encoder_angles[i, 0] + cars.encoder_angles[i, 1])
+        features[i, 4] = wheel_speed(angle - memory[i, ANGLE], duration)
+        memory[i, ANGLE] = angle
         if features.shape[1] > KNOWN:
-            features[i, 4], features[i, 5], features[i, 6] = offset, direction_cos, direction_sin
-            look_ahead(cars, i, line, count, int(memory[i, PLACE]), preview, features[i, 7:])
+            features[i, 5], features[i, 6], features[i, 7] = offset, direction_cos, direction_sin
+            look_ahead(cars, i, line, count, int(memory[i, PLACE]), preview, features[i, 8:])
         has_ended = direction_cos < 0.0 or cars.collision_count[i] > 0
         outcome.has_ended[i] = has_ended
         outcome.reward[i] = FAILURE if has_ended else progress

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
-from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.experiments.envs.time_trial import TimeTrial, wheel_speed
 from autodrive.experiments.policies.policy import Driver
 from autodrive.protocol.messages import Command, VehicleFrame
 from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
@@ -25,12 +25,8 @@ if TYPE_CHECKING:
 
 PERIOD = 0.025
 """Time between two scans, and so between two commands [s]."""
-WHEEL_RADIUS = 0.059
-"""[m]: vehicles/roboracer.yaml."""
-SPEEDS = (-5.0, 25.0)
-"""Speeds beyond these [m/s] are a reading that was lost."""
 _SCAN = TimeTrial.scan
-INPUTS = ("speed", "yaw_rate", "steering", *(f"range_{bearing:g}" for bearing in _SCAN.bearings))
+INPUTS = ("wheel_speed", "yaw_rate", "steering", *(f"range_{bearing:g}" for bearing in _SCAN.bearings))
 """Features of the time trial that these readings give."""
 
 
@@ -43,7 +39,10 @@ class PolicyRacer:
     def __init__(self, policy: Policy) -> None:
         unknown = sorted(set(policy.readings) - set(INPUTS))
         if unknown:
-            raise AutodriveError(f"the policy reads {unknown[0]}, which no script can read in a race")
+            known = f"{', '.join(INPUTS[:4])}, ... {INPUTS[-1]}"
+            raise AutodriveError(
+                f"the policy reads {unknown[0]}, which no script can read in a race; a script can read {known}"
+            )
         self._driver = Driver(policy, INPUTS)
         self._angle: float | None = None
 
@@ -53,10 +52,9 @@ class PolicyRacer:
         `angles` of the rear wheels [rad], shape (2,); `yaw_rate` [rad/s]; `steering` angle [rad], left positive;
         `ranges` of the scan from right to left [m], shape (1080,).
         """
-        angle = float(angles.mean())
-        speed = 0.0 if self._angle is None else WHEEL_RADIUS * (angle - self._angle) / PERIOD
+        angle = 0.5 * float(angles[0] + angles[1])
+        speed = 0.0 if self._angle is None else wheel_speed(angle - self._angle, PERIOD)
         self._angle = angle
-        speed = min(max(speed, SPEEDS[0]), SPEEDS[1])
         return self._driver.act(np.concatenate([[speed, yaw_rate, steering], sectors(ranges)]))
 
     def act(self, car: VehicleFrame) -> Command:

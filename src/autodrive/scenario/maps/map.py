@@ -100,6 +100,8 @@ class Map:
     """Programs of the traffic lights, by name."""
     stop_lines: tuple[StopLine, ...] = ()
     """Those of traffic lights and stop signs."""
+    give_way_lines: tuple[StopLine, ...] = ()
+    """Those of give-way signs."""
     track: Track | None = None
     """The race track, if the map is one; its barriers are in `statics`."""
 
@@ -226,7 +228,8 @@ def _compiled(
         joins=joins,
         enclosure=_enclosure(spec, drivable),
         light_programs=spec.light_programs,
-        stop_lines=tuple(stop_lines(placed, props)),
+        stop_lines=tuple(stop_lines(placed, props, "traffic_light", "stop")),
+        give_way_lines=tuple(stop_lines(placed, props, "give_way")),
     )
     problems += _wrong_programs(spec, map_.traffic_lights)
     return map_, problems

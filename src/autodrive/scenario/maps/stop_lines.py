@@ -1,11 +1,11 @@
-"""Stop lines of a map that belong to a traffic light or a stop sign."""
+"""Stop lines of a map that belong to a traffic light, a stop sign or a give-way sign."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import shapely
 
@@ -18,28 +18,32 @@ SAME_WAY = 45.0 * DEGREE
 """Largest angle between the view of a driver at a stop line and the direction against the face of its light or sign."""
 
 
+LineKind: TypeAlias = Literal["traffic_light", "stop", "give_way"]
+
+
 @dataclass(frozen=True)
 class StopLine:
     """A stop line across the lanes of one direction, in the map frame."""
 
     prop: str
-    """Name of the traffic light or stop sign."""
-    kind: Literal["traffic_light", "stop"]
+    """Name of the traffic light or sign."""
+    kind: LineKind
     pose: Pose
     """Its middle [m] and the heading of a driver who crosses it [rad]."""
     width: float
     """Across the road [m]."""
 
 
-def stop_lines(placed: Sequence[PlacedModule], props: Sequence[Prop]) -> Iterator[StopLine]:
-    """For each traffic light and stop sign, the stop line that it faces.
+def stop_lines(placed: Sequence[PlacedModule], props: Sequence[Prop], *kinds: LineKind) -> Iterator[StopLine]:
+    """For each traffic light or sign of these kinds, the stop line that it faces.
 
     Of the lines that drivers cross with the light or sign before them, it is the nearest one of a module that is not
     farther away than half the module's size. A light or sign without such a line belongs to none.
     """
     lines = list(_lines(placed))
     for prop in props:
-        if prop.kind not in ("traffic_light", "stop"):
+        kind: LineKind | None = next((one for one in kinds if one == prop.kind), None)
+        if kind is None:
             continue
         x, y, yaw = prop.pose
         foot = shapely.Point(x, y)
@@ -52,7 +56,7 @@ def stop_lines(placed: Sequence[PlacedModule], props: Sequence[Prop]) -> Iterato
                 near.append((math.hypot(x - pose[0], y - pose[1]), pose, width))
         if near:
             _, pose, width = min(near)
-            yield StopLine(prop.name, "stop" if prop.kind == "stop" else "traffic_light", pose, width)
+            yield StopLine(prop.name, kind, pose, width)
 
 
 def _lines(placed: Sequence[PlacedModule]) -> Iterator[tuple[PlacedModule, Pose, float]]:
