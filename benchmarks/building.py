@@ -27,7 +27,8 @@ from autodrive.run.world_loader import WorldLoader
 from autodrive.world import World
 from autodrive.world.simulation import Simulation
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 
 KINDS = {
     "four_way_intersection": 0.0,
