@@ -17,7 +17,9 @@ from autodrive.protocol.messages import (
     AddBox,
     CloseLoop,
     EditMap,
+    EditTrack,
     Frame,
+    GenerateTrack,
     LoadScenario,
     Pause,
     Redo,
@@ -40,7 +42,11 @@ from autodrive.protocol.native import (
 
 LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
-LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, EditMap, UseMap, CloseLoop, Undo, Redo)
+LOADED = (
+    *(LoadScenario, AddBox, RemoveBox, SetSensor),
+    *(EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack),
+    *(Undo, Redo),
+)
 """Operations that compile a scenario."""
 RETRY = 0.2
 """Time between two attempts to reconnect [s]."""

@@ -19,7 +19,9 @@ from autodrive.protocol.messages import (
     Command,
     Draw,
     EditMap,
+    EditTrack,
     Frame,
+    GenerateTrack,
     Hold,
     LoadScenario,
     Operation,
@@ -327,7 +329,9 @@ class Simulation(Paced):
                 self.world.reset(seed)
                 self._editor.on_reset()
                 self.error = ""
-            case Place() | AddBox() | RemoveBox() | SetSensor() | EditMap() | UseMap() | CloseLoop():
+            case Place() | AddBox() | RemoveBox() | SetSensor():
+                self._use(self._editor.edit(self.world, request))
+            case EditMap() | UseMap() | CloseLoop() | EditTrack() | GenerateTrack():
                 self._use(self._editor.edit(self.world, request))
             case Undo():
                 self._use(self._editor.undo(self.world))
