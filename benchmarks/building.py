@@ -22,9 +22,9 @@ import autodrive
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.messages import EditMap, MapModule, MapPart
-from autodrive.run.options import RunOptions
-from autodrive.run.world_loader import WorldLoader
 from autodrive.world import World
+from autodrive.world.factory import new_world
+from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
 
 P = ParamSpec("P")
@@ -71,13 +71,16 @@ def timed(spent: list[float], work: Callable[P, T]) -> Callable[P, T]:
     return measured
 
 
+def scenery(world: World) -> SceneFiles:
+    """What clients get to draw a world."""
+    return SceneFiles.of(world, "plane")
+
+
 def measure(modules: int, edits: int, *, is_running: bool) -> dict[str, list[float]]:
     """Times of each edit [s], by what was done."""
     times: dict[str, list[float]] = {"world": [], "scene files": [], "request to Frame": [], "request to Scene": []}
-    loader = WorldLoader(RunOptions(scenario="plane"))
-    simulation = Simulation(loader.load("plane"), load=timed(times["world"], loader.load))
-    loader.follow(simulation)
-    served = Served(simulation, timed(times["scene files"], loader.scenery))
+    simulation = Simulation(new_world("plane"), load=timed(times["world"], new_world))
+    served = Served(simulation, timed(times["scene files"], scenery))
     with simulation, Server(served, PageOptions(port=0)) as server, autodrive.Client(server.url) as client:
         parts = town(modules)
         client.edit_map(parts)
@@ -98,9 +101,7 @@ def measure(modules: int, edits: int, *, is_running: bool) -> dict[str, list[flo
 
 def profile(modules: int, functions: int) -> None:
     """The functions that take the most time in an edit."""
-    loader = WorldLoader(RunOptions(scenario="plane"))
-    simulation = Simulation(loader.load("plane"), load=loader.load)
-    loader.follow(simulation)
+    simulation = Simulation(new_world("plane"), load=new_world)
     parts = town(modules)
 
     def edit(change: dict[str, MapPart] | dict[str, MapPart | None]) -> World:
@@ -109,10 +110,10 @@ def profile(modules: int, functions: int) -> None:
         done.result(0)
         return simulation.world
 
-    loader.scenery(edit(parts))
-    loader.scenery(edit(moved(parts, 0)))
+    scenery(edit(parts))
+    scenery(edit(moved(parts, 0)))
     with cProfile.Profile() as profiler:
-        loader.scenery(edit(moved(parts, 1)))
+        scenery(edit(moved(parts, 1)))
     pstats.Stats(profiler).sort_stats("cumulative").print_stats(functions)
     simulation.world.close()
 
