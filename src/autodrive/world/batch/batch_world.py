@@ -81,6 +81,10 @@ class BatchWorld(OneThread):
             raise CommandError(
                 "a BatchWorld has no sensors of the user: remove 'own_sensors' from the scenario, or make single Worlds"
             )
+        if spec.v2x is not None:
+            raise CommandError(
+                "a BatchWorld has no radio channel: remove 'v2x' from the scenario, or use single Worlds"
+            )
         self.n = n
         self.spec = spec
         """The scenario from which `reset` starts."""
