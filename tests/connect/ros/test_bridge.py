@@ -325,16 +325,16 @@ def test_what_a_vehicle_hears_by_radio_is_published() -> None:
     with Simulation(started(world)) as simulation, served(simulation) as server:
         node = Recorder()
         with running(Config(port=server.port, robot_description=URDF), node):
-            wait_until(lambda: "autodrive/v1/v2x/light/traffic_light_4" in node.messages)
+            wait_until(lambda: "autodrive/nigel_1/v2x/light/traffic_light_4" in node.messages)
             simulation.request(Pause()).result(LIMIT)
             reading = simulation.request(Step(1)).result(LIMIT).vehicles["V1"].v2x
             assert reading is not None
             car, light = reading.vehicles["V2"], reading.lights["traffic_light_4"]
-            wait_until(lambda: node.last("autodrive/v1/v2x/vehicle/V2")["data"][0] == car.sent)
-            wait_until(lambda: node.last("autodrive/v1/v2x/light/traffic_light_4")["data"][0] == light.sent)
-            data = node.last("autodrive/v1/v2x/vehicle/V2")["data"]
+            wait_until(lambda: node.last("v2x/vehicle/V2")["data"][0] == car.sent)
+            wait_until(lambda: node.last("v2x/light/traffic_light_4")["data"][0] == light.sent)
+            data = node.last("v2x/vehicle/V2")["data"]
             assert data.tolist() == [car.sent, *car.position, car.yaw, car.speed, car.steering, 0.0, 0.0, 2.0]
-            data = node.last("autodrive/v1/v2x/light/traffic_light_4")["data"]
+            data = node.last("v2x/light/traffic_light_4")["data"]
             assert data.tolist() == [light.sent, light.state, light.time_to_change]
 
 
