@@ -26,7 +26,18 @@ from autodrive.connect.ros.source import Update, VehicleInfo
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings
-from autodrive.protocol.messages import Frame, LoadScenario, Pause, Reset, Resume, SetDrivingMode, Step, VehicleFrame
+from autodrive.protocol.messages import (
+    Frame,
+    LoadScenario,
+    Pause,
+    Reset,
+    Resume,
+    SetDrivingMode,
+    Step,
+    Teleport,
+    VehicleFrame,
+)
+from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.scene_files import SceneFiles
 from tests.connect.client.conftest import started
@@ -229,6 +240,71 @@ def test_an_initial_pose_teleports_the_vehicle(simulation: Simulation, bridge: B
     assert 2 * math.atan2(pose.orientation[3], pose.orientation[0]) == pytest.approx(1.0)
 
 
+def marker(type_: int, **fields: Any) -> SimpleNamespace:
+    """A visualization_msgs/Marker of ROS 2 with its defaults: zeros."""
+    zero = {"x": 0.0, "y": 0.0, "z": 0.0}
+    pose = SimpleNamespace(position=SimpleNamespace(**zero), orientation=SimpleNamespace(**zero, w=0.0))
+    defaults: dict[str, Any] = {
+        "header": SimpleNamespace(frame_id="map"),
+        "ns": "plan",
+        "id": 0,
+        "action": 0,
+        "pose": pose,
+        "scale": SimpleNamespace(x=0.02, y=0.03, z=0.06),
+        "color": SimpleNamespace(r=1.0, g=0.0, b=0.0, a=1.0),
+        "colors": [],
+        "lifetime": SimpleNamespace(sec=0, nanosec=0),
+        "points": [],
+        "text": "",
+    }
+    return SimpleNamespace(type=type_, **defaults | fields)
+
+
+def test_markers_are_drawn_in_the_map_and_follow_the_frame_of_a_vehicle(
+    simulation: Simulation, bridge: Bridge, node: Recorder, caplog: pytest.LogCaptureFixture
+) -> None:
+    simulation.request(Pause()).result(LIMIT)
+    simulation.request(Teleport("V1", 1.0, 0.2, math.pi / 2)).result(LIMIT)
+    wait_until(lambda: bridge.frame is not None and abs(bridge.frame.vehicles["V1"].pose.position[0] - 1.0) < 1e-6)
+    corners = [SimpleNamespace(x=x, y=y, z=0.5) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))]
+    half_turn = SimpleNamespace(x=0.0, y=0.0, z=1.0, w=0.0)
+    turned = SimpleNamespace(position=SimpleNamespace(x=2.0, y=0.0, z=0.0), orientation=half_turn)
+    ahead = SimpleNamespace(position=SimpleNamespace(x=0.3, y=0.0, z=0.0), orientation=half_turn)
+    base_link, short = SimpleNamespace(frame_id="base_link"), SimpleNamespace(sec=1, nanosec=500_000_000)
+    markers = [
+        marker(4, points=corners, pose=turned),
+        marker(2, id=1, header=base_link, pose=ahead, lifetime=short),
+        marker(9, id=2, text="goal", pose=turned),
+        marker(5, id=3, points=[]),
+    ]
+    node.send("markers", markers=markers)
+    drawn = simulation.world.drawings
+    assert sorted(drawn) == ["plan/0", "plan/1", "plan/2"]
+    path, ball, goal = (drawn[f"plan/{i}"].drawing for i in range(3))
+    assert path is not None
+    assert ball is not None
+    assert goal is not None
+    assert (path.kind, path.size, path.lifetime) == ("path", 0.02, None)
+    assert np.allclose(path.points, [(2, 0, 0.5), (1, 0, 0.5), (1, -1, 0.5)])  # half a turn about x = 2
+    car = simulation.frame.vehicles["V1"].pose.position
+    assert (ball.kind, ball.lifetime) == ("points", 1.5)
+    assert np.allclose(ball.points, car + np.array((0.0, 0.3, 0.0)), atol=1e-3)  # it looks in the direction of y
+    assert (goal.kind, goal.text, goal.size) == ("text", "goal", 0.06)
+    node.send("markers", markers=[marker(0, action=2)])
+    assert sorted(simulation.world.drawings) == ["plan/1", "plan/2"]
+    node.send("markers", markers=[marker(0, action=3), marker(0, scale=SimpleNamespace(x=0.5, y=0.02, z=0.02))])
+    (arrow,) = simulation.world.drawings.values()
+    assert arrow.drawing is not None
+    assert (arrow.drawing.points, arrow.drawing.size) == (((0.0, 0.0, 0.0), (0.5, 0.0, 0.0)), 0.02)
+    node.send("markers", markers=[marker(10)])
+    node.send("markers", markers=[marker(2, header=SimpleNamespace(frame_id="laser"))])
+    assert "the marker 'plan/0' has the type 10; types 0 to 9 are drawn" in caplog.text
+    assert "a marker has the frame 'laser'; frames are: map, base_link" in caplog.text
+    assert list(simulation.world.drawings) == ["plan/0"]
+    node.send("markers", markers=[marker(0, action=3)])
+    simulation.request(Resume()).result(LIMIT)
+
+
 def test_a_reset_restarts_the_odometry(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:
     after_drive(simulation, node, autodrive.Command(0.9))
     assert node.last("odom")["pose"]["pose"]["position"]["x"] > 0.01
@@ -316,6 +392,25 @@ def test_topics_of_traffic_lights_are_those_of_the_frame_and_set_them() -> None:
             assert node.last("autodrive/tl_2/state")["data"] == 3
             command(0)
             assert simulation.request(Step(1)).result(LIMIT).traffic_lights["traffic_light_2"].mode == "program"
+
+
+def test_what_a_vehicle_hears_by_radio_is_published() -> None:
+    start = {"map": "crossing", "vehicles": {"V1": {"x": -1.5}, "V2": {"x": -2.5}}, "v2x": {"rate": 100.0}}
+    world = autodrive.make(ScenarioSpec.model_validate(start))
+    with Simulation(started(world)) as simulation, served(simulation) as server:
+        node = Recorder()
+        with running(Config(port=server.port, robot_description=URDF), node):
+            wait_until(lambda: "autodrive/nigel_1/v2x/light/traffic_light_4" in node.messages)
+            simulation.request(Pause()).result(LIMIT)
+            reading = simulation.request(Step(1)).result(LIMIT).vehicles["V1"].v2x
+            assert reading is not None
+            car, light = reading.vehicles["V2"], reading.lights["traffic_light_4"]
+            wait_until(lambda: node.last("v2x/vehicle/V2")["data"][0] == car.sent)
+            wait_until(lambda: node.last("v2x/light/traffic_light_4")["data"][0] == light.sent)
+            data = node.last("v2x/vehicle/V2")["data"]
+            assert data.tolist() == [car.sent, *car.position, car.yaw, car.speed, car.steering, 0.0, 0.0, 2.0]
+            data = node.last("v2x/light/traffic_light_4")["data"]
+            assert data.tolist() == [light.sent, light.state, light.time_to_change]
 
 
 # -- devkit mode ---------------------------------------------------------------------------------------------------
