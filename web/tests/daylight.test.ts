@@ -59,7 +59,7 @@ describe('a dial', () => {
 
   it('has the sRGB colour of the sky, and a grey of the same ratio for too much light', () => {
     const of = (zenith: number[]) => ({ ...night, zenith, horizon: zenith, dawn: [0, 0, 0], exposure: Math.PI })
-    expect(skyColour(of([0.5, 0.2140411, 0]))).toBe('rgb(188 127 0)') // the sRGB standard: 0.2140 is 0.5
+    expect(skyColour(of([0.5, 0.2140411, 0]))).toBe('rgb(188 128 0)') // the sRGB standard: 0.2140 is 0.5
     const [red, green, blue] = skyColour(of([9, 9, 9])).match(/\d+/g) ?? []
     expect([green, blue]).toEqual([red, red])
     expect(Number(red)).toBeGreaterThan(250)
