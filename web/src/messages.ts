@@ -712,6 +712,7 @@ export interface VehicleScene {
   speed_limit: number
   sensor_noise: Record<string, number>
   size: [number, number, number]
+  is_traffic: boolean
   sensors: Record<string, SensorScene>
 }
 
@@ -1084,7 +1085,8 @@ export interface OwnReading {
  * tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
  * None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
  * empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
- * `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`.
+ * `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`. `is_traffic`: it is
+ * one of the cars of `ScenarioSpec.traffic`, which drive themselves.
  */
 export interface VehicleFrame {
   pose: Pose
@@ -1104,6 +1106,7 @@ export interface VehicleFrame {
   range: RangeReading | null
   race: RaceState | null
   own: Record<string, OwnReading>
+  is_traffic: boolean
 }
 
 /**

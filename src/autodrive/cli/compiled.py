@@ -64,7 +64,8 @@ def use() -> None:
     noisy = autodrive.ScenarioSpec(
         map="mini_map", vehicles={"V1": autodrive.VehiclePlacement(has_realistic_sensors=True)}
     )
-    for scenario in (noisy, "tiny_town", "practice"):  # tiny_town: stop lines; practice: a race
+    traffic = autodrive.ScenarioSpec(map="oval", vehicles={"V1": {"y": 1.15}}, traffic={"cars": 2})
+    for scenario in (noisy, "tiny_town", traffic, "practice"):  # tiny_town: stop lines; practice: a race
         world = autodrive.make(scenario)
         for _ in range(50):  # in half a second each sensor samples
             world.step({})

@@ -658,7 +658,8 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
     None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
     empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
-    `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`.
+    `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`. `is_traffic`: it is
+    one of the cars of `ScenarioSpec.traffic`, which drive themselves.
     """
 
     pose: Pose
@@ -678,6 +679,7 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     range: RangeReading | None = None
     race: RaceState | None = None
     own: dict[str, OwnReading] = msgspec.field(default_factory=dict)
+    is_traffic: bool = False
 
     @property
     def speed(self) -> float:
