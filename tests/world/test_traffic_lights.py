@@ -18,8 +18,8 @@ NAMES = [f"traffic_light_{number}" for number in range(1, 5)]
 EAST_WEST, NORTH_SOUTH = NAMES[0], NAMES[1]
 LINE = -0.67
 """x of the stop line of the first traffic light [m]."""
-NOSE = (0.14154 + 0.3) / 2.0
-"""Of Nigel, ahead of the rear axle: half of wheelbase and length [m]."""
+NOSE = 0.23
+"""Of Nigel, ahead of the rear axle: its outline in the ROS package [m]."""
 CYCLE = 22.0
 """Of Tiny Town: two phases of 8 s of green, 2 s of yellow and 1 s of red for all [s]."""
 
@@ -209,3 +209,16 @@ def test_the_same_run_again_after_restore_makes_the_same_events() -> None:
     again = driven(world, 200)
     assert [(type(one), one.time) for one in first] == [(type(one), one.time) for one in again]
     assert first
+
+
+# -- the crossing ------------------------------------------------------------------------------------------------
+
+
+def test_each_light_of_the_crossing_stands_for_the_line_of_the_arm_that_sees_it() -> None:
+    world = autodrive.make("crossing", seed=1)
+    drive = dict.fromkeys(world.frame.vehicles, Command(1.0, 0.0))
+    events = [event for _ in range(400) for event in world.step(drive).events if isinstance(event, RedLight)]
+    # green begins for the cars on the x axis, which cross their lines meanwhile
+    assert {(one.vehicle, one.light) for one in events} == {("V2", "traffic_light_2"), ("V4", "traffic_light_4")}
+    # the others have crossed, too
+    assert all(abs(one.pose.position[:2]).max() < 0.97 + NOSE for one in world.frame.vehicles.values())

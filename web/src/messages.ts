@@ -335,7 +335,9 @@ export interface EditMap {
 }
 
 /**
- * Replace the map by a map of the simulator, one of `MapScene.templates`, or by the `text` of a map's file (YAML).
+ * Replace the map by a map of the simulator, one of `MapScene.templates`, or by the `text` of a file (YAML).
+ *
+ * The text is that of a map or of a track.
  *
  * The modules of a text are those of `MapScene.modules`. Its map is a draft, which may be unfinished.
  */
@@ -343,6 +345,40 @@ export interface UseMap {
   type: 'UseMap'
   name?: string
   text?: string
+}
+
+/**
+ * A track by points x, y [m] of a smooth closed line, in driving direction; `width` between the barriers [m].
+ *
+ * The start line goes through the first point. `barrier`: what stands along the edges; a duct is an air duct.
+ */
+export interface TrackLine {
+  points: ([number, number])[]
+  width: number
+  barrier: 'wall' | 'duct'
+}
+
+/**
+ * Replace the map by a track by points, or change its track. Vehicles beside the new track go to its start.
+ *
+ * `seen`: the track as the client knows it. If it is different now, because another client has changed it, the edit
+ * is refused; None: the edit is made in any case.
+ */
+export interface EditTrack {
+  type: 'EditTrack'
+  track: TrackLine
+  seen?: TrackLine | null
+}
+
+/**
+ * Replace the map by a random track by points: the same for the same `seed`; about that length, and width [m].
+ */
+export interface GenerateTrack {
+  type: 'GenerateTrack'
+  seed?: number
+  length?: number
+  width?: number
+  barrier?: 'wall' | 'duct'
 }
 
 /**
@@ -642,7 +678,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 }
 
 /**
@@ -796,6 +832,15 @@ export interface MapScene {
 }
 
 /**
+ * The race track as `EditTrack` changes it.
+ */
+export interface TrackScene {
+  line: TrackLine
+  is_exact: boolean
+  problems: (MapProblem)[]
+}
+
+/**
  * What a client needs to draw the world; sent after the Welcome, and before the Frames of another World.
  *
  * Another scenario has another World, and so has an edit that does not only move things.
@@ -816,6 +861,7 @@ export interface Scene {
   warm_up_laps: number
   timeline: Timeline | null
   map_scene: MapScene | null
+  track_scene: TrackScene | null
 }
 
 /**
@@ -1197,7 +1243,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 
 export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

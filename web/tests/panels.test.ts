@@ -56,12 +56,13 @@ describe('the menu', () => {
     expect(get('light-tl-state').textContent).toBe('Green, 3 s')
     const select = get<HTMLSelectElement>('light-tl')
     expect(select.value).toBe('')
-    select.value = '1'
+    expect([...select.options].map(({ text }) => text)).toEqual(['Program', 'Red', 'Yellow', 'Green', 'Off'])
+    select.value = 'RED'
     select.dispatchEvent(new Event('change'))
     expect(socket.request).toEqual({ type: 'SetTrafficLight', light: 'tl', state: 1 })
     store.frame.value = frameOf(['V1'], { traffic_lights: { tl: { state: 1, time_to_change: null, mode: 'set' } } })
     expect(get('light-tl-state').textContent).toBe('Red')
-    expect(select.value).toBe('1')
+    expect(select.value).toBe('RED')
     select.value = ''
     select.dispatchEvent(new Event('change'))
     expect(socket.request).toEqual({ type: 'SetTrafficLight', light: 'tl', state: null })

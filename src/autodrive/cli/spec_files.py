@@ -75,6 +75,10 @@ def check(name: str, kind: Kind | None = None) -> tuple[Kind, str, list[str]]:
             errors = []
             load_map(path)
             warnings = map_warnings(path)
+        elif isinstance(spec, TrackSpec) and spec.points:
+            if not errors:
+                load_map(path)
+                warnings = map_warnings(path)
         elif kind == "track" and not errors:
             places = {"walls": source.at("walls"), "centre line": source.at("centre_line")}
             errors += [

@@ -388,13 +388,46 @@ class EditMap(msgspec.Struct, frozen=True, tag=True):
 
 
 class UseMap(msgspec.Struct, frozen=True, tag=True):
-    """Replace the map by a map of the simulator, one of `MapScene.templates`, or by the `text` of a map's file (YAML).
+    """Replace the map by a map of the simulator, one of `MapScene.templates`, or by the `text` of a file (YAML).
+
+    The text is that of a map or of a track.
 
     The modules of a text are those of `MapScene.modules`. Its map is a draft, which may be unfinished.
     """
 
     name: Name = ""
     text: Annotated[str, msgspec.Meta(max_length=2**16)] = ""
+
+
+class TrackLine(msgspec.Struct, frozen=True):
+    """A track by points x, y [m] of a smooth closed line, in driving direction; `width` between the barriers [m].
+
+    The start line goes through the first point. `barrier`: what stands along the edges; a duct is an air duct.
+    """
+
+    points: Annotated[tuple[tuple[Coordinate, Coordinate], ...], msgspec.Meta(min_length=3, max_length=200)]
+    width: float = 1.2
+    barrier: Literal["wall", "duct"] = "wall"
+
+
+class EditTrack(msgspec.Struct, frozen=True, tag=True):
+    """Replace the map by a track by points, or change its track. Vehicles beside the new track go to its start.
+
+    `seen`: the track as the client knows it. If it is different now, because another client has changed it, the edit
+    is refused; None: the edit is made in any case.
+    """
+
+    track: TrackLine
+    seen: TrackLine | None = None
+
+
+class GenerateTrack(msgspec.Struct, frozen=True, tag=True):
+    """Replace the map by a random track by points: the same for the same `seed`; about that length, and width [m]."""
+
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**53)] = 0
+    length: Annotated[float, msgspec.Meta(ge=15.0, le=100.0)] = 60.0
+    width: Annotated[float, msgspec.Meta(ge=0.9, le=3.0)] = 1.2
+    barrier: Literal["wall", "duct"] = "wall"
 
 
 class Undo(msgspec.Struct, frozen=True, tag=True):
@@ -417,7 +450,7 @@ class SaveMap(msgspec.Struct, frozen=True, tag=True):
     title: Annotated[str, msgspec.Meta(max_length=200)] = ""
 
 
-Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap
+Edit: TypeAlias = Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | EditTrack | GenerateTrack
 
 Operation: TypeAlias = (
     Reset

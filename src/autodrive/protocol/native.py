@@ -21,6 +21,7 @@ from autodrive.protocol.messages import (
     Name,
     Operation,
     Pose,
+    TrackLine,
 )
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.protocol.replay import Curve, RecordingOperation, RecordingStatus, Timeline
@@ -250,7 +251,8 @@ class MapProblem(msgspec.Struct, frozen=True):
     """
 
     kind: str
-    """'unconnected', 'apart', 'turned' and 'width' of ports; 'overlap' of modules; 'blocked': a part is on a lane."""
+    """'unconnected', 'apart', 'turned' and 'width' of ports; 'overlap' of modules; 'blocked': a part is on a lane.
+    Of a track: 'bend', 'touch', 'narrow'."""
     text: str
     x: float
     y: float
@@ -272,6 +274,15 @@ class MapScene(msgspec.Struct, frozen=True):
     """Kinds of signs and traffic lights."""
     templates: dict[str, str]
     """Maps for `UseMap`: name -> title."""
+
+
+class TrackScene(msgspec.Struct, frozen=True):
+    """The race track as `EditTrack` changes it."""
+
+    line: TrackLine
+    is_exact: bool
+    """False: the track has a centre line and walls of its own; `line` is a line by points near it."""
+    problems: list[MapProblem]
 
 
 class Scene(msgspec.Struct, frozen=True, tag=True):
@@ -304,6 +315,8 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """The recording that is shown; None: this is a simulation."""
     map_scene: MapScene | None = None
     """The map as it can be edited; None if it is a race track."""
+    track_scene: TrackScene | None = None
+    """The map as it can be edited if it is a race track."""
 
 
 class BridgeStatus(msgspec.Struct, frozen=True):

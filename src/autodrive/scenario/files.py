@@ -21,7 +21,7 @@ from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.spec import MAX_PLACEMENTS, DescribedMap, MapSpec, Placement
 from autodrive.scenario.race_rules import RaceRules
-from autodrive.scenario.scenario import YAML, RaceSpec, ScenarioSpec, with_modules, with_paths_of
+from autodrive.scenario.scenario import YAML, RaceSpec, ScenarioSpec, is_track, with_modules, with_paths_of
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.scenario.vehicles.spec import VehicleSpec
 
@@ -84,22 +84,25 @@ def _own_sensor(reference: str) -> Callable[[], Any] | str:
 
 
 def read_map(
-    name: str | Path | MapSpec, *, known: Mapping[str, Described[ModuleSpec]] = MappingProxyType({})
+    name: str | Path | MapSpec | TrackSpec, *, known: Mapping[str, Described[ModuleSpec]] = MappingProxyType({})
 ) -> tuple[DescribedMap, dict[Key, int]]:
     """A map or track with its modules, and the lines of its keys; `known`: modules that a MapSpec need not read."""
     if isinstance(name, MapSpec):
         return _with_modules(Described("map", name), name.placements, known), {}
+    if isinstance(name, TrackSpec):
+        return DescribedMap("map", name), {}
     try:
         path = _find_map(name)
         source = yaml_files.source(path)
     except SpecError as error:
         return DescribedMap(str(name), None, error, error.path), {}
-    if isinstance(source.tree, dict) and "centre_line" in source.tree:
+    lines: dict[Key, int] = {("map", *key): line for key, line in source.lines.items()}
+    if is_track(source.tree):
         track = _described(source, TrackSpec, f"track '{path.stem}': ")
-        return DescribedMap(track.name, track.found, track.error, track.path, track.text), {}
+        return DescribedMap(track.name, track.found, track.error, track.path, track.text), lines
     map_ = _described(source, MapSpec, f"map '{path.stem}': ")
     placements = map_.found.placements if map_.found else _placements(source.tree)
-    return _with_modules(map_, placements), {("map", *key): line for key, line in source.lines.items()}
+    return _with_modules(map_, placements), lines
 
 
 def read_module(name: str | Path) -> Described[ModuleSpec]:
@@ -143,8 +146,8 @@ def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> 
     return _renamed(scenario, path_of)
 
 
-def map_text(spec: MapSpec) -> str:
-    """The map as YAML, with the keys that were given."""
+def map_text(spec: MapSpec | TrackSpec) -> str:
+    """The map or track as YAML, with the keys that were given."""
     return _text(spec.model_dump(mode="json", exclude_unset=True))
 
 
@@ -201,11 +204,13 @@ def _placements(tree: Any) -> Iterator[Placement | None]:
             yield None
 
 
-def _own_map(found: str | MapSpec, source: Source) -> tuple[DescribedMap, dict[Key, int]]:
-    """The map in the file of a scenario; `found` is no MapSpec if it is not valid."""
+def _own_map(found: str | MapSpec | TrackSpec, source: Source) -> tuple[DescribedMap, dict[Key, int]]:
+    """The map in the file of a scenario; `found` is no Spec if it is not valid."""
+    lines = {key: line for key, line in source.lines.items() if key[0] == "map"}
+    if isinstance(found, TrackSpec):
+        return DescribedMap("map", found, path=source.path), lines
     spec = found if isinstance(found, MapSpec) else None
     of = Described("map", spec, path=source.path)
-    lines = {key: line for key, line in source.lines.items() if key[0] == "map"}
     return _with_modules(of, spec.placements if spec else _placements(source.tree["map"])), lines
 
 
@@ -250,5 +255,7 @@ def _renamed(scenario: ScenarioSpec, there: Callable[[str, str], str]) -> Scenar
     scenario = scenario.model_copy(update={"vehicles": vehicles, "race": race, "traffic": traffic})
     if isinstance(scenario.map, str):
         return scenario.model_copy(update={"map": there("map", scenario.map)})
+    if isinstance(scenario.map, TrackSpec):
+        return scenario
     own_map = with_modules(scenario.map, lambda name: there("module", name))
     return scenario.model_copy(update={"map": own_map})

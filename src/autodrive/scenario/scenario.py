@@ -27,6 +27,7 @@ from autodrive.protocol.messages import Weather
 from autodrive.protocol.weather import PRESETS
 from autodrive.scenario.maps.light_programs import MAX_PROGRAMS, LightProgramSpec
 from autodrive.scenario.maps.spec import MapSpec
+from autodrive.scenario.tracks.track import TrackSpec
 
 DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
@@ -133,14 +134,24 @@ class TrafficSpec(Spec):
         return [f"traffic_{k}" for k in range(1, self.cars + 1)]
 
 
+def is_track(tree: Any) -> bool:
+    """Whether the values of a map's file are those of a track."""
+    return isinstance(tree, dict) and bool({"centre_line", "points"} & tree.keys())
+
+
 def _type_of_map(given: Any) -> str:
+    if isinstance(given, TrackSpec) or is_track(given):
+        return "dict[str, track]"
     return "dict[str, Any]" if isinstance(given, dict | MapSpec) else "str"
 
 
 NamedOrOwnMap: TypeAlias = Annotated[
-    Annotated[str, Tag("str")] | Annotated[MapSpec, Tag("dict[str, Any]")], Discriminator(_type_of_map)
+    Annotated[str, Tag("str")]
+    | Annotated[MapSpec, Tag("dict[str, Any]")]
+    | Annotated[TrackSpec, Tag("dict[str, track]")],
+    Discriminator(_type_of_map),
 ]
-"""A name, a file, or the map itself; errors are those of the one that is given."""
+"""A name, a file, or the map or track itself; errors are those of the one that is given."""
 Amount: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 """From nothing (0) to the greatest amount (1)."""
 
@@ -183,7 +194,7 @@ class ScenarioSpec(Spec):
     title: str = ""
     """Title shown in lists and on the page."""
     map: NamedOrOwnMap = "plane"
-    """Name or file of the MapSpec, or the map itself."""
+    """Name or file of a map or track, or the map or track itself."""
     vehicles: Annotated[dict[str, VehiclePlacement], Field(max_length=MAX_VEHICLES)] = Field(
         default_factory=lambda: {"V1": VehiclePlacement()}
     )
@@ -248,14 +259,14 @@ class ScenarioSpec(Spec):
         return named
 
     @field_serializer("map")
-    def _map_as_written(self, map_: str | MapSpec, info: FieldSerializationInfo) -> Any:
+    def _map_as_written(self, map_: str | MapSpec | TrackSpec, info: FieldSerializationInfo) -> Any:
         """Without defaults: some keys of a placement are allowed for some modules only."""
         return map_ if isinstance(map_, str) else map_.model_dump(mode=info.mode, exclude_unset=True)
 
     @property
     def map_name(self) -> str:
         """Name or file of the map, or the title of the scenario's own map."""
-        return self.map if isinstance(self.map, str) else self.map.title
+        return self.map if isinstance(self.map, str) else self.map.title or "track"
 
     @property
     def substeps(self) -> int:
@@ -284,7 +295,7 @@ def with_paths_of(spec: ScenarioSpec, folder: Path) -> ScenarioSpec:
         if one.own_sensors
     }
     spec = spec.model_copy(update={"vehicles": spec.vehicles | vehicles}) if vehicles else spec
-    if isinstance(spec.map, str):
+    if not isinstance(spec.map, MapSpec):
         return spec
     return spec.model_copy(update={"map": with_modules_at(spec.map, folder)})
 

@@ -21,6 +21,7 @@ from autodrive.protocol.native import Lamp, Plan, Scene, SensorScene, VehicleSce
 from autodrive.scenario import MAX_BOXES
 from autodrive.scenario.maps.draw import drawn_bounds, to_svg
 from autodrive.world.editing.map_scene import map_scene
+from autodrive.world.editing.track_edits import track_scene
 
 if TYPE_CHECKING:
     from autodrive.physics.sensors.noise import NoiseSpec
@@ -61,6 +62,7 @@ class SceneFiles:
             object_sizes={name: box.size for name, box in world.boxes.items()},
             warm_up_laps=world.race.rules.warm_up_laps if world.race else 0,
             map_scene=map_scene(world, files.add),
+            track_scene=track_scene(world),
         )
         return SceneFiles(scene, files.content)
 

@@ -138,7 +138,7 @@ class World(OneThread):
         )
         programs = all_programs(compiled.map.light_programs, compiled.spec.light_programs)
         self._traffic_lights = TrafficLights(compiled.map.traffic_lights, programs, compiled.spec.tick)
-        lengths = [(0.5 * (one.wheelbase + one.size[0]), one.size[0]) for one in compiled.vehicles.values()]
+        lengths = [(one.front, one.size[0]) for one in compiled.vehicles.values()]
         lines = compiled.map.stop_lines
         self._stop_lines = StopLineReferee(self.vehicle_names, lengths, lines) if lines else None
         self._traffic = None

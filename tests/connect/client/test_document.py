@@ -30,7 +30,7 @@ def test_what_the_document_shows_runs(
 
 
 def test_document_has_examples() -> None:
-    assert len(CODE) == 6
+    assert len(CODE) == 7
 
 
 def test_the_example_that_draws_shows_its_path_and_its_goal(server: Server, simulation: Simulation) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from autodrive.experiments.envs.episodes import observed
-from autodrive.experiments.envs.registration import IDS, ROBORACER, ROBORACER_STEPS
+from autodrive.experiments.envs.registration import IDS, ROBORACER, ROBORACER_STEPS, SEVERAL_CARS
 from autodrive.experiments.envs.settings import TASKS
 
 ROOT = Path(__file__).parents[3]
@@ -22,11 +22,12 @@ def test_the_programs_of_the_page_run() -> None:
     for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
         with redirect_stdout(io.StringIO()):
             exec(code, names)
-    assert names["observations"].shape == (8, 59)  # of the last one, four races of two cars
+    assert names["observations"].shape == (8, 60)  # of the last one, four races of two cars
 
 
 def test_the_page_names_every_id_and_its_steps() -> None:
-    for id_, steps in {**{id_: steps for id_, (_, steps) in IDS.items()}, ROBORACER: ROBORACER_STEPS}.items():
+    known = {id_: steps for id_, (_, steps) in (*IDS.items(), *SEVERAL_CARS.items())} | {ROBORACER: ROBORACER_STEPS}
+    for id_, steps in known.items():
         assert re.search(rf"`{id_}`.* \| {steps} steps", PAGE)
 
 

@@ -13,7 +13,7 @@ from autodrive.scenario.maps.shapes import CHORD_ERROR
 
 LIDAR_HEIGHT = 0.208
 """Of the plane in which the car's LIDAR looks [m]."""
-TOWNS = ["mini_map", "tiny_town"]
+TOWNS = ["mini_map", "tiny_town", "crossing"]
 
 
 def flat(map_):
@@ -40,9 +40,10 @@ def test_vehicle_starts_in_the_middle_of_a_lane_and_along_it(name):
     assert (point.offset, point.yaw) == pytest.approx((0.0, start.yaw), abs=1e-9)
 
 
-def test_mini_map_contains_every_module():
+def test_mini_map_contains_every_module_of_the_kit():
     map_ = load_map("mini_map")
-    assert {one.module.name for one in map_.modules} == set(yaml_files.names("module"))
+    kit = {name for name in yaml_files.names("module") if not name.startswith("wide_")}
+    assert {one.module.name for one in map_.modules} == kit
     assert len(map_.boxes) == 8
 
 
@@ -60,6 +61,28 @@ def test_vehicle_on_the_mini_map_can_go_round_from_the_origin():
     start = graph.nearest(0.0, 0.0, 0.0)
     assert start is not None
     assert graph.loop(start.lane) is not None
+
+
+def test_every_lane_of_the_crossing_leads_on_to_all_lanes_with_its_number():
+    lanes = load_map("crossing").lane_graph.lanes
+    number = [one.name[-1] for one in lanes]
+    assert number.count("1") == number.count("2") == 14 * 2 + 8
+    for start in range(len(lanes)):
+        reached, new = {start}, {start}
+        while new:
+            new = {after for lane in new for after in lanes[lane].successors} - reached
+            reached |= new
+        assert reached == {lane for lane in range(len(lanes)) if number[lane] == number[start]}
+
+
+def test_loops_of_the_crossing_are_straights_and_quarter_circles():
+    graph = load_map("crossing").lane_graph
+    lengths = [graph.length(loop) for loop in graph.loops()]
+    right = 4 * 1.2 + 4 * 0.5 * math.pi * 0.55  # clockwise on the outer lane, which turns right at the intersection
+    left = 4 * 1.2 + (3 + 1) * 0.5 * math.pi * 1.15  # counter-clockwise on the inner lane
+    # chords are shorter than arcs, by less than a part in ten thousand
+    for exact in (right, left):
+        assert min(abs(length - exact) for length in lengths) < 1e-4 * exact
 
 
 def test_tiny_town_has_the_modules_and_the_extent_of_the_original():

@@ -24,6 +24,9 @@ AREAS = {
     "four_way_intersection": 1.96 - 4.0 * QUARTER * 0.4**2,
     "roadside_parking": 1.8,
     "parking_lot": (1.4 - 2.0 * QUARTER * 0.4**2) + 1.4 * 1.55 + 0.6 * 0.05,
+    "wide_straight_road": 1.44,
+    "wide_curved_road": QUARTER * (1.6**2 - 0.4**2),
+    "wide_four_way_intersection": 4.0 - 4.0 * QUARTER * 0.4**2,
     "lawn": 0.0,
     "construction_box": 0.0,
 }
@@ -43,9 +46,10 @@ MINIMUM_TURNING_RADIUS = 0.24515
 """Of the car, rear axle [m] (report, table 10)."""
 
 
-def test_the_modules_are_the_nine_of_the_report_and_the_filler():
+def test_the_modules_are_the_nine_of_the_report_the_filler_and_wide_roads():
     kit = {load_module(name).spec.title: load_module(name).spec.type for name in yaml_files.names("module")}
-    assert kit == {**TABLE_11, "Road Patch": "road"}
+    wide = {"Wide Straight Road": "road", "Wide Curved Road": "road", "Wide 4-Way Intersection": "intersection"}
+    assert kit == {**TABLE_11, **wide, "Road Patch": "road"}
 
 
 @pytest.mark.parametrize("name", AREAS)
@@ -93,10 +97,11 @@ def test_car_can_follow_every_lane(name):
 def test_traffic_keeps_to_its_side_at_every_port(name):
     spec = load_module(name).spec
     for port in spec.ports.values():
-        x, y, yaw = port.pose_out()
-        left = -math.sin(yaw) * (x - port.x) + math.cos(yaw) * (y - port.y)
-        assert left == pytest.approx(DRIVING_SIDE * 0.15)
-        assert math.hypot(x - port.pose_in()[0], y - port.pose_in()[1]) == pytest.approx(0.3)
+        for lane in range(1, port.lanes + 1):
+            x, y, yaw = port.pose_out(lane)
+            left = -math.sin(yaw) * (x - port.x) + math.cos(yaw) * (y - port.y)
+            assert left == pytest.approx(DRIVING_SIDE * (0.3 * lane - 0.15))
+            assert math.hypot(x - port.pose_in(lane)[0], y - port.pose_in(lane)[1]) == pytest.approx(0.6 * lane - 0.3)
 
 
 @pytest.mark.parametrize("name", DRIVABLE)
@@ -122,7 +127,7 @@ def test_paint_lies_on_the_road_and_inside_the_footprint(name):
         assert module.drivable.buffer(CHORD_ERROR).covers(line), kind
 
 
-@pytest.mark.parametrize("name", ["three_way_intersection", "four_way_intersection"])
+@pytest.mark.parametrize("name", [name for name in AREAS if "intersection" in name])
 def test_intersection_has_a_stop_line_and_a_crossing_at_every_arm(name):
     module = load_module(name)
     kinds = [kind for kind, _ in module.markings]

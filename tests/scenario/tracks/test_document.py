@@ -26,8 +26,8 @@ def test_the_programs_of_the_document_run() -> None:
     assert found["speed"] > 1.0
 
 
-def test_the_file_of_the_document_is_a_track(tmp_path: Path) -> None:
-    (text,) = re.findall(r"```yaml\n(.*?)```", TEXT, flags=re.DOTALL)
+@pytest.mark.parametrize("text", re.findall(r"```yaml\n(.*?)```", TEXT, flags=re.DOTALL))
+def test_the_files_of_the_document_are_tracks(text: str, tmp_path: Path) -> None:
     path = tmp_path / "oval.yaml"
     path.write_text(text)
     track = Track.load(path)

@@ -7,13 +7,9 @@ import type { Store } from '../store'
 import { h, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
 
-const OPTIONS = {
-  '': 'Program',
-  [TrafficLightState.RED]: 'Red',
-  [TrafficLightState.YELLOW]: 'Yellow',
-  [TrafficLightState.GREEN]: 'Green',
-  [TrafficLightState.OFF]: 'Off',
-}
+/** By the names of `TrafficLightState`: an object lists numbers first. */
+const OPTIONS = { '': 'Program', RED: 'Red', YELLOW: 'Yellow', GREEN: 'Green', OFF: 'Off' }
+type Option = keyof typeof OPTIONS
 
 export function trafficLights(store: Store, actions: Actions): HTMLElement {
   const rows = h('div', {})
@@ -29,7 +25,8 @@ export function trafficLights(store: Store, actions: Actions): HTMLElement {
       const row = shown.get(name)
       if (!row) continue
       setText(row.text, lightText(light))
-      if (document.activeElement !== row.select) row.select.value = light.mode === 'set' ? String(light.state) : ''
+      if (document.activeElement !== row.select)
+        row.select.value = light.mode === 'set' ? TrafficLightState[light.state] : ''
     }
   }
 
@@ -37,7 +34,11 @@ export function trafficLights(store: Store, actions: Actions): HTMLElement {
     shown.clear()
     for (const name of names) {
       const select = choice(`light-${name}`, (value) => {
-        void actions.request({ type: 'SetTrafficLight', light: name, state: value === '' ? null : Number(value) })
+        void actions.request({
+          type: 'SetTrafficLight',
+          light: name,
+          state: value === '' ? null : TrafficLightState[value as Exclude<Option, ''>],
+        })
       })
       setOptions(select, OPTIONS)
       select.value = ''
@@ -56,6 +57,6 @@ export function trafficLights(store: Store, actions: Actions): HTMLElement {
 
 /** For example 'Green, 3 s'. */
 export function lightText({ state, time_to_change, mode }: TrafficLightFrame): string {
-  const name = mode === 'flashing' ? 'Flashing' : OPTIONS[state]
+  const name = mode === 'flashing' ? 'Flashing' : OPTIONS[TrafficLightState[state] as Option]
   return time_to_change === null || mode === 'flashing' ? name : `${name}, ${Math.ceil(time_to_change)} s`
 }

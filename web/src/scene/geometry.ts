@@ -75,8 +75,9 @@ function mergeSurfaces(
   for (const { surface, node } of parts) {
     const place = skeleton.restPoseOf[node]
     const lamp = asset.nodes[node].lamp
+    const isLens = lamp !== '' && !LAMPS.includes(lamp) // of a traffic light: dark, see lenses.ts
     const own = surface.positions.length / 3
-    const skinned = [skeleton.boneOf[node], lamp ? 1 + LAMPS.indexOf(lamp) : 0]
+    const skinned = [skeleton.boneOf[node], 1 + LAMPS.indexOf(lamp)]
     const finished = [surface.roughness, surface.metallic, kindOf(surface, isMoving)]
     turn.setFromMatrix4(place)
     for (let i = 0; i < own; i++) {
@@ -89,7 +90,7 @@ function mergeSurfaces(
         .applyMatrix3(turn)
         .toArray(normal, 3 * (first + i))
       color.set(surface.isPaint && paint ? paint : surface.color, 3 * (first + i))
-      emission.set(surface.emission, 3 * (first + i))
+      if (!isLens) emission.set(surface.emission, 3 * (first + i))
       finish.set(finished, 3 * (first + i))
       bones.set(skinned, 2 * (first + i))
     }

@@ -11,11 +11,16 @@ import {
 } from 'three'
 
 import { LAMPS } from './lamps'
+import type { Lens } from './lenses'
 import type { VehicleModel } from './vehicle'
 
 /** Diameter of the glare of a headlight and of another lamp [m]. */
 const HEADLIGHT_SIZE = 0.16
 const LAMP_SIZE = 0.07
+/** Brightness of the glare of a lens of a traffic light at night: a brighter one would change its hue. */
+const LENS_BRIGHTNESS = 0.5
+/** Diameter of this glare [m]. */
+const LENS_SIZE = 0.05
 /** Brightness of the glare by day, relative to night. */
 const DAY_BRIGHTNESS = 0.3
 
@@ -48,13 +53,14 @@ export class LampGlare {
   private readonly geometry = new BufferGeometry()
   private readonly material: ShaderMaterial
 
-  constructor(vehicles: number) {
+  constructor(vehicles: number, lenses: number) {
+    const lamps = Math.max(LAMPS.length * vehicles + lenses, 1)
     for (const [name, width] of [
       ['position', 3],
       ['aim', 4],
       ['color', 4],
     ] as const) {
-      const attribute = new BufferAttribute(new Float32Array(width * LAMPS.length * Math.max(vehicles, 1)), width)
+      const attribute = new BufferAttribute(new Float32Array(width * lamps), width)
       attribute.setUsage(DynamicDrawUsage)
       this.geometry.setAttribute(name, attribute)
     }
@@ -72,7 +78,7 @@ export class LampGlare {
     this.material.uniforms.height.value = pixels
   }
 
-  update(vehicles: readonly VehicleModel[], isDay: boolean): void {
+  update(vehicles: readonly VehicleModel[], lenses: readonly Lens[], isDay: boolean): void {
     const position = this.geometry.getAttribute('position') as BufferAttribute
     const aim = this.geometry.getAttribute('aim') as BufferAttribute
     const color = this.geometry.getAttribute('color') as BufferAttribute
@@ -88,6 +94,14 @@ export class LampGlare {
         point.multiplyScalar(levels[i] * (isDay ? DAY_BRIGHTNESS : 1))
         color.setXYZW(slot++, point.x, point.y, point.z, lamp.isHeadlight ? HEADLIGHT_SIZE : LAMP_SIZE)
       })
+    }
+    for (const lens of lenses) {
+      if (!lens.mesh.visible) continue
+      position.setXYZ(slot, ...lens.position.toArray())
+      aim.setXYZW(slot, ...lens.aim.toArray(), 0)
+      point.copy(lens.color).divideScalar(Math.max(...lens.color.toArray()))
+      point.multiplyScalar(isDay ? DAY_BRIGHTNESS : LENS_BRIGHTNESS)
+      color.setXYZW(slot++, ...point.toArray(), LENS_SIZE)
     }
     this.geometry.setDrawRange(0, slot)
     this.points.visible = slot > 0

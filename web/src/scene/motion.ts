@@ -1,7 +1,7 @@
 // Motion interpolation: shows the world with a small delay, interpolated between two Frames.
 import { Quaternion, Vector3 } from 'three'
 
-import type { Frame, Pose, VehicleFrame, Weather } from '../messages'
+import type { Frame, Pose, TrafficLightFrame, VehicleFrame, Weather } from '../messages'
 
 /** The delay, in intervals between Frames; the jitter of the arrivals is added. */
 const DELAY = 1.5
@@ -42,6 +42,7 @@ export interface WorldState {
   sight: number
   vehicles: Map<string, VehicleMotion>
   objects: Map<string, PlacedObject>
+  trafficLights: Record<string, TrafficLightFrame>
 }
 
 interface Arrival {
@@ -53,7 +54,7 @@ interface Arrival {
 export class MotionInterpolator {
   readonly state: WorldState = {
     ...{ time: 0, isDay: true, timeOfDay: null, weather: null, sight: Infinity },
-    ...{ vehicles: new Map(), objects: new Map() },
+    ...{ vehicles: new Map(), objects: new Map(), trafficLights: {} },
   }
   private arrivals: Arrival[] = []
   private shown = 0
@@ -148,6 +149,7 @@ export class MotionInterpolator {
     const { state } = this
     state.time = this.shown
     state.isDay = b.scene_light
+    state.trafficLights = b.traffic_lights
     state.timeOfDay = b.time_of_day
     state.weather = b.weather ?? null
     state.sight = b.weather_effects?.sight ?? Infinity

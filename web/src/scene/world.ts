@@ -29,6 +29,7 @@ import type { Asset, Vector } from './glb'
 import { GroundStrips } from './ground_strips'
 import { LampGlare } from './lamp_glare'
 import { ActiveLamps, BEAM_SLOTS, lampsOf } from './lamps'
+import { type Lens, lensesOf } from './lenses'
 import type { WorldState } from './motion'
 import { Precipitation } from './precipitation'
 import type { Profile } from './quality'
@@ -77,6 +78,7 @@ export class World {
   private readonly surfaces: ShaderMaterial[] = []
   private effects = ''
   private readonly glare: LampGlare
+  private readonly lenses: Lens[]
   private readonly disposables: { dispose(): void }[] = []
 
   constructor(
@@ -109,7 +111,9 @@ export class World {
     this.sky = new Sky(this.shared, textures[map.clouds] ?? null)
     this.strips = map.strips && new GroundStrips(map.strips)
     Object.assign(this.shared, this.strips?.uniform)
-    this.glare = new LampGlare(models.length)
+    this.lenses = lensesOf(map, () => this.material(null, null))
+    for (const { mesh } of this.lenses) this.scene.add(mesh)
+    this.glare = new LampGlare(models.length, this.lenses.length)
     this.precipitation = new Precipitation(this.shared)
     this.scene.add(this.sky.mesh, this.glare.points, ...this.precipitation.meshes)
     this.addMap(map, textures)
@@ -131,7 +135,8 @@ export class World {
     for (const group of this.groups) this.place(group, state)
     this.setLamps(state.isDay, followed)
     this.precipitation.update(state, this.effects.includes('AIR'))
-    this.glare.update([...this.vehicles.values()], state.isDay)
+    for (const lens of this.lenses) lens.show(state.trafficLights)
+    this.glare.update([...this.vehicles.values()], this.lenses, state.isDay)
   }
 
   /** Draws the shadow maps for the current state. */
@@ -174,6 +179,7 @@ export class World {
     this.strips?.dispose()
     this.glare.dispose()
     for (const model of this.vehicles.values()) model.dispose()
+    for (const { mesh } of this.lenses) mesh.geometry.dispose()
     for (const thing of this.disposables) thing.dispose()
   }
 

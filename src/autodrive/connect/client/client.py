@@ -24,7 +24,9 @@ from autodrive.protocol.messages import (
     AddBox,
     Command,
     EditMap,
+    EditTrack,
     Frame,
+    GenerateTrack,
     Headlights,
     Indicators,
     LoadScenario,
@@ -47,6 +49,7 @@ from autodrive.protocol.messages import (
     SetWeather,
     Step,
     Teleport,
+    TrackLine,
     TrafficLightState,
     Undo,
     UseMap,
@@ -374,6 +377,21 @@ class Client:
     def use_map(self, name: str = "", *, text: str = "") -> Frame:
         """Replace the map by one of the simulator, see `scene.map_scene.templates`, or by that of a file's text."""
         return self.connection.request(UseMap(name, text))
+
+    def edit_track(self, track: TrackLine, *, seen: TrackLine | None = None) -> Frame:
+        """Make the map a track by points, or change it, as one edit; `scene.track_scene.line` is the one now.
+
+        `seen`: the track as it was when you read it. Raises `AutodriveError` if another client has changed it since,
+        and if the track would not be possible.
+        """
+        return self.connection.request(EditTrack(track, seen))
+
+    def generate_track(
+        self, seed: int = 0, *, length: float = 60.0, width: float = 1.2, barrier: Literal["wall", "duct"] = "wall"
+    ) -> Frame:
+        """Make the map a random track by points, the same for the same seed; length and width [m]."""
+        size = _number("length", length), _number("width", width)
+        return self.connection.request(GenerateTrack(int(seed), *size, barrier))
 
     def map_text(self, title: str = "") -> str:
         """The map with all edits, as YAML, with that title if there is one."""

@@ -16,7 +16,9 @@ from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import (
     AddBox,
     EditMap,
+    EditTrack,
     Frame,
+    GenerateTrack,
     LoadScenario,
     Pause,
     Redo,
@@ -39,7 +41,7 @@ from autodrive.protocol.native import (
 
 LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
-LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, EditMap, UseMap, Undo, Redo)
+LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, EditMap, UseMap, EditTrack, GenerateTrack, Undo, Redo)
 """Operations that compile a scenario."""
 RETRY = 0.2
 """Time between two attempts to reconnect [s]."""

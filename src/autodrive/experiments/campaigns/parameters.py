@@ -94,8 +94,8 @@ def applied(descriptions: Descriptions, values: Mapping[str, Value]) -> Descript
 
 def _with_map(of: Specs, changes: Mapping[str, Value]) -> Specs:
     """With other values in the file of the map."""
-    spec, text = _changed(of.map, MapSpec, changes)
-    numbered = tuple(enumerate(spec.placements, 1))
+    spec, text = _changed(of.map, type(of.map.spec), changes)
+    numbered = tuple(enumerate(spec.placements, 1)) if isinstance(spec, MapSpec) else ()
     return replace(of, map=replace(of.map, found=spec, error=None, text=text, placements=numbered))
 
 

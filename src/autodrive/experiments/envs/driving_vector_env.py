@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,10 +49,11 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
-        self.settings = Settings(task if isinstance(task, str) else task.name, observation, action, frame_skip)
+        checked = Settings(task if isinstance(task, str) else None, observation, action, frame_skip)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.task = TASKS[task](frame_skip) if isinstance(task, str) else task
+        self.settings = replace(checked, choices=self.task.choices)
         seen = observation or self.task.observation
         if render_mode is not None:
             raise SpecError(
@@ -106,9 +108,8 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self._drive(self._of_worlds(commands), ~self._of_worlds(ended)[:, 0])
         outcome = self._judge()
         self.steps += 1
-        terminated = outcome.has_ended
         is_late = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self.steps >= self._max_steps
-        truncated = is_late | (np.repeat(self._of_worlds(terminated).any(axis=1), self.car_count) & ~terminated)
+        terminated, truncated = self._ends(outcome, is_late)
         reward, is_success, stepped = outcome.reward, outcome.is_success, np.ones(self.num_envs, np.bool_)
         info: dict[str, Any] = {}
         if self.autoreset_mode == AutoresetMode.NEXT_STEP and ended.any():
@@ -172,6 +173,11 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         """What the last action led to."""
         is_unstable = np.repeat(self.batch.readings.is_unstable, self.car_count)
         return self._episodes.advance(CarReadings.of_batch(self.batch.readings), is_unstable)
+
+    def _ends(self, outcome: Outcome, is_late: Bools) -> tuple[Bools, Bools]:
+        """Whether each episode ends by the last action, and whether it is truncated; `is_late`: by its time."""
+        ended = outcome.has_ended
+        return ended, is_late | (np.repeat(self._of_worlds(ended).any(axis=1), self.car_count) & ~ended)
 
     def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
         """Return these worlds to the start."""

@@ -13,6 +13,12 @@ IDS = {
 ROBORACER, ROBORACER_STEPS = "RoboRacer-v0", 2400
 """The time trial, which has a class of its own, and its steps (60 s)."""
 
+SEVERAL_CARS = {
+    "NigelCrossing-v0": ("crossing_env:CrossingVectorEnv", 600),
+    "RoboRacerDuel-v0": ("duel_env:DuelVectorEnv", 4800),
+}
+"""Id -> vector environment of several cars in each world, and its steps; there is no environment of one car."""
+
 
 def register() -> None:
     """Make the ids known to `gymnasium.make` and `gymnasium.make_vec`. Imports nothing of the simulator."""
@@ -30,3 +36,5 @@ def register() -> None:
         vector_entry_point="autodrive.experiments.envs.roboracer_env:RoboRacerVectorEnv",
         max_episode_steps=ROBORACER_STEPS,
     )
+    for id_, (name, steps) in SEVERAL_CARS.items():
+        register_environment(id_, vector_entry_point=f"autodrive.experiments.envs.{name}", max_episode_steps=steps)

@@ -130,7 +130,7 @@ class RenderedWorld:
         from autodrive.world.simulation import Simulation  # noqa: PLC0415
 
         self._simulation = Simulation(self.world, speed=None)
-        served = Served(self._simulation, lambda world: SceneFiles.of(world, self._settings.task))
+        served = Served(self._simulation, lambda world: SceneFiles.of(world, self._settings.task or ""))
         server = Server(served, page=built_page())
         self._open.enter_context(server)
         print(f"The page of this environment: {server.url}", flush=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -15,7 +15,7 @@ from autodrive.base.suggest import suggest
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.navigation import Navigation
 from autodrive.experiments.envs.parking import Parking
-from autodrive.experiments.envs.task import Observation, Task
+from autodrive.experiments.envs.task import CHOICES, Observation, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
 
 Action: TypeAlias = Literal["continuous", "discrete"]
@@ -24,9 +24,6 @@ TASKS: dict[str, type[Task]] = {task.name: task for task in (LaneKeeping, Parkin
 
 MOST_TICKS = 50
 """Of an action: after 0.5 s the command of a vehicle times out."""
-
-CHOICES: Floats = np.array([(throttle, steering) for throttle in (-1, 0, 1) for steering in (-1, -0.5, 0, 0.5, 1)])
-"""Throttle and steering of each discrete action, shape (15, 2)."""
 
 MOST_CARS = 8
 """Of a race, or on one lane."""
@@ -38,13 +35,16 @@ IMAGE_WIDTH, IMAGE_HEIGHT = 128, 96
 class Settings:
     """Checked settings; raises `SpecError` with all errors."""
 
-    task: str
+    task: str | None
+    """None: one that is already made."""
     observation: Observation | None = None
     """None: the default of the task."""
     action: Action = "continuous"
     frame_skip: int = 5
     """Ticks of 10 ms, or 5 ms for the car RoboRacer, that an action lasts."""
     render_mode: str | None = None
+    choices: Floats = field(default_factory=lambda: CHOICES)
+    """Of the task."""
 
     def __post_init__(self) -> None:
         choices: dict[str, list[Any]] = {
@@ -56,8 +56,7 @@ class Settings:
         errors = [
             f"{name}: {given!r} is not known. {suggest(str(given), known)}"
             for name, known in choices.items()
-            if (given := getattr(self, name)) not in known
-            and not (given is None and name in ("observation", "render_mode"))
+            if (given := getattr(self, name)) not in known and not (given is None and name != "action")
         ]
         ticks = self.frame_skip
         if isinstance(ticks, bool) or not isinstance(ticks, int) or not 1 <= ticks <= MOST_TICKS:
@@ -67,9 +66,9 @@ class Settings:
 
 
 def action_space(settings: Settings) -> spaces.Space[Any]:
-    """Throttle and steering from -1 to 1 (left is positive), or the number of one of `CHOICES`."""
+    """Throttle and steering from -1 to 1 (left is positive), or the number of one of the choices."""
     if settings.action == "discrete":
-        return spaces.Discrete(len(CHOICES))
+        return spaces.Discrete(len(settings.choices))
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
@@ -87,9 +86,9 @@ def commands_of(actions: Any, settings: Settings, count: int) -> NDArray[Any]:
         raise CommandError(f"actions must be {number} of the shape {wanted}, not {_described(given)}")
     if settings.action == "continuous":
         return given.reshape(shape)
-    if not ((given >= 0) & (given < len(CHOICES))).all():
-        raise CommandError(f"actions must be from 0 to {len(CHOICES) - 1}, not {given.tolist()}")
-    return CHOICES[given.reshape(shape)]
+    if not ((given >= 0) & (given < len(settings.choices))).all():
+        raise CommandError(f"actions must be from 0 to {len(settings.choices) - 1}, not {given.tolist()}")
+    return settings.choices[given.reshape(shape)]
 
 
 def _described(given: NDArray[Any]) -> str:

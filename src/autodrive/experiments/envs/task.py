@@ -95,6 +95,10 @@ class CarReadings(NamedTuple):
         return CarReadings(*some)
 
 
+CHOICES: Floats = np.array([(throttle, steering) for throttle in (-1, 0, 1) for steering in (-1, -0.5, 0, 0.5, 1)])
+"""Throttle and steering of each discrete action, shape (15, 2)."""
+
+
 class Feature(NamedTuple):
     """One number of an observation, clipped to its limits."""
 
@@ -172,6 +176,8 @@ class Task(ABC):
     """The default."""
     memory_size: int
     scan: ScanView = CIRCLE
+    choices: Floats = CHOICES
+    """Throttle and steering of each discrete action, shape (n, 2)."""
 
     @abstractmethod
     def __init__(self, frame_skip: int) -> None:

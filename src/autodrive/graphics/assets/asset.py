@@ -87,7 +87,10 @@ class AssetNode:
     orientation: Quaternion = (1.0, 0.0, 0.0, 0.0)
     joint: NodeJoint | None = None
     lamp: str = ""
-    """If the surfaces are the glass of a lamp: its name in `actuators.lights.LAMPS`; they glow when it is lit."""
+    """If the surfaces are the glass of a lamp: its name in `actuators.lights.LAMPS`; they glow when it is lit.
+
+    Of a map: 'red', 'yellow' or 'green' of a traffic light; these nodes are in the order of the lights.
+    """
     surfaces: dict[Detail, tuple[MeshSurface, ...]] = field(default_factory=dict)
     """By level of detail; nothing is drawn at a level without an entry."""
 

@@ -48,10 +48,11 @@ STEEL = Material("steel", (0.36, 0.37, 0.38), roughness=0.6)
 FACE = Material("sign_face", (1.0, 1.0, 1.0), roughness=0.6, texture="signs")
 HOUSING = Material("housing", (0.022, 0.024, 0.026), roughness=0.65)
 LENSES = {
-    "red": Material("lens_red", (0.34, 0.012, 0.010), roughness=0.3),
-    "yellow": Material("lens_yellow", (0.42, 0.20, 0.010), roughness=0.3),
-    "green": Material("lens_green", (0.012, 0.22, 0.075), roughness=0.3),
+    "red": Material("lens_red", (0.34, 0.012, 0.010), roughness=0.3, emission=(5.0, 0.12, 0.08)),
+    "yellow": Material("lens_yellow", (0.42, 0.20, 0.010), roughness=0.3, emission=(5.0, 2.2, 0.1)),
+    "green": Material("lens_green", (0.012, 0.22, 0.075), roughness=0.3, emission=(0.15, 5.0, 1.6)),
 }
+"""The emission is that of a lit lamp; the values are ours."""
 CARDBOARD = Material("cardboard", (1.0, 1.0, 1.0), roughness=0.9, texture="box")
 ATLAS = 3
 """Number of sign faces in each row and column of their texture."""
@@ -266,7 +267,8 @@ def _lenses(shape: StaticShape, name: str) -> Iterator[AssetNode]:
         ahead = HOUSING_DEPTH / 2.0
         place = (x + ahead * math.cos(shape.yaw), y + ahead * math.sin(shape.yaw), height)
         orientation = quaternion_from_yaw(shape.yaw)
-        yield AssetNode(f"{name}.{color}", "", place, orientation, surfaces={"full": surfaces, "reduced": surfaces})
+        levels: dict[Detail, tuple[MeshSurface, ...]] = {"full": surfaces, "reduced": surfaces}
+        yield AssetNode(f"{name}.{color}", "", place, orientation, lamp=color, surfaces=levels)
 
 
 @cache

@@ -88,11 +88,12 @@ class DrawList:
         static: GpuMesh,
         vehicles: Sequence[GpuMesh],
         objects: Sequence[GpuMesh],
+        lenses: Sequence[GpuMesh],
         shadows: Shadows,
     ) -> None:
-        """`skeletons`: one for each vehicle."""
+        """`skeletons`: one for each vehicle; `lenses`: see `scene.lit_lenses`."""
         self._quality, self._skeletons, self._shadows = quality, skeletons, shadows
-        self._vehicles, self._objects = vehicles, objects
+        self._vehicles, self._objects, self._lenses = vehicles, objects, lenses
         self._tables = [lamp_table(spec) for spec in scene.lights]
         self._spheres = static.geometry.spheres
         self._boxes = static.geometry.boxes
@@ -158,6 +159,12 @@ class DrawList:
             PosedMesh(*each)
             for each in zip(models, own_bones, glows, all_centers[n:], all_radii[n:], reached[n:], strict=True)
         ]
+        at_rest, light = _padded(np.eye(4)[None]), SHADED if state.is_day else UNREACHED
+        for number, shown in enumerate(state.header["traffic_lights"][: len(self._lenses) // 3].astype(int).tolist()):
+            if shown:
+                lens = self._lenses[3 * number + shown - 1]
+                [ball] = lens.geometry.ranges
+                self.posed.append(PosedMesh(lens, at_rest, dark, ball.center, ball.radius, light))
 
     # -- parts ----------------------------------------------------------------------------------------------------
 

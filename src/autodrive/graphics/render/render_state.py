@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,10 +11,11 @@ import numpy as np
 
 from autodrive.graphics.render.look import DAY, NIGHT, Air, Daylight, air_of, in_air, look_at
 from autodrive.physics.actuators.lights import LAMPS, lamp_levels
+from autodrive.scenario.maps.light_programs import MAX_LIGHTS
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
-    from autodrive.protocol.messages import Frame, Lights
+    from autodrive.protocol.messages import Frame, Lights, TrafficLightFrame
 
 VEHICLE = np.dtype(
     [
@@ -29,9 +31,16 @@ VEHICLE = np.dtype(
 )
 OBJECT = np.dtype([("position", np.float64, 3), ("orientation", np.float64, 4)])
 HEADER = np.dtype(
-    [("time", np.float64), ("is_day", np.float64), ("time_of_day", np.float64), ("air", np.float64, len(Air._fields))]
+    [
+        ("time", np.float64),
+        ("is_day", np.float64),
+        ("time_of_day", np.float64),
+        ("air", np.float64, len(Air._fields)),
+        ("traffic_lights", np.float64, MAX_LIGHTS),
+    ]
 )
-"""`time_of_day` [s] is nan if the light is fixed. `air`: see `look.Air`."""
+"""`time_of_day` [s] is nan if the light is fixed. `air`: see `look.Air`. `traffic_lights`: the `TrafficLightState` of
+each, in the order of the Frame."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +63,7 @@ class RenderState:
             state.header["time_of_day"] = frame.time_of_day
         if frame.weather is not None:
             state.header["air"] = air_of(frame.weather)
+        state.show(frame.traffic_lights)
         for row, vehicle in zip(state.vehicles, frame.vehicles.values(), strict=True):
             row["position"], row["orientation"] = vehicle.pose.position, vehicle.pose.orientation
             row["velocity"], row["angular_velocity"] = vehicle.velocity, vehicle.angular_velocity
@@ -79,6 +89,10 @@ class RenderState:
         cut = np.cumsum([HEADER.itemsize // 8, vehicles * VEHICLE.itemsize // 8])
         header, vehicle_rows, object_rows = np.split(data, cut)
         return RenderState(data, header.view(HEADER)[0], vehicle_rows.view(VEHICLE), object_rows.view(OBJECT))
+
+    def show(self, lights: Mapping[str, TrafficLightFrame]) -> None:
+        """Set what the traffic lights show."""
+        self.header["traffic_lights"][: len(lights)] = [light.state for light in lights.values()]
 
     def switch_lamps(self, lights: Lights) -> None:
         """Set the lamps of all vehicles."""

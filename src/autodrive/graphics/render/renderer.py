@@ -19,7 +19,7 @@ from autodrive.graphics.render.ground_strips import GroundStrips
 from autodrive.graphics.render.lighting import perspective
 from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
-from autodrive.graphics.render.scene import Kind, Skeleton, geometry, rigid
+from autodrive.graphics.render.scene import Kind, Skeleton, geometry, lit_lenses, rigid
 from autodrive.graphics.render.shadows import BONES, Shadows, columns
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
@@ -82,7 +82,8 @@ class Renderer:
         self.quality = quality(quality_name, self.name)
         assets = [scene.static, *scene.vehicles, *scene.objects]
         self._textures, layers = texture_arrays.load(context, assets, self.quality)
-        skeletons = {id(asset): Skeleton(asset) for asset in assets}
+        lit = lit_lenses(scene.static)
+        skeletons = {id(asset): Skeleton(asset) for asset in [*assets, *lit]}
         models: dict[tuple[int, Detail], GpuMesh] = {}
 
         def model(asset: Asset, detail: Detail) -> GpuMesh:
@@ -96,6 +97,9 @@ class Renderer:
         self._static = model(scene.static, detail)
         self._vehicles = [model(asset, detail) for asset in scene.vehicles]
         self._objects = [model(asset, detail) for asset in scene.objects]
+        lenses = [model(asset, detail) for asset in lit]
+        self._lenses = frozenset(lenses)
+        """Of traffic lights, lit; depth and labels show the dark ones, which are in the static mesh."""
         self._shadows = Shadows(
             context,
             self.quality,
@@ -105,7 +109,7 @@ class Renderer:
         )
         self._skeletons = [skeletons[id(asset)] for asset in scene.vehicles]
         self._draw_list = DrawList(
-            scene, self.quality, self._skeletons, self._static, self._vehicles, self._objects, self._shadows
+            scene, self.quality, self._skeletons, self._static, self._vehicles, self._objects, lenses, self._shadows
         )
         ranges = self._static.geometry.ranges
         looks = sorted({(r.kind == "flat", r.kind, r.textures) for r in ranges})
@@ -292,6 +296,8 @@ class Renderer:
         target = self._exact_target(view.intrinsics.width, view.intrinsics.height)
         target.begin()
         for model, piece, bones, _, _ in self._seen(self._look(view)):
+            if model in self._lenses:
+                continue
             program = self._label_program(bones is not None)
             if bones is not None:
                 write(program, "bones", bones)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
@@ -44,6 +44,22 @@ class RenderScene:
     objects: Sequence[Asset]
     lights: Sequence[LightsSpec]
     """Of each vehicle."""
+
+
+LENS_GAP = 0.001
+"""A lit lens of a traffic light is drawn so far ahead of the dark one [m], which depth and labels show."""
+
+
+def lit_lenses(static: Asset) -> list[Asset]:
+    """The lit lenses of the traffic lights of a map: red, yellow and green of each, in the order of the Frame."""
+    return [Asset(node.name, (_lit(node),)) for node in static.nodes if node.lamp]
+
+
+def _lit(node: AssetNode) -> AssetNode:
+    place = rigid(node.position, node.orientation)
+    x, y, z = (place[:3, 3] + LENS_GAP * place[:3, 0]).tolist()
+    surfaces = {level: tuple(s for s in own if any(s.material.emission)) for level, own in node.surfaces.items()}
+    return replace(node, position=(x, y, z), lamp="", surfaces=surfaces)
 
 
 # -- bones ------------------------------------------------------------------------------------------------------
@@ -243,11 +259,13 @@ def _vertices(
     part = np.zeros(len(surface.positions), VERTEX)
     part["position"] = surface.positions @ place[:3, :3].T + place[:3, 3]
     part["normal"] = surface.normals @ place[:3, :3].T
-    part["color"], part["emission"] = material.color, material.emission
+    part["color"] = material.color
+    if not node.lamp or node.lamp in LAMPS:  # lenses of traffic lights are dark: see `lit_lenses`
+        part["emission"] = material.emission
     if surface.uvs is not None:
         part["uv"] = surface.uvs
     part["open"] = 1.0 if surface.open is None else surface.open
     layer = layers[material.texture][1] if material.texture else 0
     part["finish"] = material.roughness, material.metallic, layer, surface.label
-    part["bone_lamp"] = skeleton.bone_of[node.name], 1 + LAMPS.index(node.lamp) if node.lamp else 0
+    part["bone_lamp"] = skeleton.bone_of[node.name], 1 + LAMPS.index(node.lamp) if node.lamp in LAMPS else 0
     return part

@@ -39,6 +39,7 @@ from autodrive.scenario.maps.solids import BoxPlacement, StaticShape, block_shap
 from autodrive.scenario.maps.spec import DescribedMap, GroundSpec, MapSpec
 from autodrive.scenario.maps.stop_lines import StopLine, stop_lines
 from autodrive.scenario.maps.track_map import barriers, lane, pieces, road, start_line
+from autodrive.scenario.tracks.points import faults
 from autodrive.scenario.tracks.track import Track, TrackSpec
 
 GRID = 1e-6
@@ -111,7 +112,7 @@ class Map:
         return [prop.name for prop in self.props if prop.kind == "traffic_light"]
 
 
-def load_map(name: str | Path | MapSpec) -> Map:
+def load_map(name: str | Path | MapSpec | TrackSpec) -> Map:
     """Load and compile the map with that name or path, or of a Spec. Raises `SpecError` with all errors."""
     from autodrive.scenario import files  # noqa: PLC0415  compiling needs no files
 
@@ -123,7 +124,7 @@ def load_map(name: str | Path | MapSpec) -> Map:
     return map_
 
 
-def map_warnings(name: str | Path | MapSpec) -> list[str]:
+def map_warnings(name: str | Path | MapSpec | TrackSpec) -> list[str]:
     """What is not finished in a map that is being built, with lines."""
     from autodrive.scenario import files  # noqa: PLC0415  as above
 
@@ -144,11 +145,21 @@ def compile_map(described: DescribedMap) -> tuple[Map | None, tuple[MapProblem, 
     """The map without its faulty placements, None if its file is not valid; and what else is wrong."""
     spec = described.found
     if isinstance(spec, TrackSpec):
-        return track_map(Track.of(spec, described.name)), ()
+        return track_map(Track.of(spec, described.name)), _faults(spec)
     placed, problems = place(described)
     joins, unjoined = join(placed, is_complete=spec is not None and len(placed) == len(spec.placements))
     map_, more = _compiled(spec, described.name, placed, joins) if spec else (None, _overlaps(placed, ()))
     return map_, (*problems, *unjoined, *more)
+
+
+def _faults(spec: TrackSpec) -> tuple[MapProblem, ...]:
+    """What is wrong with a track by points."""
+    if spec.width is None:
+        return ()
+    return tuple(
+        MapProblem(one.kind, Place("map", ("points", one.point)), f": {one.text}", at=(one.x, one.y))
+        for one in faults(np.array(spec.points), spec.width)
+    )
 
 
 def problems_of_draft(described: DescribedMap, problems: Sequence[MapProblem]) -> list[MapProblem]:
@@ -161,7 +172,8 @@ def problem_texts(
 ) -> list[specs.Problem]:
     """The messages of the errors of a file, and of what else is wrong; those begin with the name of the map."""
     of_file = described.error.errors if described.error else []
-    prefix = f"map '{described.name}': " if has_name else ""
+    kind = "track" if isinstance(described.found, TrackSpec) else "map"
+    prefix = f"{kind} '{described.name}': " if has_name else ""
     allowed = problems_of_draft(described, problems)
     return [*((text,) for text in of_file), *((prefix, *one.text) for one in problems if one not in allowed)]
 

@@ -89,12 +89,18 @@ ProblemKind: TypeAlias = Literal[
     "overlap",
     "solids",
     "blocked",
+    "bend",
+    "touch",
+    "narrow",
 ]
 """Of a file: 'module'. Too large: 'corners', 'extent'. Of ports: 'unconnected', 'apart', 'turned', 'width'. 'overlap':
-roads overlap; 'solids': boxes, walls or blocks do; 'blocked': a wall, block or sign stands on a lane."""
+roads overlap; 'solids': boxes, walls or blocks do; 'blocked': a wall, block or sign stands on a lane.
+Of a track by points: see `points.Fault`."""
 
 
-OF_DRAFT: frozenset[ProblemKind] = frozenset({"unconnected", "apart", "turned", "width", "overlap", "blocked"})
+OF_DRAFT: frozenset[ProblemKind] = frozenset(
+    {"unconnected", "apart", "turned", "width", "overlap", "blocked", "bend", "touch", "narrow"}
+)
 """What may be wrong while a map is being built: such a map can be simulated."""
 
 
@@ -118,7 +124,7 @@ class MapProblem:
     area: float = 0.0
     """Of an overlap [m^2]."""
     at: tuple[float, float] | None = None
-    """Where a lane is blocked [m]."""
+    """Where a lane is blocked, or the fault of a track [m]."""
 
     @property
     def text(self) -> Problem:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
 
 from autodrive.base import specs
 from autodrive.base.arrays import Floats, read_only_copy
@@ -17,8 +17,9 @@ from autodrive.base.cache import write_file
 from autodrive.base.elementary import atan2
 from autodrive.base.errors import SpecError
 from autodrive.base.specs import Length, Spec
+from autodrive.scenario.tracks import points as by_points
 from autodrive.scenario.tracks.line import Line, closed_line, nearest_on_line, point_on_line
-from autodrive.scenario.tracks.shape import edges_of, steps
+from autodrive.scenario.tracks.shape import edges_of, steps, walls_along
 
 MAX_POINTS = 20_000
 """Of the centre line, of the race line, and of all walls of a track."""
@@ -69,12 +70,17 @@ def _numbers(row: Any) -> Any:
         raise ValueError(f"expected numbers with spaces between them, found '{row[:50]}'") from None
 
 
+def _row_text(row: tuple[float, ...]) -> str:
+    return " ".join(map(_number, row))
+
+
 _Number: TypeAlias = Annotated[float, Field(ge=-1e6, le=1e6)]
-_Row4: TypeAlias = Annotated[tuple[_Number, _Number, _Number, _Number], BeforeValidator(_numbers)]
+_TEXT = PlainSerializer(_row_text, return_type=str, when_used="json")
+_Row4: TypeAlias = Annotated[tuple[_Number, _Number, _Number, _Number], BeforeValidator(_numbers), _TEXT]
 _Row7: TypeAlias = Annotated[
-    tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_numbers)
+    tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_numbers), _TEXT
 ]
-_Row2: TypeAlias = Annotated[tuple[_Number, _Number], BeforeValidator(_numbers)]
+_Row2: TypeAlias = Annotated[tuple[_Number, _Number], BeforeValidator(_numbers), _TEXT]
 
 
 class TrackSpec(Spec):
@@ -82,9 +88,16 @@ class TrackSpec(Spec):
 
     title: str = ""
     note: str = ""
+    is_draft: bool = False
+    """True: it is being built; what is wrong with its `points` is a warning."""
     barrier: BarrierSpec = BarrierSpec()
-    centre_line: Annotated[tuple[_Row4, ...], Field(min_length=4, max_length=MAX_POINTS)]
+    centre_line: Annotated[tuple[_Row4, ...], Field(min_length=4, max_length=MAX_POINTS)] = ()
     """x [m], y [m], width to the right [m], width to the left [m]; closed, the first point is not repeated."""
+    points: Annotated[tuple[_Row2, ...], Field(min_length=by_points.MIN_POINTS, max_length=by_points.MAX_POINTS)] = ()
+    """Instead of centre line and walls: points x [m], y [m] of a smooth closed line, in driving direction. The start
+    line goes through the first one, which is not repeated."""
+    width: float | None = Field(default=None, ge=0.2, le=50.0)
+    """With points: between the barriers [m]."""
     race_line: Annotated[tuple[_Row7, ...], Field(max_length=MAX_POINTS)] = ()
     """s [m], x [m], y [m], psi [rad], kappa [1/m], vx [m/s], ax [m/s^2]."""
     walls: Annotated[
@@ -95,7 +108,7 @@ class TrackSpec(Spec):
 
     @model_validator(mode="after")
     def _is_valid(self) -> TrackSpec:
-        if errors := _problems(*_arrays(self)):
+        if errors := _wrong_points(self) or _problems(*_arrays(self)):
             raise specs.RuleError(errors)
         return self
 
@@ -225,7 +238,28 @@ GRID_FRONT, GRID_STEP = 0.5, 0.8
 def _arrays(spec: TrackSpec) -> tuple[Floats, Floats | None, tuple[Floats, ...]]:
     """Centre line, race line and walls of a file."""
     race_line = np.array(spec.race_line) if spec.race_line else None
+    if spec.width is not None:
+        rows = by_points.centre_line(np.array(spec.points), spec.width)
+        return rows, race_line, walls_along(rows)
     return np.array(spec.centre_line), race_line, tuple(map(np.array, spec.walls))
+
+
+def _wrong_points(spec: TrackSpec) -> list[specs.Rule]:
+    """Which keys do not belong together, and which points cannot be used."""
+    if not spec.points:
+        found: list[specs.Rule] = [(("centre_line",), "is required, or points with a width")]
+        found = [] if spec.centre_line else found
+        return [*found, (("width",), "is for points; a centre line has its widths")] if spec.width else found
+    names = [name for name in ("centre_line", "walls") if getattr(spec, name)]
+    found = [((name,), "follows from the points: leave it out") for name in names]
+    found += [] if spec.width else [(("width",), "is required with points")]
+    points = np.array(spec.points)
+    if np.abs(points).max() > by_points.REACH:
+        found.append((("points",), f"positions must be at most {by_points.REACH:g} m"))
+    if len(near := np.flatnonzero(steps(points) < by_points.POINT_GAP)):
+        text = f"neighbouring points must be at least {by_points.POINT_GAP * 100:g} cm apart"
+        found.append((("points", int(near[0])), text))
+    return found
 
 
 def _problems(centre_line: Floats, race_line: Floats | None, walls: tuple[Floats, ...]) -> list[specs.Rule]:

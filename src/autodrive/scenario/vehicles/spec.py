@@ -350,6 +350,12 @@ class VehicleSpec(Spec):
         """Height of the vehicle frame above the ground at rest [m]."""
         return self.wheels.radius
 
+    @property
+    def front(self) -> float:
+        """How far its collision shape reaches ahead of the rear axle [m]."""
+        boxes = (self.lidar_collider, *self.platforms)
+        return max(self.wheelbase + self.wheels.radius, *(box.position[0] + box.size[0] / 2 for box in boxes))
+
     def with_mass_factor(self, factor: float) -> VehicleSpec:
         """The same vehicle with `factor` times the mass and the inertia."""
         body = self.body

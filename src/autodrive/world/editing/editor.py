@@ -9,12 +9,14 @@ from typing import TypeAlias
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
-from autodrive.protocol.messages import AddBox, Edit, EditMap, Place, RemoveBox, UseMap
+from autodrive.protocol.messages import AddBox, Edit, EditMap, Place, RemoveBox
 from autodrive.scenario.descriptions import Descriptions, Specs
+from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.world import World
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.editing.edits import edited, name_of
-from autodrive.world.editing.map_edits import edited_map, name_of_edit, own_map, parts_of
+from autodrive.world.editing.map_edits import MapEdit, edited_map, name_of_edit, own_map, parts_of
+from autodrive.world.editing.track_edits import vehicles_beside
 from autodrive.world.factory import compile_scenario
 from autodrive.world.poses import overlapping
 
@@ -63,10 +65,10 @@ class Editor:
         specs = replace(world.specs, scenario=world.spec)
         before: dict[str, Floats | None] = {}
         moved: Poses = {}
-        if isinstance(edit, EditMap | UseMap):
+        if isinstance(edit, MapEdit):
             after, name = edited_map(specs, edit), name_of_edit(edit, specs)
-            changed = edit.parts if isinstance(edit, EditMap) else parts_of(own_map(after)) | dict.fromkeys(world.boxes)
-            before = {one: world.pose(one) for one in changed if one in world.boxes}
+            changed = edit.parts if isinstance(edit, EditMap) else _replaced(world, after)
+            before = {one: world.pose(one) for one in changed if one in world.boxes or one in world.vehicle_names}
             moved = dict.fromkeys(changed)
         else:
             after, name = replace(specs, scenario=edited(world.spec, world.boxes, edit)), name_of(edit)
@@ -131,6 +133,13 @@ class Editor:
             made.close()
             raise
         return made
+
+
+def _replaced(world: World, after: Specs) -> list[str]:
+    """What goes to its start if the map is replaced: the boxes, and the vehicles beside a track."""
+    if isinstance(after.map.found, TrackSpec):
+        return [*world.boxes, *vehicles_beside(world, after.map.found)]
+    return [*parts_of(own_map(after)), *world.boxes]
 
 
 def _start(compiled: CompiledScenario, name: str) -> Floats:

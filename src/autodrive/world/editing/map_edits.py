@@ -14,25 +14,40 @@ from autodrive.base import yaml_files
 from autodrive.base.errors import CommandError
 from autodrive.base.specs import checked
 from autodrive.base.suggest import suggest
-from autodrive.protocol.messages import EditMap, MapBlock, MapModule, MapPart, MapProp, MapWall, UseMap
-from autodrive.scenario.descriptions import Specs
-from autodrive.scenario.files import read_map
+from autodrive.protocol.messages import (
+    EditMap,
+    EditTrack,
+    GenerateTrack,
+    MapBlock,
+    MapModule,
+    MapPart,
+    MapProp,
+    MapWall,
+    UseMap,
+)
+from autodrive.scenario.descriptions import Descriptions, Specs
+from autodrive.scenario.files import described, read_map
 from autodrive.scenario.maps.props import PropSpec
 from autodrive.scenario.maps.solids import BlockSpec, WallSpec
 from autodrive.scenario.maps.spec import DescribedMap, MapSpec, Placement
-from autodrive.scenario.scenario import YAML, with_modules_at
+from autodrive.scenario.scenario import YAML, VehiclePlacement, is_track, with_modules_at
+from autodrive.scenario.tracks.track import TrackSpec
+from autodrive.world.editing.track_edits import edited_track, name_of_track_edit
 
 if TYPE_CHECKING:
     from autodrive.world import World
 
 Entry: TypeAlias = Placement | WallSpec | BlockSpec | PropSpec
+MapEdit: TypeAlias = EditMap | UseMap | EditTrack | GenerateTrack
 KEYS: Mapping[type[MapPart], str] = {MapModule: "placements", MapWall: "walls", MapBlock: "blocks", MapProp: "props"}
 """The list of a MapSpec that contains parts of that type."""
 NOUNS = {MapModule: "a module", MapWall: "a wall", MapBlock: "a block", MapProp: "a sign or traffic light"}
 
 
-def edited_map(specs: Specs, edit: EditMap | UseMap) -> Specs:
+def edited_map(specs: Specs, edit: MapEdit) -> Specs:
     """The Specs after an edit of the map. Raises `AutodriveError`."""
+    if isinstance(edit, EditTrack | GenerateTrack):
+        return _with_track(specs, edited_track(specs, edit))
     if isinstance(edit, UseMap) and not edit.text:
         known = yaml_files.names("map")
         if edit.name not in known:
@@ -41,7 +56,10 @@ def edited_map(specs: Specs, edit: EditMap | UseMap) -> Specs:
     folder = Path(specs.map.path).parent.absolute()
     modules = {str(folder / one) if one.endswith(YAML) else one: its for one, its in specs.map.modules.items()}
     if isinstance(edit, UseMap):
-        spec = yaml_files.parse(edit.text, MapSpec, "the text of the map")
+        source = yaml_files.Source(edit.text, "the text of the map")
+        if is_track(source.tree):
+            return _with_track(specs, yaml_files.checked_source(source, TrackSpec))
+        spec = yaml_files.checked_source(source, MapSpec)
         _check_modules((one.module for one in spec.placements), modules)
         spec = checked({key: getattr(spec, key) for key in spec.model_fields_set} | {"is_draft": True}, MapSpec)
         return _with_map(specs, spec, read_map(spec, known=modules)[0])
@@ -71,13 +89,13 @@ def own_map(specs: Specs) -> MapSpec:
     return with_modules_at(spec, Path(specs.map.path).parent) if specs.map.path else spec
 
 
-def saved_map(world: World, title: str = "") -> MapSpec:
-    """The map of a World for a file: a draft without problems is one no more. Raises `CommandError`, see `own_map`."""
-    spec = own_map(world.specs)
+def saved_map(world: World, title: str = "") -> MapSpec | TrackSpec:
+    """The map or track of a World for a file: a draft without problems is one no more."""
+    spec = world.specs.map.spec if isinstance(world.specs.map.found, TrackSpec) else own_map(world.specs)
     tree = {key: getattr(spec, key) for key in spec.model_fields_set} | ({"title": title} if title else {})
     if not world.compiled.map_problems:
         tree.pop("is_draft", None)
-    return checked(tree, MapSpec)
+    return checked(tree, type(spec))
 
 
 def parts_of(spec: MapSpec) -> dict[str, MapPart]:
@@ -101,8 +119,12 @@ def name_of_entry(entry: Entry, number: int) -> str:
     return entry.name
 
 
-def name_of_edit(edit: EditMap | UseMap, before: Specs) -> str:
+def name_of_edit(edit: MapEdit, before: Specs) -> str:
     """The edit in a few words, for the button that undoes it."""
+    if isinstance(edit, GenerateTrack):
+        return f"use the random track {edit.seed}"
+    if isinstance(edit, EditTrack):
+        return name_of_track_edit(edit, before)
     if isinstance(edit, UseMap):
         return f"use the map {edit.name}" if edit.name else "open a map"
     there = parts_of(own_map(before))
@@ -122,6 +144,20 @@ def _is_moved(before: MapPart | None, part: MapPart) -> bool:
     if isinstance(before, MapWall) or isinstance(part, MapWall) or before is None:
         return False
     return msgspec.structs.replace(before, x=part.x, y=part.y, yaw=part.yaw) == part
+
+
+def _with_track(specs: Specs, track: TrackSpec) -> Specs:
+    """With vehicles that start behind its start line."""
+    starts = {
+        name: VehiclePlacement.model_validate(
+            {key: getattr(one, key) for key in one.model_fields_set - {"x", "y", "yaw_deg"}}
+        )
+        for name, one in specs.scenario.vehicles.items()
+    }
+    scenario = specs.scenario.model_copy(
+        update={"map": track.model_copy(update={"is_draft": True}), "removed_boxes": (), "vehicles": starts}
+    )
+    return described(scenario, known=Descriptions(specs)).specs
 
 
 def _with_map(specs: Specs, map_: str | MapSpec, described: DescribedMap) -> Specs:

@@ -18,7 +18,9 @@ from autodrive.protocol.messages import (
     Command,
     Draw,
     EditMap,
+    EditTrack,
     Frame,
+    GenerateTrack,
     Hold,
     LoadScenario,
     Operation,
@@ -326,7 +328,7 @@ class Simulation(Paced):
                 self.world.reset(seed)
                 self._editor.on_reset()
                 self.error = ""
-            case Place() | AddBox() | RemoveBox() | SetSensor() | EditMap() | UseMap():
+            case Place() | AddBox() | RemoveBox() | SetSensor() | EditMap() | UseMap() | EditTrack() | GenerateTrack():
                 self._use(self._editor.edit(self.world, request))
             case Undo():
                 self._use(self._editor.undo(self.world))

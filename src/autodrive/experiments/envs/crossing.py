@@ -1,0 +1,301 @@
+"""Cooperative crossing: four cars Nigel, one in each arm of the map `crossing`, drive straight on through it.
+
+The cars V1 to V4 start in the eastern, northern, western and southern arm. A car sees the three others in the order
+in which they follow it in this list, V1 after V4.
+
+Variant "published": the benchmark of the AutoDRIVE Ecosystem (arXiv 2309.10007).
+
+- Observation, 14 numbers: x and y of the goal, then x, y, yaw and speed of each other car; positions [m] in the axes of
+  the map relative to the car, yaw (0 to 2 pi each) minus that of the car [rad], speed of the wheels [m/s], all rounded
+  to 0.001. The goal is the middle between the two lanes of the arm opposite.
+- Actions: throttle 0.5 or 1 with steering 1, 0 or -1.
+- Reward of a step: 0.01 / (0.001 + d) with the distance d [m] to the goal; -0.425 d for a collision; 1 for the goal,
+  which replaces that of a collision in the same step.
+- End of a car's episode: a collision, or within 0.15 m of the goal point of one of the two lanes, which is the success.
+- Start: at rest in the inner lane, 1.6 m from the middle of the crossing; the goals are 1.6 m behind it. Cars that only
+  drive straight on at the same speed collide. The throttle of each car is multiplied by a number from 0.9 to 1, drawn
+  in each episode.
+
+The tolerance, the places and the order of the others are choices: they are not published.
+
+Variant "own".
+
+- Observation: motion and goal in the vehicle frame, and what was last heard of each other car: position, direction and
+  speed in the vehicle frame, and the age of that message; all about -1 to 1 (`OWN`).
+- V2V: each car sends its state in every step; a message to one of the others is lost with the probability `loss`.
+- Actions: throttle and steering, or the discrete choices of the other tasks.
+- Reward of a step: how far the car has come towards its goal [m], minus 0.002; 2 for success, -2 if the episode ends
+  otherwise.
+- End: success within 0.15 m of the line across the goal, and in the right half of the road. Failure: a collision, the
+  centre of the rear axle beside the right half of the road, or a heading more than 60 degrees off.
+- Start: at rest 1.3 to 1.9 m from the middle, in one of the two lanes, up to 0.03 m beside its middle and 0.1 rad off.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from autodrive.base.arrays import Floats
+from autodrive.base.elementary import atan2
+from autodrive.base.errors import SpecError
+from autodrive.base.jit import jit
+from autodrive.experiments.envs.task import (
+    CarReadings,
+    Feature,
+    Outcome,
+    Start,
+    Task,
+    heading,
+    turned,
+    uniform,
+    wrapped,
+)
+from autodrive.experiments.envs.variants import Variant, choices, is_published
+from autodrive.protocol.commands import is_number
+from autodrive.scenario import ScenarioSpec, VehiclePlacement
+
+MAP = "crossing"
+CARS = 4
+ARM = 1.6
+"""Distance of starts and goals from the middle of the crossing [m]."""
+LANES = 0.15, 0.45
+"""Distances of the middles of the lanes from that of the road, to the right of it [m]."""
+HALF = 0.5 * (LANES[0] + LANES[1])
+"""Likewise, of the middle of the right half of the road."""
+WIDTH = 0.6
+"""Of the right half of the road [m]."""
+NEAR = 0.15
+"""Tolerance of a goal [m]."""
+THROTTLES = 0.9, 1.0
+"""Factor of the throttle of the variant "published"."""
+DISTANCES, ASIDE, TURN = (1.3, 1.9), 0.03, 0.1
+"""Starts of the variant "own": from the middle [m], beside the lane [m], off its direction [rad]."""
+TIME_COST, END = 0.002, 2.0
+"""Parts of its reward."""
+COSINE = 0.5
+"""Of the greatest angle from the direction of the road."""
+LENGTH, SPEED, AGE, STEERING, RATE = 4.0, 0.5, 20.0, 0.5, 2.0
+"""Units of its observation: [m], [m/s], steps, [rad], [rad/s]."""
+
+SEED, STEP, FACTOR, ARM_OF, BEFORE, ANGLE, HEARD = 0, 1, 2, 3, 4, 5, 6
+"""Columns of the memory: seed of the losses, number of steps, factor of the throttle, number of the arm, distance that
+was driven [m], mean angle of the rear wheels [rad], and from `HEARD` on the latest message of each other car."""
+MESSAGE = 6
+"""x, y [m], cosine, sine, speed [m/s], age in steps."""
+
+WHEEL_RADIUS = 0.0325
+"""[m]: vehicles/nigel.yaml."""
+OTHERS = range(1, CARS)
+PUBLISHED = (
+    Feature("goal_x", -10.0, 10.0, "x of the goal relative to the car, axes of the map [m]"),
+    Feature("goal_y", -10.0, 10.0, "y, likewise"),
+    *(
+        Feature(f"peer_{k}_{name}", -limit, limit, text)
+        for k in OTHERS
+        for name, limit, text in (
+            ("x", 10.0, "x of another car relative to the car, axes of the map [m]"),
+            ("y", 10.0, "y, likewise"),
+            ("yaw", 2.0 * math.pi, "its yaw minus that of the car [rad]"),
+            ("speed", 2.0, "its speed, from the encoders [m/s]"),
+        )
+    ),
+)
+OWN = (
+    Feature("speed", -2.0, 2.0, f"forward speed / ({SPEED} m/s)"),
+    Feature("yaw_rate", -2.0, 2.0, f"/ ({RATE:g} rad/s), left positive"),
+    Feature("steering", -2.0, 2.0, f"angle of the steering actuator / ({STEERING} rad), left positive"),
+    Feature("goal_x", -2.0, 2.0, f"x of the goal in the vehicle frame / ({LENGTH:g} m)"),
+    Feature("goal_y", -2.0, 2.0, "y, likewise"),
+    Feature("lane", -2.0, 2.0, "distance from the middle of the right half of the road / (0.3 m), left positive"),
+    Feature("road_cos", -1.0, 1.0, "cosine of the angle from the car to the direction of the road"),
+    Feature("road_sin", -1.0, 1.0, "sine of that angle, left positive"),
+    *(
+        Feature(f"peer_{k}_{name}", -limit, limit, text)
+        for k in OTHERS
+        for name, limit, text in (
+            ("x", 2.0, f"x of another car in the vehicle frame, as last heard / ({LENGTH:g} m)"),
+            ("y", 2.0, "y, likewise"),
+            ("cos", 1.0, "cosine of the angle from the car to the heading of that car"),
+            ("sin", 1.0, "sine of that angle, left positive"),
+            ("speed", 2.0, f"its forward speed / ({SPEED} m/s)"),
+            ("age", 1.0, f"steps since that message / {AGE:g}"),
+        )
+    ),
+)
+
+
+class Crossing(Task):
+    """See the module."""
+
+    name = "crossing"
+    observation = "state"
+    memory_size = HEARD + MESSAGE * (CARS - 1)
+
+    def __init__(self, frame_skip: int, variant: Variant = "own", loss: float = 0.1) -> None:
+        """`loss`: probability that a message is lost, 0 to 1, of the variant "own". Raises `SpecError`."""
+        self.is_published = is_published(variant)
+        if not (is_number(loss) and 0.0 <= loss <= 1.0):
+            raise SpecError([f"loss: must be a number from 0 to 1, not {loss!r}"])
+        self._loss = loss
+        self.features = PUBLISHED if self.is_published else OWN
+        self.known = len(self.features)
+        if self.is_published:
+            self.choices = choices((0.5, 1.0))
+        self.scenario = ScenarioSpec(
+            map=MAP,
+            vehicles={
+                f"V{arm + 1}": VehiclePlacement(x=x, y=y, yaw_deg=math.degrees(yaw))
+                for arm in range(CARS)
+                for x, y, yaw in [_pose(arm, ARM, LANES[0], 0.0)]
+            },
+        )
+        self._duration = self.scenario.tick * frame_skip
+
+    def start(self, rng: np.random.Generator) -> Start:
+        """That of the first car."""
+        return self.starts(rng)[0]
+
+    def starts(self, rng: np.random.Generator) -> list[Start]:
+        """A car in each arm."""
+        return [self._start(arm, rng) for arm in range(CARS)]
+
+    def _start(self, arm: int, rng: np.random.Generator) -> Start:
+        distance, right, turn, factor = ARM, LANES[0], 0.0, 1.0
+        if self.is_published:
+            factor = THROTTLES[0] + (THROTTLES[1] - THROTTLES[0]) * float(rng.random())
+        else:
+            distance = DISTANCES[0] + (DISTANCES[1] - DISTANCES[0]) * float(rng.random())
+            aside, turn = uniform(rng, (ASIDE, TURN))
+            right = LANES[int(rng.integers(2))] + aside
+        heard = (0.0,) * (MESSAGE * (CARS - 1))
+        memory = (float(rng.integers(2**32)), 0.0, factor, float(arm), -distance, 0.0, *heard)
+        return Start({f"V{arm + 1}": _pose(arm, distance, right, turn)}, memory)
+
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+        """See `Task.evaluate`; the cars of a world follow each other."""
+        if self.is_published:
+            _judge_published(cars, self._duration, memory, features, outcome)
+        else:
+            _judge(cars, self._loss, memory, features, outcome)
+
+
+def _pose(arm: int, distance: float, right: float, turn: float) -> tuple[float, float, float]:
+    """x, y [m] and yaw [rad] in an arm, heading for the middle, `right` [m] of the middle of the road."""
+    along, across = DIRECTIONS[arm], DIRECTIONS[(arm + 3) % 4]
+    x, y = (-distance * a + right * b for a, b in zip(along, across, strict=True))
+    return x, y, wrapped(atan2(along[1], along[0]) + turn)
+
+
+DIRECTIONS = np.array([(-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0)])
+"""In which the car of each arm drives on, shape (4, 2); the next but two is to the right of it."""
+
+
+@jit
+def _goal(arm: int, right: float) -> tuple[float, float]:
+    """x, y [m] of a point of the goal of the car of an arm, `right` of the middle of the road."""
+    along, across = DIRECTIONS[arm], DIRECTIONS[(arm + 3) % 4]
+    return ARM * along[0] + right * across[0], ARM * along[1] + right * across[1]
+
+
+@jit
+def _away(cars: CarReadings, i: int, x: float, y: float) -> float:
+    """Distance of car i from a point [m]."""
+    dx, dy = x - cars.position[i, 0], y - cars.position[i, 1]
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@jit
+def _rounded(value: float) -> float:
+    """To 0.001."""
+    return float(np.rint(1000.0 * value) / 1000.0)
+
+
+@jit
+def _yaw(cars: CarReadings, i: int) -> float:
+    """0 to 2 pi [rad]."""
+    c, s = heading(cars, i)
+    yaw = atan2(s, c)
+    return yaw if yaw >= 0.0 else yaw + 2.0 * math.pi
+
+
+@jit
+def _judge_published(cars: CarReadings, duration: float, memory: Floats, features: Floats, outcome: Outcome) -> None:
+    speed = np.zeros(len(memory))
+    for i in range(len(memory)):
+        angle = 0.5 * (cars.encoder_angles[i, 0] + cars.encoder_angles[i, 1])
+        if memory[i, STEP] > 0.0:
+            speed[i] = WHEEL_RADIUS * (angle - memory[i, ANGLE]) / duration
+        memory[i, ANGLE] = angle
+        memory[i, STEP] += 1.0
+    for i in range(len(memory)):
+        x, y = _goal(int(memory[i, ARM_OF]), HALF)
+        features[i, 0], features[i, 1] = _rounded(x - cars.position[i, 0]), _rounded(y - cars.position[i, 1])
+        for k in range(1, CARS):
+            j, at = i - i % CARS + (i + k) % CARS, 4 * k - 2
+            features[i, at] = _rounded(cars.position[j, 0] - cars.position[i, 0])
+            features[i, at + 1] = _rounded(cars.position[j, 1] - cars.position[i, 1])
+            features[i, at + 2] = _rounded(_yaw(cars, j) - _yaw(cars, i))
+            features[i, at + 3] = _rounded(speed[j])
+        away = _away(cars, i, x, y)
+        has_collided, is_there = cars.collision_count[i] > 0, False
+        for right in LANES:
+            x, y = _goal(int(memory[i, ARM_OF]), right)
+            is_there = is_there or _away(cars, i, x, y) <= NEAR
+        outcome.reward[i] = 1.0 if is_there else -0.425 * away if has_collided else 0.01 / (0.001 + away)
+        outcome.has_ended[i] = is_there or has_collided
+        outcome.is_success[i] = is_there
+
+
+@jit
+def _is_lost(seed: float, step: float, k: int, loss: float) -> bool:
+    """Whether the message of a step to the k-th other car is lost: a hash of these numbers, as a part of its range."""
+    mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(step) * np.uint64(CARS) + np.uint64(k)
+    for _ in range(2):  # Stafford's mix 13 of MurmurHash3's finaliser
+        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        mixed = mixed ^ (mixed >> np.uint64(31))
+    return float(mixed >> np.uint64(11)) / 9007199254740992.0 < loss
+
+
+@jit
+def _judge(cars: CarReadings, loss: float, memory: Floats, features: Floats, outcome: Outcome) -> None:
+    for i in range(len(memory)):
+        arm = int(memory[i, ARM_OF])
+        along, across = DIRECTIONS[arm], DIRECTIONS[(arm + 3) % 4]
+        px, py = cars.position[i, 0], cars.position[i, 1]
+        driven, right = px * along[0] + py * along[1], px * across[0] + py * across[1]
+        c, s = heading(cars, i)
+        x, y = _goal(arm, HALF)
+        features[i, 0], features[i, 1] = cars.velocity[i, 0] / SPEED, cars.angular_velocity[i, 2] / RATE
+        features[i, 2] = cars.steering[i] / STEERING
+        goal_x, goal_y = turned(x - px, y - py, c, s)
+        features[i, 3], features[i, 4] = goal_x / LENGTH, goal_y / LENGTH
+        features[i, 5] = (HALF - right) / (0.5 * WIDTH)
+        features[i, 6], features[i, 7] = turned(along[0], along[1], c, s)
+        for k in range(1, CARS):
+            j, heard = i - i % CARS + (i + k) % CARS, memory[i, HEARD + MESSAGE * (k - 1) :]
+            heard[5] += 1.0
+            if memory[i, STEP] == 0.0 or not _is_lost(memory[i, SEED], memory[i, STEP], k, loss):
+                heard[0], heard[1] = cars.position[j, 0], cars.position[j, 1]
+                heard[2], heard[3] = heading(cars, j)
+                heard[4], heard[5] = cars.velocity[j, 0], 0.0
+            at = 8 + MESSAGE * (k - 1)
+            x, y = turned(heard[0] - px, heard[1] - py, c, s)
+            features[i, at], features[i, at + 1] = x / LENGTH, y / LENGTH
+            features[i, at + 2], features[i, at + 3] = turned(heard[2], heard[3], c, s)
+            features[i, at + 4], features[i, at + 5] = heard[4] / SPEED, heard[5] / AGE
+        is_beside = abs(right - HALF) > 0.5 * WIDTH
+        has_failed = cars.collision_count[i] > 0 or is_beside or features[i, 6] < COSINE
+        is_there = driven >= ARM - NEAR and not has_failed
+        reward = driven - memory[i, BEFORE] - TIME_COST
+        if has_failed:
+            reward -= END
+        elif is_there:
+            reward += END
+        outcome.reward[i] = reward
+        outcome.has_ended[i] = has_failed or is_there
+        outcome.is_success[i] = is_there
+        memory[i, BEFORE] = driven
+        memory[i, STEP] += 1.0

@@ -1,0 +1,70 @@
+"""The environments of cooperative crossing: four cars Nigel, see `autodrive.experiments.envs.crossing`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from autodrive.base.suggest import with_suggestions
+from autodrive.experiments.envs.crossing import FACTOR, Crossing
+from autodrive.experiments.envs.settings import Action
+from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
+from autodrive.experiments.envs.variants import Variant, action_of
+
+if TYPE_CHECKING:
+    from autodrive.experiments.envs.task import Bools
+
+STEPS = 600
+"""Of an episode, unless something else is chosen: half a minute."""
+
+
+class CrossingVectorEnv(SeveralCarsVectorEnv):
+    """Many crossings of four cars: see `autodrive.experiments.envs.crossing`."""
+
+    @with_suggestions
+    def __init__(
+        self,
+        num_envs: int = 4,
+        *,
+        variant: Variant = "own",
+        loss: float = 0.1,
+        max_episode_steps: int | None = STEPS,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        action: Action | None = None,
+        frame_skip: int = 5,
+        threads: int | None = None,
+    ) -> None:
+        """`loss`: probability that a message is lost, of the variant "own". `num_envs`: a multiple of 4.
+
+        Raises `SpecError`.
+        """
+        super().__init__(
+            num_envs,
+            Crossing(frame_skip, variant, loss),
+            max_episode_steps=max_episode_steps,
+            autoreset_mode=autoreset_mode,
+            action=action_of(variant, action),
+            frame_skip=frame_skip,
+            threads=threads,
+        )
+
+    def _drive(self, commands: NDArray[Any], worlds: Bools) -> None:
+        driven = commands.astype(float)
+        driven[..., 0] *= self._of_worlds(self._episodes.memory[:, FACTOR])
+        super()._drive(driven, worlds)
+
+
+class CrossingParallelEnv(SeveralCarsParallelEnv):
+    """One crossing of four cars for PettingZoo; it has the bits of a world of `CrossingVectorEnv`."""
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "name": "nigel_crossing_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
+
+    def __init__(self, **settings: Any) -> None:
+        """`settings`: of `CrossingVectorEnv`. Raises `SpecError`."""
+        super().__init__(CrossingVectorEnv(4, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings))

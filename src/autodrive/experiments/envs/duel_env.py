@@ -1,0 +1,102 @@
+"""The environments of head-to-head racing: two cars RoboRacer, see `autodrive.experiments.envs.duel`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from autodrive.base.suggest import with_suggestions
+from autodrive.experiments.envs.conditions import Conditions, Range
+from autodrive.experiments.envs.duel import BEST, DRIVEN, Duel
+from autodrive.experiments.envs.settings import Action
+from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
+from autodrive.experiments.envs.variants import Variant, action_of
+
+if TYPE_CHECKING:
+    from autodrive.base.arrays import Floats, Integers
+    from autodrive.experiments.envs.task import Bools
+
+STEPS = 4800
+"""Of an episode, unless something else is chosen: two minutes."""
+
+
+class DuelVectorEnv(SeveralCarsVectorEnv):
+    """Many races of two cars: see `autodrive.experiments.envs.duel`."""
+
+    task: Duel
+
+    @with_suggestions
+    def __init__(
+        self,
+        num_envs: int = 2,
+        *,
+        variant: Variant = "own",
+        tracks: int | None = None,
+        track_seed: int = 0,
+        laps: int = 2,
+        noise: Range = 0.0,
+        max_episode_steps: int | None = STEPS,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        action: Action | None = None,
+        frame_skip: int = 5,
+        threads: int | None = None,
+    ) -> None:
+        """`tracks`: number of random tracks, with the seeds from `track_seed` on; None: 3, or 1 if published.
+
+        `laps`: of a race of the variant "own". `noise`: see `Conditions`. `num_envs`: an even number.
+
+        Raises `SpecError`.
+        """
+        super().__init__(
+            num_envs,
+            Duel(frame_skip, variant, tracks, track_seed, laps),
+            max_episode_steps=max_episode_steps,
+            autoreset_mode=autoreset_mode,
+            action=action_of(variant, action),
+            frame_skip=frame_skip,
+            threads=threads,
+        )
+        self._noise = Conditions(noise=noise)
+        self._episodes.memory[:, BEST] = np.inf
+
+    @property
+    def distance(self) -> Floats:
+        """Of each car since the start line, along the centre line [m], shape (num_envs,)."""
+        return self._episodes.memory[:, DRIVEN].copy()
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """See `DrivingVectorEnv.reset`. With a seed, the best laps are forgotten, too."""
+        if seed is not None:
+            self._episodes.memory[:, BEST] = np.inf
+        return super().reset(seed=seed, options=options)
+
+    def _begin(self, mask: Bools) -> None:
+        best = self._episodes.memory[:, BEST].copy()
+        super()._begin(mask)
+        self._episodes.memory[:, BEST] = best
+
+    def _reset_worlds(self, worlds: NDArray[np.intp], seeds: Integers, poses: dict[str, Floats]) -> None:
+        generators = [one for world in worlds.tolist() if (one := self._rngs[world]) is not None]
+        noise = np.array([[self._noise.draw(one).noise for _ in range(self.car_count)] for one in generators])
+        self.batch.reset(worlds, seeds, poses=poses, noise=noise)
+
+
+class DuelParallelEnv(SeveralCarsParallelEnv):
+    """One race of two cars for PettingZoo; it has the bits of a world of `DuelVectorEnv`."""
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "name": "roboracer_duel_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
+    vector: DuelVectorEnv
+
+    def __init__(self, **settings: Any) -> None:
+        """`settings`: of `DuelVectorEnv`. Raises `SpecError`."""
+        super().__init__(DuelVectorEnv(2, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings))

@@ -1,0 +1,131 @@
+"""Applies an edit to a track by points, and shows it to clients."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from autodrive.base.errors import CommandError
+from autodrive.base.specs import joined
+from autodrive.protocol.messages import EditTrack, GenerateTrack, TrackLine
+from autodrive.protocol.native import MapProblem, TrackScene
+from autodrive.scenario.descriptions import Specs
+from autodrive.scenario.maps.spec import DescribedMap
+from autodrive.scenario.tracks.generate import generate_track
+from autodrive.scenario.tracks.points import TOLERANCE, faults, points_on
+from autodrive.scenario.tracks.track import DUCT, BarrierSpec, Track, TrackSpec
+
+if TYPE_CHECKING:
+    from autodrive.world import World
+
+NODES = 0.05
+"""A random track is generated wider by this [m], because the line through its points is not quite its own."""
+ABOUT = 0.15
+"""Greatest distance of the line through the points from the random track [m]; `TOLERANCE` if that has faults."""
+
+
+def edited_track(specs: Specs, edit: EditTrack | GenerateTrack) -> TrackSpec:
+    """The track after an edit. Raises `AutodriveError`."""
+    before = specs.map.found if isinstance(specs.map.found, TrackSpec) else None
+    if isinstance(edit, GenerateTrack):
+        return _generated(edit)
+    now = line_of(specs.map)
+    if edit.seen is not None and edit.seen != now:
+        raise CommandError("the track was changed by another client meanwhile: edit it again as it is now")
+    track = edit.track
+    if not all(map(math.isfinite, (track.width, *(value for point in track.points for value in point)))):
+        raise CommandError("the points and the width of a track must be finite numbers")
+    barrier = before.barrier if before and before.barrier.kind == track.barrier else _barrier(track.barrier)
+    points = tuple((round(x, 3) + 0.0, round(y, 3) + 0.0) for x, y in track.points)
+    title = before.title if before and before.title else "My track"
+    return _spec(title, points, track.width, barrier)
+
+
+def line_of(described: DescribedMap) -> TrackLine | None:
+    """The track by points, or a line by points near another track; None if the map is no track."""
+    return _line(described) if isinstance(described.found, TrackSpec) else None
+
+
+def name_of_track_edit(edit: EditTrack, before: Specs) -> str:
+    """The edit in a few words, for the button that undoes it."""
+    was, track = line_of(before.map), edit.track
+    if was is None:
+        return "make a track"
+    if was.width != track.width:
+        return "change the width of the track"
+    if was.barrier != track.barrier:
+        return "change the barrier of the track"
+    if more := len(track.points) - len(was.points):
+        return f"{'add' if more > 0 else 'remove'} {'a point' if abs(more) == 1 else 'points'} of the track"
+    moved = sum(a != b for a, b in zip(was.points, track.points, strict=True))
+    return "move a point of the track" if moved == 1 else "change the track"
+
+
+def vehicles_beside(world: World, spec: TrackSpec) -> list[str]:
+    """Vehicles that a track does not carry: a corner is not between its edges."""
+    track, found = Track.of(spec, "track"), []
+    for name, vehicle in world.vehicle_specs.items():
+        x, y, _, w, _, _, z = world.pose(name).tolist()
+        yaw = 2.0 * math.atan2(z, w)
+        reach = math.hypot(*vehicle.size[:2])
+        right, left = track.widths_at(track.project(x, y)[0])
+        ahead = x + vehicle.wheelbase * math.cos(yaw), y + vehicle.wheelbase * math.sin(yaw)
+        lateral = [track.project(*point)[1] for point in ((x, y), ahead)]
+        if max(lateral) > left - 0.5 * reach or min(lateral) < 0.5 * reach - right:
+            found.append(name)
+    return found
+
+
+def track_scene(world: World) -> TrackScene | None:
+    """The track of a World as clients edit it; None for another map."""
+    spec, line = world.specs.map.found, line_of(world.specs.map)
+    if not isinstance(spec, TrackSpec) or line is None:
+        return None
+    found = [
+        MapProblem(one.kind, joined([one.text], {})[0], *(one.at or (0.0, 0.0)), [], {})
+        for one in world.compiled.map_problems
+    ]
+    return TrackScene(line, bool(spec.points), found)
+
+
+@functools.lru_cache(maxsize=8)
+def _line(described: DescribedMap) -> TrackLine:
+    spec = described.spec
+    assert isinstance(spec, TrackSpec)
+    if spec.width is not None:
+        return TrackLine(tuple((x, y) for x, y in spec.points), spec.width, spec.barrier.kind)
+    rows = Track.of(spec, described.name).centre_line
+    width = round(float(np.median(rows[:, 2:].sum(axis=1))), 2)
+    return TrackLine(_pairs(points_on(rows[:, :2])), width, spec.barrier.kind)
+
+
+def _generated(edit: GenerateTrack) -> TrackSpec:
+    barrier = _barrier(edit.barrier)
+    # room for many shapes: the track and its barriers cover a quarter of it
+    covered = 4.0 * edit.length * (edit.width + NODES + barrier.width)
+    side = max(math.sqrt(covered / 2.0), 2.0 * (2.0 * edit.width + NODES + barrier.width + 1.0))
+    track = generate_track(
+        edit.seed, length=edit.length, width=edit.width + NODES, area=(2.0 * side, side), barrier=barrier
+    )
+    lines = (points_on(track.centre_line[:, :2], tolerance) for tolerance in (ABOUT, TOLERANCE))
+    points = next((points for points in lines if not faults(points, edit.width)), None)
+    if points is None:
+        raise CommandError(f"seed {edit.seed} gives no track of that length and width: take another seed")
+    return _spec(f"Random track {edit.seed}", _pairs(points), edit.width, barrier)
+
+
+def _spec(title: str, points: tuple[tuple[float, float], ...], width: float, barrier: BarrierSpec) -> TrackSpec:
+    """With the values of a file."""
+    spec = TrackSpec(title=title, points=points, width=round(width, 3))
+    return spec if barrier == spec.barrier else spec.model_copy(update={"barrier": barrier})
+
+
+def _pairs(points: np.ndarray) -> tuple[tuple[float, float], ...]:
+    return tuple((x, y) for x, y in points.tolist())
+
+
+def _barrier(kind: Literal["wall", "duct"]) -> BarrierSpec:
+    return DUCT if kind == "duct" else BarrierSpec()

@@ -1,0 +1,306 @@
+"""Environments of several cars: the tests of PettingZoo, the bits of one world, and the published rewards by hand."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import data_equivalence
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from autodrive.base.errors import CommandError, SpecError
+from autodrive.base.transforms import yaw_from_quaternion
+from autodrive.experiments.envs.crossing import LANES, NEAR, Crossing
+from autodrive.experiments.envs.crossing_env import CrossingParallelEnv, CrossingVectorEnv
+from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.duel import BEARINGS, CHECKPOINTS
+from autodrive.experiments.envs.duel_env import DuelParallelEnv, DuelVectorEnv
+from autodrive.experiments.envs.registration import SEVERAL_CARS
+
+VARIANTS = ("published", "own")
+KINDS = ((CrossingVectorEnv, CrossingParallelEnv, 4), (DuelVectorEnv, DuelParallelEnv, 2))
+FAST, HALF_FAST = 4, 1
+"""Published actions of the crossing: straight on with throttle 1 and 0.5."""
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("kind", [CrossingParallelEnv, DuelParallelEnv])
+def test_the_tests_of_pettingzoo_pass(kind: Any, variant: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(kind(variant=variant, max_episode_steps=15), num_cycles=30)
+        parallel_seed_test(lambda: kind(variant=variant), num_cycles=5)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize(("vector", "parallel", "cars"), KINDS)
+def test_a_world_of_a_vector_environment_has_the_bits_of_a_parallel_one(
+    vector: Any, parallel: Any, cars: int, variant: str
+) -> None:
+    envs = vector(2 * cars, variant=variant, frame_skip=20, max_episode_steps=40, threads=2)
+    singles = [parallel(variant=variant, frame_skip=20, max_episode_steps=40) for _ in range(2)]
+    observations, _ = envs.reset(seed=7)
+    for k, one in enumerate(singles):
+        assert data_equivalence([*one.reset(seed=7 + k)[0].values()], [*observations[k * cars : (k + 1) * cars]], True)
+    envs.action_space.seed(1)
+    is_over, ends = np.zeros(2, np.bool_), 0
+    for _ in range(90):
+        actions, live = envs.action_space.sample(), envs.is_live.copy()
+        observations, reward, terminated, truncated, info = envs.step(actions)
+        for k, one in enumerate(singles):
+            rows = range(k * cars, (k + 1) * cars)
+            if is_over[k]:  # this step was the reset
+                ends += 1
+                seen, rewards, infos = one.reset()[0], dict.fromkeys(one.agents, 0.0), {}
+            else:
+                given = dict(zip(one.possible_agents, actions[[*rows]], strict=True))
+                seen, rewards, ended, late, infos = one.step({agent: given[agent] for agent in one.agents})
+                assert [ended.get(agent, True) for agent in one.possible_agents] == (~envs.is_live[[*rows]]).tolist()
+                assert any(late.values()) == truncated[[*rows]].any()
+            for row, agent in zip(rows, one.possible_agents, strict=True):
+                assert (agent in seen) == (live[row] or bool(is_over[k]))
+                if agent not in seen:
+                    assert (observations[row].any(), reward[row]) == (False, 0.0)
+                    continue
+                assert seen[agent].tobytes() == observations[row].tobytes()
+                assert rewards[agent] == reward[row]
+                if infos:
+                    assert infos[agent]["is_success"] == info["is_success"][row]
+        is_over = (terminated | truncated).reshape(2, cars).all(axis=1)
+        assert (is_over == (terminated | truncated).reshape(2, cars).any(axis=1)).all()
+    assert ends >= 3
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_the_ids_make_vector_environments_in_every_autoreset_mode(mode: str) -> None:
+    for id_, (_, steps) in SEVERAL_CARS.items():
+        envs = gymnasium.make_vec(f"autodrive:{id_}", 4, autoreset_mode=mode, max_episode_steps=3)
+        assert isinstance(envs, DrivingVectorEnv)
+        assert gymnasium.spec(id_).max_episode_steps == steps
+        assert envs.reset(seed=1)[0] in envs.observation_space
+        for _ in range(2):
+            envs.step(envs.action_space.sample())
+        observations, *_, truncated, info = envs.step(envs.action_space.sample())
+        assert observations in envs.observation_space
+        assert truncated.all()
+        assert ("final_obs" in info) == (mode == "SameStep")
+
+
+def test_the_published_spaces_are_those_of_the_benchmark() -> None:
+    crossing, duel = CrossingVectorEnv(4, variant="published"), DuelVectorEnv(2, variant="published")
+    assert (crossing.single_observation_space.shape, duel.single_observation_space.shape) == ((14,), (55,))
+    six = [(0.5, 1.0), (0.5, 0.0), (0.5, -1.0), (1.0, 1.0), (1.0, 0.0), (1.0, -1.0)]
+    assert crossing.single_action_space == gymnasium.spaces.Discrete(6)
+    assert crossing.settings.choices.tolist() == [[*one] for one in six]
+    assert duel.single_action_space == gymnasium.spaces.Discrete(9)
+    nine = [[throttle, steering] for throttle in (0.1, 0.5, 1.0) for steering in (1.0, 0.0, -1.0)]
+    assert duel.settings.choices.tolist() == nine
+
+
+def goals(right: Any) -> np.ndarray:
+    """Points of the goals of the four cars, `right` of the middle of the road."""
+    return np.array([(-1.6, right), (-right, -1.6), (1.6, -right), (right, 1.6)])
+
+
+@pytest.mark.parametrize(
+    ("actions", "arrive"),
+    [
+        ([FAST] * 4, False),
+        ([FAST, HALF_FAST] * 2, True),  # two opposite cars are through when the others come
+    ],
+)
+def test_the_published_crossing_rewards_what_the_table_says(actions: list[int], arrive: bool) -> None:
+    envs = CrossingVectorEnv(4, variant="published", max_episode_steps=None, autoreset_mode="Disabled")
+    envs.reset(seed=1)
+    info: dict[str, Any] = {}
+    while envs.is_live.any():
+        before = envs.is_live.copy()
+        _, reward, _, _, info = envs.step(np.array(actions))
+        places = envs.batch.readings.position[0, :, :2]
+        away = np.linalg.norm(places - goals(np.mean(LANES)), axis=1)
+        ended = before & ~envs.is_live
+        assert reward[before & ~ended] == pytest.approx(0.01 / (0.001 + away[before & ~ended]), rel=1e-12)
+        assert not reward[~before].any()
+        assert reward[ended] == pytest.approx(np.ones(ended.sum()) if arrive else -0.425 * away[ended], rel=1e-12)
+        for row in np.flatnonzero(ended if arrive else np.zeros(4)):
+            near = [np.linalg.norm(places[row] - goals(right)[row]) for right in LANES]
+            assert NEAR - 0.03 < min(near) <= NEAR  # 0.44 m/s for 0.05 s
+    assert (envs.batch.readings.collision_count > 0).all() == (not arrive)
+    assert info["is_success"].tolist() == [arrive] * 4
+
+
+def test_the_published_observation_of_the_crossing_is_that_of_the_poses() -> None:
+    env = CrossingParallelEnv(variant="published")
+    observations, _ = env.reset(seed=2)
+    for _ in range(30):
+        observations, *_ = env.step(dict.fromkeys(env.agents, FAST))
+    readings = env.vector.batch.readings
+    places = readings.position[0, :, :2]
+    yaws = np.array([yaw_from_quaternion(one) for one in readings.orientation[0]]) % (2.0 * math.pi)
+    for i, agent in enumerate(env.possible_agents):
+        others = [(i + k) % 4 for k in (1, 2, 3)]
+        expected = [*(goals(np.mean(LANES))[i] - places[i])]
+        for j in others:
+            expected += [*(places[j] - places[i]), yaws[j] - yaws[i], np.nan]
+        seen = observations[agent].astype(float)
+        assert np.round(1000.0 * seen) == pytest.approx(1000.0 * seen, abs=1e-3)  # whole thousandths, as float32
+        speeds = seen[[5, 9, 13]]
+        assert seen[np.isfinite(expected)] == pytest.approx(np.array(expected)[np.isfinite(expected)], abs=6e-4)
+        # the encoders turn as fast as the car drives, but for the slip; a pulse is 2 pi / 1920 rad of 32.5 mm: 2 mm/s
+        assert speeds == pytest.approx(readings.velocity[0, others, 0], abs=0.01)
+
+
+def test_the_throttle_of_a_published_car_has_the_factor_of_its_episode() -> None:
+    envs = CrossingVectorEnv(400, variant="published")
+    envs.reset(seed=3)
+    for _ in range(30):
+        envs.step(np.full(400, HALF_FAST))
+    speeds = envs.batch.readings.velocity[..., 0].ravel()
+    factors = speeds / (0.5 * 0.4403)  # speed limit of 130 rpm, see vehicles/nigel.yaml
+    assert 0.895 < factors.min() < 0.905
+    assert 0.99 < factors.max() < 1.005
+    assert np.histogram(factors, 4, (0.9, 1.0))[0].min() > 60  # uniform: 100 each, with a deviation of 9
+
+
+def test_lost_messages_leave_what_was_heard_last() -> None:
+    envs = CrossingVectorEnv(400, loss=0.3)
+    observations, _ = envs.reset(seed=4)
+    names = [feature.name for feature in envs.task.features]
+    age = [names.index(f"peer_{k}_age") for k in (1, 2, 3)]
+    assert not observations[:, age].any()  # at the start all have been heard
+    counts = np.zeros(6)
+    for _ in range(50):
+        before = observations
+        observations, *_ = envs.step(np.zeros((400, 2), np.float32))
+        ages = np.rint(20.0 * observations[:, age]).astype(int)
+        assert ((ages == 0) | (ages == np.rint(20.0 * before[:, age]).astype(int) + 1)).all()
+        counts += np.bincount(ages.ravel(), minlength=100)[:6]
+    share = counts / (50 * 400 * 3)
+    # an age of k steps: k messages lost after one that was not, a geometric distribution; 60,000 draws
+    assert share[:4] == pytest.approx([0.7 * 0.3**k for k in range(4)], abs=0.01)
+
+
+def test_an_own_crossing_has_a_reward_of_the_way_and_ends_beside_the_road() -> None:
+    env = CrossingParallelEnv(loss=0.0)
+    env.reset(seed=5)
+    left = {agent: np.array([1.0, 1.0]) for agent in env.agents}
+    start = env.vector.batch.readings.position[0, 0, 0]
+    total, ended = 0.0, False
+    infos: dict[str, Any] = {}
+    while not ended:
+        _, rewards, terminated, _, infos = env.step({agent: left[agent] for agent in env.agents})
+        total, ended = total + rewards["V1"] + 0.002, terminated["V1"]
+    x, y = env.vector.batch.readings.position[0, 0, :2]
+    yaw = yaw_from_quaternion(env.vector.batch.readings.orientation[0, 0])
+    assert not infos["V1"]["is_success"]
+    assert total == pytest.approx(start - x - 2.0, abs=1e-9)  # V1 heads for -x
+    assert y < 0.0 or -math.cos(yaw) < 0.5
+    assert env.vector.batch.readings.collision_count[0, 0] == 0
+
+
+def test_the_published_duel_rewards_what_the_table_says() -> None:
+    env = DuelParallelEnv(variant="published", max_episode_steps=None)
+    best, rewards_seen = math.inf, []
+    for seed in (1, None):
+        env.reset(seed=seed)
+        passed, length = 0, float(env.vector.task.tracks.length[0])
+        while "V1" in env.agents:
+            observations, rewards, _, _, infos = env.step({agent: act(env, agent) for agent in env.agents})
+            speed = abs(env.vector.batch.readings.velocity[0, 0, 0])
+            driven, collisions = env.vector.distance[0], env.vector.batch.readings.collision_count[0, 0]
+            assert observations["V1"][-1] == pytest.approx(round(speed, 2), abs=1e-6)
+            rewards_seen.append(rewards["V1"])
+            now = math.floor(driven * CHECKPOINTS / length)
+            if collisions:
+                expected = -1.0
+            elif driven >= length:
+                expected = 0.7 if env.vector.batch.readings.time[0] < best else 0.1
+                best = min(best, env.vector.batch.readings.time[0])
+            else:
+                expected = 0.01 if now > passed else 0.01 * speed
+            passed = max(now, passed)
+            assert rewards["V1"] == pytest.approx(expected, rel=1e-9)
+            assert infos["V1"]["is_success"] == (expected in (0.7, 0.1) and driven >= length)
+    assert 0.7 in rewards_seen
+    assert best < math.inf
+
+
+def pursuit(env: DuelParallelEnv, agent: str, right: float = 0.0) -> float:
+    """Steering, left positive, towards the point 0.8 m ahead on the centre line, or `right` of it [m]."""
+    row = env.possible_agents.index(agent)
+    pose = env.vector.batch.readings
+    line = env.vector.task.tracks.lines[0, : env.vector.task.tracks.count[0]]
+    place = pose.position[0, row, :2]
+    x, y, c, s = line[(int(np.argmin(np.linalg.norm(line[:, :2] - place, axis=1))) + 16) % len(line)]
+    ahead = complex(x + right * s - place[0], y - right * c - place[1])
+    ahead *= np.exp(-1j * yaw_from_quaternion(pose.orientation[0, row]))
+    return math.atan(2.0 * 0.33 * ahead.imag / abs(ahead) ** 2) / 0.42
+
+
+def act(env: DuelParallelEnv, agent: str) -> int:
+    """A published action with the smallest throttle."""
+    steering = pursuit(env, agent, 0.3 if agent == "V1" else -0.3)
+    return 0 if steering > 0.3 else 2 if steering < -0.3 else 1
+
+
+def test_the_rays_of_the_published_duel_are_those_of_the_scan() -> None:
+    env = DuelParallelEnv(variant="published")
+    observations, _ = env.reset(seed=1)
+    scan = env.vector.batch.readings.lidar_ranges[0, 0]
+    for k, bearing in enumerate(BEARINGS):
+        distance = scan[round((bearing + 135.0) / 0.25)]
+        expected = [float(math.isinf(distance)), min(max(distance, 0.0), 10.0) / 10.0]
+        assert observations["V1"][2 * k : 2 * k + 2] == pytest.approx(expected, abs=1e-6)
+    assert BEARINGS[:5] == [0.0, -10.0, 10.0, -20.0, 20.0]
+    assert max(BEARINGS) == 130.0
+
+
+def test_an_own_duel_ends_for_both_when_one_has_won() -> None:
+    env = DuelParallelEnv(laps=1, tracks=1, max_episode_steps=None)
+    env.reset(seed=1)
+    length, before, totals = env.vector.task.tracks.length[0], env.vector.distance, np.zeros(2)
+    sides = {"V1": 0.3, "V2": -0.3}
+    infos: dict[str, Any] = {}
+    while env.agents:
+        live = list(env.agents)
+        speeds = {"V1": 0.08, "V2": 0.05}
+        _, rewards, _, _, infos = env.step(
+            {one: np.array([speeds[one], pursuit(env, one, sides[one])]) for one in live}
+        )
+        totals += [rewards.get(agent, 0.0) for agent in env.possible_agents]
+    gains = env.vector.distance - before
+    winner = int(np.argmax(env.vector.distance))
+    assert env.vector.distance[winner] >= length
+    assert [infos[agent]["is_success"] for agent in env.possible_agents] == [winner == 0, winner == 1]
+    expected = gains - gains[::-1] + 0.2 * gains + np.where(np.arange(2) == winner, 5.0, -5.0)
+    assert totals == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "error"),
+    [
+        (lambda: CrossingVectorEnv(6), "with 4 cars in a world it must be a multiple, not 6"),
+        (lambda: CrossingVectorEnv(4, variant="other"), "variant: 'other' is not known. .*published"),  # pyright: ignore[reportArgumentType]
+        (lambda: DuelVectorEnv(2, variant="published", action="continuous"), "the variant 'published' are discrete"),
+        (lambda: CrossingVectorEnv(4, loss=1.5), "loss: must be a number from 0 to 1, not 1.5"),
+        (lambda: DuelVectorEnv(2, noise=-1.0), "noise: must be a number from 0 to 100"),
+        (lambda: DuelVectorEnv(2, tracks=0), "tracks: must be a whole number from 1 to 32, not 0"),
+        (lambda: Crossing(5, "own", float("nan")), "loss: must be a number from 0 to 1, not nan"),
+    ],
+)
+def test_a_wrong_setting_is_named(make: Any, error: str) -> None:
+    with pytest.raises(SpecError, match=error):
+        make()
+
+
+def test_a_missing_or_wrong_action_is_named() -> None:
+    env = CrossingParallelEnv(variant="published")
+    env.reset(seed=1)
+    with pytest.raises(CommandError, match="actions: that of V4 is missing"):
+        env.step(dict.fromkeys(("V1", "V2", "V3"), FAST))
+    with pytest.raises(CommandError, match="actions must be from 0 to 5"):
+        env.step(dict.fromkeys(env.agents, 6))

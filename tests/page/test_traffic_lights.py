@@ -1,0 +1,54 @@
+"""Lit lamps of traffic lights in the 3D view of the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from autodrive.protocol.messages import SetSceneLight, SetTrafficLight, TrafficLightState
+from autodrive.scenario.maps.props import LAMP_HEIGHTS
+from tests.support.page import NewTab, PageServer, Tab
+
+LIGHT, FOOT = "traffic_light_1", (0.92, -0.7)
+"""A light of the map `crossing`, which looks along -x, and the place of its post [m]."""
+LENS_X = FOOT[0] - 0.012
+"""Of the front of its lenses [m]."""
+
+
+@pytest.fixture
+def before_the_light(running: PageServer, tmp_path: Path) -> PageServer:
+    file = tmp_path / "light.yaml"
+    file.write_text(f"map: crossing\nvehicles:\n  V1: {{type: nigel, x: {FOOT[0] - 0.12}, y: {FOOT[1] + 0.15}}}\n")
+    running.restart(str(file))
+    return running
+
+
+def lens(tab: Tab, color: str) -> np.ndarray:
+    """Colour of the middle of a lens, 0 to 1."""
+    column, row = map(round, tab.value(f"view.screenPoint({LENS_X}, {FOOT[1]}, {LAMP_HEIGHTS[color]})"))
+    return tab.pixels()[row - 1 : row + 2, column - 1 : column + 2].mean((0, 1))
+
+
+def is_lit(tab: Tab, color: str) -> bool:
+    """Far from the colour of the dark lens: bright, and red, yellow or green."""
+    red, green, blue = lens(tab, color)
+    has_hue = {"red": red > 1.5 * green, "yellow": red > green > 1.5 * blue, "green": green > 1.5 * red}[color]
+    return bool(max(red, green) > 0.85 and has_hue)
+
+
+@pytest.mark.parametrize("quality", ["low", "high"])
+def test_the_lit_lamp_is_seen_by_day_and_at_night(
+    quality: str, before_the_light: PageServer, new_tab: NewTab, tmp_path: Path
+) -> None:
+    view = "scan=0&camera=orbit&orbit=180,10,0.45"  # behind the car, which stands beside the light
+    tab = new_tab(size=(640, 480), draws=True).open(f"{before_the_light.url}?quality={quality}#{view}")
+    tab.wait_for_image()
+    for is_day in (True, False):
+        before_the_light.request(SetSceneLight(is_day))
+        for state in TrafficLightState:
+            before_the_light.request(SetTrafficLight(LIGHT, state))
+            lit = {color: color == state.name.lower() for color in LAMP_HEIGHTS}
+            tab.wait_until(lambda lit=lit: {color: is_lit(tab, color) for color in LAMP_HEIGHTS} == lit)
+            tab.pixels(tmp_path / f"{quality}_{'day' if is_day else 'night'}_{state.name}.jpg")
