@@ -40,7 +40,7 @@ def world_of(map_: str = "tiny_town", cars: int = 12, seed: int = 0, **fields: A
 
 def place_on_link(world: World, name: str, link: int, at: float) -> None:
     """Place a car with its front axle there, in the direction of the link."""
-    roads = world._traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
+    roads = world.traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
     first = int(roads.point_first[link])
     x, y, tx, ty = roads.points[first + round(at / roads.spacing[link])].tolist()
     world.teleport(name, x - WHEELBASE * tx, y - WHEELBASE * ty, math.atan2(ty, tx))
@@ -77,13 +77,13 @@ def test_cars_behind_a_slow_leader_keep_the_gap_of_the_model() -> None:
     world = world_of("oval", cars=2)
     place_on_link(world, "traffic_1", 0, 1.0)
     place_on_link(world, "traffic_2", 0, 0.4)
-    drivers = world._traffic.drivers  # pyright: ignore[reportOptionalMemberAccess]
+    drivers = world.traffic.drivers  # pyright: ignore[reportOptionalMemberAccess]
     drivers.desired[:] = 0.2, 0.4
     for _ in range(6000):
         world.step()
     speed = world.compiled.state.vehicle_velocity[1:, 0]
     assert speed == pytest.approx([0.2, 0.2], abs=0.004)
-    length = world._traffic.roads.length[drivers.link[0]]  # pyright: ignore[reportOptionalMemberAccess]
+    length = world.traffic.roads.length[drivers.link[0]]  # pyright: ignore[reportOptionalMemberAccess]
     gap = (drivers.at[0] - drivers.at[1]) % length - SIZE
     expected = (JAM_GAP + 0.2 * HEADWAY) / math.sqrt(1.0 - (0.2 / 0.4) ** 4)
     assert gap == pytest.approx(expected, abs=0.01)
@@ -93,7 +93,7 @@ def test_a_car_stops_behind_a_standing_car_of_the_user_and_goes_on_when_it_has_l
     world = world_of("oval", cars=1)
     place_on_link(world, "traffic_1", 0, 0.5)
     place_on_link(world, "V1", 0, 2.0)
-    desired = float(world._traffic.drivers.desired[0])  # pyright: ignore[reportOptionalMemberAccess]
+    desired = float(world.traffic.drivers.desired[0])  # pyright: ignore[reportOptionalMemberAccess]
     gap = math.dist(front_axle(world.frame, "V1"), front_axle(world.frame, "traffic_1")) - SIZE
     for _ in range(3000):
         frame = world.step()
@@ -112,14 +112,25 @@ def test_a_car_stops_behind_a_standing_car_of_the_user_and_goes_on_when_it_has_l
     assert frame.vehicles["traffic_1"].speed > 0.2
 
 
+def test_a_car_stops_behind_a_box_and_waits() -> None:
+    world = world_of("oval", cars=1, boxes={"crate": {"x": 1.9, "y": 0.0}})
+    place_on_link(world, "traffic_1", 0, 0.5)
+    for _ in range(1500):
+        frame = world.step()
+    gap = 1.9 - 0.05 * math.sqrt(2.0) - (front_axle(frame, "traffic_1")[0] + FRONT - WHEELBASE)
+    assert frame.vehicles["traffic_1"].speed == pytest.approx(0.0, abs=0.003)
+    assert gap == pytest.approx(JAM_GAP, abs=0.03)
+    assert frame.vehicles["traffic_1"].collision_count == 0
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_car_that_appears_within_reach_of_the_brakes_is_not_hit(seed: int) -> None:
     rng = np.random.default_rng(seed)
     world = world_of("oval", cars=1, seed=seed)
     for _ in range(int(rng.integers(200, 900))):
         world.step()
-    drivers = world._traffic.drivers  # pyright: ignore[reportOptionalMemberAccess]
-    roads = world._traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
+    drivers = world.traffic.drivers  # pyright: ignore[reportOptionalMemberAccess]
+    roads = world.traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
     link = int(drivers.link[0])
     ahead = SIZE + rng.uniform(0.12, LOOK)  # 0.4 m/s and tyres that hold 5 m/s^2 stop within 2 cm
     place_on_link(world, "V1", link, float((drivers.at[0] + ahead) % roads.length[link]))
@@ -249,7 +260,7 @@ def test_a_car_gives_way_to_a_car_of_the_user_on_the_major_road() -> None:
 
 def _link_to(world: World, end: tuple[float, float], before: float) -> tuple[int, float]:
     """The link that ends there, and the place so far before its end."""
-    roads = world._traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
+    roads = world.traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
     for link in range(roads.link_count):
         if math.dist(roads.points[roads.point_first[link + 1] - 1, :2], end) < 1e-6:
             return link, float(roads.length[link]) - before

@@ -141,10 +141,12 @@ class World(OneThread):
         lengths = [(one.front, one.size[0]) for one in compiled.vehicles.values()]
         lines = compiled.map.stop_lines
         self._stop_lines = StopLineReferee(self.vehicle_names, lengths, lines) if lines else None
-        self._traffic = None
+        self.traffic = None
         """The drivers of the traffic; None without any."""
         if compiled.spec.traffic.cars:
-            self._traffic = Traffic(compiled.spec, compiled.map, compiled.vehicles, compiled.model, compiled.state)
+            c = compiled
+            boxes = [(c.objects[name], box.size) for name, box in self.boxes.items()]
+            self.traffic = Traffic(c.spec, c.map, c.vehicles, boxes, c.model, c.state)
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
         c, controls = compiled, self._controls
@@ -200,8 +202,8 @@ class World(OneThread):
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
-        if self._traffic is not None:
-            self._traffic.drive(self._tick, self._lights_now(), controls.throttle, controls.steering)
+        if self.traffic is not None:
+            self.traffic.drive(self._tick, self._lights_now(), controls.throttle, controls.steering)
         if race is not None:
             race.restrain(self.time, controls.throttle)
         if self._follows_weather and self._tick % self._weather_ticks == 0:
@@ -242,7 +244,7 @@ class World(OneThread):
         if seed is not None:
             check_seed(seed)
         on_ground = {} if poses is None else self._start_poses(poses)
-        if self._traffic is not None:
+        if self.traffic is not None:
             on_ground = self._traffic_starts(self._seed if seed is None else int(seed), on_ground) | on_ground
         start = self._poses.start(self._start, on_ground) if on_ground else self._start
         if seed is not None:
@@ -259,8 +261,8 @@ class World(OneThread):
         self._tick = 0
         self.drawings = {}
         self._controls.reset()
-        if self._traffic is not None:
-            self._traffic.reset(self._seed)
+        if self.traffic is not None:
+            self.traffic.reset(self._seed)
         self._light = SceneLight(self.spec.scene_light, self.spec.time_of_day)
         self._poses.held = {}
         self._referee.reset()
@@ -312,14 +314,14 @@ class World(OneThread):
 
     def _traffic_starts(self, seed: int, placed: Mapping[str, Floats]) -> dict[str, Floats]:
         """Where the traffic starts with that seed, away from other vehicles and objects; `placed`: those elsewhere."""
-        assert self._traffic is not None
+        assert self.traffic is not None
         others: list[tuple[float, float]] = []
         for name in (*self.vehicle_names, *self.boxes):
-            if name not in self._traffic.names:
+            if name not in self.traffic.names:
                 qpos = self.compiled.engine.body(name)[1]
                 x, y = placed.get(name, self._start[qpos : qpos + 2])[:2]
                 others.append((float(x), float(y)))
-        starts = self._traffic.start_poses(seed, others)
+        starts = self.traffic.start_poses(seed, others)
         return {name: self._on_ground(name, *pose) for name, pose in starts.items()}
 
     def _on_ground(self, name: str, x: float, y: float, yaw: float) -> Floats:
@@ -405,8 +407,8 @@ class World(OneThread):
         self._weather = before._weather
         self.drawings = before.drawings
         self._controls.restore(before._controls.save())
-        if self._traffic is not None and before._traffic is not None:
-            self._traffic.continue_from(before._traffic)
+        if self.traffic is not None and before.traffic is not None:
+            self.traffic.continue_from(before.traffic)
         self._referee.restore(before._referee.save())
         self._traffic_lights.restore(before._traffic_lights.set_states)
         if self._stop_lines is not None and self.map.stop_lines == before.map.stop_lines:
@@ -583,7 +585,7 @@ class World(OneThread):
             own_sensors=c.own_sensors.save(),
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
-            traffic=self._traffic and self._traffic.save(),
+            traffic=self.traffic and self.traffic.save(),
             light=self._light,
             weather=self._weather,
             held=dict(self._poses.held),
@@ -622,8 +624,8 @@ class World(OneThread):
         if self._cameras is not None:
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
-        if self._traffic is not None:
-            self._traffic.restore(saved.traffic)
+        if self.traffic is not None:
+            self.traffic.restore(saved.traffic)
         self._light, self._poses.held = saved.light, dict(saved.held)
         self._weather = saved.weather
         self._apply_weather()

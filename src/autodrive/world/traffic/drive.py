@@ -41,6 +41,8 @@ SIDE_MARGIN = 0.05
 """Beside the bodies of two vehicles that pass each other [m]."""
 STOP_MARGIN = 0.03
 """From the front of a waiting vehicle to the stop line [m]."""
+LINE_MARGIN = 0.01
+"""Likewise, after hard braking [m]."""
 LOOK = 2.0
 """A driver looks so far for vehicles ahead [m]."""
 ASK = 1.6
@@ -62,6 +64,8 @@ UNREGULATED, RED, YELLOW, GREEN = 0, 1, 2, 3
 ROUTE = 3
 """Links of the route behind the present one."""
 NONE = -1
+BOX = -2
+"""In the place of the number of a vehicle ahead: it is a box."""
 
 
 class Drivers(NamedTuple):
@@ -105,7 +109,7 @@ class Plan(NamedTuple):
     gap: Floats
     """To the vehicle ahead [m], infinite without one, shape (n,)."""
     leader: Integers
-    """Number of that vehicle; -1: none, shape (n,)."""
+    """Number of that vehicle; -1: none; -2: it is a box, shape (n,)."""
     leader_speed: Floats
     """Its speed along the link [m/s], shape (n,)."""
     order: Integers
@@ -129,6 +133,10 @@ class Bodies(NamedTuple):
     """[m], shape (v,)."""
     steering_limit: Floats
     """[rad], shape (v,)."""
+    box: Integers
+    """Where the poses of the boxes are in `State.qpos`."""
+    box_radius: Floats
+    """Of a circle around each box, from above [m]."""
     top_speed: Floats
     """At full throttle [m/s], shape (v,)."""
 
@@ -136,6 +144,7 @@ class Bodies(NamedTuple):
 class Seen(NamedTuple):
     """Columns of the State that drivers see."""
 
+    qpos: Floats
     position: Floats
     orientation: Floats
     velocity: Floats
@@ -285,50 +294,83 @@ def _route(c: int, k: int, drivers: Drivers) -> int:
 
 @inlined
 def _look_ahead(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan, seen: Seen) -> None:
-    """Find the vehicle ahead: the first one that is in the way."""
+    """Find the vehicle or box ahead: the first one that is in the way."""
     plan.gap[c], plan.leader[c], plan.leader_speed[c] = np.inf, NONE, 0.0
     if drivers.link[c] == NONE:
         return
     row = bodies.row[c]
-    x, y = _front_axle(row, bodies, seen)
-    hx, hy = _heading(row, seen)
-    reach = LOOK
+    reach, own = LOOK, bodies.half_width[row] + SIDE_MARGIN
     for other in range(bodies.driver.shape[0]):
         if other == row:
             continue
         ox, oy = _heading(other, seen)
         half = bodies.half_width[other]
         nose, tail = bodies.front[other] - half, half - bodies.rear[other]
-        mx = seen.position[other, 0] + 0.5 * (nose + tail) * ox - x
-        my = seen.position[other, 1] + 0.5 * (nose + tail) * oy - y
+        mx = seen.position[other, 0] + 0.5 * (nose + tail) * ox
+        my = seen.position[other, 1] + 0.5 * (nose + tail) * oy
         length = 0.5 * (nose - tail)
-        clear = bodies.half_width[row] + half + SIDE_MARGIN
-        limit = reach + length + clear
-        if mx * mx + my * my > limit * limit or mx * hx + my * hy < -length - clear:
-            continue
-        at, k = drivers.at[c], 0
-        done = 0.0
-        link = drivers.link[c]
-        while done < reach:
-            px, py, tx, ty = _on_link(link, at, roads)
-            px, py = px - x - mx, py - y - my  # from the middle of the other vehicle
-            along = min(max(px * ox + py * oy, -length), length)
-            sx, sy = px - along * ox, py - along * oy
-            if sx * sx + sy * sy < clear * clear:
-                reach = done
-                between = sqrt(sx * sx + sy * sy) - half  # to the round end of the other vehicle
-                plan.gap[c] = done + between - (bodies.front[row] - bodies.wheelbase[row])
-                plan.leader[c] = other
-                plan.leader_speed[c] = seen.velocity[other, 0] * (ox * tx + oy * ty)
+        way, between, along = _way_to(c, mx, my, ox, oy, length, half, own, reach, roads, bodies, drivers, seen)
+        if way < reach:
+            reach = way
+            plan.gap[c] = way + between - (bodies.front[row] - bodies.wheelbase[row])
+            plan.leader[c] = other
+            plan.leader_speed[c] = seen.velocity[other, 0] * along
+    for box in range(bodies.box.shape[0]):
+        x, y, half = seen.qpos[bodies.box[box]], seen.qpos[bodies.box[box] + 1], bodies.box_radius[box]
+        way, between, _ = _way_to(c, x, y, 1.0, 0.0, 0.0, half, own, reach, roads, bodies, drivers, seen)
+        if way < reach:
+            reach = way
+            plan.gap[c] = way + between - (bodies.front[row] - bodies.wheelbase[row])
+            plan.leader[c], plan.leader_speed[c] = BOX, 0.0
+
+
+@inlined
+def _way_to(
+    c: int,
+    mx: float,
+    my: float,
+    ox: float,
+    oy: float,
+    length: float,
+    half: float,
+    own: float,
+    reach: float,
+    roads: Roads,
+    bodies: Bodies,
+    drivers: Drivers,
+    seen: Seen,
+) -> tuple[float, float, float]:
+    """Way of a driver along its route to where a body is beside or before it [m], at most `reach`.
+
+    Also the distance there from the centre line to that body [m], and the cosine between their directions. The body is
+    a capsule from above: around `mx`, `my`, `length` to both sides along `ox`, `oy`, with the radius `half`. `own`:
+    what the vehicle of the driver needs beside the centre line [m].
+    """
+    x, y = _front_axle(bodies.row[c], bodies, seen)
+    hx, hy = _heading(bodies.row[c], seen)
+    clear = own + half
+    limit = reach + length + clear
+    dx, dy = mx - x, my - y
+    if dx * dx + dy * dy > limit * limit or dx * hx + dy * hy < -length - clear:
+        return reach, 0.0, 0.0
+    link, at, way, k = drivers.link[c], drivers.at[c], 0.0, 0
+    while way < reach:
+        px, py, tx, ty = _on_link(link, at, roads)
+        px, py = px - mx, py - my
+        along = min(max(px * ox + py * oy, -length), length)
+        sx, sy = px - along * ox, py - along * oy
+        away = sx * sx + sy * sy
+        if away < clear * clear:
+            return way, sqrt(away) - half, ox * tx + oy * ty
+        way += 2.0 * roads.spacing[link]
+        at += 2.0 * roads.spacing[link]
+        if at > roads.length[link]:
+            if k == ROUTE:
                 break
-            done += 2.0 * roads.spacing[link]
-            at += 2.0 * roads.spacing[link]
-            if at > roads.length[link]:
-                if k == ROUTE:
-                    break
-                at -= roads.length[link]
-                k += 1
-                link = _route(c, k, drivers)
+            at -= roads.length[link]
+            k += 1
+            link = _route(c, k, drivers)
+    return reach, 0.0, 0.0
 
 
 @inlined
@@ -386,7 +428,7 @@ def _note_gate(
 @inlined
 def _has_passed(vehicle: int, bodies: Bodies, roads: Roads, drivers: Drivers) -> bool:
     """Whether a vehicle that is ahead does not wait for a gate."""
-    c = bodies.driver[vehicle]
+    c = NONE if vehicle < 0 else bodies.driver[vehicle]
     return c != NONE and (drivers.granted[c] != NONE or _is_inside(c, roads, bodies, drivers))
 
 
@@ -397,7 +439,7 @@ def _has_room(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan
     row = bodies.row[c]
     length = bodies.front[row] + bodies.rear[row]
     leader = plan.leader[c]
-    if leader != NONE and bodies.driver[leader] == NONE:
+    if leader == BOX or (leader >= 0 and bodies.driver[leader] == NONE):
         needed = plan.distance[c] + roads.length[gate] - roads.stop_at[gate] + length + JAM_GAP
         if plan.gap[c] < needed and plan.leader_speed[c] < STOPPED:
             return False
@@ -566,7 +608,10 @@ def _command(
     if plan.gate[c] != NONE:
         gap = plan.distance[c] - STOP_MARGIN + JAM_GAP
         acceleration = min(acceleration, idm_acceleration(speed, desired, gap, speed))
-    drivers.speed[c] = min(max(speed + acceleration * dt, 0.0), bodies.top_speed[row])
+    speed += acceleration * dt
+    if plan.gate[c] != NONE:  # the model alone may stop a little behind the line
+        speed = min(speed, sqrt(2.0 * YELLOW_BRAKING * max(plan.distance[c] - LINE_MARGIN, 0.0)))
+    drivers.speed[c] = min(max(speed, 0.0), bodies.top_speed[row])
     throttle[row] = drivers.speed[c] / bodies.top_speed[row]
     x, y = _front_axle(row, bodies, seen)
     hx, hy = _heading(row, seen)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,9 +30,18 @@ class Traffic:
     """The drivers of the traffic of a world."""
 
     def __init__(
-        self, spec: ScenarioSpec, map_: Map, vehicles: Mapping[str, VehicleSpec], model: Model, state: State
+        self,
+        spec: ScenarioSpec,
+        map_: Map,
+        vehicles: Mapping[str, VehicleSpec],
+        boxes: Sequence[tuple[int, tuple[float, float, float]]],
+        model: Model,
+        state: State,
     ) -> None:
-        """`vehicles`: all of the world, in the order of the rows of `model` and `state`."""
+        """`vehicles`: all of the world, in the order of the rows of `model` and `state`.
+
+        `boxes`: where the pose of each box is in `State.qpos`, and its size [m].
+        """
         self.names = spec.traffic.names
         self._vehicle = vehicles[self.names[0]]
         self.roads = roads(map_, clearance(self._vehicle))
@@ -49,6 +59,8 @@ class Traffic:
             half_width=np.array([one.size[1] / 2.0 for one in vehicles.values()]),
             wheelbase=np.array([one.wheelbase for one in vehicles.values()]),
             steering_limit=np.array(model.vehicles["steering_limit"]),
+            box=np.array([at for at, _ in boxes], np.int64),
+            box_radius=np.array([0.5 * math.hypot(*size[:2]) for _, size in boxes]),
             top_speed=np.array(top),
         )
         self.drivers = Drivers(
@@ -67,7 +79,7 @@ class Traffic:
             **{name: np.zeros(n, np.int64) for name in ("gate", "exit", "is_ready", "is_claimed", "leader", "order")},
             **{name: np.zeros(n) for name in ("distance", "gap", "leader_speed")},
         )
-        self._seen = Seen(state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity)
+        self._seen = Seen(state.qpos, state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity)
         self._drive: Any = None
 
     def start_poses(self, seed: int, others: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float, float]]:
