@@ -11,57 +11,26 @@ import pytest
 
 import autodrive
 from autodrive import Client, Command, CommandError
-from autodrive.connect.client.client_socket import Address, ClientSocket
 from autodrive.connect.server.server import Server
-from autodrive.protocol.codec import decode_server, encode
+from autodrive.protocol.codec import encode
 from autodrive.protocol.drawing import MAX_PRIMITIVES
-from autodrive.protocol.messages import Draw, Drawing, Frame, Pause, Step
-from autodrive.protocol.native import PROTOCOL, Drawn, Hello, Subscribe
+from autodrive.protocol.messages import Draw, Drawing, Pause, Step
 from autodrive.world.simulation import Simulation
-from tests.support.waiting import LIMIT, wait_until
+from tests.support.viewer import Viewer
+from tests.support.waiting import wait_until
 
 CURVE = np.column_stack((np.linspace(0.0, 1.0, 20), np.sin(np.linspace(0.0, 3.0, 20))))
 
 
-class Viewer:
-    """A page: it keeps what is drawn."""
-
-    def __init__(self, server: Server, *, drawings: bool = True) -> None:
-        self.socket = ClientSocket(Address.of(server.address), LIMIT)
-        self.socket.send(encode(Hello(PROTOCOL, "viewer")), encode(Subscribe(frame_rate=60.0, drawings=drawings)))
-        self.drawings: dict[str, Drawn] = {}
-        self.frames = 0
-
-    def receive(self) -> None:
-        for data in self.socket.receive(0.05):
-            match decode_server(data):
-                case Drawn(name=name, drawing=None):
-                    del self.drawings[name]
-                case Drawn(name=name) as drawn:
-                    self.drawings[name] = drawn
-                case Frame():
-                    self.frames += 1
-                case _:
-                    pass
-
-    def wait_for(self, *names: str) -> dict[str, Drawn]:
-        def is_there() -> bool:
-            self.receive()
-            return set(self.drawings) == set(names)
-
-        wait_until(is_there)
-        return self.drawings
-
-
 def test_viewers_get_what_a_client_draws_also_later_and_in_a_pause(sim: Client, server: Server) -> None:
-    early, without = Viewer(server), Viewer(server, drawings=False)
+    early, without = Viewer(server.address), Viewer(server.address, drawings=False)
     sim.pause()
     sim.draw.path(CURVE, name="plan", color="#00ff80", width=0.01)
     sim.draw.points([[1.0, 2.0, 3.0]], size=0.1)
     sim.draw.text("goal", (1.0, 2.0, 0.5))
     sim.draw.lines([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], color=(1, 0, 0, 0.5))
     shown = early.wait_for("plan", "points", "text", "lines")
-    later = Viewer(server)
+    later = Viewer(server.address)
     assert later.wait_for("plan", "points", "text", "lines") == shown
     plan = shown["plan"].drawing
     assert plan is not None
@@ -82,7 +51,7 @@ def test_viewers_get_what_a_client_draws_also_later_and_in_a_pause(sim: Client, 
 
 
 def test_drawings_of_the_world_disappear_by_simulated_time(server: Server, simulation: Simulation) -> None:
-    viewer = Viewer(server)
+    viewer = Viewer(server.address)
     simulation.request(Draw({"short": Drawing("points", ((0.0, 0.0, 0.0),), lifetime=0.5)})).result()
     until = viewer.wait_for("short")["short"].until
     assert 0.5 <= until <= simulation.world.time + 0.5

@@ -26,7 +26,17 @@ from autodrive.connect.ros.source import Update, VehicleInfo
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.devkit_profile import PROFILES, DevkitSettings
-from autodrive.protocol.messages import Frame, LoadScenario, Pause, Reset, Resume, SetDrivingMode, Step, VehicleFrame
+from autodrive.protocol.messages import (
+    Frame,
+    LoadScenario,
+    Pause,
+    Reset,
+    Resume,
+    SetDrivingMode,
+    Step,
+    Teleport,
+    VehicleFrame,
+)
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.scene_files import SceneFiles
 from tests.connect.client.conftest import started
@@ -227,6 +237,71 @@ def test_an_initial_pose_teleports_the_vehicle(simulation: Simulation, bridge: B
     pose = simulation.frame.vehicles["V1"].pose
     assert pose.position[:2] == pytest.approx((1.0, 0.1), abs=1e-6)
     assert 2 * math.atan2(pose.orientation[3], pose.orientation[0]) == pytest.approx(1.0)
+
+
+def marker(type_: int, **fields: Any) -> SimpleNamespace:
+    """A visualization_msgs/Marker of ROS 2 with its defaults: zeros."""
+    zero = {"x": 0.0, "y": 0.0, "z": 0.0}
+    pose = SimpleNamespace(position=SimpleNamespace(**zero), orientation=SimpleNamespace(**zero, w=0.0))
+    defaults: dict[str, Any] = {
+        "header": SimpleNamespace(frame_id="map"),
+        "ns": "plan",
+        "id": 0,
+        "action": 0,
+        "pose": pose,
+        "scale": SimpleNamespace(x=0.02, y=0.03, z=0.06),
+        "color": SimpleNamespace(r=1.0, g=0.0, b=0.0, a=1.0),
+        "colors": [],
+        "lifetime": SimpleNamespace(sec=0, nanosec=0),
+        "points": [],
+        "text": "",
+    }
+    return SimpleNamespace(type=type_, **defaults | fields)
+
+
+def test_markers_are_drawn_in_the_map_and_follow_the_frame_of_a_vehicle(
+    simulation: Simulation, bridge: Bridge, node: Recorder, caplog: pytest.LogCaptureFixture
+) -> None:
+    simulation.request(Pause()).result(LIMIT)
+    simulation.request(Teleport("V1", 1.0, 0.2, math.pi / 2)).result(LIMIT)
+    wait_until(lambda: bridge.frame is not None and abs(bridge.frame.vehicles["V1"].pose.position[0] - 1.0) < 1e-6)
+    corners = [SimpleNamespace(x=x, y=y, z=0.5) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))]
+    half_turn = SimpleNamespace(x=0.0, y=0.0, z=1.0, w=0.0)
+    turned = SimpleNamespace(position=SimpleNamespace(x=2.0, y=0.0, z=0.0), orientation=half_turn)
+    ahead = SimpleNamespace(position=SimpleNamespace(x=0.3, y=0.0, z=0.0), orientation=half_turn)
+    base_link, short = SimpleNamespace(frame_id="base_link"), SimpleNamespace(sec=1, nanosec=500_000_000)
+    markers = [
+        marker(4, points=corners, pose=turned),
+        marker(2, id=1, header=base_link, pose=ahead, lifetime=short),
+        marker(9, id=2, text="goal", pose=turned),
+        marker(5, id=3, points=[]),
+    ]
+    node.send("markers", markers=markers)
+    drawn = simulation.world.drawings
+    assert sorted(drawn) == ["plan/0", "plan/1", "plan/2"]
+    path, ball, goal = (drawn[f"plan/{i}"].drawing for i in range(3))
+    assert path is not None
+    assert ball is not None
+    assert goal is not None
+    assert (path.kind, path.size, path.lifetime) == ("path", 0.02, None)
+    assert np.allclose(path.points, [(2, 0, 0.5), (1, 0, 0.5), (1, -1, 0.5)])  # half a turn about x = 2
+    car = simulation.frame.vehicles["V1"].pose.position
+    assert (ball.kind, ball.lifetime) == ("points", 1.5)
+    assert np.allclose(ball.points, car + np.array((0.0, 0.3, 0.0)), atol=1e-3)  # it looks in the direction of y
+    assert (goal.kind, goal.text, goal.size) == ("text", "goal", 0.06)
+    node.send("markers", markers=[marker(0, action=2)])
+    assert sorted(simulation.world.drawings) == ["plan/1", "plan/2"]
+    node.send("markers", markers=[marker(0, action=3), marker(0, scale=SimpleNamespace(x=0.5, y=0.02, z=0.02))])
+    (arrow,) = simulation.world.drawings.values()
+    assert arrow.drawing is not None
+    assert (arrow.drawing.points, arrow.drawing.size) == (((0.0, 0.0, 0.0), (0.5, 0.0, 0.0)), 0.02)
+    node.send("markers", markers=[marker(10)])
+    node.send("markers", markers=[marker(2, header=SimpleNamespace(frame_id="laser"))])
+    assert "the marker 'plan/0' has the type 10; types 0 to 9 are drawn" in caplog.text
+    assert "a marker has the frame 'laser'; frames are: map, base_link" in caplog.text
+    assert list(simulation.world.drawings) == ["plan/0"]
+    node.send("markers", markers=[marker(0, action=3)])
+    simulation.request(Resume()).result(LIMIT)
 
 
 def test_a_reset_restarts_the_odometry(simulation: Simulation, bridge: Bridge, node: Recorder) -> None:

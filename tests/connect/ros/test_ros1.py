@@ -11,6 +11,7 @@ import pty
 import re
 import subprocess
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 from xmlrpc.client import ServerProxy
 
@@ -22,6 +23,7 @@ from autodrive.connect.ros import Config
 from autodrive.connect.ros.topics import WORLD_TOPICS, VehicleTopics
 from autodrive.protocol.messages import Headlights, VehicleFrame
 from autodrive.scenario.vehicles.spec import load_vehicle
+from tests.support.ros.markers import check_markers
 from tests.support.ros.processes import ROOT, Probe, Program, client
 from tests.support.ros.recorder import Recorder, running
 from tests.support.ros.ros1 import Ros1
@@ -151,6 +153,11 @@ def test_each_command_topic_drives_and_the_vehicle_stops_without_commands(probe:
         probe.publish(f"{VEHICLE}/{topic}", kind, None)
         wait_until(lambda: abs(sim.wait().vehicles["V1"].speed) < 1e-3)
     assert sim.frame.vehicles["V1"].throttle == 0.0
+
+
+def test_markers_are_drawn(ros1_session: Ros1, probe: Probe, sim: Client) -> None:
+    publish = partial(probe.publish, "/autodrive/markers")
+    check_markers(publish, sim, ros1_session.port, {"secs": 2, "nsecs": 500_000_000})
 
 
 def test_the_examples_and_the_program_of_the_document_drive(ros1_session: Ros1, sim: Client) -> None:

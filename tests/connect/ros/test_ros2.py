@@ -14,6 +14,7 @@ import re
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -28,6 +29,7 @@ from autodrive.connect.ros.topics import VehicleTopics
 from autodrive.protocol.messages import Frame
 from autodrive.scenario.vehicles.spec import load_vehicle
 from tests.support.ros import ros2_tables
+from tests.support.ros.markers import check_markers
 from tests.support.ros.processes import Program, client, simulator
 from tests.support.ros.recorder import Recorder, running
 from tests.support.ros.ros2 import BUILT, ENVIRONMENT, PROGRAMS, VEHICLE, bridge, probe
@@ -285,6 +287,10 @@ def test_each_command_topic_drives_and_the_vehicle_stops_without_commands(
     for topic, value in (("headlights_command", 2), ("indicators_command", 3)):
         publish(topic, "std_msgs/Int32", {"data": value})
     wait_until(lambda: (lights := sim.wait().vehicles["V1"].lights).headlights == 2 and lights.indicators == 3)
+
+
+def test_markers_are_drawn(ros: Ros2, sim: Client, publish: Callable[..., None]) -> None:
+    check_markers(partial(publish, "/autodrive/markers"), sim, ros.port, {"sec": 2, "nanosec": 500_000_000})
 
 
 def test_keys_a_gamepad_and_the_program_of_the_document_drive(

@@ -37,10 +37,13 @@ def plain(value):
 
 
 def fill(message, values):
-    """Set fields, also nested ones."""
+    """Set fields, also nested ones and lists of messages."""
     for name, value in values.items():
         if isinstance(value, dict):
             fill(getattr(message, name), value)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            kind = message.get_fields_and_field_types()[name].removeprefix("sequence<").removesuffix(">")
+            setattr(message, name, [fill(class_of(kind)(), one) for one in value])
         else:
             setattr(message, name, value)
     return message

@@ -12,12 +12,15 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from autodrive.base.errors import AutodriveError
+import numpy as np
+
+from autodrive.base.errors import AutodriveError, CommandError
 from autodrive.base.log_throttle import LogThrottle
 from autodrive.connect.ros.command_input import CommandInput
 from autodrive.connect.ros.config import Config
 from autodrive.connect.ros.devkit_source import DevkitSource
 from autodrive.connect.ros.direct_source import DirectSource
+from autodrive.connect.ros.markers import drawings
 from autodrive.connect.ros.message import Message, Node, Subscription, Time, Topic
 from autodrive.connect.ros.robot import Robot, Transform
 from autodrive.connect.ros.source import Update, VehicleInfo
@@ -38,6 +41,7 @@ from autodrive.protocol.messages import (
     Command,
     Frame,
     Operation,
+    Pose,
     Reset,
     SetDrivingMode,
     SetTrafficLight,
@@ -93,7 +97,7 @@ class Bridge:
         )
         world = published(config, WORLD_TOPICS)
         inputs = [*self._light_subscriptions(), *self._environment_subscriptions(), *self._league_subscriptions()]
-        node.add_topics([*world, *self._light_topics], inputs)
+        node.add_topics([*world, *self._light_topics], [*inputs, *self._marker_subscriptions()])
         self.on_vehicles({"V1": VehicleInfo.of(config.car, 1, config.vehicle_type)})
 
     def start(self) -> None:
@@ -365,6 +369,27 @@ class Bridge:
             self._source.resets = {*self._vehicles} if message.data else set()
         elif is_rising:
             self._try(Reset())
+
+    # -- drawings -------------------------------------------------------------------------------------------------
+
+    def _marker_subscriptions(self) -> list[Subscription]:
+        if not self._is_direct or self.config.is_league:
+            return []
+        text = "drawn into the view of the page, in map or the base_link of a vehicle; direct mode"
+        return [Subscription("autodrive/markers", "visualization_msgs/MarkerArray", text, self._on_markers)]
+
+    def _on_markers(self, message: Any) -> None:
+        with self._warning():
+            self._direct.request(drawings(message, self._pose_of))
+
+    def _pose_of(self, frame: str) -> Pose:
+        """Pose in the map of a TF frame. Raises `CommandError` if the simulator does not know it."""
+        if frame in ("", "map", "world"):
+            return Pose(np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)))
+        known = {one.topics.frame("base_link"): name for name, one in self._vehicles.items()}
+        if frame not in known or self.frame is None:
+            raise CommandError(f"a marker has the frame '{frame}'; frames are: map, {', '.join(known)}")
+        return self.frame.vehicles[known[frame]].pose
 
     # -- traffic lights -------------------------------------------------------------------------------------------
 

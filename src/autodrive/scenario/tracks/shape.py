@@ -13,6 +13,8 @@ from autodrive.scenario.tracks.line import closed_line
 
 WALL_TOLERANCE = 0.003
 """Largest distance of a wall from the edge of its centre line [m]."""
+MAX_CROSSINGS = 10
+"""Places at which a line crosses itself that are looked for."""
 
 
 def resampled(points: Floats, spacing: float) -> Floats:
@@ -119,7 +121,7 @@ def _kept(points: Floats, tolerance: float) -> Integers:
 
 
 def crossings(walls: tuple[Floats, ...]) -> list[tuple[float, float]]:
-    """Where closed lines cross or touch themselves or each other: x, y [m]."""
+    """Where closed lines cross or touch themselves or each other: x, y [m], a few places of each."""
     rings = [shapely.LinearRing(wall) for wall in walls]
     found: list[tuple[float, float]] = []
     for i, ring in enumerate(rings):
@@ -129,17 +131,17 @@ def crossings(walls: tuple[Floats, ...]) -> list[tuple[float, float]]:
             common = shapely.intersection(ring, other)
             if not common.is_empty:
                 found.append(tuple(shapely.get_coordinates(common)[0].tolist()))  # type: ignore[arg-type]
-    return found
+    return list(dict.fromkeys(found))
 
 
 def _self_crossings(ring: shapely.LinearRing) -> list[tuple[float, float]]:
-    """Where a line crosses itself."""
+    """Where a line crosses itself, at most `MAX_CROSSINGS` places: points that repeat cross millions of times."""
     points = shapely.get_coordinates(ring)
     segments: Any = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
     first, second = shapely.STRtree(segments).query(segments, predicate="intersects")
     n = len(segments)
     apart = (second - first) % n
-    is_pair = (first < second) & (apart != 1) & (apart != n - 1)
-    common = shapely.intersection(segments[first[is_pair]], segments[second[is_pair]])
+    pairs = np.flatnonzero((first < second) & (apart != 1) & (apart != n - 1))[:MAX_CROSSINGS]
+    common = shapely.intersection(segments[first[pairs]], segments[second[pairs]])
     places = shapely.get_coordinates(shapely.centroid(common))
     return [(float(x), float(y)) for x, y in places]
