@@ -23,6 +23,7 @@ from autodrive.world.traffic.drive import (
     STOP_MARGIN,
     idm_acceleration,
 )
+from autodrive.world.traffic.traffic import Traffic
 
 SIZE, WHEELBASE, WIDTH = 0.3, 0.14154, 0.175
 FRONT = 0.5 * (WHEELBASE + SIZE)
@@ -35,12 +36,28 @@ INNER = {"V1": {"x": 0.0, "y": 1.15}}
 def world_of(map_: str = "tiny_town", cars: int = 12, seed: int = 0, **fields: Any) -> World:
     vehicles = fields.pop("vehicles", LOT if map_ == "tiny_town" else INNER)
     traffic = {"cars": cars} | fields.pop("traffic", {})
-    return autodrive.make(autodrive.Scenario(map=map_, vehicles=vehicles, traffic=traffic, seed=seed, **fields))
+    return make(map=map_, vehicles=vehicles, traffic=traffic, seed=seed, **fields)
+
+
+def make(**fields: Any) -> World:
+    return autodrive.make(autodrive.Scenario(**fields))
+
+
+def run(world: World, ticks: int) -> Frame:
+    """The Frame after so many ticks."""
+    for _ in range(ticks):
+        world.step()
+    return world.frame
+
+
+def traffic_of(world: World) -> Traffic:
+    assert world.traffic is not None
+    return world.traffic
 
 
 def place_on_link(world: World, name: str, link: int, at: float) -> None:
     """Place a car with its front axle there, in the direction of the link."""
-    roads = world.traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
+    roads = traffic_of(world).roads
     first = int(roads.point_first[link])
     x, y, tx, ty = roads.points[first + round(at / roads.spacing[link])].tolist()
     world.teleport(name, x - WHEELBASE * tx, y - WHEELBASE * ty, math.atan2(ty, tx))
@@ -53,7 +70,7 @@ def front_axle(frame: Frame, name: str) -> np.ndarray:
 
 
 def distance_to_lanes(world: World, point: np.ndarray) -> float:
-    nearest = world.map.lane_graph.nearest(*point.tolist())
+    nearest = world.map.lane_graph.nearest(float(point[0]), float(point[1]))
     assert nearest is not None
     return abs(nearest.offset)
 
@@ -77,13 +94,12 @@ def test_cars_behind_a_slow_leader_keep_the_gap_of_the_model() -> None:
     world = world_of("oval", cars=2)
     place_on_link(world, "traffic_1", 0, 1.0)
     place_on_link(world, "traffic_2", 0, 0.4)
-    drivers = world.traffic.drivers  # pyright: ignore[reportOptionalMemberAccess]
+    drivers = traffic_of(world).drivers
     drivers.desired[:] = 0.2, 0.4
-    for _ in range(6000):
-        world.step()
+    run(world, 6000)
     speed = world.compiled.state.vehicle_velocity[1:, 0]
     assert speed == pytest.approx([0.2, 0.2], abs=0.004)
-    length = world.traffic.roads.length[drivers.link[0]]  # pyright: ignore[reportOptionalMemberAccess]
+    length = traffic_of(world).roads.length[drivers.link[0]]
     gap = (drivers.at[0] - drivers.at[1]) % length - SIZE
     expected = (JAM_GAP + 0.2 * HEADWAY) / math.sqrt(1.0 - (0.2 / 0.4) ** 4)
     assert gap == pytest.approx(expected, abs=0.01)
@@ -93,10 +109,9 @@ def test_a_car_stops_behind_a_standing_car_of_the_user_and_goes_on_when_it_has_l
     world = world_of("oval", cars=1)
     place_on_link(world, "traffic_1", 0, 0.5)
     place_on_link(world, "V1", 0, 2.0)
-    desired = float(world.traffic.drivers.desired[0])  # pyright: ignore[reportOptionalMemberAccess]
+    desired = float(traffic_of(world).drivers.desired[0])
     gap = math.dist(front_axle(world.frame, "V1"), front_axle(world.frame, "traffic_1")) - SIZE
-    for _ in range(3000):
-        frame = world.step()
+    frame = run(world, 3000)
     assert frame.vehicles["traffic_1"].speed == pytest.approx(0.0, abs=0.003)
     speed, dt = 0.0, 1e-3  # the equations of the paper; a car that comes too fast stops a little nearer than s0
     for _ in range(30_000):
@@ -107,16 +122,14 @@ def test_a_car_stops_behind_a_standing_car_of_the_user_and_goes_on_when_it_has_l
     assert between == pytest.approx(gap, abs=0.01)  # delay of the drive
     assert frame.vehicles["traffic_1"].collision_count == 0
     world.teleport("V1", 0.0, 1.15)
-    for _ in range(500):
-        frame = world.step()
+    frame = run(world, 500)
     assert frame.vehicles["traffic_1"].speed > 0.2
 
 
 def test_a_car_stops_behind_a_box_and_waits() -> None:
     world = world_of("oval", cars=1, boxes={"crate": {"x": 1.9, "y": 0.0}})
     place_on_link(world, "traffic_1", 0, 0.5)
-    for _ in range(1500):
-        frame = world.step()
+    frame = run(world, 1500)
     gap = 1.9 - 0.05 * math.sqrt(2.0) - (front_axle(frame, "traffic_1")[0] + FRONT - WHEELBASE)
     assert frame.vehicles["traffic_1"].speed == pytest.approx(0.0, abs=0.003)
     assert gap == pytest.approx(JAM_GAP, abs=0.03)
@@ -127,15 +140,13 @@ def test_a_car_stops_behind_a_box_and_waits() -> None:
 def test_a_car_that_appears_within_reach_of_the_brakes_is_not_hit(seed: int) -> None:
     rng = np.random.default_rng(seed)
     world = world_of("oval", cars=1, seed=seed)
-    for _ in range(int(rng.integers(200, 900))):
-        world.step()
-    drivers = world.traffic.drivers  # pyright: ignore[reportOptionalMemberAccess]
-    roads = world.traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
+    run(world, int(rng.integers(200, 900)))
+    drivers = traffic_of(world).drivers
+    roads = traffic_of(world).roads
     link = int(drivers.link[0])
     ahead = SIZE + rng.uniform(0.12, LOOK)  # 0.4 m/s and tyres that hold 5 m/s^2 stop within 2 cm
     place_on_link(world, "V1", link, float((drivers.at[0] + ahead) % roads.length[link]))
-    for _ in range(2000):
-        frame = world.step()
+    frame = run(world, 2000)
     assert frame.vehicles["traffic_1"].collision_count == 0
     assert frame.vehicles["traffic_1"].speed == pytest.approx(0.0, abs=0.003)
 
@@ -147,6 +158,7 @@ def test_a_car_follows_line_and_circle_and_steers_as_the_bicycle_model() -> None
     """On a circle of radius R of the front axle the steering angle is asin(wheelbase / R)."""
     world = world_of("oval", cars=1)
     errors, angles = [], []
+    frame = world.frame
     for tick in range(6000):
         frame = world.step()
         if tick > 300:
@@ -167,7 +179,7 @@ def test_cars_start_apart_on_lanes_in_their_direction_and_the_seed_decides_where
     for i, point in enumerate(points):
         pose = world.frame.vehicles[names[i]].pose
         yaw = 2.0 * math.atan2(pose.orientation[3], pose.orientation[0])
-        nearest = world.map.lane_graph.nearest(*point.tolist(), yaw)
+        nearest = world.map.lane_graph.nearest(float(point[0]), float(point[1]), yaw)
         assert nearest is not None
         assert abs(nearest.offset) < 2e-3
         assert abs(math.remainder(nearest.yaw - yaw, 2 * math.pi)) < 0.1
@@ -181,17 +193,14 @@ def test_cars_start_apart_on_lanes_in_their_direction_and_the_seed_decides_where
 
 def test_a_car_that_is_pushed_or_placed_elsewhere_finds_its_way() -> None:
     world = world_of(cars=1)
-    for _ in range(100):
-        world.step()
+    run(world, 100)
     world.teleport("traffic_1", 2.0, 2.45, 0.1)
     start = world.frame.vehicles["traffic_1"].pose.position.copy()
-    for _ in range(600):
-        frame = world.step()
+    frame = run(world, 600)
     assert math.dist(frame.vehicles["traffic_1"].pose.position, start) > 0.8
     assert distance_to_lanes(world, front_axle(frame, "traffic_1")) < 0.02
     world.teleport("traffic_1", 2.1, 4.4, 0.0)  # across the lanes of the parking lot
-    for _ in range(200):
-        frame = world.step()
+    frame = run(world, 200)
     assert frame.vehicles["traffic_1"].speed == pytest.approx(0.0, abs=1e-3)
 
 
@@ -202,6 +211,7 @@ def test_a_car_that_is_pushed_or_placed_elsewhere_finds_its_way() -> None:
 def test_traffic_of_a_town_has_no_collisions_obeys_lights_and_moves_on(seed: int) -> None:
     world = world_of(seed=seed)
     way, stands, longest = np.zeros(12), np.zeros(12), np.zeros(12)
+    frame = world.frame
     for _ in range(9000):
         frame = world.step()
         assert not frame.events
@@ -218,13 +228,13 @@ def test_a_car_waits_at_the_line_of_a_red_light_and_drives_when_it_is_green() ->
     for light in world.map.traffic_lights:
         world.set_traffic_light(light, TrafficLightState.RED)
     place_on_link(world, "traffic_1", *_link_to(world, (-0.7, -0.15), 0.3))
-    for _ in range(1500):
-        frame = world.step()
+    frame = run(world, 1500)
     yaw_free_front = front_axle(frame, "traffic_1")[0] + FRONT - WHEELBASE
     assert frame.vehicles["traffic_1"].speed == pytest.approx(0.0, abs=0.003)
     assert -0.67 - 2 * STOP_MARGIN - 0.02 < yaw_free_front < -0.67
     for light in world.map.traffic_lights:
         world.set_traffic_light(light, TrafficLightState.GREEN)
+    frame = world.frame
     for _ in range(800):
         frame = world.step()
         assert not frame.events
@@ -235,6 +245,7 @@ def test_a_car_stops_at_a_stop_sign() -> None:
     world = world_of(cars=1, vehicles={"V1": {"x": -1.1, "y": -0.15}})
     world.teleport("traffic_1", 2.05, 4.3, -math.pi / 2)
     slowest = 1.0
+    frame = world.frame
     for _ in range(1500):
         frame = world.step()
         assert not frame.events  # not even StopSign
@@ -249,6 +260,7 @@ def test_a_car_gives_way_to_a_car_of_the_user_on_the_major_road() -> None:
     """At the give-way sign of Tiny Town: it waits while the user comes, and goes when the user has passed."""
     world = world_of(cars=1, vehicles={"V1": {"x": 4.05, "y": 1.6, "yaw_deg": -90.0}})
     place_on_link(world, "traffic_1", *_link_to(world, (3.5, -0.15), 0.3))
+    frame = world.frame
     for _ in range(900):
         near = world.frame.vehicles["V1"].pose.position[1] > -0.6
         frame = world.step({"V1": Command(throttle=0.7 if near else 0.0)})
@@ -260,7 +272,7 @@ def test_a_car_gives_way_to_a_car_of_the_user_on_the_major_road() -> None:
 
 def _link_to(world: World, end: tuple[float, float], before: float) -> tuple[int, float]:
     """The link that ends there, and the place so far before its end."""
-    roads = world.traffic.roads  # pyright: ignore[reportOptionalMemberAccess]
+    roads = traffic_of(world).roads
     for link in range(roads.link_count):
         if math.dist(roads.points[roads.point_first[link + 1] - 1, :2], end) < 1e-6:
             return link, float(roads.length[link]) - before
@@ -272,8 +284,7 @@ def _link_to(world: World, end: tuple[float, float], before: float) -> tuple[int
 
 def test_a_snapshot_continues_with_the_same_bits() -> None:
     world = world_of(cars=6)
-    for _ in range(1500):
-        world.step()
+    run(world, 1500)
     saved = pickle.loads(pickle.dumps(world.save()))
     first = [world.step() for _ in range(1500)]
     other = world_of(cars=6)
@@ -287,7 +298,7 @@ def test_a_snapshot_continues_with_the_same_bits() -> None:
 
 
 def test_the_car_of_the_user_has_the_bits_that_it_has_alone() -> None:
-    alone = autodrive.make(autodrive.Scenario(map="tiny_town", vehicles=LOT))
+    alone = make(map="tiny_town", vehicles=LOT)
     among = world_of(cars=3)
     for _ in range(100):
         command = {"V1": Command(throttle=0.3, steering=0.2)}
@@ -311,8 +322,8 @@ def test_the_lidar_sees_the_traffic() -> None:
     place_on_link(world, "traffic_1", 0, 1.0)
     place_on_link(world, "V1", 0, 0.3)
     while world.frame.vehicles["V1"].lidar is None or world.time < 0.3:
-        frame = world.step()
-    lidar = frame.vehicles["V1"].lidar
+        world.step()
+    lidar = world.frame.vehicles["V1"].lidar
     assert lidar is not None
     ahead = np.nanmin(np.where(np.isfinite(lidar.ranges), lidar.ranges, np.nan))
     assert ahead < 0.8
@@ -333,11 +344,12 @@ def test_traffic_that_is_not_possible_is_an_error(fields: dict[str, Any], text: 
     fields = dict(fields)
     map_ = fields.pop("map", "tiny_town")
     with pytest.raises(SpecError, match=text):
-        autodrive.make(autodrive.Scenario(map=map_, vehicles=LOT, traffic={"cars": 2} | fields))
+        make(map=map_, vehicles=LOT, traffic={"cars": 2} | fields)
 
 
 def test_a_map_with_dead_ends_only_is_no_place_for_traffic() -> None:
-    ends = [{"module": "dead_end", "x": -0.3, "y": 0.0, "yaw_deg": 180.0}, {"module": "dead_end", "x": 0.3, "y": 0.0}]
+    ends = [{"module": "dead_end", "x": -0.3, "yaw_deg": 180.0}, {"module": "dead_end", "x": 0.3}]
+    ends = [{"y": 0.0} | one for one in ends]
     street = MapSpec.model_validate({"title": "Street", "placements": ends})
     with pytest.raises(SpecError, match="has no closed way of lanes; the traffic has 1 cars"):
-        autodrive.make(autodrive.Scenario(map=street, traffic={"cars": 1}))
+        make(map=street, traffic={"cars": 1})

@@ -221,8 +221,8 @@ def _drawn(link: int, roads: Roads, stream: NDArray[np.uint64]) -> int:
     """A link that follows, by chance."""
     first, count = roads.successor_first[link], roads.successor_first[link + 1] - roads.successor_first[link]
     if count == 1:
-        return roads.successor[first]
-    return roads.successor[first + min(int(uniform(stream) * count), count - 1)]
+        return int(roads.successor[first])
+    return int(roads.successor[first + min(int(uniform(stream) * count), count - 1)])
 
 
 @inlined
@@ -299,7 +299,7 @@ def _look_ahead(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Pl
     if drivers.link[c] == NONE:
         return
     row = bodies.row[c]
-    reach, own = LOOK, bodies.half_width[row] + SIDE_MARGIN
+    reach, own = LOOK, float(bodies.half_width[row]) + SIDE_MARGIN
     for other in range(bodies.driver.shape[0]):
         if other == row:
             continue
@@ -316,7 +316,8 @@ def _look_ahead(c: int, roads: Roads, bodies: Bodies, drivers: Drivers, plan: Pl
             plan.leader[c] = other
             plan.leader_speed[c] = seen.velocity[other, 0] * along
     for box in range(bodies.box.shape[0]):
-        x, y, half = seen.qpos[bodies.box[box]], seen.qpos[bodies.box[box] + 1], bodies.box_radius[box]
+        x, y = float(seen.qpos[bodies.box[box]]), float(seen.qpos[bodies.box[box] + 1])
+        half = bodies.box_radius[box]
         way, between, _ = _way_to(c, x, y, 1.0, 0.0, 0.0, half, own, reach, roads, bodies, drivers, seen)
         if way < reach:
             reach = way
@@ -522,7 +523,7 @@ def _user_comes(gate: int, roads: Roads, bodies: Bodies, seen: Seen) -> bool:
     """
     for r in range(roads.conflict_first[gate], roads.conflict_first[gate + 1]):
         rival = roads.conflict[r]
-        x, y, tx, ty = _on_link(rival, roads.stop_at[rival], roads)
+        x, y, tx, ty = _on_link(int(rival), float(roads.stop_at[rival]), roads)
         for vehicle in range(bodies.driver.shape[0]):
             if bodies.driver[vehicle] != NONE:
                 continue
@@ -572,7 +573,7 @@ def _grant_gates(roads: Roads, bodies: Bodies, drivers: Drivers, plan: Plan, see
         if (
             _is_claimed(c, roads, plan)
             or _is_taken(c, roads, bodies, drivers, plan)
-            or _user_comes(plan.gate[c], roads, bodies, seen)
+            or _user_comes(int(plan.gate[c]), roads, bodies, seen)
             or (is_patient and _must_yield(c, roads, bodies, drivers, plan, seen))
         ):
             if plan.distance[c] < AT_LINE:

@@ -64,20 +64,27 @@ class Traffic:
             top_speed=np.array(top),
         )
         self.drivers = Drivers(
-            link=np.full(n, NONE),
+            link=np.full(n, NONE, np.int64),
             at=np.zeros(n),
-            route=np.full((n, ROUTE), NONE),
-            behind=np.full(n, NONE),
-            granted=np.full(n, NONE),
+            route=np.full((n, ROUTE), NONE, np.int64),
+            behind=np.full(n, NONE, np.int64),
+            granted=np.full(n, NONE, np.int64),
             has_stopped=np.zeros(n, np.int64),
-            asked=np.full(n, NONE),
+            asked=np.full(n, NONE, np.int64),
             speed=np.zeros(n),
             desired=np.ones(n),
             stream=np.zeros((n, 3), np.uint64),
         )
         self._plan = Plan(
-            **{name: np.zeros(n, np.int64) for name in ("gate", "exit", "is_ready", "is_claimed", "leader", "order")},
-            **{name: np.zeros(n) for name in ("distance", "gap", "leader_speed")},
+            gate=np.zeros(n, np.int64),
+            exit=np.zeros(n, np.int64),
+            distance=np.zeros(n),
+            is_ready=np.zeros(n, np.int64),
+            is_claimed=np.zeros(n, np.int64),
+            gap=np.zeros(n),
+            leader=np.zeros(n, np.int64),
+            leader_speed=np.zeros(n),
+            order=np.zeros(n, np.int64),
         )
         self._seen = Seen(state.qpos, state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity)
         self._drive: Any = None
