@@ -48,6 +48,7 @@ RUN_BY = {
     "drawing.md": {"python": "tests/test_docs.py"},
     "traffic.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "traffic_lights.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
+    "v2x.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "weather.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "vehicle.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
 }

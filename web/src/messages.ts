@@ -348,6 +348,20 @@ export interface UseMap {
 }
 
 /**
+ * Close a road: add roads from an open end of the module `part` to an open end of the module `other`, as one edit.
+ *
+ * Without `port` or `other_port`, any open end of the module; without `other`, the nearest open end that can be
+ * reached.
+ */
+export interface CloseLoop {
+  type: 'CloseLoop'
+  part: string
+  port?: string
+  other?: string
+  other_port?: string
+}
+
+/**
  * A track by points x, y [m] of a smooth closed line, in driving direction; `width` between the barriers [m].
  *
  * The start line goes through the first point. `barrier`: what stands along the edges; a duct is an air duct.
@@ -678,7 +692,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 }
 
 /**
@@ -1123,6 +1137,42 @@ export interface OwnReading {
 }
 
 /**
+ * The latest radio message of another vehicle: what it was at `sent` [s]; the message arrived at `received` [s].
+ *
+ * `position` [m], shape (3,), in the map frame, with the noise of the channel; `yaw` [rad]; `speed` [m/s], negative in
+ * reverse; `steering` [rad], left positive.
+ */
+export interface HeardVehicle {
+  sent: number
+  received: number
+  position: Float64Array
+  yaw: number
+  speed: number
+  steering: number
+  lights: Lights
+}
+
+/**
+ * The latest radio message of a traffic light: what it showed at `sent` [s]; it arrived at `received` [s].
+ *
+ * `time_to_change` [s] counts from `sent`; None: it is not known or does not change.
+ */
+export interface HeardLight {
+  sent: number
+  received: number
+  state: TrafficLightState
+  time_to_change: number | null
+}
+
+/**
+ * What a vehicle has heard by radio: the latest message of each vehicle and each traffic light, by name.
+ */
+export interface V2xReading {
+  vehicles: Record<string, HeardVehicle>
+  lights: Record<string, HeardLight>
+}
+
+/**
  * One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest reading of every sensor.
  *
  * `pose` is the pose of the vehicle frame (origin: centre of the rear axle at wheel-centre height). `velocity` [m/s]
@@ -1131,8 +1181,9 @@ export interface OwnReading {
  * tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
  * None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
  * empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
- * `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`. `is_traffic`: it is
- * one of the cars of `ScenarioSpec.traffic`, which drive themselves.
+ * `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`. `v2x`: what it has
+ * heard by radio; None without a channel in the scenario. `is_traffic`: it
+ * is one of the cars of `ScenarioSpec.traffic`, which drive themselves.
  */
 export interface VehicleFrame {
   pose: Pose
@@ -1152,6 +1203,7 @@ export interface VehicleFrame {
   range: RangeReading | null
   race: RaceState | null
   own: Record<string, OwnReading>
+  v2x: V2xReading | null
   is_traffic: boolean
 }
 
@@ -1243,7 +1295,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
 
 export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

@@ -131,7 +131,7 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
   const vehicle = {
     ...{ type: 'nigel', model: 'scene/nigel.glb', half_length: 0.14, steering_limit: 0.5, lamps: {} },
     ...{ cameras: ['front', 'rear'], lidar: pose(), wheelbase: 0.14, wheel_radius: 0.03, speed_limit: 0.26 },
-    ...{ sensor_noise: {}, size: [0.28, 0.2, 0.2] as [number, number, number] },
+    ...{ sensor_noise: {}, size: [0.28, 0.2, 0.2] as [number, number, number], is_traffic: false },
     sensors: {
       lidar: {
         is_on: true,
@@ -189,7 +189,17 @@ export function vehicleOf(values: Partial<VehicleFrame> = {}): VehicleFrame {
       ...{ steering_angle: wheels(), rotation_angle: wheels(), angular_velocity: wheels(), compression: wheels() },
       ...{ normal_load: wheels(), slip_ratio: wheels(), slip_angle: wheels() },
     },
-    ...{ is_autonomous: false, collision_count: 0, cameras: {}, range: null, race: null, own: {}, ...values },
+    ...{
+      is_autonomous: false,
+      collision_count: 0,
+      cameras: {},
+      range: null,
+      race: null,
+      own: {},
+      v2x: null,
+      is_traffic: false,
+      ...values,
+    },
   }
 }
 

@@ -12,6 +12,7 @@ export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor
     KeyR: (isShifted) => builder.turn(isShifted ? -1 : 1),
     KeyM: () => builder.mirror(),
     KeyN: () => builder.nextPort(),
+    KeyC: () => void builder.close(),
     KeyG: () => builder.selectConnected(),
     ArrowRight: () => builder.step(1),
     ArrowLeft: () => builder.step(-1),

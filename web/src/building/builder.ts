@@ -153,7 +153,7 @@ export class Builder {
   /** Goes to the next open end. */
   nextPort(): void {
     const { scene } = this
-    const ports = scene ? freePorts(scene) : []
+    const ports = scene ? freePorts(scene).filter(({ state }) => state !== 'open') : []
     if (ports.length === 0) return
     const hand = this.hand.value
     const target = hand?.kind === 'module' ? hand.target : null
@@ -161,40 +161,54 @@ export class Builder {
     this.offer(ports[(now + 1) % ports.length])
   }
 
-  /** Joins the piece in hand by its next port, or turns what is in hand or selected. */
+  /** Joins the piece in hand by its next port, or turns what is in hand or selected about its middle. */
   turn(by: 1 | -1): void {
     const hand = this.hand.value
     if (hand?.kind === 'module' && hand.target) {
       const module = this.module(hand.part)
       const names = module ? fittingPorts(module, hand.target.width) : []
       const port = names[(names.indexOf(hand.port) + by + names.length) % names.length]
-      this.join(hand.part.module, hand.target, port)
+      if (names.length === 1) this.store.notice.value = `${module?.title} has one end: it can be joined in one way.`
+      else this.join(hand.part.module, hand.target, port)
     } else if (hand?.kind === 'module' || hand?.kind === 'part') {
-      if (hand.part.type === 'MapWall') return
-      const part = { ...hand.part, yaw: wrapped(hand.part.yaw + by * this.stepOf(hand.part)) }
+      const [part] = Object.values(this.turned({ '': hand.part }, by))
       this.hand.value = { ...hand, part } as Hand
-    } else if (this.part) {
-      void this.put({ [this.selected.value[0]]: movedPart(this.part, 0, 0, by * this.stepOf(this.part)) })
-    } else if (this.scene && this.selected.value.length > 1) {
-      const { parts } = this
-      const middle = middleOf(Object.values(parts), this.scene)
-      void this.put(mapped(parts, (part) => turnedPart(part, middle, by * QUARTER)))
+    } else if (hand?.kind === 'group') this.hand.value = { ...hand, parts: this.turned(hand.parts, by) }
+    else if (!hand && this.selected.value.length > 0) void this.put(this.turned(this.parts, by))
+  }
+
+  /** Parts that are turned about their middle: by a quarter if one of them has ports, otherwise by 15 degrees. */
+  private turned(parts: Record<string, MapPart>, by: 1 | -1): Record<string, MapPart> {
+    if (!this.scene) return parts
+    const all = Object.values(parts)
+    const middle = middleOf(all, this.scene)
+    const hasPorts = all.some((part) => part.type === 'MapModule' && Object.keys(this.module(part)?.ports ?? {}).length)
+    return mapped(parts, (part) => turnedPart(part, middle, by * (hasPorts ? QUARTER : TURN)))
+  }
+
+  /** Mirrors the module in hand or the selected one: it stays joined, or keeps the place of a port. */
+  mirror(): void {
+    const hand = this.hand.value
+    const part = hand?.kind === 'module' ? hand.part : hand ? null : this.part
+    const module = part?.type === 'MapModule' ? this.module(part) : undefined
+    if (part?.type !== 'MapModule' || !module) return
+    const by = hand?.kind === 'module' ? hand.port : this.joinedPort(this.selected.value[0])
+    const port = by && mirrorPort(module, by)
+    if (!port) this.store.notice.value = `${module.title} has no mirror image.`
+    else if (hand?.kind === 'module' && hand.target) this.join(part.module, hand.target, port)
+    else {
+      const from = portAt(part, module.ports[by])
+      const mirrored = { ...part, ...meeting(module.ports[port], { ...from, yaw: from.yaw + Math.PI }) }
+      if (hand?.kind === 'module') this.hand.value = { ...hand, port, part: mirrored }
+      else void this.put({ [this.selected.value[0]]: mirrored })
     }
   }
 
-  /** Joins the piece in hand by the port that makes it its mirror image; a piece that is not joined is turned. */
-  mirror(): void {
-    const hand = this.hand.value
-    const module = hand?.kind === 'module' ? this.module(hand.part) : undefined
-    if (hand?.kind !== 'module' || !module) return
-    const port = hand.port && mirrorPort(module, hand.port)
-    if (!port) this.store.notice.value = `${module.title} has no mirror image.`
-    else if (hand.target) this.join(hand.part.module, hand.target, port)
-    else {
-      const from = portAt(hand.part, module.ports[hand.port])
-      const { x, y, yaw } = meeting(module.ports[port], { ...from, yaw: from.yaw + Math.PI })
-      this.hand.value = { ...hand, port, part: { ...hand.part, x, y, yaw } }
-    }
+  /** The first port of a module that is joined, or its first one; empty: it has none. */
+  private joinedPort(name: string): string {
+    const ports = this.scene?.ports[name] ?? {}
+    const names = Object.keys(ports)
+    return names.find((one) => ports[one].state === 'joined') ?? names[0] ?? ''
   }
 
   /** Moves what is in hand to a point of the ground; it snaps to a port near the pointer unless it `isFree`. */
@@ -207,8 +221,8 @@ export class Builder {
       const shift: Point = [ground[0] - x, ground[1] - y]
       this.hand.value = { ...hand, shift: (!isFree && this.snapOfGroup(hand, shift, project)) || shift }
     } else if (hand.kind === 'part') {
-      if (hand.part.type !== 'MapWall')
-        this.hand.value = { ...hand, part: { ...hand.part, x: ground[0], y: ground[1] } }
+      const [x, y] = originOf(hand.part)
+      this.hand.value = { ...hand, part: movedPart(hand.part, ground[0] - x, ground[1] - y) }
     } else {
       const part = { ...hand.part, x: ground[0], y: ground[1] }
       const module = this.module(part)
@@ -282,6 +296,24 @@ export class Builder {
     this.select(...Object.keys(this.scene?.parts ?? {}))
   }
 
+  /** Adds the roads from the open end in hand to the nearest other one, or between the selected modules. */
+  async close(): Promise<void> {
+    const hand = this.hand.value
+    const [part, other] = this.selected.value
+    if (hand?.kind === 'module' && hand.target) await this.closeAt(hand.target)
+    else if (!hand && part && this.selected.value.length <= 2)
+      await this.request({ type: 'CloseLoop', part, port: '', other: other ?? '', other_port: '' })
+    else this.store.notice.value = 'Choose an open end, or one or two pieces that have open ends.'
+  }
+
+  /** Adds the roads from the open end at a place to the nearest other one. */
+  async closeAt(at: Pick<Pose, 'x' | 'y'>): Promise<void> {
+    const port = this.scene && freePorts(this.scene).find((one) => isSamePlace(one, { ...at, yaw: 0 }))
+    if (!port) return
+    this.hand.value = null
+    await this.request({ type: 'CloseLoop', part: port.part, port: port.name, other: '', other_port: '' })
+  }
+
   // -- parts of the map ----------------------------------------------------------------------------------------
 
   /** Takes the selected parts in hand to move them. */
@@ -303,11 +335,7 @@ export class Builder {
       const copies = Object.entries(hand.parts).map(([name, part]) => [this.freeName(name.replace(/_\d+$/, '')), part])
       this.hand.value = { kind: 'group', parts: Object.fromEntries(copies), isNew: true, shift: [0.3, 0.3] }
     } else if (hand?.kind === 'module') this.hand.value = { ...hand, moved: '', part: { ...hand.part, open: false } }
-    else if (hand?.kind === 'part') {
-      const part = movedPart(hand.part, 0.3, 0.3)
-      if (part.type === 'MapWall') void this.put({ [this.freeName('wall')]: part })
-      this.hand.value = part.type === 'MapWall' ? null : { ...hand, moved: '', part }
-    }
+    else if (hand?.kind === 'part') this.hand.value = { ...hand, moved: '', part: movedPart(hand.part, 0.3, 0.3) }
   }
 
   async remove(): Promise<void> {
@@ -442,12 +470,6 @@ export class Builder {
     await this.put({ [this.freeName('block')]: block })
   }
 
-  /** Angle by which a key turns a part [rad]. */
-  private stepOf(part: MapPart): number {
-    const hasPorts = part.type === 'MapModule' && Object.keys(this.module(part)?.ports ?? {}).length > 0
-    return hasPorts ? QUARTER : TURN
-  }
-
   private freeName(start: string): string {
     const { frame } = this.store
     const used = { ...this.scene?.parts, ...frame.value?.objects, ...frame.value?.vehicles }
@@ -466,7 +488,8 @@ function plain(module: string): MapModule {
 
 function stemOf(part: MapPart): string {
   if (part.type === 'MapProp') return part.kind
-  return part.type === 'MapModule' ? stem(part.module.replace(/^.*\//, '')) : 'part'
+  if (part.type === 'MapWall') return 'wall'
+  return part.type === 'MapModule' ? stem(part.module.replace(/^.*\//, '')) : 'block'
 }
 
 /** Where a part is. */

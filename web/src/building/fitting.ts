@@ -43,9 +43,9 @@ export function portsOf(scene: MapScene): PortPlace[] {
   )
 }
 
-/** Ports at which a piece can be set. */
-export function freePorts(scene: MapScene, except = ''): PortPlace[] {
-  return portsOf(scene).filter(({ part, state }) => part !== except && (state === 'free' || state === 'wrong'))
+/** Ports at which a piece can be set, also those that may stay open. */
+export function freePorts(scene: MapScene): PortPlace[] {
+  return portsOf(scene).filter(({ state }) => state !== 'joined')
 }
 
 /** The port of a module that has that pose, in the map. */

@@ -9,7 +9,7 @@ import type { Store } from '../store'
 import { barButton, nameEdit, numberField } from './edit'
 import { h, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
-import { COPY, DETAILS, MIRROR, REDO, REMOVE, SAVE, SET, TURN_LEFT, UNDO } from './icons'
+import { COPY, DETAILS, LOOP, MIRROR, REDO, REMOVE, SAVE, SET, TURN_LEFT, UNDO } from './icons'
 import { saveMap, saveScenario } from './save_dialog'
 
 /** In a window of this width [CSS pixels] the panel would cover the scene; a button opens it. */
@@ -47,8 +47,15 @@ export function build(store: Store, builder: Builder, editor: Editor, view: () =
 function bar(store: Store, builder: Builder, editor: Editor, isPanelOpen: Observable<boolean>): HTMLElement {
   const buttons = {
     set: barButton('build-set', 'Set', SET, 'Set the piece in hand (Enter)', () => void builder.set()),
-    turn: barButton('build-turn', 'Turn', TURN_LEFT, 'Turn to the next end (R)', () => builder.turn(1)),
-    mirror: barButton('build-mirror', 'Mirror', MIRROR, 'Mirror the piece in hand (M)', () => builder.mirror()),
+    turn: barButton('build-turn', 'Turn', TURN_LEFT, 'Turn, or join by the next end (R)', () => builder.turn(1)),
+    mirror: barButton('build-mirror', 'Mirror', MIRROR, 'Mirror the piece (M)', () => builder.mirror()),
+    close: barButton(
+      'build-close',
+      'Close',
+      LOOP,
+      'Close the loop: add the roads from this open end to the nearest other one (C)',
+      () => void builder.close(),
+    ),
     copy: barButton('build-copy', 'Copy', COPY, 'Take a copy of the selected piece (Ctrl+D)', () =>
       builder.duplicate(),
     ),
@@ -80,13 +87,18 @@ function bar(store: Store, builder: Builder, editor: Editor, isPanelOpen: Observ
   const show = (): void => {
     const [hand, isSelected] = [builder.hand.value, builder.selected.value.length > 0]
     buttons.set.disabled = !hand || hand.kind === 'block'
-    buttons.mirror.disabled = hand?.kind !== 'module'
+    buttons.mirror.disabled = hand ? hand.kind !== 'module' : builder.part?.type !== 'MapModule'
     buttons.turn.disabled = !isSelected && (!hand || hand.kind === 'wall' || hand.kind === 'block')
+    buttons.close.disabled = hand ? hand.kind !== 'module' || !hand.target : !isSelected
     buttons.copy.disabled = buttons.remove.disabled = !isSelected
   }
   builder.hand.watch(show)
   builder.selected.watch(show)
   const tools = h('div', { class: 'edit-tools', role: 'toolbar', 'aria-label': 'Building' }, ...Object.values(buttons))
+  // after a click with a pointer, Enter sets the piece; after one with a key, it presses the button again
+  tools.addEventListener('click', (event) => {
+    if (event.detail > 0 && document.activeElement instanceof HTMLElement) document.activeElement.blur()
+  })
   return h('section', { class: 'edit-bar', testid: 'build-bar', 'aria-label': 'Build mode' }, tools)
 }
 
@@ -128,6 +140,7 @@ function pieces(
 
   function card(id: string, title: string, image: HTMLElement | null, use: () => void): HTMLElement {
     const onclick = (): void => {
+      button.blur() // Enter then sets the piece
       use()
       if (innerWidth <= NARROW) isPanelOpen.value = false
     }
@@ -260,8 +273,9 @@ function problems(store: Store, builder: Builder): HTMLElement {
         const show = h('button', { onclick: () => builder.show(problem) }, 'Show me')
         const label = problem.kind === 'unconnected' ? 'Leave open' : 'Repair'
         const repair = h('button', { onclick: () => void builder.repair(problem) }, label)
+        const close = h('button', { onclick: () => void builder.closeAt(problem) }, 'Close the loop')
         const isKnown = Object.keys(problem.repair).length > 0
-        const row = h('div', { class: 'row' }, show, isKnown && repair)
+        const row = h('div', { class: 'row' }, show, isKnown && repair, problem.kind === 'unconnected' && close)
         const item = h('li', {}, h('span', {}, shortened(problem.text)), row)
         item.dataset.kind = problem.kind
         return item

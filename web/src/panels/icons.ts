@@ -12,6 +12,7 @@ export const EDIT = 'M4 20l1-5L16 4l4 4L9 19zM14 6l4 4'
 export const BUILD = 'M4 20V9a5 5 0 0 1 5-5h11M10 20V10h10M7 20v-3M7 13v-3M12 7h3'
 export const MIRROR = 'M12 3v18M9 7 4 17h5zM15 7l5 10h-5z'
 export const COPY = 'M9 9h11v11H9zM5 15H4V4h11v1'
+export const LOOP = 'M14 5H8a5 5 0 0 0 0 14h8a5 5 0 0 0 4.6-7M17 2l-3 3 3 3'
 export const SET = 'M5 12.5 10 17 19.5 7'
 export const CAMERA = 'M4 8h3l2-3h6l2 3h3v11H4zM12 9.5a3.5 3.5 0 1 1 0 7a3.5 3.5 0 1 1 0-7'
 // a vehicle from the side, and an arrow to the next

@@ -22,6 +22,7 @@ from autodrive.protocol.commands import check_commands, check_weather
 from autodrive.protocol.drawing import DrawCalls
 from autodrive.protocol.messages import (
     AddBox,
+    CloseLoop,
     Command,
     EditMap,
     EditTrack,
@@ -377,6 +378,10 @@ class Client:
     def use_map(self, name: str = "", *, text: str = "") -> Frame:
         """Replace the map by one of the simulator, see `scene.map_scene.templates`, or by that of a file's text."""
         return self.connection.request(UseMap(name, text))
+
+    def close_loop(self, part: str, port: str = "", other: str = "", other_port: str = "") -> Frame:
+        """Add roads from an open end of a module to the nearest other one, or to one of `other`. See `CloseLoop`."""
+        return self.connection.request(CloseLoop(part, port, other, other_port))
 
     def edit_track(self, track: TrackLine, *, seen: TrackLine | None = None) -> Frame:
         """Make the map a track by points, or change it, as one edit; `scene.track_scene.line` is the one now.

@@ -15,6 +15,7 @@ from autodrive.connect.client.view import View
 from autodrive.protocol.codec import decode_server, encode
 from autodrive.protocol.messages import (
     AddBox,
+    CloseLoop,
     EditMap,
     EditTrack,
     Frame,
@@ -41,7 +42,11 @@ from autodrive.protocol.native import (
 
 LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
-LOADED = (LoadScenario, AddBox, RemoveBox, SetSensor, EditMap, UseMap, EditTrack, GenerateTrack, Undo, Redo)
+LOADED = (
+    *(LoadScenario, AddBox, RemoveBox, SetSensor),
+    *(EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack),
+    *(Undo, Redo),
+)
 """Operations that compile a scenario."""
 RETRY = 0.2
 """Time between two attempts to reconnect [s]."""

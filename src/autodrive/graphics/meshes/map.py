@@ -6,7 +6,7 @@ flickers. Adjacent pieces share bit-identical vertices, so that there are no cra
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -117,7 +117,7 @@ def _ground(map_: Map, of_map: list[Region], plain: BaseGeometry) -> Iterator[As
     walls = vertices.open_edges(is_kerb)
     road = "road" if map_.track is None else "track"
     for number in np.unique(tile):
-        surfaces = tuple(_surfaces(np.flatnonzero(tile == number), kinds, vertices, heights, walls, road))
+        surfaces = _tile(np.flatnonzero(tile == number), kinds, vertices, heights, walls, road)
         name = "floor" if number < 0 else f"tile_{number}"
         yield AssetNode(name, surfaces={"full": surfaces, "reduced": surfaces})
 
@@ -184,6 +184,36 @@ class _Vertices:
             if (b, a) not in owner:
                 found.setdefault(cell, []).append((a, b))
         return found
+
+
+MAX_TILES = 4000
+_tiles: dict[Hashable, tuple[MeshSurface, ...]] = {}
+"""Surfaces of tiles, by all that they follow from: an edit of a map changes few of them."""
+
+
+def _tile(
+    cells: NDArray[np.integer],
+    kinds: list[Region],
+    vertices: _Vertices,
+    heights: dict[str, Floats],
+    walls: dict[int, list[tuple[int, int]]],
+    road: str,
+) -> tuple[MeshSurface, ...]:
+    """The surfaces of a tile, which are those of an equal one, if there was one."""
+    key: list[Hashable] = [road]
+    for cell in cells.tolist():
+        kind = kinds[cell]
+        key += [kind.name, kind.label]
+        for ring, ids in zip(vertices.rings[cell], vertices.ids[cell], strict=True):
+            key += [ring.tobytes(), vertices.points[ids].tobytes()]
+            if kind.name in heights:
+                key.append(heights[kind.name][ids].tobytes())
+        key.append(vertices.points[walls[cell]].tobytes() if cell in walls else b"")
+    if (found := _tiles.get(known := tuple(key))) is None:
+        if len(_tiles) >= MAX_TILES:
+            _tiles.clear()
+        found = _tiles[known] = tuple(_surfaces(cells, kinds, vertices, heights, walls, road))
+    return found
 
 
 def _surfaces(

@@ -96,8 +96,11 @@ def file(kind: Kind, of: Any, *, is_kept: bool = True) -> tuple[str, bytes]:
 
     `is_kept`: in the cache; False for one of the many states of a map that is being built.
     """
+    if not is_kept:  # to hash the file is faster than to hash all that it follows from
+        data = write_glb(_build(kind, of))
+        return f"{kind}-{hashlib.sha256(data).hexdigest()[:24]}.glb", data
     name = file_name(kind, of)
-    return name, _cached(name, lambda: _build(kind, of), is_kept=is_kept)[1]
+    return name, _cached(name, lambda: _build(kind, of))[1]
 
 
 def description(spec: VehicleSpec, name: str) -> dict[str, bytes]:
@@ -124,7 +127,7 @@ def cached(name: str, build: Callable[[], Asset]) -> Asset:
     return _cached(name, build)[0]
 
 
-def _cached(name: str, build: Callable[[], Asset], *, is_kept: bool = True) -> tuple[Asset, bytes]:
+def _cached(name: str, build: Callable[[], Asset]) -> tuple[Asset, bytes]:
     """The asset, and the content of its .glb file."""
     path = folder() / f"{name}.msgpack"
     try:
@@ -135,9 +138,8 @@ def _cached(name: str, build: Callable[[], Asset], *, is_kept: bool = True) -> t
         log.warning("%s; it is built again", error)
     asset = build()
     data = pack(asset, write_glb(asset))
-    if is_kept:
-        with contextlib.suppress(OSError):
-            write_cached(path, data)
+    with contextlib.suppress(OSError):
+        write_cached(path, data)
     return unpack(data)  # identical to a later read from the cache, which has its textures as JPEG
 
 

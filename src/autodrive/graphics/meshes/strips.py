@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,9 +49,12 @@ def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> tu
     """Strips for the polygons that are lines on that road, and the other polygons."""
     lines: list[Line] = []
     others: list[shapely.Polygon] = []
+    shapely.prepare(road)
     for polygon in polygons:
-        line = _line(polygon)
-        if line is not None and shapely.difference(polygon, road).area <= OFF_ROAD * polygon.area:
+        line = _line(shapely.to_wkb(polygon))
+        if line is not None and (
+            shapely.covers(road, polygon) or shapely.difference(polygon, road).area <= OFF_ROAD * polygon.area
+        ):
             lines.append(line)
         else:
             others.append(polygon)
@@ -105,8 +109,10 @@ def strips(lines: Iterable[Line]) -> Strips | None:
     return Strips(np.concatenate(vertices), np.concatenate(triangles).astype(np.uint32))
 
 
-def _line(polygon: shapely.Polygon) -> Line | None:
-    """The strip that a polygon is, if it has two long sides beside each other."""
+@functools.lru_cache(maxsize=20_000)
+def _line(wkb: bytes) -> Line | None:
+    """The strip that a polygon (WKB) is, if it has two long sides beside each other; an edit changes few of them."""
+    polygon = shapely.from_wkb(wkb)
     ring = shapely.get_coordinates(shapely.get_exterior_ring(orient(polygon)))[:-1]
     if len(ring) < 4 or shapely.get_num_interior_rings(polygon):
         return None

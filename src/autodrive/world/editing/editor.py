@@ -9,11 +9,12 @@ from typing import TypeAlias
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
-from autodrive.protocol.messages import AddBox, Edit, EditMap, Place, RemoveBox
+from autodrive.protocol.messages import AddBox, CloseLoop, Edit, EditMap, Place, RemoveBox
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.tracks.track import TrackSpec
 from autodrive.world import World
 from autodrive.world.compile import CompiledScenario
+from autodrive.world.editing.closing import closing_edit
 from autodrive.world.editing.edits import edited, name_of
 from autodrive.world.editing.map_edits import MapEdit, edited_map, name_of_edit, own_map, parts_of
 from autodrive.world.editing.track_edits import vehicles_beside
@@ -65,8 +66,11 @@ class Editor:
         specs = replace(world.specs, scenario=world.spec)
         before: dict[str, Floats | None] = {}
         moved: Poses = {}
+        title = ""
+        if isinstance(edit, CloseLoop):
+            edit, title = closing_edit(world, edit), "close the loop"
         if isinstance(edit, MapEdit):
-            after, name = edited_map(specs, edit), name_of_edit(edit, specs)
+            after, name = edited_map(specs, edit), title or name_of_edit(edit, specs)
             changed = edit.parts if isinstance(edit, EditMap) else _replaced(world, after)
             before = {one: world.pose(one) for one in changed if one in world.boxes or one in world.vehicle_names}
             moved = dict.fromkeys(changed)

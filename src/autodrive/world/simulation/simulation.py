@@ -15,6 +15,7 @@ from autodrive.base.pace import Pace
 from autodrive.protocol.commands import check_commands, is_number
 from autodrive.protocol.messages import (
     AddBox,
+    CloseLoop,
     Command,
     Draw,
     EditMap,
@@ -328,7 +329,9 @@ class Simulation(Paced):
                 self.world.reset(seed)
                 self._editor.on_reset()
                 self.error = ""
-            case Place() | AddBox() | RemoveBox() | SetSensor() | EditMap() | UseMap() | EditTrack() | GenerateTrack():
+            case Place() | AddBox() | RemoveBox() | SetSensor():
+                self._use(self._editor.edit(self.world, request))
+            case EditMap() | UseMap() | CloseLoop() | EditTrack() | GenerateTrack():
                 self._use(self._editor.edit(self.world, request))
             case Undo():
                 self._use(self._editor.undo(self.world))
