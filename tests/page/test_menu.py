@@ -68,8 +68,8 @@ def test_another_scenario_and_another_vehicle(plane: PageServer, tab: Tab) -> No
 
 def test_weather_and_time_of_day_are_set_with_the_keyboard(tab: Tab, plane: PageServer) -> None:
     tab.show("menu")
-    tab.get("weather").focus()
-    tab.page.keyboard.type("Heavy r")  # selects 'Heavy rain'
+    tab.get("weather-heavy_rain").focus()
+    tab.page.keyboard.press("Enter")
     tab.wait_until(lambda: "LIDAR" in tab.get("weather-numbers").inner_text())
     tab.get("time-of-day").focus()
     for _ in range(3):

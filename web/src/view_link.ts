@@ -1,7 +1,11 @@
 // The view in the link: camera, vehicle, quality and panels are in the fragment of the URL, so that they survive a
 // reload, and a copied link shows the same view.
+import type { Actions } from './actions'
 import { CAMERAS } from './actions'
+import type { Weather } from './messages'
+import { WEATHERS } from './messages'
 import type { Observable } from './observable'
+import { clockTime } from './panels/element'
 import { clamp, ORBIT_DISTANCE } from './scene/zoom'
 import type { Camera, Orbit, Quality, Store } from './store'
 
@@ -18,8 +22,8 @@ interface Part {
   write: () => string
 }
 
-/** Shows the view of the link, then keeps the link up to date. */
-export function followViewInLink(store: Store): void {
+/** Shows the view of the link and sets its weather, then keeps the link up to date. */
+export function followViewInLink(store: Store, actions: Actions): void {
   const query = new URLSearchParams(location.search).get('quality')
   if (isQuality(query)) store.quality.value = query
   let timer = 0
@@ -50,6 +54,32 @@ export function followViewInLink(store: Store): void {
         if (value !== of.value) of.value = value
       },
       write: () => (of.value === standard ? '' : String(Number(of.value))),
+    }
+  }
+
+  /** A state of the simulator, which the link sets once; then the link shows that of the simulator. */
+  const state = (
+    request: (text: string) => Parameters<Actions['request']>[0] | undefined,
+    show: () => string,
+  ): Part => {
+    let wanted = ''
+    let shown = ''
+    const follow = () => {
+      if (!store.frame.value || store.status.value?.position !== null) return // not yet, or a replay
+      const operation = wanted && wanted !== show() && request(wanted)
+      wanted = ''
+      if (operation) void actions.request(operation)
+      if (show() === shown) return
+      shown = show()
+      writeSoon()
+    }
+    store.frame.watch(follow)
+    return {
+      read: (text) => {
+        wanted = text
+        follow()
+      },
+      write: () => wanted || shown,
     }
   }
 
@@ -88,6 +118,23 @@ export function followViewInLink(store: Store): void {
     trails: flag(store.areTrailsShown),
     drawings: flag(store.areDrawingsShown),
     scan: flag(store.isScanShown),
+    weather: state(
+      (text) => {
+        const weather = weatherOf(text)
+        return weather && { type: 'SetWeather', weather }
+      },
+      () => weatherText(store.frame.value?.weather ?? null),
+    ),
+    time: state(
+      (text) => {
+        const [, hours, minutes] = /^(\d?\d):(\d\d)$/.exec(text) ?? []
+        return hours ? { type: 'SetTimeOfDay', time: 3600 * Number(hours) + 60 * Number(minutes) } : undefined
+      },
+      () => {
+        const time = store.frame.value?.time_of_day ?? null
+        return time === null ? '' : clockTime(Math.floor(time / 300) * 5)
+      },
+    ),
     bearing: part(
       store.bearing,
       (bearing) => String(Math.round(bearing / DEGREE)),
@@ -104,13 +151,32 @@ export function followViewInLink(store: Store): void {
   function write(): void {
     const view = Object.entries(parts).map(([name, part]) => [name, part.write()])
     const texts = view.filter(([, text]) => text).map(([name, text]) => `${name}=${encodeURIComponent(text)}`)
-    const hash = texts.length > 0 ? `#${texts.join('&').replaceAll('%2C', ',')}` : ''
+    const hash = texts.length > 0 ? `#${texts.join('&').replaceAll('%2C', ',').replaceAll('%3A', ':')}` : ''
     if (hash !== location.hash) history.replaceState(history.state, '', location.pathname + location.search + hash)
   }
 
   read()
   window.addEventListener('hashchange', read)
   window.addEventListener('pagehide', write)
+}
+
+const AMOUNTS = ['clouds', 'fog', 'rain', 'snow', 'wind'] as const
+
+/** The name of a weather, or its amounts as 'rain:0.4,wind:1'; '' without weather. */
+function weatherText(weather: Weather | null): string {
+  if (!weather) return ''
+  const isSame = (one: Weather) => AMOUNTS.every((name) => Math.abs(one[name] - weather[name]) < 1e-3)
+  const [named] = Object.entries(WEATHERS).find(([, one]) => isSame(one)) ?? []
+  const amounts = AMOUNTS.filter((name) => weather[name] > 0).map((name) => `${name}:${rounded(weather[name])}`)
+  return named ? (named === 'sunny' ? '' : named) : amounts.join()
+}
+
+function weatherOf(text: string): Weather | undefined {
+  if (Object.hasOwn(WEATHERS, text)) return WEATHERS[text]
+  const pairs = text.split(',').map((pair) => pair.split(':') as [(typeof AMOUNTS)[number], string])
+  const isValid = pairs.every(([name, amount = '']) => AMOUNTS.includes(name) && /^(0?\.\d+|0|1)$/.test(amount))
+  const amounts = pairs.map(([name, amount]) => [name, Number(amount)])
+  return isValid ? { ...WEATHERS.sunny, ...Object.fromEntries(amounts) } : undefined
 }
 
 function isQuality(text: string | null): text is Quality {

@@ -1,6 +1,15 @@
 import { describe, expect, it } from 'vitest'
 
-import { type Daylight, daylight, effectsOf, extinction, inWeather } from '../src/scene/daylight'
+import {
+  type Daylight,
+  daylight,
+  effectsOf,
+  extinction,
+  inWeather,
+  lookAt,
+  skyColour,
+  sunTimes,
+} from '../src/scene/daylight'
 
 const look = (exposure: number, sun_direction: number[]): Daylight => {
   const colour = [exposure, 0, 0]
@@ -38,6 +47,22 @@ describe('daylight', () => {
     expect(first.dawn).toEqual(night.dawn)
     expect(later.dawn[1]).toBeCloseTo(0.5)
     expect(later.exposure).toBe(night.exposure)
+  })
+})
+
+describe('a dial', () => {
+  it('knows sunrise and sunset from the table, and the light between them', () => {
+    expect(sunTimes(table)).toEqual([0, 30])
+    expect(lookAt(table, 60 * 15).exposure).toBe(3)
+    expect(lookAt(table, 0)).toMatchObject({ exposure: night.exposure })
+  })
+
+  it('has the sRGB colour of the sky, and a grey of the same ratio for too much light', () => {
+    const of = (zenith: number[]) => ({ ...night, zenith, horizon: zenith, dawn: [0, 0, 0], exposure: Math.PI })
+    expect(skyColour(of([0.5, 0.2140411, 0]))).toBe('rgb(188 128 0)') // the sRGB standard: 0.2140 is 0.5
+    const [red, green, blue] = skyColour(of([9, 9, 9])).match(/\d+/g) ?? []
+    expect([green, blue]).toEqual([red, red])
+    expect(Number(red)).toBeGreaterThan(250)
   })
 })
 

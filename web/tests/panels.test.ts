@@ -71,9 +71,7 @@ describe('the menu', () => {
   test('a weather is chosen by name, by intensity, and by single amounts', () => {
     const { socket, store } = page()
     const clear = { clouds: 0, fog: 0, rain: 0, snow: 0, wind: 0, wetness: null, snow_cover: null }
-    const select = get<HTMLSelectElement>('weather')
-    select.value = 'heavy_rain'
-    select.dispatchEvent(new Event('change'))
+    get('weather-heavy_rain').click()
     expect(socket.request).toEqual({ type: 'SetWeather', weather: { ...clear, clouds: 1, rain: 0.8 } })
     const effects = { grip: 0.706, sight: 1186, lidar_dark: 8.65, lidar_bright: 12 }
     const weather = { ...clear, clouds: 1, rain: 0.8, wetness: 1, snow_cover: 0 }
@@ -81,7 +79,8 @@ describe('the menu', () => {
     expect(get('weather-numbers').textContent).toBe(
       'Grip 0.71, LIDAR 8.7 m at 10 % reflectivity, sight more than 1000 m, wetness 100 %',
     )
-    expect(select.value).toBe('heavy_rain')
+    expect(get('weather-heavy_rain').getAttribute('aria-pressed')).toBe('true')
+    expect(get('weather-sunny').getAttribute('aria-pressed')).toBe('false')
     const intensity = get<HTMLInputElement>('weather-intensity')
     expect(intensity.getAttribute('aria-valuetext')).toBe('100 %')
     intensity.value = '0.5'
@@ -94,16 +93,36 @@ describe('the menu', () => {
     expect(socket.request).toMatchObject({ type: 'SetWeather', weather: { wind: 1, rain: 0.4 }, keeps_ground: true })
   })
 
-  test('the time of day is a slider that says its time', () => {
+  test('the time of day is a dial with keys, that says its time', () => {
     const { socket, store } = page()
-    const clock = get<HTMLInputElement>('time-of-day')
-    clock.value = '1110'
-    clock.dispatchEvent(new Event('input'))
-    expect(socket.request).toEqual({ type: 'SetTimeOfDay', time: 66600 })
+    const clock = get('time-of-day')
+    const press = (key: string) => clock.dispatchEvent(new KeyboardEvent('keydown', { key }))
+    press('ArrowRight')
+    expect(socket.request).toEqual({ type: 'SetTimeOfDay', time: 43500 })
+    press('PageDown')
+    expect(socket.request).toEqual({ type: 'SetTimeOfDay', time: 39900 })
+    press('Home')
+    press('ArrowLeft')
+    expect(socket.request).toEqual({ type: 'SetTimeOfDay', time: 86100 })
+    expect(clock.getAttribute('aria-valuetext')).toBe('23:55')
+    vi.spyOn(performance, 'now').mockReturnValue(performance.now() + 1000)
     store.frame.value = frameOf(['V1'], { time_of_day: 66600 })
     expect(clock.getAttribute('aria-valuetext')).toBe('18:30')
     expect(get('time-of-day-text').textContent).toBe('18:30')
     expect(get('weather-numbers').textContent).toContain('Clear')
+    vi.restoreAllMocks()
+  })
+
+  test('the time of day passes at a speed, which is that of the simulator', () => {
+    const { socket, store } = page()
+    const button = (value: string) => get('day-speed').querySelector<HTMLButtonElement>(`[value="${value}"]`)
+    button('600')?.click()
+    expect(socket.request).toEqual({ type: 'SetTimeOfDay', time: null, scale: 600 })
+    for (let time = 0; time < 3; time += 0.25)
+      store.frame.value = frameOf(['V1'], { time, time_of_day: (86000 + 3600 * time) % 86400 })
+    expect(button('3600')?.getAttribute('aria-pressed')).toBe('true')
+    for (let time = 3; time < 5; time += 0.25) store.frame.value = frameOf(['V1'], { time })
+    expect(button('0')?.getAttribute('aria-pressed')).toBe('true')
   })
 
   test.each([

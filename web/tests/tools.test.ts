@@ -2,6 +2,7 @@ import { beforeEach, describe, expect, test, vi } from 'vitest'
 
 import { Actions } from '../src/actions'
 import { logOf } from '../src/log'
+import { WEATHERS } from '../src/messages'
 import { logPanel } from '../src/panels/log'
 import { measure } from '../src/panels/measure'
 import { tools } from '../src/panels/tools'
@@ -10,7 +11,7 @@ import { Store } from '../src/store'
 import { TRAIL_POINTS, Trails } from '../src/trails'
 import { hasSeveralVehicles, vehicleColour } from '../src/vehicle_colours'
 import { followViewInLink } from '../src/view_link'
-import { connectedPage, frameOf, pose, sceneOf, statusOf, vehicleOf } from './support'
+import { connectedPage, FakeSocket, frameOf, pose, sceneOf, statusOf, vehicleOf } from './support'
 
 beforeEach(() => {
   document.body.replaceChildren()
@@ -21,16 +22,38 @@ describe('the link', () => {
   function pageAt(hash: string): Store {
     vi.useFakeTimers()
     history.replaceState(null, '', location.pathname + location.search + hash)
-    const { store } = connectedPage(['V1', 'V2'])
-    followViewInLink(store)
+    const { store, connection } = connectedPage(['V1', 'V2'])
+    followViewInLink(store, new Actions(store, connection))
     vi.advanceTimersByTime(1000)
     return store
   }
+  const requests = () => FakeSocket.latest.sent.flatMap((one) => (one.type === 'Request' ? [one.operation] : []))
   beforeEach(() => () => vi.useRealTimers())
 
   test('of the standard view has no fragment', () => {
     pageAt('')
     expect(location.hash).toBe('')
+  })
+
+  test('sets weather and time of day once, then follows the simulator', () => {
+    const store = pageAt('#weather=rain:0.4,wind:1&time=18:30')
+    const sent = requests()
+    const clear = { clouds: 0, fog: 0, rain: 0, snow: 0, wind: 0, wetness: null, snow_cover: null }
+    expect(sent).toContainEqual({ type: 'SetWeather', weather: { ...clear, rain: 0.4, wind: 1 } })
+    expect(sent).toContainEqual({ type: 'SetTimeOfDay', time: 66600 })
+    const count = sent.length
+    store.frame.value = frameOf(['V1', 'V2'], { weather: WEATHERS.heavy_fog, time_of_day: 3900 })
+    vi.advanceTimersByTime(1000)
+    expect(location.hash).toBe('#weather=heavy_fog&time=01:05')
+    store.frame.value = frameOf(['V1', 'V2'])
+    vi.advanceTimersByTime(1000)
+    expect(location.hash).toBe('')
+    expect(requests().length).toBe(count)
+  })
+
+  test.each(['weather=storm', 'weather=rain:2', 'weather=constructor', 'time=noon'])('ignores %s', (text) => {
+    pageAt(`#${text}`)
+    expect(requests().filter(({ type }) => type.startsWith('Set'))).toEqual([])
   })
 
   test('holds camera, vehicle, quality and panels, and opens the same view', () => {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,11 +33,11 @@ def seen(look: View, *, time_of_day: float = 12 * HOUR, weather: Weather | None 
         return renderer.draw(state, [look])[0].rgba[..., :3].astype(float)
 
 
-def towards(direction: tuple[float, float, float], fov_deg: float = 60.0) -> View:
+def towards(direction: tuple[float, float, float], fov_deg: float = 60.0, size: tuple[int, int] = (240, 240)) -> View:
     """A view with that direction in its middle."""
     x, y, z = direction
     azimuth, elevation = np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(z))
-    return orbit((0.0, 0.0, 0.0), 1.0, azimuth + 180.0, -elevation, fov_deg).view(240, 240)
+    return orbit((0.0, 0.0, 0.0), 1.0, azimuth + 180.0, -elevation, fov_deg).view(*size)
 
 
 @pytest.mark.parametrize("hour", [8, 12, 16])
@@ -79,6 +81,22 @@ def test_stars_are_small_and_clouds_hide_them() -> None:
     assert 15 < is_star.sum() < 0.02 * is_star.size
     dull = seen(look, time_of_day=0.0, weather=Weather(clouds=1.0)).max(axis=2)
     assert (dull > np.median(dull) + 60.0).sum() == 0
+
+
+@pytest.mark.parametrize("hour", [12.0, 17.6])
+def test_a_sky_of_fewer_pixels_looks_the_same(hour: float) -> None:
+    look = towards(sun_at(hour * HOUR), size=(480, 360))
+    images = []
+    for step in (1, 4):
+        state = render_state()
+        state.header["time_of_day"] = hour * HOUR
+        with Renderer(EMPTY, "software") as renderer:
+            renderer.quality = replace(renderer.quality, sky_step=step)
+            images.append(renderer.draw(state, [look])[0].rgba[..., :3].astype(float))
+    off = np.abs(images[1] - images[0])
+    assert 0.0 < off.mean() < 0.6  # most differ by rounding
+    assert off[:, [0, -1]].max() <= 6.0
+    assert off[[0, -1]].max() <= 6.0
 
 
 def test_the_sky_is_the_same_in_another_renderer_and_moves_only_with_the_wind() -> None:

@@ -37,3 +37,9 @@ export function icon(path: string): SVGSVGElement {
 export function setText(element: HTMLElement, text: string): void {
   if (element.textContent !== text) element.textContent = text
 }
+
+/** Minutes since midnight as '18:30'. */
+export function clockTime(minutes: number): string {
+  const whole = Math.round(minutes) % (24 * 60)
+  return `${String(Math.floor(whole / 60)).padStart(2, '0')}:${String(whole % 60).padStart(2, '0')}`
+}

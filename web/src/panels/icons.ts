@@ -35,3 +35,15 @@ export const NEXT_EVENT = 'M4 7v10l6-5zM12 7v10l6-5zM20 6v12'
 export const PREVIOUS_EVENT = 'M20 7v10l-6-5zM12 7v10l-6-5zM4 6v12'
 export const PLOT = 'M4 4v16h16M7 15l4-6 4 4 4-7'
 export const RECORD = 'M12 7a5 5 0 1 0 0 10 5 5 0 0 0 0-10'
+// weathers
+export const SUN =
+  'M12 8a4 4 0 1 0 0 8 4 4 0 0 0 0-8M12 2v3M12 19v3M2 12h3M19 12h3M5 5l2 2M17 17l2 2M19 5l-2 2M7 17l-2 2'
+const CLOUD_SHAPE = 'h9a4 4 0 0 0 .4-8 5.5 5.5 0 0 0-10.6 1.2A3.5 3.5 0 0 0 7 '
+export const CLOUD = `M7 18${CLOUD_SHAPE}18`
+const HIGH_CLOUD = `M7 14${CLOUD_SHAPE}14`
+export const LIGHT_FOG = `${HIGH_CLOUD}M5 18h14`
+export const HEAVY_FOG = `${HIGH_CLOUD}M4 17h16M6 20h12M4 23h16`
+export const LIGHT_RAIN = `${HIGH_CLOUD}M9 17l-1 3M15 17l-1 3`
+export const HEAVY_RAIN = `${HIGH_CLOUD}M7 17l-2 5M11 17l-2 5M15 17l-2 5M19 17l-2 5`
+export const LIGHT_SNOW = `${HIGH_CLOUD}M8 17v4M6.3 18l3.4 2M9.7 18l-3.4 2`
+export const HEAVY_SNOW = `${LIGHT_SNOW}M16 17v4M14.3 18l3.4 2M17.7 18l-3.4 2`

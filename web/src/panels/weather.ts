@@ -1,37 +1,70 @@
-// Weather and time of day: presets with an intensity, single amounts, and what the weather means in numbers.
+// Weather and time of day: presets with an intensity, single amounts, a dial, and what the weather means in numbers.
 
 import type { Actions } from '../actions'
 import type { Frame, Weather, WeatherEffects } from '../messages'
 import { WEATHERS } from '../messages'
+import { inWeather, lookAt, skyColour, sunTimes } from '../scene/daylight'
 import type { Store } from '../store'
-import { h, setText } from './element'
-import { choice, labelled, section, setOptions } from './fields'
+import { DAY, dial } from './dial'
+import { h, icon, setText } from './element'
+import { labelled, section, segments } from './fields'
+import * as icons from './icons'
 
 const AMOUNTS = ['clouds', 'fog', 'rain', 'snow', 'wind'] as const
 const GROUND = ['wetness', 'snow_cover'] as const
 /** Of the presets 'light_rain', 'heavy_rain' and their like, the one whose amounts the intensity multiplies. */
 const KINDS = ['sunny', 'cloudy', 'heavy_fog', 'heavy_rain', 'heavy_snow'] as const
-const OWN = 'own'
-/** Step of the time of day [min]. */
-const STEP = 5
-const MINUTES = 24 * 60
+const ICONS: Record<string, string> = {
+  ...{ sunny: icons.SUN, cloudy: icons.CLOUD, light_fog: icons.LIGHT_FOG, heavy_fog: icons.HEAVY_FOG },
+  ...{ light_rain: icons.LIGHT_RAIN, heavy_rain: icons.HEAVY_RAIN },
+  ...{ light_snow: icons.LIGHT_SNOW, heavy_snow: icons.HEAVY_SNOW },
+}
+/** How fast the time of day passes: seconds of the day per simulated second. */
+const SPEEDS = [
+  ['0', 'Stop'],
+  ['60', '1 min/s'],
+  ['600', '10 min/s'],
+  ['3600', '1 h/s'],
+] as const
+/** Colours of the ring of the dial. */
+const COLOURS = 72
 /** A slider shows what the user has set for so long [ms]. */
 const REST = 700
 
 export function weather(store: Store, actions: Actions): HTMLElement {
   const numbers = h('p', { class: 'note', testid: 'weather-numbers', role: 'status' })
-  const kinds = choice('weather', (kind) => kind !== OWN && set(scaled(kind, 1)))
-  const names = [...Object.keys(WEATHERS), OWN].map((name) => [name, title(name)])
-  setOptions(kinds, Object.fromEntries(names))
+  const presets = segments(
+    'weather',
+    'Weather',
+    Object.keys(WEATHERS).map((name) => [name, '']),
+    (name) => {
+      set(scaled(name, 1))
+    },
+  )
+  for (const button of presets.element.querySelectorAll('button')) {
+    button.dataset.testid = `weather-${button.value}`
+    button.title = title(button.value)
+    button.setAttribute('aria-label', button.title)
+    button.append(icon(ICONS[button.value]))
+  }
+  presets.element.classList.add('presets')
   const intensity = slider('weather-intensity', 1, 0.05, (value) => set(scaled(kindOf(current), value), true))
   const amounts = AMOUNTS.map((name) => ({
     name,
     input: slider(`weather-${name}`, 1, 0.05, (value) => set({ ...current, [name]: value }, true)),
   }))
-  const clockText = h('span', { class: 'state', testid: 'time-of-day-text' })
-  const clock = slider('time-of-day', MINUTES - STEP, STEP, (minutes) => {
-    void actions.request({ type: 'SetTimeOfDay', time: 60 * minutes })
+  let speed = 0
+  const clock = dial((minutes) => {
+    void actions.request({ type: 'SetTimeOfDay', time: 60 * minutes, ...(speed && { scale: speed }) })
   })
+  const speeds = segments('day-speed', 'Speed of the time of day', SPEEDS, (value) => {
+    speed = Number(value)
+    speeds.show(value)
+    void actions.request({ type: 'SetTimeOfDay', time: null, scale: speed })
+  })
+  let before: Frame | null = null
+  let seen = ''
+  let painted = ''
   let current: Weather = WEATHERS.sunny
 
   /** Sets a weather; only a preset ends a state of the ground that a script holds. */
@@ -45,15 +78,40 @@ export function weather(store: Store, actions: Actions): HTMLElement {
     // the ground follows, unless it is held
     current = { ...shown, wetness: null, snow_cover: null }
     const preset = Object.entries(WEATHERS).find(([, one]) => AMOUNTS.every((name) => near(one[name], shown[name])))
-    if (document.activeElement !== kinds) kinds.value = preset?.[0] ?? OWN
+    presets.show(preset?.[0] ?? '')
     showValue(intensity, share(shown), `${Math.round(100 * share(shown))} %`)
     intensity.disabled = kindOf(shown) === 'sunny'
     for (const { name, input } of amounts) showValue(input, shown[name], `${Math.round(100 * shown[name])} %`)
     setText(numbers, inNumbers(frame?.weather_effects ?? null, shown))
-    const minutes =
-      frame?.time_of_day == null ? (frame?.scene_light === false ? 0 : MINUTES / 2) : frame.time_of_day / 60
-    showValue(clock, minutes, clockTime(minutes))
-    setText(clockText, frame?.time_of_day == null ? '–' : clockTime(minutes))
+    const isFixed = frame?.time_of_day == null
+    clock.show(isFixed ? (frame?.scene_light === false ? 0 : DAY / 2) : (frame.time_of_day ?? 0) / 60, !isFixed)
+    showSpeed(frame)
+    paint()
+  }
+
+  /** Shows how fast the time of day passes, from Frames: another client may have set it. */
+  function showSpeed(frame: Frame | null): void {
+    const passed = frame && before ? frame.time - before.time : -1
+    if (passed >= 0 && passed < 0.2) return
+    const value = frame && before && passed > 0 ? speedOf(frame, before) : ''
+    before = frame
+    if (value === seen) {
+      // twice: a time that the user sets is no speed
+      speed = Number(value)
+      speeds.show(value)
+    }
+    seen = value
+  }
+
+  /** Paints the ring of the dial with the sky of the scene, in its weather. */
+  function paint(): void {
+    const table = store.scene.value?.light_table
+    const key = `${store.scene.value?.scenario} ${AMOUNTS.map((name) => current[name])}`
+    if (!table?.minutes || key === painted) return // old recordings have no table
+    painted = key
+    const times = Array.from({ length: COLOURS + 1 }, (_, i) => (60 * DAY * i) / COLOURS)
+    clock.paint(times.map((time) => skyColour(inWeather(lookAt(table, time), current))))
+    clock.mark(...sunTimes(table))
   }
 
   store.frame.watch(show)
@@ -65,9 +123,9 @@ export function weather(store: Store, actions: Actions): HTMLElement {
   )
   const element = section(
     'Weather',
-    labelled('Weather', kinds),
+    presets.element,
     labelled('Intensity', intensity),
-    labelled('Time of day', h('span', { class: 'slider' }, clock, clockText)),
+    h('div', { class: 'day' }, clock.element, speeds.element),
     numbers,
     more,
   )
@@ -115,6 +173,14 @@ function share(weather: Weather): number {
   return full > 0 ? Math.min(1, weather[name] / full) : 0
 }
 
+/** The one of SPEEDS at which the time of day passed between two Frames; '' if it is another one. */
+function speedOf(frame: Frame, before: Frame): string {
+  const [start, end] = [before.time_of_day ?? 0, frame.time_of_day ?? 0]
+  const change = end - start + (end < start - 30 * DAY ? 60 * DAY : 0) // after midnight
+  const rate = frame.time_of_day === null ? 0 : change / (frame.time - before.time)
+  return SPEEDS.find(([value]) => Math.abs(rate - Number(value)) <= Math.max(1, 0.1 * Number(value)))?.[0] ?? ''
+}
+
 function near(a: number, b: number): boolean {
   return Math.abs(a - b) < 1e-6
 }
@@ -132,12 +198,7 @@ export function inNumbers(effects: WeatherEffects | null, weather: Weather): str
   return parts.join(', ')
 }
 
-function clockTime(minutes: number): string {
-  const whole = Math.round(minutes) % MINUTES
-  return `${String(Math.floor(whole / 60)).padStart(2, '0')}:${String(whole % 60).padStart(2, '0')}`
-}
-
 function title(name: string): string {
-  const text = name === OWN ? 'own amounts' : name.replace('_', ' ')
+  const text = name.replace('_', ' ')
   return text.charAt(0).toUpperCase() + text.slice(1)
 }

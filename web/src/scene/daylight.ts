@@ -78,6 +78,33 @@ export function daylight(table: Record<string, unknown>, isDay: boolean, timeOfD
   return nights === 1 ? { ...(isSame(low, night) ? high : low), dawn, sun_place } : between
 }
 
+/** The light at a time of day [s since midnight]. */
+export function lookAt(table: Record<string, unknown>, timeOfDay: number): Daylight {
+  const [rise, set] = sunTimes(table)
+  return daylight(table, timeOfDay > 60 * rise && timeOfDay < 60 * set, timeOfDay)
+}
+
+/** Sunrise and sunset [min since midnight]. */
+export function sunTimes(table: Record<string, unknown>): [number, number] {
+  const { minutes, night } = table as unknown as Table
+  const days = minutes.flatMap((one, i) => (isSame(one, night) ? [] : [10 * i]))
+  return [days[0] - 10, days[days.length - 1] + 10] // at both of them the light is that of the night
+}
+
+/** CSS colour of the sky half-way up, as the shaders show it (`shown` in tone.glsl). */
+export function skyColour({ zenith, horizon, dawn, exposure }: Daylight): string {
+  const light = zenith.map((one, i) => exposure * (0.5 * 0.31831 * (one + horizon[i]) + 0.6 * dawn[i]))
+  const peak = Math.max(...light)
+  const bright = peak < 0.76 ? peak : 1 - 0.24 ** 2 / (peak + 0.24 - 0.76)
+  const share = peak < 0.76 ? 0 : 1 - 1 / (0.15 * (peak - bright) + 1)
+  const bytes = light.map((one) => {
+    const c = (one * bright) / Math.max(peak, 1e-4)
+    const pressed = c + share * (bright - c)
+    return Math.round(255 * (pressed <= 0.0031308 ? 12.92 * pressed : 1.055 * pressed ** (1 / 2.4) - 0.055))
+  })
+  return `rgb(${bytes.join(' ')})`
+}
+
 function isSame(a: Daylight, b: Daylight): boolean {
   return a.exposure === b.exposure
 }

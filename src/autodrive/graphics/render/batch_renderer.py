@@ -232,7 +232,7 @@ class BatchRenderer(Renderer):
             if k % RING == 0:  # for as many images as there are targets: llvmpipe waits for what a shader reads
                 for later in range(k, min(k + RING, m)):
                     self._write_camera(part.clips[later], part.eyes[later, :3, 3])
-                    self._draw_strips(later % RING, self._view)
+                    self._draw_behind(later % RING, self._view, part.clips[later], None)
             if k >= RING:
                 targets[k % RING].read_rgb_into(self._pixels, (k - RING) * self._image_size)
             self._draw_list.frame[...] = 0
@@ -244,7 +244,7 @@ class BatchRenderer(Renderer):
             self._write_camera(part.clips[k], part.eyes[k, :3, 3])
             self._bind()
             targets[k % RING].begin()
-            self._use_strips(k % RING, self._view)
+            self._use_behind(k % RING, self._view)
             ground = ((self._seen_static, piece, None, None, light[is_in]) for is_in, piece in static[k])
             self._draw_calls([*self._posed(part, k, is_dimmed[k], light), *ground], is_day, weather=weather)
             self._draw_sky(part.clips[k], looks[k])

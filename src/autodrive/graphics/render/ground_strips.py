@@ -8,9 +8,16 @@ import numpy as np
 
 from autodrive.graphics.assets.asset import STRIP
 from autodrive.graphics.render.gl import moderngl, source, write
+from autodrive.graphics.render.parts import Parts
 
 if TYPE_CHECKING:
+    from autodrive.base.arrays import Floats
     from autodrive.graphics.assets.asset import Strips
+
+PART_SIZE = 0.5
+"""Strips are drawn in parts of about that size, those in sight only [m]."""
+MARGIN = 0.05
+"""How much larger a part is, because strips are drawn wider than they are [m]."""
 
 
 class GroundStrips:
@@ -23,33 +30,32 @@ class GroundStrips:
         assert isinstance(block, moderngl.UniformBlock)
         block.binding = 1
         fields = [(name, int(np.prod(STRIP[name].shape))) for name in STRIP.names or ()]
-        self._array = context.vertex_array(
-            self._program,
-            [
-                (
-                    context.buffer(strips.vertices.tobytes()),
-                    " ".join(f"{n}f" for _, n in fields),
-                    *(f for f, _ in fields),
-                )
-            ],
-            context.buffer(strips.triangles.tobytes()),
-        )
+        own = strips.triangles
+        corners = np.zeros((len(own), 3, 3))
+        corners[..., :2] = strips.vertices["place"][own]
+        none = np.zeros(len(own), np.intp)
+        parts = Parts.of_triangles(own, corners, none, none, PART_SIZE)
+        self._parts = parts._replace(radius=parts.radius + MARGIN)
+        self._indices = context.buffer(reserve=max(own.nbytes, 4), dynamic=True)
+        layout = " ".join(f"{n}f" for _, n in fields)
+        content = (context.buffer(strips.vertices.tobytes()), layout, *(name for name, _ in fields))
+        self._array = context.vertex_array(self._program, [content], self._indices)
 
-    def target(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
-        """A texture for paint and shade of an image of that size, and what draws into it."""
-        texture = self._context.texture((width, height), 4)  # llvmpipe reads other formats slowly
-        texture.filter = moderngl.NEAREST, moderngl.NEAREST
-        return texture, self._context.framebuffer([texture])
+    def draw(self, clip: Floats, width: int, height: int) -> None:
+        """Draw what the camera of the uniform block sees, into the first rows and columns of an empty framebuffer.
 
-    def draw(self, frame: moderngl.Framebuffer) -> None:
-        """Draw what the camera of the uniform block sees."""
+        `clip`: its clip space from map axes, shape (4, 4); `width`, `height`: of the image [pixels].
+        """
         context = self._context
-        frame.use()
-        frame.clear()
-        write(self._program, "half_size", (0.5 * np.array(frame.size, np.float32)).tobytes())
+        seen = self._parts.indices_of(self._parts.in_sight(clip))
+        if len(seen) == 0:
+            return
+        self._indices.orphan()
+        self._indices.write(seen.tobytes())
+        write(self._program, "half_size", np.array([0.5 * width, 0.5 * height], np.float32).tobytes())
         context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
         context.enable(moderngl.BLEND)
         context.blend_func = moderngl.ONE, moderngl.ONE
-        self._array.render(moderngl.TRIANGLES)
+        self._array.render(moderngl.TRIANGLES, len(seen))
         context.disable(moderngl.BLEND)
         context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)

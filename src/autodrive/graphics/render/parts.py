@@ -36,6 +36,17 @@ class Parts(NamedTuple):
         corners = own.vertices["position"][triangles].astype(np.float64)
         bone = own.vertices["bone_lamp"][triangles[:, 0], 0]
         number = np.repeat(np.arange(len(own.ranges)), [r.length // 3 for r in own.ranges])
+        return Parts.of_triangles(triangles, corners, number, bone, size)
+
+    @staticmethod
+    def of_triangles(
+        triangles: NDArray[np.uint32],
+        corners: Floats,
+        number: NDArray[np.intp],
+        bone: NDArray[np.float32] | NDArray[np.intp],
+        size: float,
+    ) -> Parts:
+        """The same for n triangles with these corners, shape (n, 3, 3) [m], and the range and bone of each."""
         keys, part = np.unique(
             np.column_stack([number, bone, np.floor(corners.mean(1) / size)]), axis=0, return_inverse=True
         )

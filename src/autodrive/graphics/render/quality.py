@@ -34,11 +34,13 @@ class Quality:
     taps: int
     """Samples for the soft edge of a shadow, 1 or 9, each of four texels."""
     anisotropy: float
+    sky_step: int = 1
+    """A sky without stars is computed for each so many columns and rows."""
 
 
 PROFILES = {
-    "software": Quality("reduced", "none", 2048, 1024, 2, 512, 1, 4, 1, 1.0),
-    "software-fxaa": Quality("reduced", "fxaa", 2048, 1024, 2, 512, 1, 4, 1, 1.0),
+    "software": Quality("reduced", "none", 2048, 1024, 2, 512, 1, 4, 1, 1.0, sky_step=4),
+    "software-fxaa": Quality("reduced", "fxaa", 2048, 1024, 2, 512, 1, 4, 1, 1.0, sky_step=4),
     "small": Quality("reduced", "none", 2048, 512, 2, 256, 1, 4, 1, 1.0),
     "gpu": Quality("full", "msaa", 4096, 2048, 4, 1024, 4, 8, 9, 8.0),
 }

@@ -40,10 +40,12 @@ BEAM_FOG_CELLS = 24 * 18
 """As `CELLS` in shaders/beam_fog.vert."""
 STARRY = 0.125
 """There are stars if the zenith (its green part) is darker."""
+COARSE_WIDTH = 400
+"""The sky of wider images is drawn with fewer pixels [pixels]; see `Quality.sky_step`."""
 PART_SIZE = 0.06
 """Of the parts of a vehicle [m]."""
 
-UNITS = {"textures": 0, "still_map": 1, "caster_map": 2, "beam_map": 3, "strip_map": 4}
+UNITS = {"textures": 0, "still_map": 1, "caster_map": 2, "beam_map": 3, "behind": 4}
 """Texture unit of each sampler."""
 
 
@@ -130,7 +132,7 @@ class Renderer:
         """Texture array and layer of their noise."""
         strips = scene.static.strips
         self._strips = None if strips is None else GroundStrips(context, strips)
-        self._strip_target = cache(self._new_strip_target)
+        self._behind = cache(self._new_behind)
         self._program, self._target = cache(self._new_program), cache(self._new_target)
         self._label_program = cache(lambda is_jointed: self._linked("scene.vert", "label.frag", is_jointed))
         self._exact_target = cache(lambda width, height: DepthLabelTarget(context, width, height))
@@ -163,11 +165,10 @@ class Renderer:
         self._bind()
         targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
         for number, view in enumerate(views):  # all before the images: llvmpipe waits for what a shader reads
-            self._look(view)
-            self._draw_strips(number, view)
+            self._draw_behind(number, view, self._look(view), state.look)
         for number, (target, view) in enumerate(zip(targets, views, strict=True)):
             target.begin()
-            self._use_strips(number, view)
+            self._use_behind(number, view)
             self._draw_colors(view, state.look, state.time, state.is_day)
         for target in targets:
             target.finish()
@@ -196,26 +197,44 @@ class Renderer:
         del number
         return RenderTarget(self._context, width, height, self.quality.antialiasing)
 
-    def _new_strip_target(self, number: int, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
-        """Likewise."""
+    def _new_behind(self, number: int, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        """Likewise: an image of the strips on the ground, and after its rows those of a coarse image of the sky."""
         del number
-        assert self._strips is not None
-        return self._strips.target(width, height)
+        texture = self._context.texture((width, height + self._sky_size(height)), 4)  # llvmpipe reads others slowly
+        texture.repeat_x = texture.repeat_y = False
+        return texture, self._context.framebuffer([texture])
 
-    def _draw_strips(self, number: int, view: View) -> None:
-        """Draw the strips on the ground that the camera sees, for the view with that number."""
+    def _sky_size(self, size: int) -> int:
+        """Columns or rows of the coarse image of the sky, for an image with so many."""
+        return -(-size // self.quality.sky_step) if self.quality.sky_step > 1 else 0
+
+    def _draw_behind(self, number: int, view: View, clip: Floats, look: Daylight | None) -> None:
+        """Draw what `_new_behind` says, for the view with that number. Without `look` no sky."""
+        is_coarse = look is not None and self._is_sky_coarse(look, view)
+        if self._strips is None and not is_coarse:
+            return
+        width, height = view.intrinsics.width, view.intrinsics.height
+        frame = self._behind(number, width, height)[1]
+        frame.use()
+        frame.clear()
+        if look is not None and is_coarse:  # first: it has a texture, as in `_draw_calls`
+            frame.viewport = 0, height, self._sky_size(width), self._sky_size(height)
+            self._draw_sky(clip, look, step=self.quality.sky_step)
         if self._strips is not None:
+            frame.viewport = 0, 0, width, height
             self._camera.bind_to_uniform_block(1)
-            self._strips.draw(self._strip_target(number, view.intrinsics.width, view.intrinsics.height)[1])
+            self._strips.draw(clip, width, height)
 
-    def _use_strips(self, number: int, view: View) -> None:
-        if self._strips is not None:
-            self._strip_target(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["strip_map"])
+    def _use_behind(self, number: int, view: View) -> None:
+        self._behind(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["behind"])
 
     def _draw_colors(self, view: View, look: Daylight, time: float, is_day: bool) -> None:
         clip = self._look(view)
         self._draw_calls(self._seen(clip), is_day, weather=look.air.effects)
-        self._draw_sky(clip, look)
+        if self._is_sky_coarse(look, view):
+            self._draw_coarse_sky(view)
+        else:
+            self._draw_sky(clip, look)
         self._draw_air(clip, look.air, time, view)
 
     def _draw_calls(self, calls: list[DrawCall], is_day: bool, *, weather: tuple[str, ...]) -> None:
@@ -241,8 +260,13 @@ class Renderer:
                 write(program, "lamps", glow)
             model.draw(program, first, count)
 
-    def _draw_sky(self, clip: Floats, look: Daylight) -> None:
-        program, corners = self._sky("AIR" in look.air.effects, look.zenith[1] < STARRY, any(look.dawn))
+    def _is_sky_coarse(self, look: Daylight, view: View) -> bool:
+        """Stars, and the sun in a small image, are too small for it."""
+        return self.quality.sky_step > 1 and view.intrinsics.width >= COARSE_WIDTH and not _is_starry(look)
+
+    def _draw_sky(self, clip: Floats, look: Daylight, *, step: int = 1) -> None:
+        """`step`: see `Quality.sky_step`."""
+        program, corners = self._sky("AIR" in look.air.effects, _is_starry(look), any(look.dawn), step)
         if self._clouds is not None:
             array, layer = self._clouds
             self._textures[array].use(UNITS["textures"])
@@ -250,6 +274,14 @@ class Renderer:
         write(program, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
         self._context.disable(moderngl.CULL_FACE)
         corners.render(moderngl.TRIANGLES, 3)
+        self._context.enable(moderngl.CULL_FACE)
+
+    def _draw_coarse_sky(self, view: View) -> None:
+        """The sky of `_draw_behind`."""
+        k = view.intrinsics
+        size = np.array([self._sky_size(k.width), self._sky_size(k.height), k.width, k.height], np.float32)
+        self._context.disable(moderngl.CULL_FACE)
+        self._draw_plain("coarse_sky", 3, size=size.tobytes())
         self._context.enable(moderngl.CULL_FACE)
 
     def _draw_air(self, clip: Floats, air: Air, time: float, view: View) -> None:
@@ -366,7 +398,9 @@ class Renderer:
 
     # -- programs ---------------------------------------------------------------------------------------------------
 
-    def _new_sky(self, is_hazy: bool, is_starry: bool, is_dawn: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
+    def _new_sky(
+        self, is_hazy: bool, is_starry: bool, is_dawn: bool, step: int
+    ) -> tuple[moderngl.Program, moderngl.VertexArray]:
         is_quick = self.quality.detail == "reduced"
         has = {
             "AIR": is_hazy,
@@ -376,11 +410,13 @@ class Renderer:
             "QUICK": is_quick,
         }
         flags = [name for name, is_set in has.items() if is_set]
-        program = self._linked("sky.vert", "sky.frag", False, **dict.fromkeys(flags, 1))
+        program = self._linked("sky.vert", "sky.frag", False, SHARPER=math.log2(step), **dict.fromkeys(flags, 1))
         return program, self._context.vertex_array(program, [])
 
     def _new_plain(self, name: str) -> tuple[moderngl.Program, moderngl.VertexArray]:
         program = self._linked(f"{name}.vert", f"{name}.frag", DOWN="1.0")  # the first row is at the top
+        if "behind" in program:
+            program["behind"] = UNITS["behind"]
         return program, self._context.vertex_array(program, [])
 
     def _new_program(self, variant: ShaderVariant) -> moderngl.Program:
@@ -413,6 +449,10 @@ class Renderer:
             if isinstance(block, moderngl.UniformBlock):
                 block.binding = binding
         return program
+
+
+def _is_starry(look: Daylight) -> bool:
+    return look.zenith[1] < STARRY
 
 
 def clip_from_optical(view: View) -> Floats:

@@ -6,7 +6,7 @@ layout(std140) uniform Camera { mat4 clip_from_map; vec4 eye; };
 
 uniform sampler2DArray textures;
 #ifdef STRIPS
-uniform sampler2D strip_map;  // paint and shade of each pixel of level ground
+uniform sampler2D behind;  // paint and shade of each pixel of level ground
 #endif
 uniform sampler2DShadow still_map, caster_map, beam_map;
 #if CASTERS > 0
@@ -96,7 +96,7 @@ void main() {
 #endif
     vec3 color = own_color;
 #ifdef STRIPS
-    vec2 strip = place.z < 0.001 ? texelFetch(strip_map, ivec2(gl_FragCoord.xy), 0).rg : vec2(0.0);
+    vec2 strip = place.z < 0.001 ? texelFetch(behind, ivec2(gl_FragCoord.xy), 0).rg : vec2(0.0);
 #endif
 #ifdef TEXTURED
     vec3 texel = texture(textures, vec3(own_uv.xy, own_finish.z)).rgb;

@@ -1,9 +1,9 @@
-// The sky.
+// The sky. SHARPER: levels of detail of the clouds that are added, because pixels of a coarse image are larger.
 layout(std140) uniform Frame { FRAME_FIELDS };
 #ifdef CLOUDS
 uniform sampler2DArray textures;
 uniform float layer;
-vec2 cloud_noise(vec2 at) { return texture(textures, vec3(at, layer)).rg; }
+vec2 cloud_noise(vec2 at) { return texture(textures, vec3(at, layer), -SHARPER).rg; }
 #endif
 in vec3 ray;
 out vec4 pixel;
