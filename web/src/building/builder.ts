@@ -286,6 +286,17 @@ export class Builder {
     this.select(...(value.includes(name) ? value.filter((one) => one !== name) : [...value, name]))
   }
 
+  /** Selects the next or the previous part of the map, and shows it. */
+  selectNext(by: 1 | -1): void {
+    const { scene } = this
+    const names = Object.keys(scene?.parts ?? {})
+    if (!scene || names.length === 0) return
+    const now = names.indexOf(this.selected.value[0])
+    const name = names[now < 0 ? (by > 0 ? 0 : names.length - 1) : (now + by + names.length) % names.length]
+    this.select(name)
+    this.actions.view?.showPlace(...originOf(scene.parts[name]))
+  }
+
   /** Selects all modules that are connected with a selected one. */
   selectConnected(): void {
     const { scene } = this
