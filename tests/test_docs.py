@@ -129,6 +129,21 @@ def test_the_traffic_lights_of_the_document_are_set_and_follow_its_program(tmp_p
     assert [(one.state.name, one.time_to_change) for one in lights] == [("RED", 4.0), ("GREEN", 1.0)] * 2
 
 
+def test_the_radio_of_the_document_is_heard(tmp_path: Path) -> None:
+    assert run("v2x.md")["car"].position[0] == pytest.approx(-2.5, abs=0.01)
+    (tmp_path / "radio.yaml").write_text(examples("v2x.md")[0])
+    spec = load_scenario(tmp_path / "radio.yaml").v2x
+    assert spec is not None
+    assert spec.model_dump() == {
+        "range": 10.0,
+        "rate": 10.0,
+        "delay": 0.02,
+        "jitter": 0.01,
+        "loss": 0.1,
+        "position_noise": 0.03,
+    }
+
+
 def test_scenario_and_tyres_in_the_document_on_weather_are_valid(tmp_path: Path) -> None:
     start, tyres = examples("weather.md")
     (tmp_path / "rainy.yaml").write_text(start)

@@ -46,7 +46,6 @@ from autodrive.recording.plot import HEIGHT, Curves, panel, write_panels
 ENVS, HORIZON = 64, 128
 EPOCHS, MINIBATCHES = 4, 8
 TRACE, CLIP = 0.95, 0.2
-RATE = 5e-4  # of the learning at the start
 WIDTH = 128
 CHECK_INTERVAL = 60.0  # between two checkpoints [s]
 TRY_INTERVAL = 10.0  # between two tries with --until-clean [s]
@@ -76,7 +75,8 @@ class Problem:
     reward: float  # factor that brings the values to about 1
     settings: dict[str, Any] = field(default_factory=dict)
     crash: float = 0.0  # what a collision costs beyond the reward of the environment [m]
-    decay: int = 6000  # updates until the learning rate is a tenth
+    rate: float = 5e-4  # of the learning at the start
+    decay: int = 6000  # updates until the rate is a tenth
 
 
 RACE = Problem(
@@ -98,10 +98,11 @@ RACE = Problem(
     },
 )
 HARDER = {
+    "tracks": 64,
     "track_seed": 100,
-    "track_width": (0.9, 1.6),
-    "track_length": (45.0, 70.0),
-    "track_radius": (0.75, 1.6),
+    "track_width": (0.9, 1.7),
+    "track_length": (40.0, 68.0),
+    "track_radius": (0.75, 2.6),
     "noise": (0.0, 2.0),
     "friction": (0.7, 1.25),
     "mass": (0.75, 1.25),
@@ -109,15 +110,15 @@ HARDER = {
 }
 PROBLEMS = {
     "race": RACE,
-    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=25.0, decay=60_000),
+    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=8000),
     "duel": replace(RACE, settings={**RACE.settings, "cars": 2, "rivalry": 1.0}),
     "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (0.0, 1.0), discount=0.98, reward=3.0),
 }
 
 
-def optimizer(decay: int) -> optax.GradientTransformation:
+def optimizer(problem: Problem) -> optax.GradientTransformation:
     """Adam, whose rate falls to a tenth."""
-    rate = optax.linear_schedule(RATE, 0.1 * RATE, decay)
+    rate = optax.linear_schedule(problem.rate, 0.1 * problem.rate, problem.decay)
     return optax.chain(optax.clip_by_global_norm(0.5), optax.adam(rate, eps=1e-5))
 
 
@@ -226,7 +227,7 @@ class Trainer:
         self.scale = np.array([SCALES.get(kind, 1.0) for kind in kinds])
         self.key, key = jax.random.split(jax.random.PRNGKey(seed))
         self.agent: Agent = Agent(len(self.inputs), key)
-        self.optimizer = optimizer(self.problem.decay)
+        self.optimizer = optimizer(self.problem)
         self.memory = self.optimizer.init(eqx.filter(self.agent, eqx.is_inexact_array))
         self.steps, self.seconds = 0, 0.0
         self.returns: list[float] = []

@@ -21,6 +21,8 @@ from .protocol.messages import Command as Command
 from .protocol.messages import EncoderReading as EncoderReading
 from .protocol.messages import Frame as Frame
 from .protocol.messages import Headlights as Headlights
+from .protocol.messages import HeardLight as HeardLight
+from .protocol.messages import HeardVehicle as HeardVehicle
 from .protocol.messages import ImuReading as ImuReading
 from .protocol.messages import Indicators as Indicators
 from .protocol.messages import IpsReading as IpsReading
@@ -42,6 +44,7 @@ from .protocol.messages import StopSign as StopSign
 from .protocol.messages import TailLights as TailLights
 from .protocol.messages import TrafficLightFrame as TrafficLightFrame
 from .protocol.messages import TrafficLightState as TrafficLightState
+from .protocol.messages import V2xReading as V2xReading
 from .protocol.messages import VehicleFrame as VehicleFrame
 from .protocol.messages import Weather as Weather
 from .protocol.messages import WheelsReading as WheelsReading
@@ -54,6 +57,7 @@ from .scenario import load_scenario as load_scenario
 from .scenario.maps.map import Map as Map
 from .scenario.maps.map import MapSpec as MapSpec
 from .scenario.maps.map import load_map as load_map
+from .scenario.v2x import V2xSpec as V2xSpec
 from .scenario.vehicles.spec import VehicleSpec as VehicleSpec
 from .scenario.vehicles.spec import load_vehicle as load_vehicle
 from .world import World as World

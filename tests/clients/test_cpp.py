@@ -23,6 +23,8 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
+from autodrive.protocol.messages import TrafficLightState
+from autodrive.scenario import ScenarioSpec
 from tests.clients.conftest import program
 from tests.protocol.devkit_frames import frame, scan, vehicle
 from tests.support.builds import run
@@ -239,3 +241,22 @@ def test_lock_step_in_cpp_equals_world_step(build: Path) -> None:
     assert int(printed[0]) == frame_.tick
     np.testing.assert_array_equal([float(word) for word in printed[1:4]], car.pose.position)
     assert (float(printed[4]), float(printed[5])) == (car.speed, car.lidar.ranges[0])
+
+
+def test_cpp_sets_a_traffic_light_and_reads_what_a_vehicle_hears(build: Path) -> None:
+    scenario = ScenarioSpec.model_validate(
+        {"map": "crossing", "vehicles": {"V1": {"x": -1.5}, "V2": {"x": -2.5}}, "v2x": {"rate": 100.0}}
+    )
+    simulation = Simulation(autodrive.make(scenario))
+    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
+        light, *heard = run(build / "traffic", server.port).splitlines()
+    assert light == "2 set"
+    world = autodrive.make(scenario)
+    world.set_traffic_light("traffic_light_3", TrafficLightState.YELLOW)
+    reading = world.step().vehicles["V1"].v2x
+    assert reading is not None
+    other = reading.vehicles["V2"]
+    values = [other.sent, other.received, *other.position, other.yaw, other.speed, other.steering]
+    lights = {name: (one.sent, one.state, one.time_to_change or -1.0) for name, one in reading.lights.items()}
+    expected = {"V2": (*values, other.lights.headlights, other.lights.indicators), **lights}
+    assert {name: tuple(map(float, words)) for name, *words in map(str.split, heard)} == expected

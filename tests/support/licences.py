@@ -40,6 +40,8 @@ EXTRAS = {
     "cloudpickle": ("envs", "BSD-3-Clause"),
     "farama-notifications": ("envs", "MIT"),
     "pettingzoo": ("envs", "MIT"),
+    "onnxruntime": ("onnx", "MIT"),
+    "flatbuffers": ("onnx", "Apache-2.0"),
     "av": ("film", "BSD-3-Clause"),
     "apsw": ("export", "any-OSI"),
     "scipy": ("campaigns", "BSD-3-Clause"),

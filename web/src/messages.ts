@@ -1137,6 +1137,42 @@ export interface OwnReading {
 }
 
 /**
+ * The latest radio message of another vehicle: what it was at `sent` [s]; the message arrived at `received` [s].
+ *
+ * `position` [m], shape (3,), in the map frame, with the noise of the channel; `yaw` [rad]; `speed` [m/s], negative in
+ * reverse; `steering` [rad], left positive.
+ */
+export interface HeardVehicle {
+  sent: number
+  received: number
+  position: Float64Array
+  yaw: number
+  speed: number
+  steering: number
+  lights: Lights
+}
+
+/**
+ * The latest radio message of a traffic light: what it showed at `sent` [s]; it arrived at `received` [s].
+ *
+ * `time_to_change` [s] counts from `sent`; None: it is not known or does not change.
+ */
+export interface HeardLight {
+  sent: number
+  received: number
+  state: TrafficLightState
+  time_to_change: number | null
+}
+
+/**
+ * What a vehicle has heard by radio: the latest message of each vehicle and each traffic light, by name.
+ */
+export interface V2xReading {
+  vehicles: Record<string, HeardVehicle>
+  lights: Record<string, HeardLight>
+}
+
+/**
  * One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest reading of every sensor.
  *
  * `pose` is the pose of the vehicle frame (origin: centre of the rear axle at wheel-centre height). `velocity` [m/s]
@@ -1145,7 +1181,8 @@ export interface OwnReading {
  * tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
  * None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
  * empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
- * `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`.
+ * `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`. `v2x`: what it has
+ * heard by radio; None without a channel in the scenario.
  */
 export interface VehicleFrame {
   pose: Pose
@@ -1165,6 +1202,7 @@ export interface VehicleFrame {
   range: RangeReading | null
   race: RaceState | null
   own: Record<string, OwnReading>
+  v2x: V2xReading | null
 }
 
 /**

@@ -189,7 +189,16 @@ export function vehicleOf(values: Partial<VehicleFrame> = {}): VehicleFrame {
       ...{ steering_angle: wheels(), rotation_angle: wheels(), angular_velocity: wheels(), compression: wheels() },
       ...{ normal_load: wheels(), slip_ratio: wheels(), slip_angle: wheels() },
     },
-    ...{ is_autonomous: false, collision_count: 0, cameras: {}, range: null, race: null, own: {}, ...values },
+    ...{
+      is_autonomous: false,
+      collision_count: 0,
+      cameras: {},
+      range: null,
+      race: null,
+      own: {},
+      v2x: null,
+      ...values,
+    },
   }
 }
 

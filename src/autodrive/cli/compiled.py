@@ -13,6 +13,7 @@ from pathlib import Path
 
 import autodrive
 from autodrive.base import jit
+from autodrive.scenario.v2x import V2xSpec
 
 LOADED = "--loaded"
 """Option of the processes that `main` starts."""
@@ -62,7 +63,12 @@ def print_loaded() -> None:
 def use() -> None:
     """Call what is to be compiled."""
     noisy = autodrive.ScenarioSpec(
-        map="mini_map", vehicles={"V1": autodrive.VehiclePlacement(has_realistic_sensors=True)}
+        map="mini_map",
+        vehicles={
+            "V1": autodrive.VehiclePlacement(has_realistic_sensors=True),
+            "V2": autodrive.VehiclePlacement(x=1.0),
+        },
+        v2x=V2xSpec(jitter=0.01, position_noise=0.01),
     )
     for scenario in (noisy, "tiny_town", "practice"):  # tiny_town: stop lines; practice: a race
         world = autodrive.make(scenario)

@@ -15,10 +15,16 @@ if TYPE_CHECKING:
 
 
 def play(
-    policy: Annotated[str, typer.Argument(help="Name of an included policy, or path of its file (.npz).")],
+    policy: Annotated[
+        str,
+        typer.Argument(help="Name of an included policy, or path of its file (.npz); or 'crossing' or 'duel'."),
+    ],
     track: Annotated[
         str | None,
-        typer.Argument(help="Name or file of the track on which it drives.  [default: it serves as a devkit script]"),
+        typer.Argument(
+            help="Name or file of the track on which it drives; after 'crossing' or 'duel' a network (.onnx).  "
+            "[default: it serves as a devkit script]"
+        ),
     ] = None,
     laps: Annotated[int, typer.Option(min=1, max=1000, help="Laps to drive.")] = 10,
     lockstep: Annotated[
@@ -32,12 +38,21 @@ def play(
         int | None,
         typer.Option(min=0, max=65535, help=f"Port of the page, by default {PORT}; of the script {DEVKIT_PORT}."),
     ] = None,
+    episodes: Annotated[
+        int | None,
+        typer.Option(min=1, max=10000, help="Of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]"),
+    ] = None,
 ) -> None:
     """Drive with a trained policy.
 
     With a track the car RoboRacer drives some laps in the page; prints the laps and collisions. Without one the policy
     is a devkit script for `autodrive race --devkit`. A policy for another task drives in its environment, in the page.
+    `autodrive play crossing POLICY.onnx` and `autodrive play duel POLICY.onnx` let a network made for the published
+    benchmarks drive all cars.
     """
+    if policy in ("crossing", "duel"):
+        _foreign(policy, track, episodes, seed, headless)
+        return
     from autodrive.experiments.envs.time_trial import TimeTrial
     from autodrive.experiments.policies import Policy
 
@@ -86,3 +101,22 @@ def _in_environment(policy: Policy) -> None:
     from autodrive.run.play import play_environment
 
     play_environment(policy)
+
+
+def _foreign(task: str, network: str | None, episodes: int | None, seed: int, headless: bool) -> None:
+    """Let a network drive all cars of a published task, and print how often they succeeded."""
+    from autodrive.base.errors import SpecError
+    from autodrive.experiments.policies.foreign import ForeignPolicy
+    from autodrive.run import foreign
+
+    if network is None:
+        raise SpecError([f"autodrive play {task} needs a network: autodrive play {task} POLICY.onnx"])
+    policy = ForeignPolicy(network, task)
+    if headless:
+        successes = foreign.drive(policy, episodes or 100, seed)
+    else:
+        successes = foreign.show(policy, episodes, seed)
+    count, cars = successes.shape
+    typer.echo(
+        f"{count} episodes: {successes.mean():.1%} of the cars succeeded, all {cars} in {successes.all(1).mean():.1%}"
+    )

@@ -695,6 +695,41 @@ class RaceState(Displayed, frozen=True, gc=False):
     is_wrong_way: bool
 
 
+class HeardVehicle(Displayed, frozen=True, gc=False):
+    """The latest radio message of another vehicle: what it was at `sent` [s]; the message arrived at `received` [s].
+
+    `position` [m], shape (3,), in the map frame, with the noise of the channel; `yaw` [rad]; `speed` [m/s], negative in
+    reverse; `steering` [rad], left positive.
+    """
+
+    sent: float
+    received: float
+    position: Array
+    yaw: float
+    speed: float
+    steering: float
+    lights: Lights
+
+
+class HeardLight(Displayed, frozen=True, gc=False):
+    """The latest radio message of a traffic light: what it showed at `sent` [s]; it arrived at `received` [s].
+
+    `time_to_change` [s] counts from `sent`; None: it is not known or does not change.
+    """
+
+    sent: float
+    received: float
+    state: TrafficLightState
+    time_to_change: float | None
+
+
+class V2xReading(Displayed, frozen=True, gc=False):
+    """What a vehicle has heard by radio: the latest message of each vehicle and each traffic light, by name."""
+
+    vehicles: dict[str, HeardVehicle]
+    lights: dict[str, HeardLight]
+
+
 class VehicleFrame(Displayed, frozen=True, gc=False):
     """One vehicle at the time of the Frame: ground truth, actuator feedback, and the latest reading of every sensor.
 
@@ -704,7 +739,8 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     tables 2 and 3; sampled every tick). `lidar` is the latest scan, `range` the latest measurement of the range sensor;
     None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
     empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
-    `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`.
+    `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`. `v2x`: what it has
+    heard by radio; None without a channel in the scenario.
     """
 
     pose: Pose
@@ -724,6 +760,7 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     range: RangeReading | None = None
     race: RaceState | None = None
     own: dict[str, OwnReading] = msgspec.field(default_factory=dict)
+    v2x: V2xReading | None = None
 
     @property
     def speed(self) -> float:

@@ -28,6 +28,7 @@ from autodrive.protocol.weather import PRESETS
 from autodrive.scenario.maps.light_programs import MAX_PROGRAMS, LightProgramSpec
 from autodrive.scenario.maps.spec import MapSpec
 from autodrive.scenario.tracks.track import TrackSpec
+from autodrive.scenario.v2x import V2xSpec
 
 DEFAULT = "mini_map"
 """Name of the scenario that runs if none is named."""
@@ -197,6 +198,8 @@ class ScenarioSpec(Spec):
     """Programs of traffic lights by name, in addition to those of the map; None: without that of the map."""
     weather: WeatherSpec = WeatherSpec()
     """Weather and ground at the start: amounts, or a name such as heavy_rain."""
+    v2x: V2xSpec | None = None
+    """Radio channel over which vehicles hear each other and traffic lights; left out: none."""
     tick: float = Field(default=0.01, ge=1e-5, le=0.1)
     """Simulated time between Frames [s]."""
     substep: float = Field(default=0.001, ge=1e-5, le=0.005)

@@ -31,6 +31,7 @@ class Snapshot(NamedTuple):
     traffic_lights: dict[str, TrafficLightState]
     stop_lines: Any
     race: Any
+    v2x: Any
     sensors: Any
     own_sensors: Any
     cameras: Any
@@ -48,6 +49,8 @@ def identity(c: CompiledScenario, wheels: Table) -> str:
     race = c.race.identity if c.race else ""
     if c.map.traffic_lights:
         parts = *parts, all_programs(c.map.light_programs, c.spec.light_programs), c.map.traffic_lights
+    if c.spec.v2x is not None:
+        parts = *parts, c.spec.v2x
     return hashlib.sha256(repr(parts).encode() + race.encode() + c.map.drivable_edges.tobytes()).hexdigest()
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.arrays import Floats, Integers, read_only_copy
 from autodrive.base.errors import CommandError
 from autodrive.base.jit import jit_uncounted, resolved
 from autodrive.base.suggest import suggest
@@ -71,6 +71,18 @@ class TrafficLights:
         for name, state in self.set_states.items():
             frames[name] = TrafficLightFrame(state, None, "set")
         return frames
+
+    def table(self, ticks: Integers, time_of_day: float | None) -> tuple[Integers, Floats]:
+        """State and time to change [s] of all lights at n ticks, shape (n, lights) each; see `at`.
+
+        The time is nan where it is None in a Frame.
+        """
+        shown, place = np.unique(ticks, return_inverse=True)
+        frames = [[self._at(cycle, tick, time_of_day) for cycle in self._cycles] for tick in shown.tolist()]
+        states = np.array([[one.state for one in row] for row in frames], np.int64)
+        times = np.array([[one.time_to_change for one in row] for row in frames], np.float64)
+        columns = [*self._cycle_of.values()]
+        return states[place][:, columns], times[place][:, columns]
 
     def _at(self, cycle: LightCycle | None, tick: int, time_of_day: float | None) -> TrafficLightFrame:
         if cycle is None:

@@ -62,6 +62,7 @@ from autodrive.world.racing import Move
 from autodrive.world.referee import Referee
 from autodrive.world.snapshot import Snapshot, check_snapshot, identity
 from autodrive.world.traffic_lights import StopLineReferee, TrafficLights
+from autodrive.world.v2x import V2xChannel
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.backend import CameraBackend
@@ -139,6 +140,7 @@ class World(OneThread):
         lengths = [(one.front, one.size[0]) for one in compiled.vehicles.values()]
         lines = compiled.map.stop_lines
         self._stop_lines = StopLineReferee(self.vehicle_names, lengths, lines) if lines else None
+        self._v2x = _channel(compiled)
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
         c, controls = compiled, self._controls
@@ -262,6 +264,8 @@ class World(OneThread):
         self._weather = ChangingWeather.settled(self.spec.weather.message)
         self._apply_weather(is_reset=True)
         c.own_sensors.reset(self._seed)
+        if self._v2x is not None:
+            self._v2x.reset(self._seed)
         if self._cameras is not None:
             self._cameras.reset(self._seed)
         self._sample()
@@ -388,6 +392,8 @@ class World(OneThread):
             self._stop_lines.restore(before._stop_lines.save())
         if self.race is not None and before.race is not None and self.race.identity == before.race.identity:
             self.race.restore(before.race.save())
+        if self._v2x is not None:
+            self._v2x.reset(self._seed)  # of messages under way and heard ones, none is left
         place(c.model, c.state, c.views)
         self._apply_weather()
         c.sensors.continue_from(b.sensors, self._seed, self._tick * self._substeps)
@@ -552,6 +558,7 @@ class World(OneThread):
             traffic_lights=dict(self._traffic_lights.set_states),
             stop_lines=self._stop_lines and self._stop_lines.save(),
             race=self.race and self.race.save(),
+            v2x=self._v2x and self._v2x.save(),
             sensors=c.sensors.save(),
             own_sensors=c.own_sensors.save(),
             cameras=self._cameras and self._cameras.save(),
@@ -589,6 +596,8 @@ class World(OneThread):
             self._stop_lines.restore(saved.stop_lines)
         if self.race is not None:
             self.race.restore(saved.race)
+        if self._v2x is not None:
+            self._v2x.restore(saved.v2x)
         c.sensors.restore(saved.sensors)
         c.own_sensors.restore(saved.own_sensors)
         if self._cameras is not None:
@@ -685,6 +694,8 @@ class World(OneThread):
             races=self.race and self.race.states(time),
             traffic_lights=self._lights_now() if self._traffic_lights else {},
         )
+        if self._v2x is not None:
+            frame = self._v2x.heard(frame)
         return self._publish(frame if self._cameras is None else self._cameras.update(frame, redraw=is_moved))
 
     def _lights_now(self) -> dict[str, TrafficLightFrame]:
@@ -702,3 +713,12 @@ class World(OneThread):
         """Tell the observers of a change; it is described only for them."""
         for observer in self.observers:
             observer.executed(request())
+
+
+def _channel(compiled: CompiledScenario) -> V2xChannel | None:
+    """The radio channel of the scenario; None if it has none."""
+    spec = compiled.spec
+    if spec.v2x is None:
+        return None
+    lights = {prop.name: prop.pose for prop in compiled.map.props if prop.kind == "traffic_light"}
+    return V2xChannel(spec.v2x, list(compiled.vehicles), lights, spec.tick)

@@ -37,6 +37,7 @@ from autodrive.protocol.messages import (
     Teleport,
     VehicleFrame,
 )
+from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.scene_files import SceneFiles
 from tests.connect.client.conftest import started
@@ -391,6 +392,25 @@ def test_topics_of_traffic_lights_are_those_of_the_frame_and_set_them() -> None:
             assert node.last("autodrive/tl_2/state")["data"] == 3
             command(0)
             assert simulation.request(Step(1)).result(LIMIT).traffic_lights["traffic_light_2"].mode == "program"
+
+
+def test_what_a_vehicle_hears_by_radio_is_published() -> None:
+    start = {"map": "crossing", "vehicles": {"V1": {"x": -1.5}, "V2": {"x": -2.5}}, "v2x": {"rate": 100.0}}
+    world = autodrive.make(ScenarioSpec.model_validate(start))
+    with Simulation(started(world)) as simulation, served(simulation) as server:
+        node = Recorder()
+        with running(Config(port=server.port, robot_description=URDF), node):
+            wait_until(lambda: "autodrive/nigel_1/v2x/light/traffic_light_4" in node.messages)
+            simulation.request(Pause()).result(LIMIT)
+            reading = simulation.request(Step(1)).result(LIMIT).vehicles["V1"].v2x
+            assert reading is not None
+            car, light = reading.vehicles["V2"], reading.lights["traffic_light_4"]
+            wait_until(lambda: node.last("v2x/vehicle/V2")["data"][0] == car.sent)
+            wait_until(lambda: node.last("v2x/light/traffic_light_4")["data"][0] == light.sent)
+            data = node.last("v2x/vehicle/V2")["data"]
+            assert data.tolist() == [car.sent, *car.position, car.yaw, car.speed, car.steering, 0.0, 0.0, 2.0]
+            data = node.last("v2x/light/traffic_light_4")["data"]
+            assert data.tolist() == [light.sent, light.state, light.time_to_change]
 
 
 # -- devkit mode ---------------------------------------------------------------------------------------------------

@@ -55,6 +55,26 @@ struct LidarScan {
     double time_increment = 0.0;      ///< time between rays [s]
 };
 
+/// The latest radio message of another vehicle.
+struct HeardVehicle {
+    double sent = 0.0;                                   ///< time of sending [s]
+    double received = 0.0;                               ///< time of arrival [s]
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< in the map, with the noise of the channel [m]
+    double yaw = 0.0;                                    ///< [rad]
+    double speed = 0.0;                                  ///< negative in reverse [m/s]
+    double steering = 0.0;                               ///< left positive [rad]
+    int headlights = 0;                                  ///< 0 off, 1 low, 2 high beam
+    int indicators = 0;                                  ///< 0 off, 1 left, 2 right, 3 hazard
+};
+
+/// The latest radio message of a traffic light.
+struct HeardLight {
+    double sent = 0.0;                     ///< time of sending [s]
+    double received = 0.0;                 ///< time of arrival [s]
+    int state = 0;                         ///< 0 off, 1 red, 2 yellow, 3 green
+    std::optional<double> time_to_change;  ///< from the time of sending [s]; none: not known, or it does not change
+};
+
 /// State of a vehicle at the time of its Frame.
 struct VehicleFrame {
     Pose pose;                                                    ///< ground truth of the rear axle centre
@@ -70,6 +90,8 @@ struct VehicleFrame {
     int indicators = 0;              ///< 0 off, 1 left, 2 right, 3 hazard
     bool is_autonomous = false;      ///< whether a script may drive
     std::int64_t collision_count = 0;  ///< since the last reset
+    std::map<std::string, HeardVehicle> heard_vehicles;  ///< by radio; empty without a channel in the scenario
+    std::map<std::string, HeardLight> heard_lights;      ///< by radio; likewise
 };
 
 /// What a traffic light shows.

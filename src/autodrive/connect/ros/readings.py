@@ -16,6 +16,8 @@ from autodrive.protocol.messages import (
     WHEEL_NAMES,
     Array,
     CameraIntrinsics,
+    HeardLight,
+    HeardVehicle,
     ImuReading,
     LidarScan,
     Lights,
@@ -49,6 +51,21 @@ def own_reading(reading: OwnReading) -> Message:
     )
     fields = {"layout": {"dim": [dimension], "data_offset": 0}, "data": reading.values}
     return Message("std_msgs/Float64MultiArray", fields)
+
+
+def heard_vehicle(message: HeardVehicle) -> OwnReading:
+    """What was heard of a vehicle as a row of numbers; the time is that of its arrival [s]."""
+    columns = ("sent", "x", "y", "z", "yaw", "speed", "steering", "headlights", "indicators", "tail_lights")
+    lamps = message.lights.headlights, message.lights.indicators, message.lights.tail_lights
+    values = [message.sent, *message.position, message.yaw, message.speed, message.steering, *lamps]
+    return OwnReading(message.received, np.array(values, np.float64), columns)
+
+
+def heard_light(message: HeardLight) -> OwnReading:
+    """Likewise of a traffic light; the time to change is NaN if it is not known or does not change."""
+    time = math.nan if message.time_to_change is None else message.time_to_change
+    values = np.array([message.sent, message.state, time], np.float64)
+    return OwnReading(message.received, values, ("sent", "state", "time_to_change"))
 
 
 def joint_states(stamp: Time, frame_id: str, angles: dict[str, float], rates: dict[str, float]) -> Message:

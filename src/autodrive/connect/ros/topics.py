@@ -70,6 +70,12 @@ class VehicleTopics:
             f"own/{sensor}", "std_msgs/Float64MultiArray", f"values of the sensor '{sensor}' of the user"
         )
 
+    def heard(self, kind: str, sender: str) -> Topic:
+        """The topic of the messages of a vehicle or traffic light that this vehicle hears by radio."""
+        return self._topic(
+            f"v2x/{kind}/{sender}", "std_msgs/Float64MultiArray", f"messages of the {kind} '{sender}', heard by radio"
+        )
+
     @cached_property
     def all(self) -> list[Topic]:
         """The topics that are published in this mode."""

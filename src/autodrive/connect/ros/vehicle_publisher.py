@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from autodrive.connect.ros.message import Message, Node, Time, Topic
 from autodrive.connect.ros.robot import Robot, Transform, relative, xyz
 from autodrive.connect.ros.source import VehicleInfo
 from autodrive.connect.ros.topics import VehicleTopics
-from autodrive.protocol.messages import LidarScan, VehicleFrame, WheelsReading
+from autodrive.protocol.messages import LidarScan, OwnReading, VehicleFrame, WheelsReading
 from autodrive.protocol.native import Picture
 
 SIDES = ("left", "right")
@@ -94,15 +94,26 @@ class VehiclePublisher:
                 self._publish(topic, lambda: convert(reading, frame_id))  # noqa: B023 - called at once
 
     def _publish_own(self, vehicle: VehicleFrame) -> None:
-        """Publish new readings of the sensors of the user; each topic is created with the first reading."""
-        for name, reading in vehicle.own.items():
-            topic = self.topics.own(name)
+        """Publish new readings of the sensors of the user, and what was heard by radio.
+
+        Each topic is created with the first reading.
+        """
+        own = [(self.topics.own(name), reading) for name, reading in vehicle.own.items()]
+        for topic, reading in [*own, *self._heard(vehicle)]:
             if topic.name not in self._own_topics:
                 self._own_topics.add(topic.name)
                 self._node.add_topics([topic], [])
             if reading.time != self._times.get(topic.name):
                 self._times[topic.name] = reading.time
                 self._publish(topic, lambda: readings.own_reading(reading))  # noqa: B023 - called at once
+
+    def _heard(self, vehicle: VehicleFrame) -> Iterator[tuple[Topic, OwnReading]]:
+        """What was heard of each vehicle and traffic light."""
+        if vehicle.v2x is not None:
+            for name, message in vehicle.v2x.vehicles.items():
+                yield self.topics.heard("vehicle", name), readings.heard_vehicle(message)
+            for name, light in vehicle.v2x.lights.items():
+                yield self.topics.heard("light", name), readings.heard_light(light)
 
     def publish_scan(self, scan: LidarScan) -> None:
         """Publish a new scan."""

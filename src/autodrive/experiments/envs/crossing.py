@@ -173,6 +173,10 @@ class Crossing(Task):
         memory = (float(rng.integers(2**32)), 0.0, factor, float(arm), -distance, 0.0, *heard)
         return Start({f"V{arm + 1}": _pose(arm, distance, right, turn)}, memory)
 
+    def throttle_factors(self, memory: Floats) -> Floats:
+        """See `Task.throttle_factors`."""
+        return memory[:, FACTOR]
+
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """See `Task.evaluate`; the cars of a world follow each other."""
         if self.is_published:

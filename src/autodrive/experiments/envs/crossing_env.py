@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 
 from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.crossing import FACTOR, Crossing
+from autodrive.experiments.envs.crossing import Crossing
 from autodrive.experiments.envs.settings import Action
 from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
 from autodrive.experiments.envs.variants import Variant, action_of
-
-if TYPE_CHECKING:
-    from autodrive.experiments.envs.task import Bools
 
 STEPS = 600
 """Of an episode, unless something else is chosen: half a minute."""
@@ -49,11 +45,6 @@ class CrossingVectorEnv(SeveralCarsVectorEnv):
             frame_skip=frame_skip,
             threads=threads,
         )
-
-    def _drive(self, commands: NDArray[Any], worlds: Bools) -> None:
-        driven = commands.astype(float)
-        driven[..., 0] *= self._of_worlds(self._episodes.memory[:, FACTOR])
-        super()._drive(driven, worlds)
 
 
 class CrossingParallelEnv(SeveralCarsParallelEnv):

@@ -22,7 +22,7 @@ APART = 12.0
 """Between the grounds of two tracks [m]: farther than a LIDAR of the car sees."""
 ROWS = 16
 """Tracks above each other; the next ones are beside them."""
-DRAWS = 5
+DRAWS = 20
 """Of width, length and radius of a track, until one fits on its ground."""
 SPACING = 0.05
 """Of the points of the centre lines [m], about."""

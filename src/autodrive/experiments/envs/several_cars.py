@@ -39,7 +39,9 @@ class SeveralCarsVectorEnv(DrivingVectorEnv):
         self._has_succeeded[mask] = False
 
     def _drive(self, commands: NDArray[Any], worlds: Bools) -> None:
-        super()._drive(np.where(self._of_worlds(self.is_live)[..., None], commands, 0.0), worlds)
+        driven = np.where(self._of_worlds(self.is_live)[..., None], commands, 0.0)
+        driven[..., 0] *= self._of_worlds(self.task.throttle_factors(self._episodes.memory))
+        super()._drive(driven, worlds)
 
     def _judge(self) -> Outcome:
         outcome = super()._judge()

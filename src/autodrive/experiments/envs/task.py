@@ -191,6 +191,10 @@ class Task(ABC):
         """Draw the start of the episodes of all cars of a world, in order."""
         return [self.start(rng)]
 
+    def throttle_factors(self, memory: Floats) -> Floats:
+        """By which the throttle of each car is multiplied, shape (n,)."""
+        return np.ones(len(memory))
+
     @abstractmethod
     def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
         """Judge the last step.

@@ -34,7 +34,7 @@ GRID_STEP, GRID_SIDE = 1.0, 0.3
 """Distance of the places of a grid along the track, and from the centre line [m]."""
 FAILURE = -5.0
 """Reward of a step that ends an episode."""
-MOST_TRACKS = 32
+MOST_TRACKS = 64
 WIDTH, LEAST_WIDTH, MOST_WIDTH = 1.4, 0.8, 2.0
 """Of a track [m]: if nothing is chosen, and its limits."""
 LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 70.0

@@ -28,6 +28,7 @@ from autodrive.protocol.commands import MAX_DISTANCE, check_seed, check_weather
 from autodrive.protocol.messages import Weather
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
+from autodrive.scenario.maps.light_programs import all_programs
 from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.world.batch.columns import Thread, empty_worlds, new_thread
@@ -37,6 +38,7 @@ from autodrive.world.factory import compile_scenario
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import overlapping
 from autodrive.world.referee import NEVER, SEPARATION
+from autodrive.world.traffic_lights import TrafficLights
 
 BLOCK = 16
 """Worlds that a thread takes at a time, at least."""
@@ -81,6 +83,10 @@ class BatchWorld(OneThread):
             raise CommandError(
                 "a BatchWorld has no sensors of the user: remove 'own_sensors' from the scenario, or make single Worlds"
             )
+        if spec.v2x is not None:
+            raise CommandError(
+                "a BatchWorld has no radio channel: remove 'v2x' from the scenario, or use single Worlds"
+            )
         self.n = n
         self.spec = spec
         """The scenario from which `reset` starts."""
@@ -101,7 +107,13 @@ class BatchWorld(OneThread):
         self.worlds = empty_worlds(c, n, rays, rolling_rays)
         """The States of all worlds; what changes them changes the results."""
         self._time = np.zeros(n)
-        self.readings = readings_of(self.worlds, self._time, len(self.object_names))
+        self.light_names = c.map.traffic_lights
+        """Traffic lights follow their programs."""
+        programs = all_programs(c.map.light_programs, spec.light_programs)
+        self._lights = TrafficLights(self.light_names, programs, spec.tick)
+        shape = n, len(self.light_names)
+        self._shown = np.zeros(shape, np.int64), np.full(shape, np.nan)
+        self.readings = readings_of(self.worlds, self._time, self._shown, len(self.object_names))
         """Of the present instant."""
         self._seeds = [seed + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
@@ -257,6 +269,9 @@ class BatchWorld(OneThread):
     def _show(self) -> Readings:
         numerator, denominator = self._tick.numerator, self._tick.denominator
         np.divide(self.worlds.tick * numerator, denominator, out=self._time)
+        if self.light_names:
+            states, times = self._lights.table(self.worlds.tick, self.spec.time_of_day)
+            self._shown[0][:], self._shown[1][:] = states, times
         return self.readings
 
     def _set_parameters(

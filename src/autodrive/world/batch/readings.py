@@ -84,6 +84,10 @@ class Readings(NamedTuple):
     """Whether there was a new collision in the last call of `step`, shape (n, v)."""
     is_off_road: NDArray[np.bool_]
     """Whether a wheel is outside the drivable area, shape (n, v)."""
+    light_state: Integers
+    """`TrafficLightState` of the l traffic lights of the map, as their programs say, shape (n, l)."""
+    light_time_to_change: Floats
+    """Time until it changes [s], likewise; not a number if it never changes."""
     object_pose: Floats
     """Position in the map [m] and quaternion wxyz, shape (n, o, 7)."""
     sensor_times: Floats
@@ -96,8 +100,8 @@ class Readings(NamedTuple):
         return self.sensor_times[..., NUMBERS[name]], self.sensor_values[..., VALUES[name]]
 
 
-def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
-    """Views of the arrays of `worlds`; `time` [s] is kept by the caller."""
+def readings_of(worlds: Worlds, time: Floats, lights: tuple[Integers, Floats], n_object: int) -> Readings:
+    """Views of the arrays of `worlds`; `time` [s], and states and times of the `lights`, are kept by the caller."""
     s, r = worlds.state, worlds.readings
     orientation, euler, angular_velocity, linear_acceleration = (r.values[..., VALUES["imu"]][..., p] for p in PARTS)
     n, v = worlds.throttle.shape
@@ -139,6 +143,8 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
         collision_count=worlds.collision_count,
         has_collided=worlds.has_collided,
         is_off_road=worlds.is_off_road,
+        light_state=lights[0],
+        light_time_to_change=lights[1],
         object_pose=objects,
         sensor_times=r.time,
         sensor_values=r.values,

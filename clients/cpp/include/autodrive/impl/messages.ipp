@@ -41,6 +41,18 @@ inline LidarScan scan(const Json& json) {
             json.at("time_increment")};
 }
 
+inline HeardVehicle heard_vehicle(const Json& json) {
+    const Json& lights = json.at("lights");
+    return {json.at("sent"),  json.at("received"), vector<3>(json.at("position")), json.at("yaw"),
+            json.at("speed"), json.at("steering"), lights.at("headlights"),        lights.at("indicators")};
+}
+
+inline HeardLight heard_light(const Json& json) {
+    HeardLight light{json.at("sent"), json.at("received"), json.at("state"), std::nullopt};
+    if (const Json& time = json.at("time_to_change"); !time.is_null()) light.time_to_change = time.get<double>();
+    return light;
+}
+
 inline VehicleFrame vehicle(const Json& json) {
     VehicleFrame vehicle;
     vehicle.pose = pose(json.at("pose"));
@@ -59,6 +71,10 @@ inline VehicleFrame vehicle(const Json& json) {
     vehicle.indicators = json.at("lights").at("indicators");
     vehicle.is_autonomous = json.at("is_autonomous");
     vehicle.collision_count = json.at("collision_count");
+    if (const auto v2x = json.find("v2x"); v2x != json.end() && !v2x->is_null()) {
+        for (const auto& [name, value] : v2x->at("vehicles").items()) vehicle.heard_vehicles[name] = heard_vehicle(value);
+        for (const auto& [name, value] : v2x->at("lights").items()) vehicle.heard_lights[name] = heard_light(value);
+    }
     return vehicle;
 }
 
