@@ -257,15 +257,14 @@ export class Builder {
       return
     }
     const name = hand.moved || this.freeName(stemOf(hand.part))
-    const next = hand.kind === 'module' && !hand.moved ? this.nextTarget(hand, name) : null
-    if (hand.moved) this.hand.value = null
-    if (!(await this.put({ [name]: hand.part }))) return
-    // the user may have taken something else meanwhile
-    if (this.hand.value !== hand) return
-    if (hand.kind === 'module' && hand.target) {
-      if (next) this.join(hand.part.module, next, hand.port)
-      else this.hand.value = null
-    }
+    const next = hand.kind === 'module' && hand.target && !hand.moved ? this.nextTarget(hand, name) : null
+    // the next piece is in hand at once, so that a second Enter does not set this one again
+    if (next && hand.kind === 'module') this.join(hand.part.module, next, hand.port)
+    else if (hand.moved || (hand.kind === 'module' && hand.target)) this.hand.value = null
+    const after = this.hand.value
+    const isSet = await this.put({ [name]: hand.part })
+    // it comes back if it was refused, unless the user has taken something else meanwhile
+    if (!isSet && !hand.moved && this.hand.value === after) this.hand.value = hand
   }
 
   /** Puts the piece in hand away; without one, forgets the selection; without that, leaves Build mode. */
