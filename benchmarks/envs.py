@@ -1,9 +1,11 @@
 """CPU time of a vector environment: environment steps a second, and what the environment adds to the batch call.
 
     uv run benchmarks/envs.py [--id NigelNavigation-v0] [--num-envs 256] [--frame-skip 1] [--threads 1] [--cars 2]
+        [--variant published]
 
 Medians of rounds, CPU time of all threads. All cars drive with random actions, each held for half a second, so that
-episodes end and start again. `--cars`: of each race of RoboRacer-v0. The batch calls (`step`, `reset`) are timed inside
+episodes end and start again. `--cars`: of each race of RoboRacer-v0. `--variant`: of NigelCrossing-v0 and
+RoboRacerDuel-v0, whose environments are cars, too. The batch calls (`step`, `reset`) are timed inside
 of the environment's, in the same run.
 """
 
@@ -17,6 +19,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium import spaces
 
 ROUNDS, TICKS, HELD = 15, 200, 50
 """Rounds, and ticks of each; ticks for which an action is held."""
@@ -37,6 +40,13 @@ class Timed:
         return result
 
 
+def random_actions(rng: np.random.Generator, space: spaces.Space[Any], shape: tuple[int, int]) -> np.ndarray:
+    """Of any kind; throttles that are not discrete are not negative."""
+    if isinstance(space, spaces.Discrete):
+        return rng.integers(int(space.n), size=shape)
+    return rng.uniform((0.0, -1.0), (1.0, 1.0), (*shape, 2)).astype(np.float32)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--id", default="NigelNavigation-v0")
@@ -44,9 +54,11 @@ def main() -> None:
     parser.add_argument("--frame-skip", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--cars", type=int)
+    parser.add_argument("--variant", choices=("published", "own"))
     options = parser.parse_args()
     settings = {"frame_skip": options.frame_skip, "threads": options.threads}
     settings |= {"cars": options.cars} if options.cars else {}
+    settings |= {"variant": options.variant} if options.variant else {}
     envs: Any = gymnasium.make_vec(f"autodrive:{options.id}", options.num_envs, **settings)
     envs.batch.step, envs.batch.reset = Timed(envs.batch.step), Timed(envs.batch.reset)
     rng = np.random.default_rng(1)
@@ -55,7 +67,7 @@ def main() -> None:
     whole, of_step, of_reset, episodes = [], [], [], 0
     for _ in range(ROUNDS):
         envs.batch.step.total = envs.batch.reset.total = 0.0
-        actions = rng.uniform((0.0, -1.0), (1.0, 1.0), (steps // held + 1, options.num_envs, 2)).astype(np.float32)
+        actions = random_actions(rng, envs.single_action_space, (steps // held + 1, options.num_envs))
         start = time.process_time()
         for k in range(steps):
             _, _, terminated, truncated, _ = envs.step(actions[k // held])

@@ -266,12 +266,6 @@ def test_a_template_is_used_and_discarded_only_after_a_question(plane: PageServe
     assert plane.simulation.undo_name == "use the map oval"
 
 
-def test_a_race_track_says_that_it_has_no_modules(race: PageServer, new_tab: NewTab) -> None:
-    tab = new_tab(size=(900, 560)).open(race.url + "?quality=low")
-    tab.click("build-button")
-    tab.wait_for_notice("This map is a race track")
-
-
 def test_a_finger_builds(plane: PageServer, new_tab: NewTab) -> None:
     tab = opened(plane, new_tab, size=(390, 844), touch=True)
     tools = tab.page.context.new_cdp_session(tab.page)

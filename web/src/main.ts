@@ -3,6 +3,9 @@ import { Actions } from './actions'
 import { listenToBuildKeys } from './building/build_keys'
 import { buildPointer } from './building/build_pointer'
 import { Builder } from './building/builder'
+import { openMapFiles } from './building/map_files'
+import { TrackBuilder } from './building/track_builder'
+import { trackPointer } from './building/track_pointer'
 import { Connection } from './connection'
 import { Driver } from './driving/driver'
 import { listenToGamepad } from './driving/gamepad'
@@ -28,12 +31,13 @@ import { menu } from './panels/menu'
 import { minimap } from './panels/minimap'
 import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
-import { saveScenario } from './panels/save_dialog'
+import { mayDiscard, saveScenario } from './panels/save_dialog'
 import { streamNote } from './panels/stream_note'
 import { savedTheme, showTheme } from './panels/theme'
 import { toolbar } from './panels/toolbar'
 import { toggleFullScreen } from './panels/tools'
 import { touch } from './panels/touch'
+import { track } from './panels/track'
 import { VehicleEvents } from './panels/vehicle_events'
 import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
@@ -59,6 +63,7 @@ followViewInLink(store)
 const programs = connectDialog(store)
 const editor = new Editor(store, actions)
 const builder = new Builder(store, actions)
+const trackBuilder = new TrackBuilder(store, actions)
 
 /** Actions of keys that are not held. */
 const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
@@ -129,8 +134,10 @@ document.body.append(
 canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
-canvas.after(buildPointer(store, builder, canvas, view))
+canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
 document.body.append(...edit(store, editor, view), ...build(store, builder, editor, view))
+document.querySelector('#build')?.append(...track(store, trackBuilder, view))
+openMapFiles(store, builder, () => mayDiscard(store, 'Another map', () => saveScenario(store, editor)))
 listenToEditKeys(store, editor, () => driver.stop())
 listenToBuildKeys(store, builder, editor, () => driver.stop())
 listenToKeyboard(driver, (action) => KEY_ACTIONS[action]?.())

@@ -69,6 +69,11 @@ export class Builder {
     return this.store.scene.value?.map_scene ?? null
   }
 
+  /** Of the map or race track. */
+  get problemCount(): number {
+    return (this.scene ?? this.store.scene.value?.track_scene)?.problems.length ?? 0
+  }
+
   /** The selected part; null if none or several are selected. */
   get part(): MapPart | null {
     return this.selected.value.length === 1 ? (this.scene?.parts[this.selected.value[0]] ?? null) : null
@@ -383,9 +388,14 @@ export class Builder {
     return this.request({ type: 'UseMap', ...map })
   }
 
+  /** The map as the text of a YAML file; null if the simulator did not answer. */
+  text(title: string): Promise<string | null> {
+    return this.actions.textOf({ type: 'SaveMap', title })
+  }
+
   /** Downloads the map as a YAML file. */
   async save(title: string, name: string): Promise<boolean> {
-    const text = await this.actions.textOf({ type: 'SaveMap', title })
+    const text = await this.text(title)
     if (text === null) return false
     saveText(`${stem(name)}.yaml`, text, 'application/yaml')
     this.store.hasUnsavedEdits.value = false

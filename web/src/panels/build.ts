@@ -29,10 +29,6 @@ export function build(store: Store, builder: Builder, editor: Editor, view: () =
     if (isBuilding) document.documentElement.style.setProperty('--edit-bar', `${buttons.offsetHeight}px`)
     document.documentElement.toggleAttribute('data-editing', store.isMapViewed)
   }
-  const warn = (): void => {
-    if (store.isBuilding.value && store.scene.value && !builder.scene)
-      store.warning.value = 'This map is a race track, which is not built of modules.'
-  }
   new ResizeObserver(show).observe(buttons)
   isPanelOpen.watch(show)
   store.isEditing.watch(show)
@@ -40,9 +36,7 @@ export function build(store: Store, builder: Builder, editor: Editor, view: () =
     show()
     if (!isBuilding) return
     store.isMenuOpen.value = false
-    warn()
   })
-  store.scene.watch(warn)
   return [buttons, details]
 }
 

@@ -9,7 +9,7 @@ import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
 import { clock } from './hud_rows'
-import { ask } from './question'
+import { mayDiscard } from './save_dialog'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
 import { tools } from './tools'
@@ -170,24 +170,8 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
 
   /** Loads another scenario; asks first if the present one has edits that are in no file. */
   async function choose(name: string): Promise<void> {
-    if (!store.hasUnsavedEdits.value || (await mayDiscard())) await load(name)
+    if (!store.hasUnsavedEdits.value || (await mayDiscard(store, 'Another scenario', save))) await load(name)
     else show()
-  }
-
-  async function mayDiscard(): Promise<boolean> {
-    const scene = store.scene.value
-    const title = scene ? scenarioTitle(scene.scenario, scene.title) : ''
-    const text = `The edits of “${title}” are not saved. Another scenario discards them.`
-    const answer = await ask(
-      'discard-dialog',
-      'Unsaved edits',
-      [h('p', {}, text)],
-      [
-        ['discard', 'Discard the edits'],
-        ['save', 'Save first…', true],
-      ],
-    )
-    return answer === 'discard' || (answer === 'save' && save())
   }
 
   async function load(name: string): Promise<void> {

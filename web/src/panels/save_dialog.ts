@@ -1,5 +1,6 @@
 // The dialog that saves the edited scenario: its title and the name of its file.
 import type { Builder } from '../building/builder'
+import { linkWith } from '../building/map_files'
 import type { Editor } from '../editing/editor'
 import { scenarioTitle } from '../scenario_title'
 import type { Store } from '../store'
@@ -19,18 +20,54 @@ export async function saveScenario(store: Store, editor: Editor): Promise<boolea
   return choice === 'save' && editor.save(title.value.trim(), name.value.trim())
 }
 
+/** Asks whether unsaved edits may be lost. */
+export async function mayDiscard(store: Store, what: string, save: () => Promise<boolean>): Promise<boolean> {
+  const scene = store.scene.value
+  const title = scene ? scenarioTitle(scene.scenario, scene.title) : ''
+  const text = `The edits of “${title}” are not saved. ${what} discards them.`
+  const choices = [
+    ['discard', 'Discard the edits'],
+    ['save', 'Save first…', true],
+  ] as const
+  const answer = await ask('discard-dialog', 'Unsaved edits', [h('p', {}, text)], choices)
+  return answer === 'discard' || (answer === 'save' && save())
+}
+
+/** Shows a link that contains the map. */
+async function showLink(text: string): Promise<boolean> {
+  const link = await linkWith(text)
+  if (link === null) {
+    await ask('link-dialog', 'Link', [h('p', {}, 'The map is too large for a link. Save it as a file.')], [])
+    return false
+  }
+  const shown = h('p', { class: 'link', testid: 'map-link' }, link)
+  const note = h(
+    'p',
+    {},
+    'Whoever opens the link with a running simulator gets the map. Replace the address before # by theirs.',
+  )
+  if ((await ask('link-dialog', 'Link with the map', [note, shown], [['copy', 'Copy', true]])) !== 'copy') return false
+  await navigator.clipboard?.writeText(link).catch(() => undefined)
+  return true
+}
+
 /** Asks for title and name, then downloads the map, or its scenario; returns whether it was saved. */
 export async function saveMap(builder: Builder, saveWithVehicles: () => Promise<boolean>): Promise<boolean> {
   const { fields, title, name } = named('My map', 'my_map')
-  const problems = builder.scene?.problems.length ?? 0
+  const problems = builder.problemCount
   const note =
     problems > 0 && h('p', {}, `${problems} problems are left. The file says that the map is a draft; it can be run.`)
   const choices = [
+    ['link', 'Link'],
     ['scenario', 'Save as scenario'],
     ['map', 'Save the map', true],
   ] as const
   const choice = await ask('save-map', 'Save the map', [...fields, note], choices)
   if (choice === 'scenario') return saveWithVehicles()
+  if (choice === 'link') {
+    const text = await builder.text(title.value.trim())
+    return text !== null && showLink(text)
+  }
   return choice === 'map' && builder.save(title.value.trim(), name.value.trim())
 }
 

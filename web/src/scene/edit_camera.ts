@@ -8,7 +8,9 @@ import { STEP } from './zoom'
 const SOUTH = 1.3
 const ABOVE = 1.9
 const NEAREST = 0.3
-const FARTHEST = 40
+const FARTHEST = 120
+/** Share of the width of the window that an area gets: the rest is for panels. */
+const SHARE = 0.42
 
 export class EditCamera {
   private readonly camera = new PerspectiveCamera(50, 16 / 9, 0.02, 1000)
@@ -53,6 +55,15 @@ export class EditCamera {
     this.camera.position.y += y - target.y
     target.x = x
     target.y = y
+  }
+
+  /** Looks at an area of the ground around a point, from the south; its width along x [m]. */
+  showArea(x: number, y: number, width: number): void {
+    const slope = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(this.camera.aspect, 16 / 9)
+    const distance = Math.min(width / (2 * SHARE * slope), 0.95 * FARTHEST)
+    const scale = distance / Math.hypot(SOUTH, ABOVE)
+    this.controls.target.set(x, y, 0)
+    this.camera.position.set(x, y - scale * SOUTH, scale * ABOVE)
   }
 
   /** Moves nearer to what it looks at by that number of clicks of the mouse wheel. */

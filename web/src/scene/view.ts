@@ -39,6 +39,8 @@ export interface SceneView {
   showPlace(x: number, y: number): void
   /** In Edit mode: moves the camera above a point of the map [m]. */
   lookAt(x: number, y: number): void
+  /** In Edit mode: shows an area around a point, with its width along x [m]. */
+  showArea(x: number, y: number, width: number): void
   /** In Edit mode: moves the camera nearer by that number of clicks. */
   zoomEdit(clicks: number): void
   /** The present image with the labels of the vehicles, as a PNG file; null if there is none. */
@@ -138,6 +140,10 @@ class View implements SceneView {
 
   lookAt(x: number, y: number): void {
     this.editCamera.moveTo(x, y)
+  }
+
+  showArea(x: number, y: number, width: number): void {
+    this.editCamera.showArea(x, y, width)
   }
 
   zoomEdit(clicks: number): void {

@@ -1,0 +1,126 @@
+// The race track in the panel of Build mode: a new or a random one, its width and barrier, its points and its faults.
+import type { TrackBuilder } from '../building/track_builder'
+import { faultsOf, faultText, lengthOf, smoothLine } from '../building/track_line'
+import type { TrackLine } from '../messages'
+import type { SceneView } from '../scene/view'
+import type { Store } from '../store'
+import { numberField } from './edit'
+import { h, setText } from './element'
+import { choice, labelled, section, setOptions } from './fields'
+
+/** The sections; those of modules are hidden while the map is a race track. */
+export function track(store: Store, builder: TrackBuilder, view: () => SceneView | null): HTMLElement[] {
+  /** Shows the whole track. */
+  const showAll = (): void => {
+    const places = builder.line?.points ?? []
+    const [x, y] = [0, 1].map((k) => places.map((point) => point[k]))
+    const [x0, x1, y0, y1] = [Math.min(...x), Math.max(...x), Math.min(...y), Math.max(...y)]
+    if (places.length > 0) view()?.showArea(0.5 * (x0 + x1), 0.5 * (y0 + y1), Math.max(x1 - x0, 1.8 * (y1 - y0)) + 3)
+  }
+  const elements = [shape(store, builder, showAll), faults(store, builder, view), start(store, builder, showAll)]
+  const show = (): void => {
+    const isTrack = builder.line !== null
+    elements[0].hidden = elements[1].hidden = !isTrack
+    elements[0].closest('.build')?.toggleAttribute('data-track', isTrack)
+  }
+  store.scene.watch(show)
+  store.isBuilding.watch(show)
+  return elements
+}
+
+function shape(store: Store, builder: TrackBuilder, showAll: () => void): HTMLElement {
+  const state = h('p', { testid: 'track-state', role: 'status' })
+  const width = numberField('track-width', {
+    ...{ step: 0.1, min: 0.2, max: 50 },
+    onchange: () => void builder.setValues({ width: Number(width.value) }).then(show),
+  })
+  const barrier = choice('track-barrier', (kind) => void builder.setValues({ barrier: kind as TrackLine['barrier'] }), {
+    'aria-label': 'Barrier',
+  })
+  setOptions(barrier, { wall: 'Wall', duct: 'Air ducts' })
+  const add = h('button', { testid: 'track-add', onclick: () => void builder.addAfter() }, 'Add a point')
+  const remove = h('button', { testid: 'track-remove', onclick: () => void builder.remove() }, 'Delete the point')
+  const here = h('button', { testid: 'track-start', onclick: () => void builder.startHere() }, 'Start line here')
+  const reverse = h('button', { testid: 'track-reverse', onclick: () => void builder.reverse() }, 'Reverse')
+  const hint =
+    'Drag a point. Click the line to add a point. Keys: N next point, arrows move it, Enter adds one, Delete removes it.'
+
+  function show(): void {
+    const { line, scene } = builder
+    if (!line) return
+    const index = builder.selected.value
+    const own = scene?.is_exact === false ? ' It has walls of its own; a change replaces them.' : ''
+    const point = index < 0 ? '' : `Point ${index + 1} of `
+    setText(
+      state,
+      `${point}${line.points.length} points, ${lengthOf(smoothLine(line.points).places).toFixed(1)} m.${own}`,
+    )
+    if (document.activeElement !== width) width.value = String(line.width)
+    barrier.value = line.barrier
+    for (const button of [remove, here]) button.disabled = index < 0
+  }
+
+  store.scene.watch(show)
+  builder.selected.watch(show)
+  builder.draft.watch(show)
+  return section(
+    'Race track',
+    state,
+    labelled('Width [m]', width),
+    labelled('Barrier', barrier),
+    h('div', { class: 'row' }, add, remove),
+    h('div', { class: 'row' }, here, reverse),
+    h('div', { class: 'row' }, h('button', { testid: 'track-all', onclick: showAll }, 'Show all')),
+    h('p', { class: 'edit-hint' }, hint),
+  )
+}
+
+/** What is wrong with the track that is shown, also while a point is dragged. */
+function faults(store: Store, builder: TrackBuilder, view: () => SceneView | null): HTMLElement {
+  const list = h('ul', { class: 'problems', testid: 'track-problems' })
+  const element = section('Problems', list)
+  const heading = element.querySelector('h2')
+
+  function show(): void {
+    const { line } = builder
+    const found = line ? faultsOf(line) : []
+    if (heading) setText(heading, found.length > 0 ? `Problems (${found.length})` : 'No problems')
+    list.replaceChildren(
+      ...found.map((fault) => {
+        const look = (): void => {
+          builder.selected.value = fault.point
+          view()?.lookAt(...fault.at)
+        }
+        const item = h('li', {}, h('span', {}, faultText(fault)), h('button', { onclick: look }, 'Show me'))
+        item.dataset.kind = fault.kind
+        return item
+      }),
+    )
+  }
+
+  store.scene.watch(show)
+  builder.draft.watch(show)
+  return element
+}
+
+function start(store: Store, builder: TrackBuilder, showAll: () => void): HTMLElement {
+  const seed = numberField('track-seed', { step: 1, min: 0, value: 1 })
+  const length = numberField('track-length', { step: 5, min: 15, max: 100, value: 60 })
+  const make = async (made: Promise<boolean>): Promise<void> => {
+    if (await made) showAll()
+  }
+  const fresh = h('button', { testid: 'track-new', onclick: () => void make(builder.start()) }, 'New track')
+  const random = async (): Promise<void> => {
+    const width = builder.line?.width ?? 1.2
+    await make(builder.generate(Number(seed.value), Number(length.value), Math.min(Math.max(width, 0.9), 3)))
+  }
+  const button = h('button', { testid: 'track-random', onclick: () => void random() }, 'Random track')
+  const element = section(
+    'New race track',
+    h('div', { class: 'row' }, fresh, button),
+    labelled('Seed', seed),
+    labelled('Length [m]', length),
+  )
+  store.scene.watch((scene) => (element.hidden = !scene || scene.timeline !== null))
+  return element
+}

@@ -1,0 +1,53 @@
+// The track that is drawn while a point is dragged: the same line and faults as in the simulator.
+import { expect, test } from 'vitest'
+import { edgesOf, faultsOf, faultText, insertedAt, lengthOf, smoothLine } from '../src/building/track_line'
+import type { Point } from '../src/editing/outline'
+import lines from './track_lines.json'
+
+const CIRCLE = Array.from({ length: 8 }, (_, i): [number, number] => {
+  return [5 * Math.cos((i * Math.PI) / 4), 5 * Math.sin((i * Math.PI) / 4)]
+})
+
+test('line and faults of random tracks are those of the simulator', () => {
+  const kinds = new Set<string>()
+  for (const { points, width, count, places, faults } of lines) {
+    const line = smoothLine(points as unknown as Point[])
+    expect(line.places.length).toBe(count)
+    places.forEach(([x, y], i) => {
+      expect(line.places[25 * i]).toEqual([expect.closeTo(x, 8), expect.closeTo(y, 8)])
+    })
+    const found = faultsOf({ points: points as [number, number][], width }, line)
+    const expected = faults as [string, number, number, number, number, number][]
+    expect(found.map(({ kind, point }) => [kind, point])).toEqual(expected.map(([kind, , , point]) => [kind, point]))
+    found.forEach(({ kind, at, value, least }, i) => {
+      const numbers = [expected[i][1], expected[i][2], expected[i][4], expected[i][5]]
+      expect([at[0], at[1], value, least]).toEqual(numbers.map((number) => expect.closeTo(number, 6)))
+      kinds.add(kind)
+    })
+  }
+  expect([...kinds].sort()).toEqual(['bend', 'narrow', 'touch'])
+})
+
+test('the line through points of a circle is a circle, and its edges are half a width away', () => {
+  const { places } = smoothLine(CIRCLE)
+  const radii = (points: Point[]): number[] => points.map(([x, y]) => Math.hypot(x, y))
+  for (const radius of radii(places)) expect(radius).toBeCloseTo(5, 1)
+  const [right, left] = edgesOf(places, 1)
+  for (const radius of radii(right)) expect(radius).toBeCloseTo(5.5, 1)
+  for (const radius of radii(left)) expect(radius).toBeCloseTo(4.5, 1)
+  expect(lengthOf(places)).toBeCloseTo(10 * Math.PI, 1)
+})
+
+test('a point is inserted between its neighbours', () => {
+  const line = smoothLine(CIRCLE)
+  const between = line.places[line.parameters.findIndex((parameter) => parameter > 2.5)]
+  expect(insertedAt(line, between)).toEqual({ index: 3, gap: 0 })
+  const last = line.places.at(-2) as Point
+  expect(insertedAt(line, last).index).toBe(8)
+})
+
+test('a fault says what is wrong and what would be right', () => {
+  const [fault] = faultsOf({ points: CIRCLE.map(([x, y]) => [x / 10, y / 10]), width: 1 })
+  expect(fault.kind).toBe('bend')
+  expect(faultText(fault)).toMatch(/radius is 0\.\d\d m; at least 0\.60 m/)
+})
