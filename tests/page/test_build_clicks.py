@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from autodrive.protocol.messages import EditMap, MapModule, MapProp, MapWall
+from autodrive.protocol.messages import EditMap, MapModule, MapProp, MapWall, Pause
 from autodrive.scenario.maps.map import Map, load_map
 from tests.page.test_build import begin, opened, parts, press, wait_for_parts
 from tests.page.test_edit import drag, on_screen
@@ -72,6 +72,7 @@ def difference(built: Map, shipped: shapely.Geometry) -> float:
 
 def test_a_figure_eight_is_built_from_an_empty_plane_with_few_clicks(plane: PageServer, new_tab: NewTab) -> None:
     tab = opened(plane, new_tab, size=(1280, 800))
+    plane.request(Pause())  # edits then follow each other at once
     tab.page.evaluate(COUNT_CLICKS)
     tab.click("piece-four_way_intersection")
     set_there(tab, 0.0, 0.0)
