@@ -129,6 +129,13 @@ def test_the_traffic_lights_of_the_document_are_set_and_follow_its_program(tmp_p
     assert [(one.state.name, one.time_to_change) for one in lights] == [("RED", 4.0), ("GREEN", 1.0)] * 2
 
 
+def test_the_traffic_of_the_document_drives(tmp_path: Path) -> None:
+    assert len(run("traffic.md")["others"]) == 12
+    (tmp_path / "town.yaml").write_text(examples("traffic.md")[0])
+    world = autodrive.make(tmp_path / "town.yaml")
+    assert world.vehicle_names == ["V1", *(f"traffic_{k}" for k in range(1, 13))]
+
+
 def test_the_radio_of_the_document_is_heard(tmp_path: Path) -> None:
     assert run("v2x.md")["car"].position[0] == pytest.approx(-2.5, abs=0.01)
     (tmp_path / "radio.yaml").write_text(examples("v2x.md")[0])

@@ -46,6 +46,7 @@ RUN_BY = {
     "scenarios.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "tracks.md": {"python": "tests/scenario/tracks/test_document.py", "yaml": "tests/scenario/tracks/test_document.py"},
     "drawing.md": {"python": "tests/test_docs.py"},
+    "traffic.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "traffic_lights.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "v2x.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},
     "weather.md": {"python": "tests/test_docs.py", "yaml": "tests/test_docs.py"},

@@ -762,6 +762,7 @@ export interface VehicleScene {
   speed_limit: number
   sensor_noise: Record<string, number>
   size: [number, number, number]
+  is_traffic: boolean
   sensors: Record<string, SensorScene>
 }
 
@@ -1182,7 +1183,8 @@ export interface V2xReading {
  * None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
  * empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
  * `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`. `v2x`: what it has
- * heard by radio; None without a channel in the scenario.
+ * heard by radio; None without a channel in the scenario. `is_traffic`: it
+ * is one of the cars of `ScenarioSpec.traffic`, which drive themselves.
  */
 export interface VehicleFrame {
   pose: Pose
@@ -1203,6 +1205,7 @@ export interface VehicleFrame {
   race: RaceState | null
   own: Record<string, OwnReading>
   v2x: V2xReading | null
+  is_traffic: boolean
 }
 
 /**

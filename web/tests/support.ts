@@ -131,7 +131,7 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
   const vehicle = {
     ...{ type: 'nigel', model: 'scene/nigel.glb', half_length: 0.14, steering_limit: 0.5, lamps: {} },
     ...{ cameras: ['front', 'rear'], lidar: pose(), wheelbase: 0.14, wheel_radius: 0.03, speed_limit: 0.26 },
-    ...{ sensor_noise: {}, size: [0.28, 0.2, 0.2] as [number, number, number] },
+    ...{ sensor_noise: {}, size: [0.28, 0.2, 0.2] as [number, number, number], is_traffic: false },
     sensors: {
       lidar: {
         is_on: true,
@@ -197,6 +197,7 @@ export function vehicleOf(values: Partial<VehicleFrame> = {}): VehicleFrame {
       race: null,
       own: {},
       v2x: null,
+      is_traffic: false,
       ...values,
     },
   }

@@ -70,7 +70,8 @@ def use() -> None:
         },
         v2x=V2xSpec(jitter=0.01, position_noise=0.01),
     )
-    for scenario in (noisy, "tiny_town", "practice"):  # tiny_town: stop lines; practice: a race
+    traffic = autodrive.ScenarioSpec(map="oval", vehicles={"V1": {"y": 1.15}}, traffic={"cars": 2})
+    for scenario in (noisy, "tiny_town", traffic, "practice"):  # tiny_town: stop lines; practice: a race
         world = autodrive.make(scenario)
         for _ in range(50):  # in half a second each sensor samples
             world.step({})

@@ -438,6 +438,7 @@ CHANNELS: tuple[Channel, ...] = (
             hud=HudRow("mode", "Driving Mode", "Manual: a person drives. Autonomous: a script drives", "mode"),
         ),
     ),
+    _channel(Signal("is_traffic", "whether it is one of the cars of the traffic, which drive themselves")),
     _channel(
         Signal(
             "collision_count",

@@ -81,16 +81,18 @@ def telemetry(
 ) -> dict[str, str]:
     """Telemetry message of all vehicles (2020: the first vehicle only), with the key order of the original.
 
+    The cars of the traffic are left out.
+
     Vehicle i of the frame is 'V<i+1>'. 'TL<n>' is traffic light n of the map; `traffic_lights` holds states by number
     from 1 of those that the map does not have, missing ones are 0 (disabled).
     A camera without an image in `images` is sent as a black image of its size in `image_sizes`: scripts read the image
     keys of all cameras of their profile. A vehicle without a LIDAR sends a scan without returns.
     """
-    vehicles = frame.vehicles.items()
+    vehicles = [(name, vehicle) for name, vehicle in frame.vehicles.items() if not vehicle.is_traffic]
     if not profile.is_prefixed:
         return {
             key: text
-            for name, vehicle in list(vehicles)[:1]
+            for name, vehicle in vehicles[:1]
             for key, text in _vehicle_telemetry(name, vehicle, profile, images, image_sizes)
         }
     shown = {**(traffic_lights or {}), **{n: light.state for n, light in enumerate(frame.traffic_lights.values(), 1)}}

@@ -740,7 +740,8 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     None without such a sensor. `cameras` holds the latest image of each camera by its name ('front', 'rear'); it is
     empty if cameras are off and before the first image, see `Images`. `race`: laps and times; None without a race.
     `own` holds the latest reading of each sensor of the user by its name, see `World.add_sensor`. `v2x`: what it has
-    heard by radio; None without a channel in the scenario.
+    heard by radio; None without a channel in the scenario. `is_traffic`: it
+    is one of the cars of `ScenarioSpec.traffic`, which drive themselves.
     """
 
     pose: Pose
@@ -761,6 +762,7 @@ class VehicleFrame(Displayed, frozen=True, gc=False):
     race: RaceState | None = None
     own: dict[str, OwnReading] = msgspec.field(default_factory=dict)
     v2x: V2xReading | None = None
+    is_traffic: bool = False
 
     @property
     def speed(self) -> float:

@@ -199,6 +199,8 @@ class VehicleScene(msgspec.Struct, frozen=True):
     'imu_orientation' [rad], 'imu_angular_velocity' [rad/s], 'imu_linear_acceleration' [m/s^2]; 0: exact."""
     size: Vector = (0.0, 0.0, 0.0)
     """Overall length, width, height [m]; the middle is half the wheelbase ahead of the origin."""
+    is_traffic: bool = False
+    """See `VehicleFrame`."""
     sensors: dict[str, SensorScene] = {}
     """Sensors and cameras, also those that are off, by name."""
 

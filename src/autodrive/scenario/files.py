@@ -54,6 +54,7 @@ def described(
         map_, lines = read_map(scenario.map, known=known.specs.map.modules if known else {})
     lines |= {("scenario", *key): line for key, line in source.lines.items()} if source else {}
     types = dict.fromkeys(one.type for one in scenario.vehicles.values())
+    types |= {scenario.traffic.type: None} if scenario.traffic.cars else {}
     race = scenario.race or (RaceSpec() if isinstance(map_.found, TrackSpec) else None)
     specs = Specs(
         scenario,
@@ -156,6 +157,7 @@ def scenario_text(spec: ScenarioSpec) -> str:
     vehicles = {
         name: {"type": one.type, "x": one.x, "y": one.y} | one.model_dump(mode="json", exclude_defaults=True)
         for name, one in spec.vehicles.items()
+        if name not in spec.traffic.names
     }
     tree = {"title": spec.title, "map": None, "vehicles": {}} | spec.model_dump(mode="json", exclude_defaults=True)
     tree |= {"map": spec.model_dump(mode="json", include={"map"})["map"], "vehicles": vehicles}
@@ -247,7 +249,10 @@ def _renamed(scenario: ScenarioSpec, there: Callable[[str, str], str]) -> Scenar
     if race is not None:
         names = {"rules": there("ruleset", race.rules), "track": race.track and there("track", race.track)}
         race = race.model_copy(update=names)
-    scenario = scenario.model_copy(update={"vehicles": vehicles, "race": race})
+    traffic = scenario.traffic
+    if traffic.cars:
+        traffic = traffic.model_copy(update={"type": there("vehicle", traffic.type)})
+    scenario = scenario.model_copy(update={"vehicles": vehicles, "race": race, "traffic": traffic})
     if isinstance(scenario.map, str):
         return scenario.model_copy(update={"map": there("map", scenario.map)})
     if isinstance(scenario.map, TrackSpec):

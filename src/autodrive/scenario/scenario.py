@@ -119,6 +119,22 @@ class RaceSpec(Spec):
     """Laps that count, instead of those of the rules."""
 
 
+class TrafficSpec(Spec):
+    """Cars that drive themselves on the lanes of the map: they keep distance, obey lights and signs, and give way."""
+
+    cars: int = Field(default=0, ge=0, le=50)
+    """How many; their names are traffic_1, traffic_2, ..."""
+    type: str = "nigel"
+    """Name or file of the VehicleSpec; its throttle sets a speed."""
+    speed: float = Field(default=0.4, ge=0.05, le=10.0)
+    """At which the fastest drivers like to drive [m/s], at most the top speed of the vehicle; the slowest: 85 %."""
+
+    @property
+    def names(self) -> list[str]:
+        """Of the cars."""
+        return [f"traffic_{k}" for k in range(1, self.cars + 1)]
+
+
 def is_track(tree: Any) -> bool:
     """Whether the values of a map's file are those of a track."""
     return isinstance(tree, dict) and bool({"centre_line", "points"} & tree.keys())
@@ -196,6 +212,8 @@ class ScenarioSpec(Spec):
         default_factory=dict
     )
     """Programs of traffic lights by name, in addition to those of the map; None: without that of the map."""
+    traffic: TrafficSpec = TrafficSpec()
+    """Cars that drive themselves; none by default."""
     weather: WeatherSpec = WeatherSpec()
     """Weather and ground at the start: amounts, or a name such as heavy_rain."""
     v2x: V2xSpec | None = None
@@ -219,6 +237,13 @@ class ScenarioSpec(Spec):
             place = "tick" if "tick" in self.model_fields_set else "substep"
             text = f"tick {self.tick} s must be a whole number of substeps of {self.substep} s"
             raise RuleError([((place,), text)])
+        return self
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> ScenarioSpec:
+        if (count := len({*self.vehicles, *self.traffic.names})) > MAX_VEHICLES:
+            text = f"{count} vehicles with those of the traffic; at most {MAX_VEHICLES} are possible"
+            raise RuleError([(("traffic", "cars"), text)])
         return self
 
     @field_validator("vehicles")

@@ -41,6 +41,7 @@ from autodrive.scenario.vehicles.spec import VehicleSpec
 from autodrive.scenario.vehicles.stability import is_stable, longest_substep
 from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings
 from autodrive.world.racing import Race
+from autodrive.world.traffic.start import with_traffic
 
 
 @dataclass(frozen=True)
@@ -89,8 +90,11 @@ def compile_specs(specs: Specs) -> CompiledScenario:
     if map_ is None:
         raise SpecProblems(problems)
     spec = on_grid(spec, map_)
+    if spec.traffic.cars:
+        spec, wrong_traffic = _add_traffic(specs, spec, map_, vehicles)
+        problems += wrong_traffic
     configured, wrong_sensors = _configured(spec, vehicles)
-    own_sensors, wrong_own_sensors = _own_sensors(specs, configured)
+    own_sensors, wrong_own_sensors = _own_sensors(specs, spec, configured)
     boxes, unknown_boxes = _boxes(spec, map_)
     race, wrong_race = _race(specs, map_)
     twice = _names_used_twice(spec, map_, boxes)
@@ -319,6 +323,22 @@ def _load(specs: Specs) -> tuple[Map | None, dict[str, VehicleSpec], list[Proble
     return map_, vehicles, problems, problems_of_draft(specs.map, found)
 
 
+def _add_traffic(
+    specs: Specs, spec: ScenarioSpec, map_: Map, vehicles: dict[str, VehicleSpec]
+) -> tuple[ScenarioSpec, list[Problem]]:
+    """The scenario with the vehicles of its traffic, which are added to `vehicles`, and problems."""
+    try:
+        vehicle = specs.vehicles[spec.traffic.type].spec
+    except SpecError as error:
+        path = f"  ({error.path})" if error.path else ""
+        return spec, [(_at("traffic", "type"), f": {text}{path}") for text in error.errors]
+    for name in spec.traffic.names:
+        vehicles.pop(name, None)
+    spec, problems = with_traffic(spec, map_, vehicle)
+    vehicles |= dict.fromkeys([] if problems else spec.traffic.names, vehicle)
+    return spec, problems
+
+
 def _unstable_vehicles(vehicles: dict[str, VehicleSpec], spec: ScenarioSpec) -> list[Problem]:
     """A problem for each vehicle whose springs and dampers are not stable with the substep of the scenario."""
     return [
@@ -394,13 +414,13 @@ def _configured(
 
 
 def _own_sensors(
-    specs: Specs, configured: Mapping[str, Mapping[str, object]]
+    specs: Specs, spec: ScenarioSpec, configured: Mapping[str, Mapping[str, object]]
 ) -> tuple[dict[tuple[str, str], Any], list[Problem]]:
     """The sensors of the user by vehicle and name, and problems."""
     problems: list[Problem] = []
     sensors: dict[tuple[str, str], Any] = {}
     for vehicle, known in configured.items():
-        for name, reference in specs.scenario.vehicles[vehicle].own_sensors.items():
+        for name, reference in spec.vehicles[vehicle].own_sensors.items():
             kind = specs.own_sensors[reference]
             try:
                 if not isinstance(kind, str):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,10 +33,14 @@ class VehicleControls:
 class Controls:
     """The controls of all vehicles of a world."""
 
-    def __init__(self, is_autonomous: Mapping[str, bool], timeout: int) -> None:
-        """`is_autonomous`: driving mode of each vehicle after a reset; `timeout` of a command [ticks]."""
+    def __init__(self, is_autonomous: Mapping[str, bool], timeout: int, *, traffic: Collection[str] = ()) -> None:
+        """`is_autonomous`: driving mode of each vehicle after a reset; `timeout` of a command [ticks].
+
+        `traffic`: names of the vehicles that drive themselves.
+        """
         self._is_autonomous = dict(is_autonomous)
         self._timeout = timeout
+        self._traffic = frozenset(traffic)
         self.throttle = np.zeros(len(self._is_autonomous))
         """What the vehicles obey in this tick, shape (n_vehicle,); see `update`."""
         self.steering = np.zeros(len(self._is_autonomous))
@@ -56,9 +60,16 @@ class Controls:
             raise CommandError(f"vehicle '{vehicle}' is not in this world. {suggest(str(vehicle), self.names)}")
         return number
 
+    def check_obeys(self, *vehicles: str) -> None:
+        """Raises `CommandError` if one of them belongs to the traffic."""
+        if not self._traffic.isdisjoint(vehicles):
+            name = next(one for one in vehicles if one in self._traffic)
+            raise drives_itself(name, [one for one in self.names if one not in self._traffic])
+
     def accept(self, commands: Mapping[str, Command], tick: int) -> None:
         """Take commands at that tick. Raises `CommandError` if one of them is wrong, and takes none of them then."""
         check_commands(commands)
+        self.check_obeys(*commands)
         obeying = [(self.vehicles[self.index(name)], command) for name, command in commands.items()]
         for controls, command in obeying:
             controls.command, controls.since = command, tick
@@ -82,6 +93,11 @@ class Controls:
     def restore(self, saved: Sequence[VehicleControls]) -> None:
         """Go back to the state of `save`."""
         self.vehicles = [replace(controls) for controls in saved]
+
+
+def drives_itself(vehicle: str, others: Sequence[str]) -> CommandError:
+    """The error of who commands a vehicle of the traffic; `others` obey commands."""
+    return CommandError(f"vehicle '{vehicle}' belongs to the traffic and drives itself; command {', '.join(others)}")
 
 
 def _clamped(value: float) -> float:

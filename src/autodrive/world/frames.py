@@ -49,6 +49,8 @@ class FrameBuilder:
         self._blink_ticks = [
             (name, vehicle.lights.blink_period, compiled.spec.tick) for name, vehicle in compiled.vehicles.items()
         ]
+        traffic = set(compiled.spec.traffic.names)
+        self._is_traffic = [name in traffic for name in compiled.vehicles]
         self._lights: list[tuple[object, Lights | None]] = [(None, None) for _ in compiled.vehicles]
         """The latest lights of each vehicle, and what they depend on: they seldom change."""
 
@@ -117,6 +119,7 @@ class FrameBuilder:
             collision_count=collision_count,
             race=race,
             own=self._own_sensors.readings(i) if self._own_sensors.placed else {},
+            is_traffic=self._is_traffic[i],
             **self._sensors.readings(i),
         )
 

@@ -55,10 +55,7 @@ class SceneFiles:
             tick=world.tick_duration,
             model=files.url("map", world.map, is_kept=not world.specs.map.is_draft),
             plan=files.plan(world.map),
-            vehicles={
-                name: _vehicle(spec, world.spec.vehicles[name].type, world.sensors[name], files)
-                for name, spec in world.vehicle_specs.items()
-            },
+            vehicles={name: _vehicle(name, spec, world, files) for name, spec in world.vehicle_specs.items()},
             objects={name: files.add(*box_file(box.size)) for name, box in world.boxes.items()},
             light_table=light_table(),
             scene_cameras=scene_cameras(),
@@ -98,10 +95,11 @@ def box_file(size: tuple[float, float, float]) -> tuple[str, bytes]:
     return store.file("box", size)
 
 
-def _vehicle(spec: VehicleSpec, type_: str, sensors: dict[str, ConfiguredSensor], files: _Files) -> VehicleScene:
+def _vehicle(name: str, spec: VehicleSpec, world: World, files: _Files) -> VehicleScene:
+    sensors = world.sensors[name]
     lidar = spec.sensors.lidar if "lidar" in sensors and sensors["lidar"].is_on else None
     return VehicleScene(
-        type=type_,
+        type=world.spec.vehicles[name].type,
         model=files.url("vehicle", spec),
         half_length=0.5 * max(spec.size),
         steering_limit=spec.steering.limit,
@@ -114,6 +112,7 @@ def _vehicle(spec: VehicleSpec, type_: str, sensors: dict[str, ConfiguredSensor]
         sensor_noise=_noise({name: sensor.spec for name, sensor in sensors.items()}),
         size=spec.size,
         sensors={name: _sensor(sensor) for name, sensor in sensors.items()},
+        is_traffic=name in world.spec.traffic.names,
     )
 
 

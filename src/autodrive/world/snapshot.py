@@ -36,6 +36,7 @@ class Snapshot(NamedTuple):
     own_sensors: Any
     cameras: Any
     controls: Sequence[VehicleControls]
+    traffic: Any
     light: SceneLight
     weather: ChangingWeather
     held: dict[str, tuple[float, ...]]
@@ -47,6 +48,8 @@ def identity(c: CompiledScenario, wheels: Table) -> str:
     tables = c.model.vehicles.tolist(), wheels.tolist()
     parts = c.engine.identity, c.spec.tick, c.spec.command_timeout, c.configured, tables, c.sensors.noise_factors
     race = c.race.identity if c.race else ""
+    if c.spec.traffic.cars:
+        parts = *parts, c.spec.traffic, [lane.points.tolist() for lane in c.map.lane_graph.lanes]
     if c.map.traffic_lights:
         parts = *parts, all_programs(c.map.light_programs, c.spec.light_programs), c.map.traffic_lights
     if c.spec.v2x is not None:

@@ -61,6 +61,7 @@ from autodrive.world.poses import Poses
 from autodrive.world.racing import Move
 from autodrive.world.referee import Referee
 from autodrive.world.snapshot import Snapshot, check_snapshot, identity
+from autodrive.world.traffic.traffic import Traffic
 from autodrive.world.traffic_lights import StopLineReferee, TrafficLights
 from autodrive.world.v2x import V2xChannel
 
@@ -128,6 +129,7 @@ class World(OneThread):
         self._tick_ratio = tick.numerator, tick.denominator
         self._controls = Controls(
             {name: placement.is_autonomous for name, placement in compiled.spec.vehicles.items()},
+            traffic=compiled.spec.traffic.names,
             timeout=math.floor(Fraction(str(compiled.spec.command_timeout)) / tick),
         )
         self.race = compiled.race
@@ -140,6 +142,12 @@ class World(OneThread):
         lengths = [(one.front, one.size[0]) for one in compiled.vehicles.values()]
         lines = compiled.map.stop_lines
         self._stop_lines = StopLineReferee(self.vehicle_names, lengths, lines) if lines else None
+        self.traffic = None
+        """The drivers of the traffic; None without any."""
+        if compiled.spec.traffic.cars:
+            c = compiled
+            boxes = [(c.objects[name], box.size) for name, box in self.boxes.items()]
+            self.traffic = Traffic(c.spec, c.map, c.vehicles, boxes, c.model, c.state)
         self._v2x = _channel(compiled)
         self._frames = FrameBuilder(compiled)
         self._poses = Poses(compiled, self._controls)
@@ -196,6 +204,8 @@ class World(OneThread):
         if commands is not None:
             controls.accept(commands, self._tick)
         controls.update(self._tick)
+        if self.traffic is not None:
+            self.traffic.drive(self._tick, self._lights_now(), controls.throttle, controls.steering)
         if race is not None:
             race.restrain(self.time, controls.throttle)
         if self._follows_weather and self._tick % self._weather_ticks == 0:
@@ -236,6 +246,8 @@ class World(OneThread):
         if seed is not None:
             check_seed(seed)
         on_ground = {} if poses is None else self._start_poses(poses)
+        if self.traffic is not None:
+            on_ground = self._traffic_starts(self._seed if seed is None else int(seed), on_ground) | on_ground
         start = self._poses.start(self._start, on_ground) if on_ground else self._start
         if seed is not None:
             self._seed = int(seed)
@@ -251,6 +263,8 @@ class World(OneThread):
         self._tick = 0
         self.drawings = {}
         self._controls.reset()
+        if self.traffic is not None:
+            self.traffic.reset(self._seed)
         self._light = SceneLight(self.spec.scene_light, self.spec.time_of_day)
         self._poses.held = {}
         self._referee.reset()
@@ -301,6 +315,18 @@ class World(OneThread):
             if not isinstance(pose, Sequence | np.ndarray) or isinstance(pose, str) or len(pose) != 3:
                 raise CommandError(f"the pose of '{name}' must be x, y [m] and yaw [rad], not {reprlib.repr(pose)}")
         return {name: self._on_ground(name, *pose) for name, pose in poses.items()}
+
+    def _traffic_starts(self, seed: int, placed: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Where the traffic starts with that seed, away from other vehicles and objects; `placed`: those elsewhere."""
+        assert self.traffic is not None
+        others: list[tuple[float, float]] = []
+        for name in (*self.vehicle_names, *self.boxes):
+            if name not in self.traffic.names:
+                qpos = self.compiled.engine.body(name)[1]
+                x, y = placed.get(name, self._start[qpos : qpos + 2])[:2]
+                others.append((float(x), float(y)))
+        starts = self.traffic.start_poses(seed, others)
+        return {name: self._on_ground(name, *pose) for name, pose in starts.items()}
 
     def _on_ground(self, name: str, x: float, y: float, yaw: float) -> Floats:
         """The pose of a vehicle or an object on the ground. Raises `CommandError`."""
@@ -385,6 +411,8 @@ class World(OneThread):
         self._weather = before._weather
         self.drawings = before.drawings
         self._controls.restore(before._controls.save())
+        if self.traffic is not None and before.traffic is not None:
+            self.traffic.continue_from(before.traffic)
         self._referee.restore(before._referee.save())
         self._traffic_lights.restore(before._traffic_lights.set_states)
         if self._stop_lines is not None and self.map.stop_lines == before.map.stop_lines:
@@ -427,6 +455,7 @@ class World(OneThread):
     def set_driving_mode(self, vehicle: str, is_autonomous: bool) -> None:
         """Let a script (True) or a person (False) drive; the World itself obeys all commands given to `step`."""
         check_flag(is_autonomous, f"the driving mode of vehicle '{vehicle}'")
+        self._controls.check_obeys(vehicle)
         self._controls.vehicles[self._controls.index(vehicle)].is_autonomous = bool(is_autonomous)
         self._tell(lambda: SetDrivingMode(vehicle, bool(is_autonomous)))
         self._show()
@@ -563,6 +592,7 @@ class World(OneThread):
             own_sensors=c.own_sensors.save(),
             cameras=self._cameras and self._cameras.save(),
             controls=self._controls.save(),
+            traffic=self.traffic and self.traffic.save(),
             light=self._light,
             weather=self._weather,
             held=dict(self._poses.held),
@@ -603,6 +633,8 @@ class World(OneThread):
         if self._cameras is not None:
             self._cameras.restore(saved.cameras)
         self._controls.restore(saved.controls)
+        if self.traffic is not None:
+            self.traffic.restore(saved.traffic)
         self._light, self._poses.held = saved.light, dict(saved.held)
         self._weather = saved.weather
         self._apply_weather()

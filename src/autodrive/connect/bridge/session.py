@@ -186,7 +186,7 @@ class Session:
         self._metrics.counters.commands_received += 1
         if self._detection.observe(data):
             self._note_detection()
-        vehicles = self._simulation.frame.vehicles
+        vehicles = {name: one for name, one in self._simulation.frame.vehicles.items() if not one.is_traffic}
         previous = {name: self._commands.get(name, Command()) for name in vehicles}
         message = devkit.read_commands(data, self._detection.profile or PROFILES["2025"], previous)
         self._traffic_lights.update(message.traffic_lights)

@@ -225,7 +225,7 @@ class Bridge:
         if self._node.has_subscribers(CLOCK):
             self._node.publish(Message(CLOCK.type, {"clock": Time.of(frame.time)}), CLOCK)
         for event in frame.events:
-            if isinstance(event, Collision):
+            if isinstance(event, Collision) and event.vehicle in self._vehicles:
                 stamp = Time.of(event.time)
                 self._vehicles[event.vehicle].publish_collision(stamp, event.other, event.impulse, event.position)
         self._pending = update
@@ -239,6 +239,8 @@ class Bridge:
         stamp = Time.of(update.frame.time)
         moving: list[Transform] = []
         for name, reading in update.frame.vehicles.items():
+            if reading.is_traffic:
+                continue
             vehicle = self._vehicles[name]
             vehicle.publish(stamp, reading)
             moving += vehicle.transforms(reading)

@@ -85,7 +85,7 @@ class DirectSource:
 
 
 def vehicle_infos(scene: Scene) -> dict[str, VehicleInfo]:
-    """The vehicles of a Scene, by name."""
+    """The vehicles of a Scene without those of the traffic, by name."""
     return {
         name: VehicleInfo(
             number,
@@ -98,6 +98,7 @@ def vehicle_infos(scene: Scene) -> dict[str, VehicleInfo]:
             one.sensor_noise,
         )
         for number, (name, one) in enumerate(scene.vehicles.items(), start=1)
+        if not one.is_traffic  # they come last
     }
 
 

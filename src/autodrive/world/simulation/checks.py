@@ -19,6 +19,7 @@ from autodrive.protocol.messages import (
     Step,
     Teleport,
 )
+from autodrive.world.controls import drives_itself
 
 
 def check_request(request: Operation, frame: Frame, *, error: str, can_load: bool) -> None:
@@ -43,12 +44,12 @@ def check_request(request: Operation, frame: Frame, *, error: str, can_load: boo
             if ticks < 1:
                 raise CommandError(f"a Step runs 1 tick or more, not {ticks}")
             for vehicle in commands:
-                check_vehicle(vehicle, frame)
+                check_driven(vehicle, frame)
             check_commands(commands)
         case LoadScenario() if not can_load:
             raise CommandError("this Simulation was made for one World and loads no other scenario")
         case SetDrivingMode(vehicle=vehicle) | Retire(vehicle=vehicle):
-            check_vehicle(vehicle, frame)
+            check_driven(vehicle, frame)
         case Teleport(vehicle=vehicle, x=x, y=y, yaw=yaw):
             if vehicle not in frame.objects:
                 check_vehicle(vehicle, frame)
@@ -63,6 +64,13 @@ def check_vehicle(vehicle: str, frame: Frame) -> None:
     """Raises `CommandError` if there is no vehicle of that name."""
     if not isinstance(vehicle, str) or vehicle not in frame.vehicles:
         raise CommandError(f"vehicle '{vehicle}' is not known. {suggest(str(vehicle), list(frame.vehicles))}")
+
+
+def check_driven(vehicle: str, frame: Frame) -> None:
+    """Raises `CommandError` if there is no vehicle of that name that obeys commands."""
+    check_vehicle(vehicle, frame)
+    if frame.vehicles[vehicle].is_traffic:
+        raise drives_itself(vehicle, [name for name, one in frame.vehicles.items() if not one.is_traffic])
 
 
 def check_world(world: object, user: str) -> None:

@@ -49,7 +49,7 @@ from autodrive.protocol.messages import (
 from autodrive.protocol.native import Source
 from autodrive.world.editing.editor import Editor
 from autodrive.world.observer import Observer
-from autodrive.world.simulation.checks import check_request, check_speed, check_vehicle, check_world
+from autodrive.world.simulation.checks import check_driven, check_request, check_speed, check_world
 from autodrive.world.simulation.paced import Paced
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ class Simulation(Paced):
 
         The vehicle obeys it only if its driving mode selects this source at that tick.
         """
-        check_vehicle(vehicle, self._frame)
+        check_driven(vehicle, self._frame)
         check_commands({vehicle: command})
         if source not in SOURCES:
             raise CommandError(f"the source of a command must be 'person' or 'script', not {source!r}")

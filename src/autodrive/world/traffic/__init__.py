@@ -1,0 +1,1 @@
+"""Traffic: cars that drive themselves on the lanes of the map."""

@@ -1,0 +1,144 @@
+"""The drivers of the traffic of a world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from autodrive.base.arrays import Floats
+from autodrive.base.jit import resolved
+from autodrive.physics.model import Model
+from autodrive.physics.sensors.random_stream import new_stream
+from autodrive.physics.sensors.sensor import random_generator
+from autodrive.physics.state import State
+from autodrive.protocol.messages import TrafficLightFrame
+from autodrive.scenario import ScenarioSpec
+from autodrive.scenario.maps.map import Map
+from autodrive.scenario.maps.roads import roads
+from autodrive.scenario.vehicles.spec import VehicleSpec
+from autodrive.world.traffic.drive import NONE, ROUTE, UNREGULATED, Bodies, Drivers, Plan, Seen, drive
+from autodrive.world.traffic.start import clearance, reach, start_poses
+
+SLOWEST = 0.85
+"""Each driver likes to drive at a speed from this share of that of the scenario to all of it."""
+
+
+class Traffic:
+    """The drivers of the traffic of a world."""
+
+    def __init__(
+        self,
+        spec: ScenarioSpec,
+        map_: Map,
+        vehicles: Mapping[str, VehicleSpec],
+        boxes: Sequence[tuple[int, tuple[float, float, float]]],
+        model: Model,
+        state: State,
+    ) -> None:
+        """`vehicles`: all of the world, in the order of the rows of `model` and `state`.
+
+        `boxes`: where the pose of each box is in `State.qpos`, and its size [m].
+        """
+        self.names = spec.traffic.names
+        self._vehicle = vehicles[self.names[0]]
+        self.roads = roads(map_, clearance(self._vehicle))
+        self._lights = dict.fromkeys(map_.traffic_lights, UNREGULATED)
+        self._tick = spec.tick
+        self._speed = spec.traffic.speed
+        n, order = len(self.names), list(vehicles)
+        rows = [order.index(name) for name in self.names]
+        top = [model.vehicles[i]["drive_speed_limit"] * one.wheels.radius for i, one in enumerate(vehicles.values())]
+        self.bodies = Bodies(
+            row=np.array(rows, np.int64),
+            driver=np.array([self.names.index(one) if one in self.names else NONE for one in order], np.int64),
+            front=np.array([reach(one)[0] for one in vehicles.values()]),
+            rear=np.array([reach(one)[1] for one in vehicles.values()]),
+            half_width=np.array([one.size[1] / 2.0 for one in vehicles.values()]),
+            wheelbase=np.array([one.wheelbase for one in vehicles.values()]),
+            steering_limit=np.array(model.vehicles["steering_limit"]),
+            box=np.array([at for at, _ in boxes], np.int64),
+            box_radius=np.array([0.5 * math.hypot(*size[:2]) for _, size in boxes]),
+            top_speed=np.array(top),
+        )
+        self.drivers = Drivers(
+            link=np.full(n, NONE, np.int64),
+            at=np.zeros(n),
+            route=np.full((n, ROUTE), NONE, np.int64),
+            behind=np.full(n, NONE, np.int64),
+            granted=np.full(n, NONE, np.int64),
+            has_stopped=np.zeros(n, np.int64),
+            asked=np.full(n, NONE, np.int64),
+            speed=np.zeros(n),
+            desired=np.ones(n),
+            stream=np.zeros((n, 3), np.uint64),
+        )
+        self._plan = Plan(
+            gate=np.zeros(n, np.int64),
+            exit=np.zeros(n, np.int64),
+            distance=np.zeros(n),
+            is_ready=np.zeros(n, np.int64),
+            is_claimed=np.zeros(n, np.int64),
+            gap=np.zeros(n),
+            leader=np.zeros(n, np.int64),
+            leader_speed=np.zeros(n),
+            order=np.zeros(n, np.int64),
+        )
+        self._seen = Seen(state.qpos, state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity)
+        self._drive: Any = None
+
+    def start_poses(self, seed: int, others: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float, float]]:
+        """Where they start with that seed: x, y [m] and heading [rad] by name; away from the points `others` [m]."""
+        starts = start_poses(self.roads, self._vehicle, len(self.names), seed, others)
+        return dict(zip(self.names, starts, strict=False))
+
+    def reset(self, seed: int) -> None:
+        """Let the drivers begin anew, with the random numbers of that seed."""
+        d = self.drivers
+        for column in (d.link, d.route, d.behind, d.granted, d.asked):
+            column[:] = NONE
+        for column in (d.at, d.speed, d.has_stopped):
+            column[:] = 0
+        for i, name in enumerate(self.names):
+            rng = random_generator(seed, name, "route")
+            share = SLOWEST + (1.0 - SLOWEST) * rng.random()
+            d.desired[i] = share * min(self._speed, float(self.bodies.top_speed[self.bodies.row[i]]))
+            d.stream[i] = new_stream(rng)
+
+    def save(self) -> Any:
+        """Everything that the future depends on, for `restore`."""
+        return [column.copy() for column in self.drivers]
+
+    def restore(self, saved: Any) -> None:
+        """Go back to the state of `save`."""
+        for column, kept in zip(self.drivers, saved, strict=True):
+            column[:] = kept
+
+    def continue_from(self, before: Traffic) -> None:
+        """Go on from the traffic of a world whose map may differ: each driver looks for its place on the roads."""
+        if all(map(np.array_equal, self.roads, before.roads)):
+            self.restore(before.save())
+        else:
+            for name in ("speed", "desired", "stream"):
+                getattr(self.drivers, name)[:] = getattr(before.drivers, name)
+
+    def drive(self, tick: int, lights: Mapping[str, TrafficLightFrame], throttle: Floats, steering: Floats) -> None:
+        """Write what the vehicles of the traffic obey in this tick, shape (n_vehicle,)."""
+        shown = self._lights | {name: int(one.state) for name, one in lights.items() if one.mode in ("program", "set")}
+        arguments = (
+            self.roads,
+            self.bodies,
+            self.drivers,
+            self._plan,
+            self._seen,
+            np.array([*shown.values()], np.int64),
+            tick,
+            self._tick,
+            throttle,
+            steering,
+        )
+        if self._drive is None:
+            self._drive = resolved(drive, *arguments)
+        self._drive(*arguments)
