@@ -219,6 +219,7 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
         },
         "seen": {"block": None},
     },
+    {"type": "CloseLoop", "part": "road", "port": "west", "other": "road", "other_port": "north"},
     {"type": "UseMap", "name": "plane"},
     {"type": "UseMap", "text": "title: x\nplacements: [{module: lawn, x: 0, y: 0}]"},
     {"type": "UseMap", "text": "width: 1.2\npoints: [0 0, 9 0, 9 5, 0 5]"},

@@ -80,6 +80,7 @@ EDITS: st.SearchStrategy[Any] = st.one_of(
     st.builds(messages.SetSensor, NAMES, SENSORS, FLAGS, st.one_of(st.none(), st.floats(1, 100), NUMBERS), NOISES),
     st.builds(messages.EditMap, st.dictionaries(st.one_of(NEW, KEYS), st.one_of(st.none(), PARTS, NUMBERS))),
     st.builds(messages.UseMap, st.one_of(SCENARIOS, NAMES)),
+    st.builds(messages.CloseLoop, st.one_of(NEW, NAMES), NAMES, st.one_of(NEW, NAMES), NAMES),
     st.builds(messages.EditTrack, st.builds(messages.TrackLine, st.lists(st.tuples(PLACES, PLACES), max_size=8))),
     st.builds(messages.Undo),
     st.builds(messages.Redo),

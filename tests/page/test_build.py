@@ -287,7 +287,9 @@ def test_a_finger_builds(plane: PageServer, new_tab: NewTab) -> None:
     assert len(problems(tab)) == 2
 
 
-@pytest.mark.parametrize("size", [(390, 844), (844, 390), (820, 1180)], ids=lambda size: "x".join(map(str, size)))
+@pytest.mark.parametrize(
+    "size", [(390, 844), (844, 390), (820, 1180), (1024, 768)], ids=lambda size: "x".join(map(str, size))
+)
 def test_all_controls_of_build_mode_are_reached_on_a_touch_screen(
     plane: PageServer, new_tab: NewTab, size: tuple[int, int]
 ) -> None:

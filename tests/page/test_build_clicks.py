@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from autodrive.protocol.messages import EditMap, MapModule, MapProp, MapWall
+from autodrive.protocol.messages import EditMap, MapModule, MapProp, MapWall, Pause
 from autodrive.scenario.maps.map import Map, load_map
 from tests.page.test_build import begin, opened, parts, press, wait_for_parts
 from tests.page.test_edit import drag, on_screen
@@ -72,6 +72,7 @@ def difference(built: Map, shipped: shapely.Geometry) -> float:
 
 def test_a_figure_eight_is_built_from_an_empty_plane_with_few_clicks(plane: PageServer, new_tab: NewTab) -> None:
     tab = opened(plane, new_tab, size=(1280, 800))
+    plane.request(Pause())  # edits then follow each other at once
     tab.page.evaluate(COUNT_CLICKS)
     tab.click("piece-four_way_intersection")
     set_there(tab, 0.0, 0.0)
@@ -297,3 +298,45 @@ def test_a_loop_is_closed_from_an_open_end_and_from_the_list_of_problems(plane: 
     assert all(len(lane.successors) == 1 for lane in plane.simulation.world.map.lane_graph.lanes)
     press(tab, "Control+z")
     wait_for_parts(tab, "a", "b", "straight_road_1")
+
+
+def test_a_loop_is_built_changed_and_driven_on_with_keys_only(plane: PageServer, new_tab: NewTab) -> None:
+    tab = new_tab(size=(1000, 640)).open(plane.url + "?quality=low")
+    tab.wait_for_image()
+    press(tab, "z")
+    tab.wait_until(lambda: tab.get("build-bar").is_visible())
+    tab.get("build-template").select_option("empty")
+    tab.wait_until(lambda: len(parts(tab)) == 2)
+    advice = tab.get("build-problems").locator("li[data-kind=outside]")
+    tab.wait_until(lambda: advice.count() == 1)  # the vehicle stands on the lawn
+    tab.get("piece-curved_road").focus()
+    press(tab, "Enter")
+    tab.wait_until(lambda: tab.get("build-set").is_enabled())
+    press(tab, "Enter")
+    tab.wait_until(lambda: "curved_road_1" in parts(tab))
+    press(tab, "n")
+    for number in (2, 3, 4):
+        tab.wait_until(lambda: tab.get("build-set").is_enabled())
+        press(tab, "Enter")
+        tab.wait_until(lambda number=number: f"curved_road_{number}" in parts(tab))
+    tab.wait_until(lambda: tab.get("build-set").is_disabled())
+    assert tab.value("store.scene.value.map_scene.problems") == []
+    press(tab, ".")
+    tab.wait_until(lambda: tab.text("build-selected").startswith("lawn_1"))
+    for _ in range(2):
+        press(tab, ".")
+    tab.wait_until(lambda: tab.text("build-selected").startswith("curved_road_2"))
+    press(tab, ",")
+    tab.wait_until(lambda: tab.text("build-selected").startswith("curved_road_1"))
+    tab.get("build-car").focus()
+    press(tab, "Enter")
+    tab.wait_until(lambda: plane.simulation.undo_name == "place V1")
+    tab.wait_until(lambda: advice.count() == 0)
+    press(tab, "g")
+    tab.wait_until(lambda: tab.text("build-selected") == "4 pieces")
+    press(tab, "Escape", "Escape")
+    assert tab.get("build-bar").is_hidden()
+    x, y = plane.vehicle.pose.position[:2]
+    tab.page.keyboard.down("w")
+    tab.wait_until(lambda: np.hypot(*(plane.vehicle.pose.position[:2] - (x, y))) > 0.05)
+    tab.page.keyboard.up("w")

@@ -843,6 +843,7 @@ export interface MapScene {
   modules: Record<string, ModuleScene>
   props: (string)[]
   templates: Record<string, string>
+  advice: (MapProblem)[]
 }
 
 /**

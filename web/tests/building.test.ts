@@ -53,7 +53,7 @@ function part(module: string, x: number, y: number, yaw = 0): MapModule {
 
 function mapOf(parts: Record<string, MapModule> = {}, ports: MapScene['ports'] = {}): MapScene {
   const modules = { curve: CURVE, lane: NARROW, lawn: LAWN, parking: PARKING, straight: STRAIGHT }
-  return { parts, ports, problems: [], modules, props: ['stop'], templates: { oval: 'Oval' } }
+  return { parts, ports, problems: [], modules, props: ['stop'], templates: { oval: 'Oval' }, advice: [] }
 }
 
 const opened: Store[] = []

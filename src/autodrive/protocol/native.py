@@ -252,7 +252,8 @@ class MapProblem(msgspec.Struct, frozen=True):
 
     kind: str
     """'unconnected', 'apart', 'turned' and 'width' of ports; 'overlap' of modules; 'blocked': a part is on a lane.
-    Of a track: 'bend', 'touch', 'narrow'."""
+    Of a track: 'bend', 'touch', 'narrow'. Advice: 'unreachable': no car reaches or leaves a lane; 'outside': a vehicle
+    stood beside the drivable area at x, y."""
     text: str
     x: float
     y: float
@@ -274,6 +275,8 @@ class MapScene(msgspec.Struct, frozen=True):
     """Kinds of signs and traffic lights."""
     templates: dict[str, str]
     """Maps for `UseMap`: name -> title."""
+    advice: list[MapProblem] = []
+    """What may be as it is, but is hardly meant."""
 
 
 class TrackScene(msgspec.Struct, frozen=True):

@@ -75,6 +75,12 @@ def test_a_world_of_a_vector_environment_has_the_bits_of_a_parallel_one(
     assert ends >= 3
 
 
+def test_one_car_alone_is_refused() -> None:
+    for id_ in SEVERAL_CARS:
+        with pytest.raises(SpecError, match=r"several cars: use gymnasium.make_vec"):
+            gymnasium.make(f"autodrive:{id_}")
+
+
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 def test_the_ids_make_vector_environments_in_every_autoreset_mode(mode: str) -> None:
     for id_, (_, steps) in SEVERAL_CARS.items():

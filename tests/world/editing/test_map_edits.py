@@ -20,6 +20,7 @@ from autodrive.base.yaml_files import find, parse
 from autodrive.cli.spec_files import check
 from autodrive.protocol.messages import (
     AddBox,
+    CloseLoop,
     Collision,
     EditMap,
     MapBlock,
@@ -459,7 +460,8 @@ PARTS = st.one_of(
 NAMES = st.sampled_from(["a", "b", "c", "d"])
 EDITS = st.one_of(
     st.builds(EditMap, st.dictionaries(NAMES, st.one_of(PARTS, st.none()), min_size=1, max_size=3)),
-    st.builds(Undo), st.builds(Redo), st.builds(UseMap, st.sampled_from(["plane", "mini_map"])),
+    st.builds(CloseLoop, NAMES), st.builds(Undo), st.builds(Redo),
+    st.builds(UseMap, st.sampled_from(["plane", "mini_map"])),
 )  # fmt: skip
 
 

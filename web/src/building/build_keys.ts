@@ -12,6 +12,8 @@ export function listenToBuildKeys(store: Store, builder: Builder, editor: Editor
     KeyR: (isShifted) => builder.turn(isShifted ? -1 : 1),
     KeyM: () => builder.mirror(),
     KeyN: () => builder.nextPort(),
+    Period: () => builder.selectNext(1),
+    Comma: () => builder.selectNext(-1),
     KeyC: () => void builder.close(),
     KeyG: () => builder.selectConnected(),
     ArrowRight: () => builder.step(1),

@@ -262,15 +262,14 @@ export class Builder {
       return
     }
     const name = hand.moved || this.freeName(stemOf(hand.part))
-    const next = hand.kind === 'module' && !hand.moved ? this.nextTarget(hand, name) : null
-    if (hand.moved) this.hand.value = null
-    if (!(await this.put({ [name]: hand.part }))) return
-    // the user may have taken something else meanwhile
-    if (this.hand.value !== hand) return
-    if (hand.kind === 'module' && hand.target) {
-      if (next) this.join(hand.part.module, next, hand.port)
-      else this.hand.value = null
-    }
+    const next = hand.kind === 'module' && hand.target && !hand.moved ? this.nextTarget(hand, name) : null
+    // the next piece is in hand at once, so that a second Enter does not set this one again
+    if (next && hand.kind === 'module') this.join(hand.part.module, next, hand.port)
+    else if (hand.moved || (hand.kind === 'module' && hand.target)) this.hand.value = null
+    const after = this.hand.value
+    const isSet = await this.put({ [name]: hand.part })
+    // it comes back if it was refused, unless the user has taken something else meanwhile
+    if (!isSet && !hand.moved && this.hand.value === after) this.hand.value = hand
   }
 
   /** Puts the piece in hand away; without one, forgets the selection; without that, leaves Build mode. */
@@ -289,6 +288,17 @@ export class Builder {
   toggle(name: string): void {
     const { value } = this.selected
     this.select(...(value.includes(name) ? value.filter((one) => one !== name) : [...value, name]))
+  }
+
+  /** Selects the next or the previous part of the map, and shows it. */
+  selectNext(by: 1 | -1): void {
+    const { scene } = this
+    const names = Object.keys(scene?.parts ?? {})
+    if (!scene || names.length === 0) return
+    const now = names.indexOf(this.selected.value[0])
+    const name = names[now < 0 ? (by > 0 ? 0 : names.length - 1) : (now + by + names.length) % names.length]
+    this.select(name)
+    this.actions.view?.showPlace(...originOf(scene.parts[name]))
   }
 
   /** Selects all modules that are connected with a selected one. */

@@ -1,7 +1,7 @@
 // Build mode: its bar of buttons, and the panel with the pieces, the problems and the selected part.
 import type { Builder } from '../building/builder'
 import type { Editor } from '../editing/editor'
-import type { MapModule, MapScene } from '../messages'
+import type { MapModule, MapProblem, MapScene } from '../messages'
 import { Observable } from '../observable'
 import { sceneUrl } from '../scene/assets'
 import type { SceneView } from '../scene/view'
@@ -15,6 +15,8 @@ import { saveMap, saveScenario } from './save_dialog'
 /** In a window of this width [CSS pixels] the panel would cover the scene; a button opens it. */
 const NARROW = 719
 const DEGREE = Math.PI / 180
+/** A vehicle that has moved farther stands elsewhere [m]. */
+const NEAR = 0.05
 
 /** The bar and the panel; they are shown in Build mode. */
 export function build(store: Store, builder: Builder, editor: Editor, view: () => SceneView | null): HTMLElement[] {
@@ -259,11 +261,22 @@ function problems(store: Store, builder: Builder): HTMLElement {
   const list = h('ul', { class: 'problems', testid: 'build-problems' })
   const element = section('Problems', list)
   const heading = element.querySelector('h2')
-  store.scene.watch((scene) => {
-    const found = scene?.map_scene?.problems ?? []
+  /** Whether a vehicle still stands where the advice says so. */
+  const isTrue = ({ kind, x, y }: MapProblem): boolean =>
+    kind !== 'outside' ||
+    Object.values(store.frame.value?.vehicles ?? {}).some(
+      ({ pose }) => Math.hypot(pose.position[0] - x, pose.position[1] - y) < NEAR,
+    )
+  let shown: readonly MapProblem[] = []
+  const show = (): void => {
+    const map = store.scene.value?.map_scene
+    const found = map?.problems ?? []
+    const all = [...found, ...(map?.advice ?? []).filter(isTrue)]
+    if (all.length === shown.length && all.every((one, i) => one === shown[i])) return
+    shown = all
     if (heading) setText(heading, found.length > 0 ? `Problems (${found.length})` : 'No problems')
     list.replaceChildren(
-      ...found.map((problem) => {
+      ...all.map((problem) => {
         const show = h('button', { onclick: () => builder.show(problem) }, 'Show me')
         const label = problem.kind === 'unconnected' ? 'Leave open' : 'Repair'
         const repair = h('button', { onclick: () => void builder.repair(problem) }, label)
@@ -275,7 +288,9 @@ function problems(store: Store, builder: Builder): HTMLElement {
         return item
       }),
     )
-  })
+  }
+  store.scene.watch(show)
+  store.status.watch(show)
   return element
 }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from gymnasium.envs.registration import register as register_environment
 
 IDS = {
@@ -37,4 +39,16 @@ def register() -> None:
         max_episode_steps=ROBORACER_STEPS,
     )
     for id_, (name, steps) in SEVERAL_CARS.items():
-        register_environment(id_, vector_entry_point=f"autodrive.experiments.envs.{name}", max_episode_steps=steps)
+        register_environment(
+            id_,
+            entry_point=refuse,
+            vector_entry_point=f"autodrive.experiments.envs.{name}",
+            max_episode_steps=steps,
+        )
+
+
+def refuse(**_: Any) -> Any:
+    """Raises `SpecError`: there is no environment of one car."""
+    from autodrive.base.errors import SpecError  # noqa: PLC0415  this module imports nothing of the simulator
+
+    raise SpecError(["this environment has several cars: use gymnasium.make_vec, or its class for PettingZoo"])

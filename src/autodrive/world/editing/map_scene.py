@@ -23,6 +23,7 @@ from autodrive.scenario.maps.module import ModuleSpec
 from autodrive.scenario.maps.placing import MapProblem
 from autodrive.scenario.maps.props import PropKind
 from autodrive.scenario.maps.spec import MapSpec, Placement
+from autodrive.world.editing.map_advice import map_advice
 from autodrive.world.editing.map_edits import name_of_entry, own_map, parts_of
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def map_scene(world: World, add: Callable[[str, bytes], str]) -> MapScene | None
         modules={name: _module(name, one, add) for name, one in sorted(modules.items()) if one.found},
         props=list(_kinds()),
         templates=_templates(),
+        advice=map_advice(world),
     )
 
 
