@@ -185,7 +185,10 @@ BACKSCATTER = 0.046 / LN_20
 We take the same for rain and snow.
 """
 PULSE = 0.75
-"""Length of air whose back-scatter arrives at the same time [m]: half of the way of light in 5 ns, a length of the pulse that is our choice."""
+"""Length of air whose back-scatter arrives at the same time [m]: half of the way of light in 5 ns.
+
+That length of the pulse is our choice.
+"""
 OVERLAP = 1.0
 """Distance from which on the receiver sees the whole beam [m] (Hahner and others 2021: R2 of the Velodyne HDL-64E)."""
 VARIATION = 0.1
