@@ -125,3 +125,38 @@ def test_faults_are_shown_while_a_point_is_dragged_and_a_finger_and_keys_move_po
     tab.get("track-barrier").select_option("duct")
     tab.wait_until(lambda: line(tab)["barrier"] == "duct")
     tab.page.screenshot(path="/tmp/track_touch.png")
+
+
+def test_a_link_contains_the_track_and_a_dropped_file_is_opened(plane: PageServer, new_tab: NewTab) -> None:
+    plane.request(EditTrack(OVAL))
+    tab = opened(plane, new_tab)
+    tab.wait_until(lambda: line(tab) is not None)
+    made = line(tab)
+    tab.click("build-save")
+    tab.click("save-map-link")
+    tab.get("map-link").wait_for()
+    link = tab.text("map-link")
+    assert link.startswith(f"{plane.url}#own_map=")
+    tab.click("link-dialog-cancel")
+    plane.restart("plane")
+    other = new_tab(size=(1280, 720)).open(link)
+    other.wait_until(lambda: line(other) == made)
+    other.wait_until(lambda: other.get("build-bar").is_visible())
+    assert plane.simulation.undo_name == "open a map"
+    other.wait_until(lambda: "own_map" not in other.page.url)  # a reload does not open it again
+    cut = new_tab().open(link[:-40])
+    cut.wait_for_notice("the link was cut")
+    assert line(cut) == made
+    drop = """text => {
+        const data = new DataTransfer()
+        data.items.add(new File([text], 'narrow.yaml'))
+        window.dispatchEvent(new DragEvent('drop', { dataTransfer: data, cancelable: true }))
+    }"""
+    other.page.evaluate(drop, "width: 1.0\npoints: [0 0, 9 0, 9 6, 0 6]\n")
+    other.get("discard-dialog").wait_for()  # the map of the link is not saved
+    other.click("discard-dialog-discard")
+    other.wait_until(lambda: line(other)["width"] == 1.0)
+    other.page.evaluate(drop, "points: [0 0")
+    other.click("discard-dialog-discard")
+    other.wait_until(lambda: other.page.locator(".notices").inner_text() != "")
+    assert line(other)["width"] == 1.0

@@ -51,6 +51,13 @@ const OTHERS: Record<string, readonly [string, string][]> = {
     ['Ctrl | D', 'Take a copy of what is selected'],
     ['Esc', 'Put the piece away; then leave'],
   ],
+  'Race track in Build mode': [
+    ['Drag', 'Move a point; a click on the line adds one'],
+    ['N | Shift | N', 'Select the next or previous point'],
+    ['Arrows', 'Move the selected point; with Shift in small steps'],
+    ['Enter', 'Add a point after the selected one'],
+    ['Delete', 'Delete the selected point'],
+  ],
   Gamepad: [
     ['Left stick', 'Steer'],
     ['Triggers', 'Drive forward (right) or in reverse (left)'],

@@ -84,7 +84,9 @@ function faults(store: Store, builder: TrackBuilder, view: () => SceneView | nul
   function show(): void {
     const { line } = builder
     const found = line ? faultsOf(line) : []
-    if (heading) setText(heading, found.length > 0 ? `Problems (${found.length})` : 'No problems')
+    // a hidden heading must not be found as the one of the modules
+    const text = found.length > 0 ? `Problems (${found.length})` : 'No problems'
+    if (heading) setText(heading, line ? text : '')
     list.replaceChildren(
       ...found.map((fault) => {
         const look = (): void => {
