@@ -11,7 +11,10 @@ import pytest
 
 import autodrive
 from autodrive.base.errors import CommandError, SpecError
+from autodrive.experiments.campaigns.parameters import applied, errors
+from autodrive.experiments.campaigns.sampling import Range
 from autodrive.protocol.messages import Command, Frame, TrafficLightState
+from autodrive.scenario.files import read_scenario
 from autodrive.scenario.maps.spec import MapSpec
 from autodrive.world import World
 from autodrive.world.traffic.drive import (
@@ -353,3 +356,12 @@ def test_a_map_with_dead_ends_only_is_no_place_for_traffic() -> None:
     street = MapSpec.model_validate({"title": "Street", "placements": ends})
     with pytest.raises(SpecError, match="has no closed way of lanes; the traffic has 1 cars"):
         make(map=street, traffic={"cars": 1})
+
+
+def test_a_campaign_varies_the_traffic_and_a_batch_refuses_it() -> None:
+    town = read_scenario("tiny_town")
+    assert not errors(town, "traffic.cars", Range(choice=(0, 4)))
+    spec = applied(town, {"traffic.cars": 4}).specs.scenario
+    assert len(autodrive.make(spec).vehicle_names) == 5
+    with pytest.raises(CommandError, match="a BatchWorld has no traffic"):
+        autodrive.BatchWorld(spec, n=1)

@@ -87,6 +87,8 @@ class BatchWorld(OneThread):
             raise CommandError(
                 "a BatchWorld has no radio channel: remove 'v2x' from the scenario, or use single Worlds"
             )
+        if spec.traffic.cars:
+            raise CommandError("a BatchWorld has no traffic: set 'traffic.cars' to 0, or make single Worlds")
         self.n = n
         self.spec = spec
         """The scenario from which `reset` starts."""
