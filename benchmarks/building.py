@@ -79,13 +79,11 @@ def scenery(world: World) -> SceneFiles:
 def measure(modules: int, edits: int, *, is_running: bool) -> dict[str, list[float]]:
     """Times of each edit [s], by what was done."""
     times: dict[str, list[float]] = {"world": [], "scene files": [], "request to Frame": [], "request to Scene": []}
-    simulation = Simulation(new_world("plane"), load=timed(times["world"], new_world))
+    simulation = Simulation(new_world("plane"), is_paused=not is_running, load=timed(times["world"], new_world))
     served = Served(simulation, timed(times["scene files"], scenery))
     with simulation, Server(served, PageOptions(port=0)) as server, autodrive.Client(server.url) as client:
         parts = town(modules)
         client.edit_map(parts)
-        if not is_running:
-            client.pause()
         for one in times.values():
             one.clear()
         for i in range(edits):
