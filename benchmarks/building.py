@@ -91,9 +91,10 @@ def measure(modules: int, edits: int, *, is_running: bool) -> dict[str, list[flo
             start = time.perf_counter()
             client.edit_map(change)
             times["request to Frame"].append(time.perf_counter() - start)
-            while not (scene := client.scene.map_scene) or any(scene.parts[name] != change[name] for name in change):
+            while not (scene := client.scene.map_scene) or any(scene.parts[name] == parts[name] for name in change):
                 time.sleep(0.002)
             times["request to Scene"].append(time.perf_counter() - start)
+            parts |= {name: part for name, part in scene.parts.items() if name in change}
     return times
 
 
