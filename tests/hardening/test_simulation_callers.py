@@ -7,7 +7,7 @@ fresh one that was given the accepted calls alone. With test_callers.py AUTODRIV
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,7 +36,7 @@ EXAMPLES, WITH_CAMERAS = cases((3, 1), (800, 20))
 """Of `STEPS` calls each; with cameras each World needs a renderer."""
 
 NEW = st.sampled_from(["a", "b", "c"])
-KEYS = NAMES.filter(lambda name: isinstance(name, Hashable))
+KEYS = NAMES.filter(lambda name: not isinstance(name, list))
 PLACES = st.floats(-2.0, 2.0)
 SCENARIOS = st.sampled_from(
     ["plane", "boxes", "two_cars", "nowhere", "", "../plane", "plane\0", "/etc/passwd", "x.yaml"]

@@ -116,7 +116,8 @@ def test_the_crossing_of_tiny_town_is_rebuilt_by_clicks(plane: PageServer, new_t
             tab.wait_until(lambda piece=piece: tab.get(f"piece-{piece}").is_visible())
             tab.click(f"piece-{piece}")
             set_pieces(tab, 1)
-        press(tab, "Escape")
+        if pieces != ["dead_end"]:  # no road goes on from it, so nothing is in hand
+            press(tab, "Escape")
     shipped = load_map("tiny_town").drivable.intersection(shapely.box(-1.3, -1.9, 1.5, 1.9))
     assert len(parts(tab)) == 10  # with the lawn and the wall
     assert difference(plane.simulation.world.map, shipped) < 1e-9  # rounded to 1 um in the file

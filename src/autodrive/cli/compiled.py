@@ -13,6 +13,7 @@ from pathlib import Path
 
 import autodrive
 from autodrive.base import jit
+from autodrive.scenario.scenario import TrafficSpec
 from autodrive.scenario.v2x import V2xSpec
 
 LOADED = "--loaded"
@@ -70,7 +71,8 @@ def use() -> None:
         },
         v2x=V2xSpec(jitter=0.01, position_noise=0.01),
     )
-    traffic = autodrive.ScenarioSpec(map="oval", vehicles={"V1": {"y": 1.15}}, traffic={"cars": 2})
+    beside = {"V1": autodrive.VehiclePlacement(y=1.15)}
+    traffic = autodrive.ScenarioSpec(map="oval", vehicles=beside, traffic=TrafficSpec(cars=2))
     for scenario in (noisy, "tiny_town", traffic, "practice"):  # tiny_town: stop lines; practice: a race
         world = autodrive.make(scenario)
         for _ in range(50):  # in half a second each sensor samples

@@ -13,6 +13,7 @@ from autodrive.connect.server.server import Server
 from autodrive.protocol.native import Scene, VehicleScene
 from autodrive.world import World
 from autodrive.world.editing.map_scene import map_scene
+from autodrive.world.editing.track_edits import track_scene
 from autodrive.world.scene_files import SceneFiles
 from autodrive.world.simulation import Simulation
 from tests.support.waiting import LIMIT
@@ -27,7 +28,9 @@ def bare(world: World) -> SceneFiles:
         for name in world.vehicle_specs
     }
     title, town = world.spec.title, map_scene(world, lambda name, _: name)
-    scene = Scene(title, title, "", world.tick_duration, "", vehicles, {}, {}, {}, map_scene=town)
+    scene = Scene(
+        title, title, "", world.tick_duration, "", vehicles, {}, {}, {}, map_scene=town, track_scene=track_scene(world)
+    )
     return SceneFiles(scene, {})
 
 

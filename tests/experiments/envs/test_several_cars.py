@@ -294,7 +294,7 @@ def test_an_own_duel_ends_for_both_when_one_has_won() -> None:
         (lambda: DuelVectorEnv(2, variant="published", action="continuous"), "the variant 'published' are discrete"),
         (lambda: CrossingVectorEnv(4, loss=1.5), "loss: must be a number from 0 to 1, not 1.5"),
         (lambda: DuelVectorEnv(2, noise=-1.0), "noise: must be a number from 0 to 100"),
-        (lambda: DuelVectorEnv(2, tracks=0), "tracks: must be a whole number from 1 to 32, not 0"),
+        (lambda: DuelVectorEnv(2, tracks=0), "tracks: must be a whole number from 1 to 64, not 0"),
         (lambda: Crossing(5, "own", float("nan")), "loss: must be a number from 0 to 1, not nan"),
     ],
 )

@@ -157,7 +157,7 @@ class ForeignPolicy:
             columns = np.column_stack([one.argmax(axis=1) for one in np.split(values, [branches[0]], axis=1)])
         else:
             raise self._error(f"output '{self._output}' has {width} numbers for a car, {self._wanted}")
-        return columns[:, 0] if columns.shape[1] == 1 else columns[:, 0] * branches[1] + columns[:, 1]
+        return columns[:, 0] if len(columns.T) == 1 else columns[:, 0] * branches[-1] + columns[:, 1]
 
     @property
     def _wanted(self) -> str:

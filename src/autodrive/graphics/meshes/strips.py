@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -112,7 +112,7 @@ def strips(lines: Iterable[Line]) -> Strips | None:
 @functools.lru_cache(maxsize=20_000)
 def _line(wkb: bytes) -> Line | None:
     """The strip that a polygon (WKB) is, if it has two long sides beside each other; an edit changes few of them."""
-    polygon = shapely.from_wkb(wkb)
+    polygon: Any = shapely.from_wkb(wkb)
     ring = shapely.get_coordinates(shapely.get_exterior_ring(orient(polygon)))[:-1]
     if len(ring) < 4 or shapely.get_num_interior_rings(polygon):
         return None
