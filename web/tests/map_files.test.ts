@@ -12,7 +12,7 @@ const TOWN = `title: Town\nplacements:\n${Array.from(
     `- {name: straight_road_${i}, module: straight_road, x: ${(0.6 * i).toFixed(6)}, y: ${Math.sin(i).toFixed(6)}, yaw_deg: ${(i * 37) % 360}}\n`,
 ).join('')}`
 
-beforeEach(() => history.replaceState(null, '', '/'))
+beforeEach(() => history.replaceState(null, '', location.pathname + location.search))
 afterEach(() => vi.restoreAllMocks())
 
 function page(mayDiscard = () => Promise.resolve(true)) {
