@@ -246,6 +246,14 @@ def test_time_and_vehicles_go_on_and_meet_the_new_wall() -> None:
     assert hits[0].position[0] == pytest.approx(1.95, abs=0.02)  # its face
 
 
+def test_numbers_of_numpy_are_numbers() -> None:
+    building = Building()
+    building.ask(EditMap({"stop": MapProp("stop", np.float64(1.25), np.float32(0.5), np.float32(0.25))}))  # pyright: ignore[reportArgumentType]
+    stop = building.scene.parts["stop"]
+    assert isinstance(stop, MapProp)
+    assert (stop.x, stop.y, stop.yaw) == pytest.approx((1.25, 0.5, 0.25), abs=1e-7)
+
+
 def test_a_wall_where_a_vehicle_stands_is_refused_and_nothing_is_lost() -> None:
     building = Building()
     building.put(w=WALL)

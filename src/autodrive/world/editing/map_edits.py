@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -236,4 +237,4 @@ def _numbers(value: Any) -> list[float]:
 
 
 def _rounded(value: Any) -> Any:
-    return round(value, 6) + 0.0 if isinstance(value, float | int) else tuple(map(_rounded, value))
+    return round(float(value), 6) + 0.0 if isinstance(value, Real) else tuple(map(_rounded, value))
