@@ -52,8 +52,10 @@ def random_edit(random: np.random.Generator, building: Building) -> Operation:
     kind = int(random.integers(10))
     if kind == 0:
         return CloseLoop(str(random.choice(names)))
-    if kind < 4:
-        return Undo() if kind < 3 else Redo()
+    if kind < 3 and building.simulation.undo_name:
+        return Undo()
+    if kind == 3 and building.simulation.redo_name:
+        return Redo()
     chosen = random.choice(names, size=int(random.integers(1, 4)), replace=False)
     known = building.scene.parts
     return EditMap(
@@ -78,7 +80,7 @@ def test_a_town_of_random_edits_has_the_bits_of_its_file(tmp_path: Path, seed: i
         except AutodriveError:
             refused += 1
             assert building.simulation.map_text() == before
-    assert made > 0.5 * refused
+    assert made > refused
     text = building.simulation.scenario_text()
     file = tmp_path / "scenario.yaml"
     file.write_text(text)
