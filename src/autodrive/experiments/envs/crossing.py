@@ -53,6 +53,7 @@ from autodrive.experiments.envs.task import (
     wrapped,
 )
 from autodrive.experiments.envs.variants import Variant, choices, is_published
+from autodrive.physics.sensors.random_stream import uniform as next_uniform
 from autodrive.protocol.commands import is_number
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
 
@@ -254,13 +255,8 @@ def _judge_published(cars: CarReadings, duration: float, memory: Floats, feature
 
 @jit
 def _is_lost(seed: float, step: float, k: int, loss: float) -> bool:
-    """Whether the message of a step to the k-th other car is lost: a hash of these numbers, as a part of its range."""
-    mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(step) * np.uint64(CARS) + np.uint64(k)
-    for _ in range(2):  # Stafford's mix 13 of MurmurHash3's finaliser
-        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        mixed = mixed ^ (mixed >> np.uint64(31))
-    return float(mixed >> np.uint64(11)) / 9007199254740992.0 < loss
+    """Whether the message of a step to the k-th other car is lost: a random number of these three."""
+    return next_uniform(np.array([np.uint64(seed), np.uint64(step), np.uint64(k)])) < loss
 
 
 @jit
