@@ -53,9 +53,9 @@ from autodrive.experiments.envs.task import (
     wrapped,
 )
 from autodrive.experiments.envs.variants import Variant, choices, is_published
-from autodrive.physics.sensors.random_stream import uniform as next_uniform
 from autodrive.protocol.commands import is_number
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
+from autodrive.world.v2x import fill_uniform
 
 MAP = "crossing"
 CARS = 4
@@ -256,7 +256,9 @@ def _judge_published(cars: CarReadings, duration: float, memory: Floats, feature
 @jit
 def _is_lost(seed: float, step: float, k: int, loss: float) -> bool:
     """Whether the message of a step to the k-th other car is lost: a random number of these three."""
-    return next_uniform(np.array([np.uint64(seed), np.uint64(step), np.uint64(k)])) < loss
+    chance = np.empty(1)
+    fill_uniform(np.array([np.uint64(seed), np.uint64(step), np.uint64(k)]), chance)
+    return chance[0] < loss
 
 
 @jit
