@@ -341,13 +341,14 @@ def test_the_lidar_sees_the_traffic() -> None:
         ({"type": "nigle"}, r"traffic\.type: .*nigel"),
         ({"cars": 51}, r"traffic\.cars"),
         ({"map": "plane"}, r"traffic: map 'plane' has no closed way of lanes"),
+        ({"own": "traffic_1"}, r"vehicles\.traffic_1: this name belongs to the traffic; choose another name"),
     ],
 )
 def test_traffic_that_is_not_possible_is_an_error(fields: dict[str, Any], text: str) -> None:
     fields = dict(fields)
-    map_ = fields.pop("map", "tiny_town")
+    map_, name = fields.pop("map", "tiny_town"), fields.pop("own", "V1")
     with pytest.raises(SpecError, match=text):
-        make(map=map_, vehicles=LOT, traffic={"cars": 2} | fields)
+        make(map=map_, vehicles={name: LOT["V1"]}, traffic={"cars": 2} | fields)
 
 
 def test_a_map_with_dead_ends_only_is_no_place_for_traffic() -> None:

@@ -32,6 +32,11 @@ def with_traffic(spec: ScenarioSpec, map_: Map, vehicle: VehicleSpec) -> tuple[S
         return spec, [(at, f": map '{spec.map_name}' is a race track; traffic needs a map with roads")]
     if vehicle.drivetrain.control != "speed":
         return spec, [(at, f": the throttle of '{spec.traffic.type}' must set a speed (control: speed), not a torque")]
+    for name in spec.traffic.names:  # in an edit or a recording they are among the vehicles, all sensors off
+        one = spec.vehicles.get(name)
+        if one is not None and (not one.sensors or any(sensor.is_on for sensor in one.sensors.values())):
+            place = Place("scenario", ("vehicles", name))
+            return spec, [(place, ": this name belongs to the traffic; choose another name")]
     links = roads(map_, clearance(vehicle))
     taken = [(one.x, one.y) for one in own.values()] + [box.position[:2] for box in map_.boxes]
     taken += [(box.x, box.y) for box in spec.boxes.values()]
