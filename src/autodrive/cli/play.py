@@ -117,6 +117,6 @@ def _foreign(task: str, network: str | None, episodes: int | None, seed: int, he
     else:
         successes = foreign.show(policy, episodes, seed)
     count, cars = successes.shape
-    typer.echo(
-        f"{count} episodes: {successes.mean():.1%} of the cars succeeded, all {cars} in {successes.all(1).mean():.1%}"
-    )
+    share, whole = successes.mean(), successes.all(1).mean()
+    number = f"{count} episode{'s' * (count > 1)}"
+    typer.echo(f"{number}: {share:.1%} of the cars succeeded, all {cars} in {whole:.1%}")
