@@ -61,7 +61,7 @@ class FilmOptions:
     quality: str = "auto"
     """One of `autodrive.graphics.render.quality.NAMES`."""
     view: SetCamera = field(default_factory=lambda: SetCamera(None))
-    """Height, orbit and zoom of a scene camera; its other fields are not used."""
+    """Height, orbit, position and zoom of a scene camera; its other fields are not used."""
 
 
 def film(
@@ -128,7 +128,7 @@ class _Shooting:
         self._view = SetCamera(
             camera,
             self.vehicle,
-            **{name: getattr(view, name) for name in ("height", "azimuth", "elevation", "distance", "zoom")},
+            **{name: getattr(view, name) for name in ("height", "azimuth", "elevation", "distance", "zoom", "position")},
         )
         self.size = size or options.size or self._standard_size()
         if self._slot is None:
