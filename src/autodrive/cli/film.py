@@ -40,7 +40,9 @@ def film(
     ] = None,
     overlay: Annotated[bool, typer.Option("--overlay", help="Show speed and steering.")] = False,
     height: Annotated[float, typer.Option(metavar="M", help="Height of the Bird's Eye.")] = 3.0,
-    azimuth: Annotated[float, typer.Option(metavar="DEG", help="Where the Orbit is, or Fly looks, from the x axis.")] = 0.0,
+    azimuth: Annotated[
+        float, typer.Option(metavar="DEG", help="Where the Orbit is, or Fly looks, from the x axis.")
+    ] = 0.0,
     elevation: Annotated[
         float | None, typer.Option(metavar="DEG", help="Of the Orbit, or of where Fly looks.  [default: 30, Fly: 0]")
     ] = None,
