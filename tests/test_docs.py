@@ -137,7 +137,10 @@ def test_the_traffic_of_the_document_drives(tmp_path: Path) -> None:
 
 
 def test_the_radio_of_the_document_is_heard(tmp_path: Path) -> None:
-    assert run("v2x.md")["car"].position[0] == pytest.approx(-2.5, abs=0.01)
+    shown = run("v2x.md")
+    assert shown["car"].position[0] == pytest.approx(-2.5, abs=0.01)
+    assert np.nanmean(shown["x"]) == pytest.approx(-2.5, abs=0.01)
+    assert len(shown["time_to_change"]) == 100
     (tmp_path / "radio.yaml").write_text(examples("v2x.md")[0])
     spec = load_scenario(tmp_path / "radio.yaml").v2x
     assert spec is not None
