@@ -56,7 +56,7 @@ class RadioColumns(NamedTuple):
 
     stream: Stream
     """Shape (n, 3)."""
-    count: Integers
+    sendings: Integers
     """Messages of each sender since the reset, shape (n,)."""
     sent: Floats
     """Time of each [s], shape (n, c)."""
@@ -79,7 +79,7 @@ def radio_columns(spec: V2xSpec | None, n: int, vehicles: int, lights: int, tick
     senders, kept = (0, 0) if spec is None else (vehicles + lights, _most_on_their_way(spec, tick))
     return RadioColumns(
         stream=np.zeros((n, 3), np.uint64),
-        count=np.zeros(n, np.int64),
+        sendings=np.zeros(n, np.int64),
         sent=np.zeros((n, kept)),
         content=np.zeros((n, kept, senders, COLUMNS)),
         arrival=np.zeros((n, kept, senders, vehicles)),
@@ -95,7 +95,7 @@ def _most_on_their_way(spec: V2xSpec, tick: float) -> int:
 def begin_radio(radio: RadioColumns, k: int, seed: int) -> None:
     """In world k nothing was sent yet; the random numbers of that seed."""
     radio.stream[k] = new_stream(random_generator(seed, "", "v2x"))
-    radio.count[k] = 0
+    radio.sendings[k] = 0
     radio.heard[k] = np.nan
 
 
@@ -114,7 +114,7 @@ def transmit(k: int, channel: Channel, radio: RadioColumns, messages: Floats, ti
     The channel uses as many random numbers for each sending, whatever is in range.
     """
     samples, ticks = channel.samples, channel.ticks
-    if radio.count[k] == 0 or tick * samples // ticks > (tick - 1) * samples // ticks:
+    if radio.sendings[k] == 0 or tick * samples // ticks > (tick - 1) * samples // ticks:
         _send(k, channel, radio, messages, time)
     return _deliver(k, radio, time)
 
@@ -133,8 +133,8 @@ def write_vehicles(position: Floats, orientation: Floats, velocity: Floats, stee
 @inlined
 def _send(k: int, channel: Channel, radio: RadioColumns, messages: Floats, time: float) -> None:
     stream, vehicles = radio.stream[k], radio.heard.shape[1]
-    slot = radio.count[k] % radio.sent.shape[1]
-    radio.count[k] += 1
+    slot = radio.sendings[k] % radio.sent.shape[1]
+    radio.sendings[k] += 1
     radio.sent[k, slot] = time
     for s in range(messages.shape[0]):
         for column in range(COLUMNS):
@@ -160,7 +160,7 @@ def _send(k: int, channel: Channel, radio: RadioColumns, messages: Floats, time:
 def _deliver(k: int, radio: RadioColumns, time: float) -> bool:
     """Let each vehicle hear the newest message of each sender that has arrived; older ones were overtaken."""
     is_new = False
-    kept, count = radio.sent.shape[1], radio.count[k]
+    kept, count = radio.sent.shape[1], radio.sendings[k]
     for i in range(radio.heard.shape[1]):
         for s in range(radio.heard.shape[2]):
             heard = radio.heard[k, i, s]
