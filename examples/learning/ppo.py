@@ -75,6 +75,7 @@ class Problem:
     reward: float  # factor that brings the values to about 1
     settings: dict[str, Any] = field(default_factory=dict)
     crash: float = 0.0  # what a collision costs beyond the reward of the environment [m]
+    ends_alone: bool = False  # whether the episodes of the cars of a world end one by one
     rate: float = 5e-4  # of the learning at the start
     decay: int = 6000  # updates until the rate is a tenth
 
@@ -112,6 +113,9 @@ PROBLEMS = {
     "race": RACE,
     "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=8000),
     "duel": replace(RACE, settings={**RACE.settings, "cars": 2, "rivalry": 1.0}),
+    "crossing": Problem(
+        "autodrive:NigelCrossing-v0", "state", None, (0.0, 1.0), discount=0.99, reward=1.0, ends_alone=True
+    ),
     "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (0.0, 1.0), discount=0.98, reward=3.0),
 }
 
@@ -147,6 +151,7 @@ class Rollout(NamedTuple):
     value: Any
     reward: Any
     has_ended: Any
+    is_live: Any  # whether the car's episode went on: only this is learnt from
 
 
 def log_prob(agent: Agent, mean: jax.Array, action: jax.Array) -> jax.Array:
@@ -180,11 +185,14 @@ def advantages(rollout: Rollout, last_value: jax.Array, discount: float) -> jax.
 def loss(agent: Agent, batch: tuple[Rollout, jax.Array, jax.Array]) -> jax.Array:
     """Clipped surrogate and squared error of the value."""
     rollout, advantage, target = batch
-    advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    live = rollout.is_live
+    count = jnp.maximum(live.sum(), 1.0)
+    mean = (live * advantage).sum() / count
+    advantage = (advantage - mean) / (jnp.sqrt((live * (advantage - mean) ** 2).sum() / count) + 1e-8)
     ratio = jnp.exp(log_prob(agent, jax.vmap(agent.actor)(rollout.observation), rollout.action) - rollout.log_prob)
     surrogate = jnp.minimum(ratio * advantage, jnp.clip(ratio, 1.0 - CLIP, 1.0 + CLIP) * advantage)
     error = jax.vmap(agent.critic)(rollout.observation) - target
-    return jnp.mean(-surrogate + 0.5 * error**2)
+    return jnp.sum(live * (-surrogate + 0.5 * error**2)) / count
 
 
 @eqx.filter_jit
@@ -216,8 +224,8 @@ class Trainer:
             self.problem.env,
             num_envs=ENVS,
             vectorization_mode="vector_entry_point",
-            observation=self.problem.observation,
             autoreset_mode="SameStep",
+            **({} if self.problem.ends_alone else {"observation": self.problem.observation}),
             **self.problem.settings,
         )
         names = [one.name for one in observed(self.envs.task, self.problem.observation)]
@@ -256,23 +264,25 @@ class Trainer:
         for _ in range(HORIZON):
             self.key, key = jax.random.split(self.key)
             action, probability, value = decide(self.agent, self._seen, key)
+            was_live = self.envs.is_live.copy() if self.problem.ends_alone else np.ones(ENVS, np.bool_)
             observation, reward, terminated, truncated, info = self.envs.step(self.command(action))
-            reward = reward - self.problem.crash * terminated
+            is_over = terminated | truncated  # the next episode has begun
+            has_ended = was_live & (is_over | ~self.envs.is_live) if self.problem.ends_alone else is_over
+            reward = reward - self.problem.crash * (terminated & has_ended)
             self._sums += reward
             reward = self.problem.reward * reward
-            has_ended = terminated | truncated
-            first = observation[has_ended]  # of the next episodes
-            if has_ended.any():
-                observation[has_ended] = np.stack(info["final_obs"][has_ended])
+            first = observation[is_over]
+            if is_over.any():
+                observation[is_over] = np.stack(info["final_obs"][is_over])
             self.past.add(observation)
             if truncated.any():  # it would have gone on: the value of what came last stands for the rest
                 last = self.read()[truncated]
                 reward[truncated] += self.problem.discount * np.asarray(jax.vmap(self.agent.critic)(last))
-            self.past.begin(first, has_ended)
+            self.past.begin(first, is_over)
             self.returns += self._sums[has_ended].tolist()
             self._sums[has_ended] = 0.0
             rows.append(
-                Rollout(self._seen, action, probability, value, reward.astype(np.float32), has_ended.astype(np.float32))
+                Rollout(self._seen, action, probability, value, *map(np.float32, (reward, has_ended, was_live)))
             )
             self._seen = self.read()
         self.steps += ENVS * HORIZON

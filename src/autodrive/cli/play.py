@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,11 @@ from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
     from autodrive.experiments.policies import Policy
+    from autodrive.run.team import Team
+
+TEAMS = "crossing", "duel"
+"""Tasks of several cars."""
+NO_NOISE = "--noise has no meaning in the task 'crossing': its cars read no LIDAR and no IMU"
 
 
 def play(
@@ -22,11 +28,11 @@ def play(
     track: Annotated[
         str | None,
         typer.Argument(
-            help="Name or file of the track on which it drives; after 'crossing' or 'duel' a network (.onnx).  "
+            help="Name or file of the track on which it drives; after 'crossing' or 'duel' a policy (.npz, .onnx).  "
             "[default: it serves as a devkit script]"
         ),
     ] = None,
-    laps: Annotated[int, typer.Option(min=1, max=1000, help="Laps to drive.")] = 10,
+    laps: Annotated[int | None, typer.Option(min=1, max=1000, help="Laps to drive on a track.  [default: 10]")] = None,
     lockstep: Annotated[
         bool, typer.Option("--lockstep/--real-time", help="As fast as the machine can, instead of in real time.")
     ] = False,
@@ -47,31 +53,51 @@ def play(
 
     With a track the car RoboRacer drives some laps in the page; prints the laps and collisions. Without one the policy
     is a devkit script for `autodrive race --devkit`. A policy for another task drives in its environment, in the page.
-    `autodrive play crossing POLICY.onnx` and `autodrive play duel POLICY.onnx` let a network made for the published
-    benchmarks drive all cars.
+    With `autodrive play crossing` four cars drive through a crossing; a policy may follow. `autodrive play crossing
+    POLICY.onnx` and `autodrive play duel POLICY.onnx` let a network made for the published benchmarks drive all cars.
     """
-    if policy in ("crossing", "duel"):
-        _foreign(policy, track, episodes, seed, headless)
-        return
+    from autodrive.experiments.envs.crossing import Crossing
     from autodrive.experiments.envs.time_trial import TimeTrial
     from autodrive.experiments.policies import Policy
 
-    chosen = Policy.find(policy)
+    given = {
+        "--laps": laps is not None,
+        "--lockstep": lockstep,
+        "--noise": noise,
+        "--output": output is not None,
+        "--headless": headless,
+        "--port": port is not None,
+        "--episodes": episodes is not None,
+        "a track": track is not None,
+    }
+    is_team = policy in TEAMS
+    chosen = None if is_team else Policy.find(policy)
+    if is_team or (chosen is not None and chosen.task == Crossing.name):
+        text = "of several cars"
+        _refuse(given, ("--laps", "--output", *(() if is_team else ("a track",))), f"in a task {text}")
+        _refuse(given, ("--port",) if headless else (), f"with --headless in a task {text}: there is no page")
+        team = _team_of(policy, track, noise) if chosen is None else _learnt_team(chosen, noise)
+        _drive_team(team, episodes, seed, headless=headless, port=port, is_lockstep=lockstep)
+        return
+    assert chosen is not None
     if chosen.task != TimeTrial.name:
+        _refuse(given, tuple(given), f"in the environment of the task '{chosen.task}'")
         _in_environment(chosen)
     elif track is None:
+        _refuse(given, tuple(given.keys() - {"--port"}), "for a devkit script, which a policy without a track is")
         _as_script(chosen, DEVKIT_PORT if port is None else port)
     else:
         from autodrive.cli.race import show_race
         from autodrive.run.play import race
         from autodrive.run.race import RaceOptions
 
+        _refuse(given, ("--episodes",), "on a track; it has laps: --laps")
         options = RaceOptions(
             track,
             devkits=(),
             teams=(_team(Path(policy)),),
             rules="practice",
-            laps=laps,
+            laps=laps or 10,
             has_realistic_sensors=noise,
             is_lockstep=lockstep,
             seed=seed,
@@ -80,6 +106,14 @@ def play(
             port=port,
         )
         show_race(options, lambda stop, display: race(chosen, options, stop=stop, observer=display))
+
+
+def _refuse(given: Mapping[str, bool], names: Sequence[str], where: str) -> None:
+    """Raises `SpecError` if one of these options is given: it would mean nothing."""
+    from autodrive.base.errors import SpecError
+
+    if errors := [f"{name} has no meaning {where}" for name in names if given[name]]:
+        raise SpecError(errors)
 
 
 def _team(policy: Path) -> str:
@@ -103,19 +137,41 @@ def _in_environment(policy: Policy) -> None:
     play_environment(policy)
 
 
-def _foreign(task: str, network: str | None, episodes: int | None, seed: int, headless: bool) -> None:
-    """Let a network drive all cars of a published task, and print how often they succeeded."""
+def _team_of(task: str, policy: str | None, has_noise: bool) -> Team:
+    """All cars of a task, and the policy that drives them; None: the included one."""
     from autodrive.base.errors import SpecError
+    from autodrive.experiments.policies import Policy
     from autodrive.experiments.policies.foreign import ForeignPolicy
-    from autodrive.run import foreign
+    from autodrive.run.team import foreign_team
 
-    if network is None:
-        raise SpecError([f"autodrive play {task} needs a network: autodrive play {task} POLICY.onnx"])
-    policy = ForeignPolicy(network, task)
+    if policy is not None and Path(policy).suffix != ".npz":
+        if has_noise and task == "crossing":
+            raise SpecError([NO_NOISE])
+        return foreign_team(ForeignPolicy(policy, task), has_noise=has_noise)
+    if task == "duel":
+        raise SpecError(["autodrive play duel needs a network: autodrive play duel POLICY.onnx"])
+    return _learnt_team(Policy.find(policy or task), has_noise)
+
+
+def _learnt_team(policy: Policy, has_noise: bool) -> Team:
+    from autodrive.base.errors import SpecError
+    from autodrive.run.team import learnt_team
+
+    if has_noise:
+        raise SpecError([NO_NOISE])
+    return learnt_team(policy)
+
+
+def _drive_team(
+    team: Team, episodes: int | None, seed: int, *, headless: bool, port: int | None, is_lockstep: bool
+) -> None:
+    """Drive all cars of a task, and print how often they succeeded."""
+    from autodrive.run.team import drive, show
+
     if headless:
-        successes = foreign.drive(policy, episodes or 100, seed)
+        successes = drive(team, episodes or 100, seed)
     else:
-        successes = foreign.show(policy, episodes, seed)
+        successes = show(team, episodes, seed, port=port, is_real_time=not is_lockstep)
     count, cars = successes.shape
     share, whole = successes.mean(), successes.all(1).mean()
     number = f"{count} episode{'s' * (count > 1)}"
