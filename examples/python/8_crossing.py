@@ -42,8 +42,8 @@ def features(number):
         other = nigels[(number + k) % 4]
         x, y = turned(*(other.position - car.position)[:2], yaw)
         turn = other.orientation_euler_angles[2] - yaw
-        values = x / 4.0, y / 4.0, math.cos(turn), math.sin(turn), other.speed / 0.5, 0.0
-        seen |= {f"peer_{k}_{name}": one for name, one in zip(("x", "y", "cos", "sin", "speed", "age"), values)}
+        said = {"x": x / 4.0, "y": y / 4.0, "cos": math.cos(turn), "sin": math.sin(turn), "speed": other.speed / 0.5}
+        seen |= {f"peer_{k}_{name}": one for name, one in said.items()} | {f"peer_{k}_age": 0.0}
     return seen, along
 
 
@@ -53,6 +53,7 @@ def turned(x, y, angle):
 
 
 def step():
+    """Command all cars."""
     for number, nigel in enumerate(nigels):
         seen, along = features(number)
         drive_, steer = POLICY.outputs(np.array([seen[name] for name in POLICY.inputs]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from contextlib import closing
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -13,18 +13,20 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import SpecError
 from autodrive.experiments.envs.crossing import Crossing
-from autodrive.experiments.envs.duel import Duel
+from autodrive.experiments.envs.duel import DRIVEN, Duel
 from autodrive.experiments.envs.episodes import Episodes, observed
 from autodrive.experiments.envs.rendered_world import RenderedWorld
 from autodrive.experiments.envs.settings import Settings
 from autodrive.experiments.envs.several_cars import SeveralCarsVectorEnv
-from autodrive.experiments.envs.task import CarReadings
+from autodrive.experiments.envs.task import CarReadings, Task
+from autodrive.experiments.envs.time_trial import TimeTrial
 from autodrive.experiments.policies.policy import Drivers
+from autodrive.experiments.policies.racer import PolicyRacers
 from autodrive.protocol.messages import Command
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
-    from autodrive.experiments.envs.task import Bools, Task
+    from autodrive.experiments.envs.task import Bools
     from autodrive.experiments.policies.foreign import ForeignPolicy
     from autodrive.experiments.policies.policy import Policy
 
@@ -32,8 +34,11 @@ TICKS = 5
 """Of an action."""
 STEPS = {"crossing": 600, "duel": 4800}
 """Of an episode."""
-Act: TypeAlias = Callable[[NDArray[np.float32]], "Floats"]
-"""Throttle and steering of all cars, shape (n, 2), for their observations, shape (n, n_number)."""
+TRACKS, TRACK_SEED = 8, 1000
+"""Random tracks of a duel of policies; none of them is trained on."""
+
+Act: TypeAlias = Callable[[NDArray[np.float32], CarReadings], "Floats"]
+"""Throttle and steering of n cars, shape (n, 2), for their observations, shape (n, n_number), and their readings."""
 
 
 class Team(NamedTuple):
@@ -41,7 +46,17 @@ class Team(NamedTuple):
 
     task: Task
     start: Callable[[int], Act]
-    """Makes the driver of so many cars, whose episodes begin."""
+    """Makes what drives so many cars, whose episodes begin."""
+
+
+class Results(NamedTuple):
+    """Of some episodes; each of shape (episodes, cars)."""
+
+    is_success: Bools
+    has_collided: Bools
+    """Whether the car touched something before its episode ended."""
+    is_at_fault: Bools
+    """Likewise, unless that was a car behind it on the track."""
 
 
 def foreign_team(policy: ForeignPolicy, *, has_noise: bool = False) -> Team:
@@ -49,40 +64,66 @@ def foreign_team(policy: ForeignPolicy, *, has_noise: bool = False) -> Team:
 
     `has_noise`: whether the LIDAR of the duel has the noise of its data sheet.
     """
-    task = {"crossing": Crossing, "duel": Duel}[policy.shape.task](TICKS, "published")
-    if task.name == Duel.name and not has_noise:
-        cars = {name: car.model_copy(update={"sensors": {}}) for name, car in task.scenario.vehicles.items()}
-        task.scenario = task.scenario.model_copy(update={"vehicles": cars})
-    return Team(task, lambda _: lambda observations: task.choices[policy.act(observations)])
+    task = Crossing(TICKS, "published") if policy.shape.task == Crossing.name else _duel("published", has_noise)
+    return Team(task, lambda _: lambda observations, _: task.choices[policy.act(observations)])
 
 
 def learnt_team(policy: Policy) -> Team:
-    """A policy that was trained here, in the variant "own". Raises `SpecError` if it is for another task."""
+    """A policy that was trained here drives through the crossing, variant "own". Raises `SpecError`: another task."""
     if policy.task != Crossing.name:
         raise SpecError([f"the policy was trained for '{policy.task}', not for '{Crossing.name}'"])
     task = Crossing(TICKS)
     names = [one.name for one in observed(task, "state")]
-    return Team(task, lambda count: Drivers(policy, names, count).act)
+
+    def start(count: int) -> Act:
+        drivers = Drivers(policy, names, count)
+        return lambda observations, _: drivers.act(observations)
+
+    return Team(task, start)
 
 
-def drive(team: Team, episodes: int, seed: int = 0) -> Bools:
-    """Which cars succeed in so many episodes with the seeds `seed`, `seed` + 1, ..., shape (episodes, cars)."""
+def duel_team(first: Policy | Act, second: Policy | Act, *, laps: int = 2, has_noise: bool = False) -> Team:
+    """Two policies that race, or what else drives cars with the LIDAR, in the variant "own" of the duel.
+
+    `first` drives V1, `second` V2. Raises `SpecError` for a policy of another task.
+    """
+    for policy in (first, second):
+        if not callable(policy) and policy.task != TimeTrial.name:
+            raise SpecError([f"the policy was trained for '{policy.task}', not for a race"])
+
+    def start(count: int) -> Act:
+        racers = [one if callable(one) else PolicyRacers(one, count // 2).act for one in (first, second)]
+
+        def act(observations: NDArray[np.float32], cars: CarReadings) -> Floats:
+            commands = np.empty((count, 2))
+            for k, racer in enumerate(racers):
+                rows = np.arange(k, count, 2)
+                commands[rows] = racer(observations[rows], cars.rows(rows))
+            return commands
+
+        return act
+
+    return Team(_duel("own", has_noise, tracks=TRACKS, track_seed=TRACK_SEED, laps=laps), start)
+
+
+def drive(team: Team, episodes: int, seed: int = 0) -> Results:
+    """So many episodes with the seeds `seed`, `seed` + 1, ..."""
     task = team.task
     cars = len(task.scenario.vehicles)
     steps = STEPS[task.name]
     envs = SeveralCarsVectorEnv(
-        cars * episodes, task, max_episode_steps=steps, autoreset_mode="SameStep", frame_skip=TICKS
+        cars * episodes, task, max_episode_steps=steps, autoreset_mode="NextStep", frame_skip=TICKS
     )
-    successes, is_over = np.zeros(cars * episodes, np.bool_), np.zeros(cars * episodes, np.bool_)
+    tally = _Tally(task, cars * episodes)
     act = team.start(cars * episodes)
     with closing(envs):
         observations, _ = envs.reset(seed=seed)
-        while not is_over.all():
-            observations, _, terminated, truncated, info = envs.step(act(observations))
-            if (ended := (terminated | truncated) & ~is_over).any():
-                successes[ended] = info["final_info"]["is_success"][ended]
-                is_over |= ended
-    return successes.reshape(episodes, cars)
+        while not tally.is_over.all():
+            commands = act(observations, CarReadings.of_batch(envs.batch.readings))
+            observations, _, terminated, truncated, info = envs.step(commands)
+            ends = tally.is_over | terminated | truncated | ~envs.is_live
+            tally.add(ends, info["is_success"], CarReadings.of_batch(envs.batch.readings), envs.memory)
+    return tally.results(cars)
 
 
 def show(
@@ -93,37 +134,99 @@ def show(
     mode: Literal["human"] | None = "human",
     port: int | None = None,
     is_real_time: bool = True,
-) -> Bools:
+) -> Results:
     """Likewise, one episode after the other, with the page, on that port; `episodes` None: until Ctrl-C.
 
     `mode` None: without the page, as fast as possible. The bits are those of `drive`.
     """
     settings = Settings(None, "state", frame_skip=TICKS, render_mode=mode)
-    successes: list[Bools] = []
+    results: list[Results] = []
     world = RenderedWorld(team.task.scenario, settings, has_camera=False, port=port, is_real_time=is_real_time)
     with closing(world) as rendered:
         for number in itertools.count() if episodes is None else range(episodes):
-            successes.append(_episode(team, rendered, seed + number))
+            results.append(_episode(team, rendered, seed + number))
             if mode == "human":
-                print(f"episode {number + 1}: {successes[-1].sum()} of {len(successes[-1])} cars succeeded", flush=True)
-    return np.array(successes)
+                print(f"episode {number + 1}: {_described(team.task, results[-1])}", flush=True)
+    return Results(*map(np.concatenate, zip(*results, strict=True)))
 
 
-def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Bools:
+def summary(team: Team, results: Results) -> str:
+    """Of all episodes, for people."""
+    count, cars = results.is_success.shape
+    number = f"{count} episode{'s' * (count > 1)}"
+    if not _is_own_duel(team.task):
+        share, whole = results.is_success.mean(), results.is_success.all(axis=1).mean()
+        return f"{number}: {share:.1%} of the cars succeeded, all {cars} in {whole:.1%}"
+    columns = zip(team.task.scenario.vehicles, *(one.mean(axis=0) for one in results), strict=True)
+    return f"{number}: " + "; ".join(
+        f"{name} won {won:.1%}, collided in {hit:.1%}, by its own fault in {fault:.1%}"
+        for name, won, hit, fault in columns
+    )
+
+
+def _described(task: Task, results: Results) -> str:
+    """How an episode ended."""
+    (is_success,) = results.is_success
+    if _is_own_duel(task):
+        return f"{[*task.scenario.vehicles][int(is_success.argmax())]} won" if is_success.any() else "nobody won"
+    return f"{is_success.sum()} of {len(is_success)} cars succeeded"
+
+
+def _is_own_duel(task: Task) -> bool:
+    return isinstance(task, Duel) and not task.is_published
+
+
+def _duel(variant: Literal["own", "published"], has_noise: bool, **settings: Any) -> Duel:
+    task = Duel(TICKS, variant, **settings)
+    if not has_noise:
+        cars = {name: car.model_copy(update={"sensors": {}}) for name, car in task.scenario.vehicles.items()}
+        task.scenario = task.scenario.model_copy(update={"vehicles": cars})
+    return task
+
+
+class _Tally:
+    """The first episodes of n cars."""
+
+    def __init__(self, task: Task, count: int) -> None:
+        self._cars = len(task.scenario.vehicles)
+        self._is_race = isinstance(task, Duel)
+        self.is_over, self._is_success = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+        self._has_collided, self._is_hit = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+
+    def add(self, ends: Bools, is_success: Bools, cars: CarReadings, memory: Floats) -> None:
+        """A step of all cars; `ends`: whether the episode of each has ended, in this step or before."""
+        now = ends & ~self.is_over
+        collides = now & (cars.collision_count > 0)
+        if self._is_race:
+            both = collides.reshape(-1, 2).all(axis=1)
+            driven = memory[:, DRIVEN].reshape(-1, 2)
+            self._is_hit |= (both.reshape(-1, 1) & (driven > driven[:, ::-1])).ravel()
+        self._is_success |= now & is_success
+        self._has_collided |= collides
+        self.is_over |= ends
+
+    def results(self, cars: int) -> Results:
+        """Of all episodes."""
+        columns = self._is_success, self._has_collided, self._has_collided & ~self._is_hit
+        return Results(*(one.reshape(-1, cars) for one in columns))
+
+
+def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
     rng, task = seeding.np_random(seed)[0], team.task
     world_seed, starts = int(rng.integers(2**31)), task.starts(rng)
     poses = {name: pose for start in starts for name, pose in start.poses.items()}
     names, seen = list(task.scenario.vehicles), Episodes(task, "state", len(starts))
-    seen.begin(np.arange(len(starts)), starts, CarReadings.of_frame(rendered.reset(world_seed, poses)))
-    is_live, successes = np.ones(len(names), np.bool_), np.zeros(len(names), np.bool_)
-    act = team.start(len(names))
-    for _ in range(STEPS[task.name]):
-        commands = np.where(is_live[:, None], act(seen.numbers()), 0.0)
+    cars = CarReadings.of_frame(rendered.reset(world_seed, poses))
+    seen.begin(np.arange(len(starts)), starts, cars)
+    tally, act = _Tally(task, len(names)), team.start(len(names))
+    for step in range(STEPS[task.name]):
+        commands = np.where(tally.is_over[:, None], 0.0, act(seen.numbers(), cars))
         commands[:, 0] *= task.throttle_factors(seen.memory)
         frame = rendered.step({name: Command(*one) for name, one in zip(names, commands.tolist(), strict=True)})
-        outcome = seen.advance(CarReadings.of_frame(frame))
-        successes |= outcome.is_success & is_live
-        is_live &= ~outcome.has_ended
-        if not is_live.any():
+        cars = CarReadings.of_frame(frame)
+        outcome = seen.advance(cars)
+        is_late = step + 1 == STEPS[task.name]
+        tally.add(outcome.has_ended | tally.is_over | is_late, outcome.is_success, cars, seen.memory)
+        if tally.is_over.all():
             break
-    return successes
+    return tally.results(len(names))
