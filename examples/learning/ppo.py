@@ -6,9 +6,11 @@ Install it, train, and watch the result:
     autodrive play runs/race/policy.npz practice
 
 Problems: "race" (car RoboRacer, LIDAR, random tracks), "robust" (the same with more latency, noise, other grip and
-mass, and dearer collisions), "duel" (two of them in each race, both driven by the policy that learns), and "lane" (car
-Nigel, lane keeping). `--begin-with runs/race` saves "robust" and "duel" the beginning. The output folder gets
-checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there.
+mass, and dearer collisions), "duel" (two of them in each race, driven by the policy that learns, by itself as it was,
+or by other drivers), "crossing" (four cars Nigel drive through a crossing, all driven by the policy that learns), and
+"lane" (car Nigel, lane keeping). `--begin-with` saves "robust" and "duel" the beginning: runs/race, or a policy. The
+output folder gets checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from
+there.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
 arXiv:1506.02438).

@@ -119,10 +119,10 @@ def drive(team: Team, episodes: int, seed: int = 0) -> Results:
     with closing(envs):
         observations, _ = envs.reset(seed=seed)
         while not tally.is_over.all():
-            commands = act(observations, CarReadings.of_batch(envs.batch.readings))
+            commands = act(observations, CarReadings.of_batch(envs.batch.readings, cars))
             observations, _, terminated, truncated, info = envs.step(commands)
             ends = tally.is_over | terminated | truncated | ~envs.is_live
-            tally.add(ends, info["is_success"], CarReadings.of_batch(envs.batch.readings), envs.memory)
+            tally.add(ends, info["is_success"], CarReadings.of_batch(envs.batch.readings, cars), envs.memory)
     return tally.results(cars)
 
 
