@@ -114,6 +114,7 @@ export function askPicture(
     const [fx, fy] = [width / picture.width, height / picture.height]
     context.strokeStyle = context.fillStyle = getComputedStyle(canvas).color
     context.lineWidth = 3
+    context.font = '13px sans-serif'
     context.beginPath()
     if (!sheet.value) for (const [x, y] of line) context.lineTo(x * fx, y * fy)
     context.stroke()
@@ -141,7 +142,7 @@ export function askPicture(
   }
 
   canvas.style.aspectRatio = `${picture.width} / ${picture.height}`
-  canvas.style.maxWidth = `calc(45vh * ${picture.width / picture.height})`
+  canvas.style.maxWidth = `calc(32vh * ${picture.width / picture.height})`
   document.body.append(dialog)
   dialog.showModal()
   const stop = sheet.watch(show)
