@@ -29,9 +29,10 @@ from autodrive.protocol.messages import Weather
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
 from autodrive.scenario.maps.light_programs import all_programs
+from autodrive.scenario.v2x import V2xSpec
 from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.world.batch.columns import Thread, empty_worlds, new_thread
+from autodrive.world.batch.columns import Rules, Thread, empty_worlds, new_thread
 from autodrive.world.batch.readings import Readings, readings_of
 from autodrive.world.batch.tick import begin_worlds, step_worlds
 from autodrive.world.factory import compile_scenario
@@ -39,6 +40,7 @@ from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import overlapping
 from autodrive.world.referee import NEVER, SEPARATION
 from autodrive.world.traffic_lights import TrafficLights
+from autodrive.world.v2x import begin_radio, channel_of
 
 BLOCK = 16
 """Worlds that a thread takes at a time, at least."""
@@ -83,10 +85,6 @@ class BatchWorld(OneThread):
             raise CommandError(
                 "a BatchWorld has no sensors of the user: remove 'own_sensors' from the scenario, or make single Worlds"
             )
-        if spec.v2x is not None:
-            raise CommandError(
-                "a BatchWorld has no radio channel: remove 'v2x' from the scenario, or use single Worlds"
-            )
         if spec.traffic.cars:
             raise CommandError("a BatchWorld has no traffic: set 'traffic.cars' to 0, or make single Worlds")
         self.n = n
@@ -111,11 +109,7 @@ class BatchWorld(OneThread):
         self._time = np.zeros(n)
         self.light_names = c.map.traffic_lights
         """Traffic lights follow their programs."""
-        programs = all_programs(c.map.light_programs, spec.light_programs)
-        self._lights = TrafficLights(self.light_names, programs, spec.tick)
-        shape = n, len(self.light_names)
-        self._shown = np.zeros(shape, np.int64), np.full(shape, np.nan)
-        self.readings = readings_of(self.worlds, self._time, self._shown, len(self.object_names))
+        self.readings = readings_of(self.worlds, self._time, len(self.object_names))
         """Of the present instant."""
         self._seeds = [seed + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
@@ -136,8 +130,14 @@ class BatchWorld(OneThread):
         self._engines = engines  # they own the memory of the views
         self._pool = ThreadPoolExecutor(count - 1, "batch") if count > 1 else None
         ids = {owner: i for i, owner in enumerate(dict.fromkeys(c.owners))}
-        self._owners = np.array([ids[owner] for owner in c.owners], np.int64)
-        self._separation = SEPARATION / spec.tick
+        programs = all_programs(c.map.light_programs, spec.light_programs)
+        self._rules = Rules(
+            owners=np.array([ids[owner] for owner in c.owners], np.int64),
+            edges=c.map.drivable_edges,
+            separation=SEPARATION / spec.tick,
+            lights=TrafficLights(self.light_names, programs, spec.tick).table(spec.time_of_day),
+            channel=channel_of(spec.v2x or V2xSpec(), spec.tick),
+        )
         self._is_always = engine == "always"
         self._step = resolved(step_worlds, *self._arguments(self._threads[0], 0, 0, 1))
         self._begin = resolved(begin_worlds, *self._begin_arguments(np.zeros(0, np.int64)))
@@ -223,6 +223,8 @@ class BatchWorld(OneThread):
         tables: dict[tuple[object, ...], tuple[Table, Table]] = {}
         for row, k in enumerate(chosen.tolist()):
             self._seeds[k] = new_seeds[row]
+            if self.spec.v2x is not None:
+                begin_radio(w.radio, k, self._seeds[k])
             its_factors = {name: values[row] for name, values in factors.items()}
             self._set_parameters(k, its_factors, own[row], weathers[row], tables)
         for i, motion in moving.items():
@@ -253,9 +255,7 @@ class BatchWorld(OneThread):
             self._is_stepped,
             thread,
             self._sensors,
-            self._owners,
-            c.map.drivable_edges,
-            self._separation,
+            self._rules,
             first,
             last,
             ticks,
@@ -266,14 +266,11 @@ class BatchWorld(OneThread):
 
     def _begin_arguments(self, chosen: Integers) -> tuple[Any, ...]:
         c = self.compiled
-        return c.model, self.worlds, self._threads[0], self._sensors, chosen, self._substeps
+        return c.model, self.worlds, self._threads[0], self._sensors, self._rules, chosen, self._substeps
 
     def _show(self) -> Readings:
         numerator, denominator = self._tick.numerator, self._tick.denominator
         np.divide(self.worlds.tick * numerator, denominator, out=self._time)
-        if self.light_names:
-            states, times = self._lights.table(self.worlds.tick, self.spec.time_of_day)
-            self._shown[0][:], self._shown[1][:] = states, times
         return self.readings
 
     def _set_parameters(

@@ -17,6 +17,8 @@ from autodrive.physics.sensors.tables import noise_columns, reading_columns
 from autodrive.physics.state import State
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.referee import NEVER
+from autodrive.world.traffic_lights import LightTable
+from autodrive.world.v2x import Channel, RadioColumns, new_messages, radio_columns
 
 
 class Worlds(NamedTuple):
@@ -45,8 +47,27 @@ class Worlds(NamedTuple):
     """Whether there was a new collision in the last call, shape (n, v)."""
     is_off_road: NDArray[np.bool_]
     """Shape (n, v)."""
+    light_state: Integers
+    """`TrafficLightState` of each light, shape (n, l)."""
+    light_time: Floats
+    """Time until it changes [s], shape (n, l)."""
+    radio: RadioColumns
     noise: NoiseColumns
     readings: ReadingColumns
+
+
+class Rules(NamedTuple):
+    """What is the same in all worlds and does not change, beside the Model."""
+
+    owners: Integers
+    """Number of the object of each solid; see `VehicleContacts`."""
+    edges: Floats
+    """See `referee.any_wheel_outside`."""
+    separation: float
+    """Ticks between two collisions with the same object."""
+    lights: LightTable
+    channel: Channel
+    """Of the radio; if nobody sends, it means nothing."""
 
 
 class Thread(NamedTuple):
@@ -60,11 +81,13 @@ class Thread(NamedTuple):
     shape_rotation: Floats
     """Likewise."""
     sensors: Working
+    messages: Floats
+    """Of the radio: see `v2x.new_messages`."""
 
 
 def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: int) -> Worlds:
     """Worlds of zeros with the Model of the scenario; LIDARs, and rolling ones, have at most so many rays."""
-    v, model = len(compiled.vehicles), compiled.model
+    v, model, lights = len(compiled.vehicles), compiled.model, len(compiled.map.traffic_lights)
     columns = State(*(np.zeros((n, *column.shape)) for column in compiled.state._replace(**_NO_SHAPES)))
     return Worlds(
         state=columns,
@@ -78,6 +101,9 @@ def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: in
         collision_count=np.zeros((n, v), np.int64),
         has_collided=np.zeros((n, v), np.bool_),
         is_off_road=np.zeros((n, v), np.bool_),
+        light_state=np.zeros((n, lights), np.int64),
+        light_time=np.full((n, lights), np.nan),
+        radio=radio_columns(compiled.spec.v2x, n, v, lights, compiled.spec.tick),
         noise=noise_columns(n, v),
         readings=reading_columns(n, v, rays, rolling_rays),
     )
@@ -96,6 +122,7 @@ def new_thread(compiled: CompiledScenario, engine: Engine, rays: int) -> Thread:
         shape_position=shapes.position.copy(),
         shape_rotation=shapes.rotation.copy(),
         sensors=working_memory(shapes, len(compiled.vehicles), rays),
+        messages=new_messages(len(compiled.vehicles), compiled.map.light_poses),
     )
 
 
