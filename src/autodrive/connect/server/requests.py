@@ -17,7 +17,6 @@ from autodrive.base.token_bucket import TokenBucket
 from autodrive.connect.server.driving import taken
 from autodrive.connect.server.request_queue import BURST, MAX_PENDING, MAX_PENDING_BYTES, SHARE, Entry, RequestQueue
 from autodrive.protocol.messages import (
-    MAX_TEXT,
     AddBox,
     Frame,
     LoadScenario,
@@ -32,6 +31,7 @@ from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Re
 from autodrive.protocol.own_files import ImportTrack
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.world.editing.edits import edited
+from autodrive.world.editing.track_edits import imported_track
 from autodrive.world.placement import warnings_about
 
 if TYPE_CHECKING:
@@ -273,7 +273,8 @@ class Requests:
         Returns the operation of the simulation, and warnings. Raises `AutodriveError`.
         """
         if isinstance(operation, ImportTrack):
-            return self._imported(operation)
+            # the replay refuses the edit
+            return imported_track(operation) if self._replay is None else (UseMap("track"), "")
         if isinstance(operation, LoadScenario):
             if world := self._simulation.prepare(operation.name):
                 self._prepare_scene(world)
@@ -284,17 +285,6 @@ class Requests:
             edited(world.spec, world.boxes, operation)
             box_file(operation.size)
         return operation, ""
-
-    def _imported(self, operation: ImportTrack) -> tuple[Operation, str]:
-        from autodrive.scenario.tracks.importer import ImportOptions, import_picture  # noqa: PLC0415  loads shapely
-
-        if self._replay is not None:
-            return UseMap("track"), ""  # the replay refuses it
-        options = ImportOptions(name=operation.name, gap=operation.gap, is_reversed=operation.is_reversed)
-        track, warnings = import_picture(operation.picture, operation.text, options, start=operation.start)
-        if len(text := track.text()) > MAX_TEXT:
-            raise AutodriveError(f"the track has {len(text)} characters; at most {MAX_TEXT} are possible")
-        return UseMap(text=text), "\n".join(warnings)
 
     def _submit(self, turn: Turn, operation: Operation, warnings: str = "") -> None:
         """Pass an operation to the simulation."""
