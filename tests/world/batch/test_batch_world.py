@@ -214,6 +214,58 @@ def test_the_radio_of_each_world_has_the_bits_of_a_single_world(radio: str) -> N
     assert (readings.heard_vehicles[0] != readings.heard_vehicles[1]).any()  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
+LOT = 2.5, 3.1, 0.0
+"""In the parking lot of Tiny Town."""
+TOWNS: dict[str, dict[str, Any]] = {
+    "oval": {"map": "oval", "vehicles": {"V1": {"y": 1.15}}, "boxes": {"box": {"x": 0.5, "y": 0.9}}},
+    "tiny_town": {"map": "tiny_town", "vehicles": {"V1": {"x": -1.1, "y": -0.15}, "V2": {"x": 2.5, "y": 4.2}}},
+}
+
+
+@pytest.mark.parametrize(("map_", "cars"), [("oval", 3), ("tiny_town", 12)])
+def test_the_traffic_of_each_world_has_the_bits_of_a_single_world(map_: str, cars: int) -> None:
+    """With lights, signs, a box in the way, cars of the user in the way, and resets with other seeds and poses."""
+    fields = TOWNS[map_] | {"traffic": {"cars": cars}, "v2x": {"loss": 0.2}}
+    spec = ScenarioSpec.model_validate(fields)
+    batch, worlds = BatchWorld(spec, 2, seed=3), [make(spec, seed=3 + k) for k in range(2)]
+    own, fastest = len(spec.vehicles), 0.0
+    assert batch.vehicle_names == worlds[0].vehicle_names
+    assert batch.commanded_names == batch.vehicle_names[:own]
+    for t, commands in enumerate(random_commands(2, own, 40)):
+        if t == 20:
+            poses = {"oval": {"V1": (0.5, 1.15, 0.3)}, "tiny_town": {"V2": (2.5, 4.1, 0.1), "traffic_3": LOT}}[map_]
+            batch.reset([1], [77], poses=poses)
+            worlds[1].reset(77, poses=poses)
+            assert_same(batch.readings, 1, worlds[1].frame)
+        if t == 35:
+            batch.reset()
+            for world in worlds:
+                world.reset()
+        readings = batch.step(0.4 * commands, ticks=20)
+        for k, world in enumerate(worlds):
+            for _ in range(20):
+                world.step(as_commands(batch.commanded_names, 0.4 * commands[k]))
+            assert_same(readings, k, world.frame)
+        fastest = max(fastest, np.abs(readings.velocity[:, own:, 0]).max())
+    assert fastest > 0.1
+
+
+def test_the_traffic_does_not_depend_on_the_number_of_threads() -> None:
+    spec = ScenarioSpec.model_validate(TOWNS["oval"] | {"traffic": {"cars": 3}})
+    batches = [BatchWorld(spec, 40, seed=1, threads=threads) for threads in (1, 3)]
+    for commands in random_commands(40, 1, 6):
+        one, three = (batch.step(0.3 * commands, ticks=50) for batch in batches)
+        for name in ("position", "velocity", "steering", "collision_count"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
+    assert len({*batches[0].readings.position[:, 1, 0].tolist()}) > 20  # other seeds, other ways
+
+
+def test_the_traffic_of_a_batch_obeys_no_commands() -> None:
+    batch = BatchWorld(ScenarioSpec.model_validate(TOWNS["oval"] | {"traffic": {"cars": 2}}), 3)
+    with pytest.raises(CommandError, match=re.escape("shape (worlds, vehicles, 2) = (3, 1, 2), not (3, 3, 2)")):
+        batch.step(np.zeros((3, 3, 2)))
+
+
 def test_a_batch_without_a_channel_hears_nothing() -> None:
     batch = BatchWorld(radio_town("ideal").model_copy(update={"v2x": None}), 2)
     assert batch.readings.heard_vehicles.shape == (2, 3, 0, 8)

@@ -61,8 +61,8 @@ class CarReadings(NamedTuple):
 
     @classmethod
     def of_frame(cls, frame: Frame) -> CarReadings:
-        """The cars of one world."""
-        cars = list(frame.vehicles.values())
+        """The cars of one world, without the traffic."""
+        cars = [car for car in frame.vehicles.values() if not car.is_traffic]
         objects = [one.pose.position for one in frame.objects.values()]
         scans = [car.lidar for car in cars if car.lidar is not None]
         assert len(scans) == len(cars), "every car of these scenarios has a LIDAR"
@@ -82,14 +82,14 @@ class CarReadings(NamedTuple):
         return cls._make(values)
 
     @classmethod
-    def of_batch(cls, readings: Readings) -> CarReadings:
-        """The cars of all worlds, one world after the other.
+    def of_batch(cls, readings: Readings, count: int) -> CarReadings:
+        """The first `count` cars of all worlds, one world after the other.
 
-        Views, which the next step of the batch overwrites, but for the time and the objects of several cars.
+        They may be views, which the next step of the batch overwrites.
         """
-        n, count = readings.position.shape[:2]
+        n = len(readings.position)
         columns = [getattr(readings, name) for name in cls._fields[1:10]] + [readings.heard_vehicles]
-        cars: list[Any] = [one.reshape(n * count, *one.shape[2:]) for one in columns]
+        cars: list[Any] = [one[:, :count].reshape(n * count, *one.shape[2:]) for one in columns]
         time, objects = readings.time, readings.object_pose[:, :, :3]
         if count > 1:
             time, objects = np.repeat(time, count), np.repeat(objects, count, axis=0)
@@ -105,7 +105,7 @@ def _heard(frame: Frame) -> Floats:
     """See `CarReadings.heard`."""
     rows = [
         [_message(reading.vehicles.get(name)) for name in frame.vehicles] if reading is not None else []
-        for reading in (car.v2x for car in frame.vehicles.values())
+        for reading in (car.v2x for car in frame.vehicles.values() if not car.is_traffic)
     ]
     return np.array(rows, np.float64).reshape(len(rows), -1, 8)
 

@@ -15,8 +15,10 @@ from autodrive.physics.model import Model, Table
 from autodrive.physics.sensors.columns import NoiseColumns, ReadingColumns, Working, working_memory
 from autodrive.physics.sensors.tables import noise_columns, reading_columns
 from autodrive.physics.state import State
+from autodrive.scenario.maps.roads import Roads
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.referee import NEVER
+from autodrive.world.traffic.drive import Bodies, Drivers, Plan, new_drivers, new_plan
 from autodrive.world.traffic_lights import LightTable
 from autodrive.world.v2x import Channel, RadioColumns, new_messages, radio_columns
 
@@ -52,6 +54,8 @@ class Worlds(NamedTuple):
     light_time: Floats
     """Time until it changes [s], shape (n, l)."""
     radio: RadioColumns
+    drivers: Drivers
+    """Of the traffic, with n rows in each column."""
     noise: NoiseColumns
     readings: ReadingColumns
 
@@ -66,6 +70,10 @@ class Rules(NamedTuple):
     separation: float
     """Ticks between two collisions with the same object."""
     lights: LightTable
+    roads: Roads
+    """On which the traffic drives."""
+    bodies: Bodies
+    """What the drivers of the traffic know of all vehicles."""
     channel: Channel
     """Of the radio; if nobody sends, it means nothing."""
 
@@ -83,6 +91,9 @@ class Thread(NamedTuple):
     sensors: Working
     messages: Floats
     """Of the radio: see `v2x.new_messages`."""
+    plan: Plan
+    seen_lights: Integers
+    """What drivers of the traffic see of each traffic light, shape (l,)."""
 
 
 def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: int) -> Worlds:
@@ -104,6 +115,7 @@ def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: in
         light_state=np.zeros((n, lights), np.int64),
         light_time=np.full((n, lights), np.nan),
         radio=radio_columns(compiled.spec.v2x, n, v, lights, compiled.spec.tick),
+        drivers=new_drivers((n, compiled.spec.traffic.cars)),
         noise=noise_columns(n, v),
         readings=reading_columns(n, v, rays, rolling_rays),
     )
@@ -123,6 +135,8 @@ def new_thread(compiled: CompiledScenario, engine: Engine, rays: int) -> Thread:
         shape_rotation=shapes.rotation.copy(),
         sensors=working_memory(shapes, len(compiled.vehicles), rays),
         messages=new_messages(len(compiled.vehicles), compiled.map.light_poses),
+        plan=new_plan(compiled.spec.traffic.cars),
+        seen_lights=np.zeros(len(compiled.map.traffic_lights), np.int64),
     )
 
 
