@@ -63,7 +63,7 @@ def test_a_vector_environment_with_traffic_has_the_bits_of_single_ones(observati
 
 
 def test_offences_are_counted_and_cost_what_was_chosen() -> None:
-    """Two drivers who follow the lane past all lights and signs, one of them in a single environment."""
+    """Drivers who follow the lane past all lights and signs, one of them in a single environment."""
     settings: dict[str, Any] = {"frame_skip": 10, "max_episode_steps": None}
     free, dear = (vector_env("NigelLaneKeeping-v0", 4, offence_cost=cost, **settings) for cost in (0.0, 2.0))
     single = gymnasium.make("autodrive:NigelLaneKeeping-v0", offence_cost=2.0, **settings)
@@ -72,7 +72,7 @@ def test_offences_are_counted_and_cost_what_was_chosen() -> None:
     single.reset(seed=3)
     names = [feature.name for feature in free.task.features]
     x, y = names.index("ahead_0.4_x"), names.index("ahead_0.4_y")
-    before = np.zeros(4)
+    before, infos = np.zeros(4), {}
     for _ in range(330):
         steering = 2.0 * np.arctan2(observations[:, y], observations[:, x])
         actions = np.stack([np.full(4, 0.8), steering], 1).astype(np.float32)
