@@ -125,7 +125,7 @@ class SeveralCarsParallelEnv(ParallelEnv[str, Any, Any]):
             {agent: float(reward[row]) for agent, row in rows.items()},
             {agent: not is_live[row] for agent, row in rows.items()},
             {agent: bool(truncated[row]) for agent, row in rows.items()},
-            {agent: {"is_success": bool(info["is_success"][row])} for agent, row in rows.items()},
+            {agent: {k: one[row].item() for k, one in info.items() if k[0] != "_"} for agent, row in rows.items()},
         )
 
     def close(self) -> None:
