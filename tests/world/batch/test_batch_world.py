@@ -16,7 +16,9 @@ from autodrive import Command, Frame, make
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, SpecError
 from autodrive.base.yaml_files import find
+from autodrive.protocol.messages import RedLight, StopSign
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.batch import BatchWorld, Readings
 from tests.support.cars import car_file
@@ -212,6 +214,100 @@ def test_the_radio_of_each_world_has_the_bits_of_a_single_world(radio: str) -> N
         heard += np.isfinite(readings.heard_vehicles[..., 0]).sum()
     assert heard > 100
     assert (readings.heard_vehicles[0] != readings.heard_vehicles[1]).any()  # pyright: ignore[reportPossiblyUnboundVariable]
+
+
+LOT = 2.5, 3.1, 0.0
+"""In the parking lot of Tiny Town."""
+TOWNS: dict[str, dict[str, Any]] = {
+    "oval": {"map": "oval", "vehicles": {"V1": {"y": 1.15}}, "boxes": {"box": {"x": 0.5, "y": 0.9}}},
+    "tiny_town": {"map": "tiny_town", "vehicles": {"V1": {"x": -1.1, "y": -0.15}, "V2": {"x": 2.5, "y": 4.2}}},
+}
+
+
+@pytest.mark.parametrize(("map_", "cars"), [("oval", 3), ("tiny_town", 12)])
+def test_the_traffic_of_each_world_has_the_bits_of_a_single_world(map_: str, cars: int) -> None:
+    """With lights, signs, a box in the way, cars of the user in the way, and resets with other seeds and poses."""
+    fields = TOWNS[map_] | {"traffic": {"cars": cars}, "v2x": {"loss": 0.2}}
+    spec = ScenarioSpec.model_validate(fields)
+    batch, worlds = BatchWorld(spec, 2, seed=3), [make(spec, seed=3 + k) for k in range(2)]
+    own, fastest = len(spec.vehicles), 0.0
+    assert batch.vehicle_names == worlds[0].vehicle_names
+    assert batch.commanded_names == batch.vehicle_names[:own]
+    for t, commands in enumerate(random_commands(2, own, 40)):
+        if t == 20:
+            poses = {"oval": {"V1": (0.5, 1.15, 0.3)}, "tiny_town": {"V2": (2.5, 4.1, 0.1), "traffic_3": LOT}}[map_]
+            batch.reset([1], [77], poses=poses)
+            worlds[1].reset(77, poses=poses)
+            assert_same(batch.readings, 1, worlds[1].frame)
+        if t == 35:
+            batch.reset()
+            for world in worlds:
+                world.reset()
+        readings = batch.step(0.4 * commands, ticks=20)
+        for k, world in enumerate(worlds):
+            for _ in range(20):
+                world.step(as_commands(batch.commanded_names, 0.4 * commands[k]))
+            assert_same(readings, k, world.frame)
+        fastest = max(fastest, np.abs(readings.velocity[:, own:, 0]).max())
+    assert fastest > 0.1
+
+
+def test_the_offences_of_each_world_are_the_events_of_a_single_world() -> None:
+    """Cars cross stop lines of lights at red and at green, and of a stop sign with and without a stop."""
+    line = next(one for one in load_map("tiny_town").stop_lines if one.kind == "stop")
+    light = next(one for one in load_map("tiny_town").stop_lines if one.kind == "traffic_light")
+    places = {"V1": line, "V2": light}
+    cars = {
+        name: {
+            "x": one.pose[0] - 0.8 * math.cos(one.pose[2]),
+            "y": one.pose[1] - 0.8 * math.sin(one.pose[2]),
+            "yaw_deg": math.degrees(one.pose[2]),
+        }
+        for name, one in places.items()
+    }
+    program = {"groups": {"one": [light.prop]}, "phases": [{"green": ["one"], "duration": 2}, {"duration": 1}]}
+    fields = {"map": "tiny_town", "vehicles": cars, "light_programs": {"intersection": None, "own": program}}
+    spec = ScenarioSpec.model_validate(fields)
+    n = 4
+    batch, worlds = BatchWorld(spec, n), [make(spec, seed=k) for k in range(n)]
+    counts = np.zeros((n, 2, 2), int)
+    for step in range(120):
+        if step == 80:
+            batch.reset([0, 3])
+            for k in (0, 3):
+                worlds[k].reset()
+                counts[k] = 0
+        commands = np.zeros((n, 2, 2))
+        for k in range(n):  # they start one after the other; in two worlds they stop just before the line
+            driving = step % 80 - 15 * k
+            is_waiting = driving < 0 or (k in (1, 2) and 17 <= driving < 30)
+            commands[k, :, 0] = 0.0 if is_waiting else 1.0
+        readings = batch.step(commands, ticks=5)
+        for k, world in enumerate(worlds):
+            for _ in range(5):
+                for event in world.step(as_commands(batch.vehicle_names, commands[k])).events:
+                    if isinstance(event, RedLight | StopSign):
+                        counts[k, batch.vehicle_names.index(event.vehicle), int(isinstance(event, StopSign))] += 1
+        np.testing.assert_array_equal(readings.red_light_count, counts[..., 0])
+        np.testing.assert_array_equal(readings.stop_sign_count, counts[..., 1])
+    assert counts[:, 0, 1].tolist() == [1, 0, 0, 0]  # world 3 has not started again yet
+    assert counts[:, 1, 0].tolist() == [0, 0, 1, 0]
+
+
+def test_the_traffic_does_not_depend_on_the_number_of_threads() -> None:
+    spec = ScenarioSpec.model_validate(TOWNS["oval"] | {"traffic": {"cars": 3}})
+    batches = [BatchWorld(spec, 40, seed=1, threads=threads) for threads in (1, 3)]
+    for commands in random_commands(40, 1, 6):
+        one, three = (batch.step(0.3 * commands, ticks=50) for batch in batches)
+        for name in ("position", "velocity", "steering", "collision_count"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
+    assert len({*batches[0].readings.position[:, 1, 0].tolist()}) > 20  # other seeds, other ways
+
+
+def test_the_traffic_of_a_batch_obeys_no_commands() -> None:
+    batch = BatchWorld(ScenarioSpec.model_validate(TOWNS["oval"] | {"traffic": {"cars": 2}}), 3)
+    with pytest.raises(CommandError, match=re.escape("shape (worlds, vehicles, 2) = (3, 1, 2), not (3, 3, 2)")):
+        batch.step(np.zeros((3, 3, 2)))
 
 
 def test_a_batch_without_a_channel_hears_nothing() -> None:

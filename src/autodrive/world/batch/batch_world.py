@@ -39,6 +39,8 @@ from autodrive.world.factory import compile_scenario
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import overlapping
 from autodrive.world.referee import NEVER, SEPARATION
+from autodrive.world.traffic.drive import Drivers
+from autodrive.world.traffic.traffic import Fleet
 from autodrive.world.traffic_lights import TrafficLights
 from autodrive.world.v2x import begin_radio, channel_of
 
@@ -85,13 +87,13 @@ class BatchWorld(OneThread):
             raise CommandError(
                 "a BatchWorld has no sensors of the user: remove 'own_sensors' from the scenario, or make single Worlds"
             )
-        if spec.traffic.cars:
-            raise CommandError("a BatchWorld has no traffic: set 'traffic.cars' to 0, or make single Worlds")
         self.n = n
         self.spec = spec
         """The scenario from which `reset` starts."""
         self.map = c.map
         self.vehicle_names = list(c.vehicles)
+        self.commanded_names = [name for name in c.vehicles if name not in spec.traffic.names]
+        """The first vehicles, which obey commands; the traffic behind them drives itself."""
         self.object_names = list(c.objects)
         self.tick_duration = spec.tick
         heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
@@ -131,11 +133,16 @@ class BatchWorld(OneThread):
         self._pool = ThreadPoolExecutor(count - 1, "batch") if count > 1 else None
         ids = {owner: i for i, owner in enumerate(dict.fromkeys(c.owners))}
         programs = all_programs(c.map.light_programs, spec.light_programs)
+        sizes = [(at, box.size) for at, box in zip(c.objects.values(), c.boxes, strict=True)]
+        self._traffic = Fleet(spec, c.map, c.vehicles, sizes, c.model)
         self._rules = Rules(
             owners=np.array([ids[owner] for owner in c.owners], np.int64),
             edges=c.map.drivable_edges,
             separation=SEPARATION / spec.tick,
             lights=TrafficLights(self.light_names, programs, spec.tick).table(spec.time_of_day),
+            stop_lines=c.stop_line_table,
+            roads=self._traffic.roads,
+            bodies=self._traffic.bodies,
             channel=channel_of(spec.v2x or V2xSpec(), spec.tick),
         )
         self._is_always = engine == "always"
@@ -151,9 +158,9 @@ class BatchWorld(OneThread):
     def step(self, commands: ArrayLike, ticks: int = 1, worlds: ArrayLike | None = None) -> Readings:
         """Run so many ticks with these commands: throttle and steering (left positive), each in [-1, 1].
 
-        `commands` has the shape (n, v, 2); greater values are limited. `worlds`: those that move, as in `reset`; the
-        others stay as they are, and their commands mean nothing. Raises `CommandError` for another shape, or a value
-        that is not finite; nothing has moved then.
+        `commands` has the shape (n, v, 2), without the traffic; greater values are limited. `worlds`: those that move,
+        as in `reset`; the others stay as they are, and their commands mean nothing. Raises `CommandError` for another
+        shape, or a value that is not finite; nothing has moved then.
         """
         self._check_open()
         values = self._checked_commands(commands)
@@ -161,8 +168,8 @@ class BatchWorld(OneThread):
         self._is_stepped[self._checked_worlds(worlds)] = True
         if isinstance(ticks, bool) or not isinstance(ticks, int) or ticks < 1:
             raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
-        np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle)
-        np.clip(values[..., 1], -1.0, 1.0, out=self.worlds.steering)
+        np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle[:, : values.shape[1]])
+        np.clip(values[..., 1], -1.0, 1.0, out=self.worlds.steering[:, : values.shape[1]])
         if self._pool is None:
             self._step(*self._arguments(self._threads[0], 0, self.n, ticks))
         else:
@@ -191,8 +198,9 @@ class BatchWorld(OneThread):
 
         `worlds`: a mask of shape (n,), or m numbers of worlds; None: all. `seeds`: new ones, shape (m,); a seed stays
         until the next one. `poses`: x, y [m] and yaw [rad] of vehicles or objects on the ground, by name, shape (m, 3)
-        or (3,); the others are where the scenario places them. `mass`, `grip`, `noise`: the factors of
-        `VehiclePlacement` in addition to those of the scenario, one number or shape (m,) or (m, v).
+        or (3,); the others are where the scenario places them, the traffic is where the seed does. `mass`, `grip`,
+        `noise`: the factors of `VehiclePlacement` in addition to those of the scenario, one number or shape (m,) or
+        (m, v).
 
         `motions`: vehicles start in motion, with rolling wheels: forward and left speed [m/s], yaw rate [rad/s], and
         the throttle and the steering that they have obeyed, by name, shape (m, 5) or (5,); the others start at rest.
@@ -208,7 +216,7 @@ class BatchWorld(OneThread):
         new_seeds = self._checked_seeds(seeds, chosen)
         given = {"mass": mass, "grip": grip, "noise": noise}
         factors = {name: self._checked_factor(name, factor, chosen) for name, factor in given.items()}
-        qpos = self._checked_starts(poses or {}, chosen)
+        qpos = self._checked_starts(poses or {}, chosen, new_seeds)
         moving = {self._vehicle(name): self._checked_motion(name, one, chosen) for name, one in (motions or {}).items()}
         own = self._checked_vehicles(vehicles or {}, chosen)
         weathers = self._checked_weathers(self.spec.weather.message if weather is None else weather, chosen)
@@ -218,6 +226,8 @@ class BatchWorld(OneThread):
         w.state.qpos[chosen] = qpos
         for column in (w.tick, w.is_unstable, w.throttle, w.steering, w.collision_count):
             column[chosen] = 0
+        w.red_light_count[chosen] = w.stop_sign_count[chosen] = 0
+        w.ahead[chosen], w.has_stopped[chosen] = np.nan, False
         w.last_contact[chosen] = NEVER
         w.has_collided[chosen] = w.is_off_road[chosen] = False
         tables: dict[tuple[object, ...], tuple[Table, Table]] = {}
@@ -225,6 +235,8 @@ class BatchWorld(OneThread):
             self._seeds[k] = new_seeds[row]
             if self.spec.v2x is not None:
                 begin_radio(w.radio, k, self._seeds[k])
+            if self._traffic.names:
+                self._traffic.begin(Drivers._make(column[k] for column in w.drivers), self._seeds[k])
             its_factors = {name: values[row] for name, values in factors.items()}
             self._set_parameters(k, its_factors, own[row], weathers[row], tables)
         for i, motion in moving.items():
@@ -341,7 +353,7 @@ class BatchWorld(OneThread):
     # -- checks of arguments -------------------------------------------------------------------------------------
 
     def _checked_commands(self, commands: ArrayLike) -> Floats:
-        shape = self.n, len(self.vehicle_names), 2
+        shape = self.n, len(self.commanded_names), 2
         try:
             values = np.asarray(commands, dtype=np.float64)
         except (TypeError, ValueError):
@@ -442,7 +454,7 @@ class BatchWorld(OneThread):
             check_weather(one)
         return [ChangingWeather.settled(one).at(0.0) for one in given]
 
-    def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers) -> Floats:
+    def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers, seeds: Sequence[int]) -> Floats:
         """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
         c = self.compiled
         qpos = np.tile(c.engine.start, (len(chosen), 1))
@@ -452,14 +464,25 @@ class BatchWorld(OneThread):
             values = _checked_rows(f"the poses of '{name}'", pose, (len(chosen), 3), "x, y, yaw")
             if not (np.abs(values) <= MAX_DISTANCE).all():
                 raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
-            start, height = self._on_ground[name]
-            for row, (x, y, yaw) in zip(qpos, values.tolist(), strict=True):
-                w, _, _, z = quaternion_from_yaw(yaw)
-                row[start : start + 7] = x, y, height, w, 0.0, 0.0, z
-        for k, row in zip(chosen.tolist(), qpos, strict=True) if poses else ():
+            for row, pose_of_row in zip(qpos, values.tolist(), strict=True):
+                self._place(row, name, *pose_of_row)
+        names = self._traffic.names
+        others = [start for name, (start, _) in self._on_ground.items() if name not in names]
+        for row, seed in zip(qpos, seeds, strict=True) if names else ():
+            starts = self._traffic.start_poses(seed, [(x, y) for x, y in (row[at : at + 2].tolist() for at in others)])
+            for name, start in starts.items():
+                if name not in poses:
+                    self._place(row, name, *start)
+        for k, row in zip(chosen.tolist(), qpos, strict=True) if poses or names else ():
             for one, other in overlapping(c, row):
                 raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
         return qpos
+
+    def _place(self, qpos: Floats, name: str, x: float, y: float, yaw: float) -> None:
+        """Write the pose of a vehicle or an object on the ground into a row of `State.qpos`."""
+        start, height = self._on_ground[name]
+        w, _, _, z = quaternion_from_yaw(yaw)
+        qpos[start : start + 7] = x, y, height, w, 0.0, 0.0, z
 
 
 def _checked_rows(name: str, given: ArrayLike, shape: tuple[int, int], columns: str) -> Floats:

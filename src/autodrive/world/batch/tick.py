@@ -1,4 +1,4 @@
-"""The compiled tick of many worlds: physics, referee, sensors. It is that of `World.step`, world after world."""
+"""The compiled tick of many worlds, world after world: that of `World.step`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from autodrive.physics.state import State
 from autodrive.physics.tick import advance, move_shapes, observe
 from autodrive.world.batch.columns import Rules, Thread, Worlds, model_of, state_of
 from autodrive.world.referee import any_wheel_outside, begins_collision
-from autodrive.world.traffic_lights import show_lights
+from autodrive.world.traffic.drive import UNREGULATED, Seen, drive, drivers_of
+from autodrive.world.traffic_lights import count_offences, note_stop_lines, show_lights
 from autodrive.world.v2x import LIGHT_STATE, TIME_TO_CHANGE, transmit, write_vehicles
 
 
@@ -50,6 +51,8 @@ def step_worlds(
         for _tick in range(ticks):
             for kind in range(thread.views.warnings.shape[0]):
                 thread.views.warnings[kind] = 0  # the engine is for all worlds of the thread
+            if rules.bodies.row.shape[0] > 0:
+                _drive_traffic(k, worlds, state, thread, rules)
             if has_rolling_lidar:
                 _note_poses(state, own.shapes.n_fixed, thread.sensors.before)
             is_sound = advance(
@@ -87,6 +90,8 @@ def step_worlds(
                 k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors
             )
             _signal(k, worlds, state, thread, sensors, rules, now)
+            if rules.stop_lines.lines.shape[0] > 0:
+                _judge_stop_lines(k, worlds, state, thread, rules)
 
 
 @jit_uncounted
@@ -110,6 +115,48 @@ def begin_worlds(
         now = int(worlds.tick[k]) * substeps
         sample(k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
         _signal(k, worlds, state, thread, sensors, rules, now)
+
+
+@inlined
+def _drive_traffic(k: int, worlds: Worlds, state: State, thread: Thread, rules: Rules) -> None:
+    """Write the commands of the traffic of world k in this tick."""
+    for light in range(thread.seen_lights.shape[0]):
+        is_regulating = rules.lights.is_regulating[light]
+        thread.seen_lights[light] = worlds.light_state[k, light] if is_regulating else UNREGULATED
+    drive(
+        rules.roads,
+        rules.bodies,
+        drivers_of(k, worlds.drivers),
+        thread.plan,
+        Seen(state.qpos, state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity),
+        thread.seen_lights,
+        int(worlds.tick[k]),
+        rules.lights.tick,
+        worlds.throttle[k],
+        worlds.steering[k],
+    )
+
+
+@inlined
+def _judge_stop_lines(k: int, worlds: Worlds, state: State, thread: Thread, rules: Rules) -> None:
+    """Count who crossed a stop line of world k at red, or at a stop sign without a stop."""
+    if note_stop_lines(
+        rules.stop_lines,
+        state.vehicle_position,
+        state.vehicle_orientation,
+        state.vehicle_velocity,
+        worlds.ahead[k],
+        worlds.has_stopped[k],
+        thread.has_crossed,
+    ):
+        count_offences(
+            rules.stop_lines,
+            worlds.light_state[k],
+            worlds.has_stopped[k],
+            thread.has_crossed,
+            worlds.red_light_count[k],
+            worlds.stop_sign_count[k],
+        )
 
 
 @inlined
