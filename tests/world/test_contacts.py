@@ -53,7 +53,7 @@ def test_in_a_steady_turn_the_tyres_give_the_centripetal_force() -> None:
     drag = of["mass"] * of["drag"] * at_centre[:2]
     force = total(world, of_wheels=True)[:2]
     # the car nods and rolls a little
-    np.testing.assert_allclose(force, centripetal + drag, atol=0.03 * np.linalg.norm(centripetal))
+    np.testing.assert_allclose(force, centripetal + drag, atol=0.03 * float(np.linalg.norm(centripetal)))
     assert force[1] > 0.0  # to the left, as the turn
 
 
@@ -66,7 +66,7 @@ def test_a_wall_pushes_back_with_the_force_of_the_tyres() -> None:
     assert abs(frame.vehicles["V1"].speed) < 1e-3
     push, tyres = total(world, of_wheels=False), total(world, of_wheels=True)
     assert np.linalg.norm(tyres[:2]) > 1.0
-    np.testing.assert_allclose(push[:2], -tyres[:2], atol=0.03 * np.linalg.norm(tyres[:2]))  # at rest
+    np.testing.assert_allclose(push[:2], -tyres[:2], atol=0.03 * float(np.linalg.norm(tyres[:2])))  # at rest
     forces = world.contact_forces["V1"]
     walls = [k for k, part in enumerate(forces.parts) if not part.endswith(("left", "right"))]
     assert all(forces.position[k][0] > world.vehicle_specs["V1"].wheelbase for k in walls)  # at the front of the car
@@ -91,7 +91,7 @@ def test_two_cars_push_each_other_with_opposite_forces() -> None:
         if in_map["V1"]:
             found += 1
             (one,), (other,) = (np.sum(in_map[name], axis=0, keepdims=True) for name in ("V1", "V2"))
-            np.testing.assert_allclose(one, -other, atol=1e-9 * np.linalg.norm(one))
+            np.testing.assert_allclose(one, -other, atol=1e-9 * float(np.linalg.norm(one)))
             assert one[0] < 0.0
     assert found > 10
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from autodrive.base.arrays import Floats, read_only_copy
+from autodrive.base.arrays import read_only_copy
 from autodrive.base.transforms import Quaternion, Vector, inverse, rotate
 from autodrive.protocol.messages import WHEEL_NAMES, Pose
 from autodrive.protocol.native import CollisionShapes, ContactForces, Shapes
@@ -24,9 +24,13 @@ def shapes_of(world: World) -> Shapes:
     c = world.compiled
     shapes = c.model.shapes
 
-    def chosen(which: slice | Floats) -> CollisionShapes:
-        columns = (shapes.kind, shapes.size, shapes.position, shapes.rotation)
-        return CollisionShapes(*(np.ascontiguousarray(column[which]) for column in columns))
+    def chosen(which: Any) -> CollisionShapes:
+        return CollisionShapes(
+            kind=np.ascontiguousarray(shapes.kind[which]),
+            size=np.ascontiguousarray(shapes.size[which]),
+            position=np.ascontiguousarray(shapes.position[which]),
+            rotation=np.ascontiguousarray(shapes.rotation[which]),
+        )
 
     owners = np.array(c.owners[1:])  # solid 0 is the floor
     moving = np.arange(len(owners)) >= shapes.n_fixed
