@@ -50,14 +50,14 @@ def test_an_overlay_is_switched_by_its_key_and_its_switch(
         tab.wait_until(lambda: pixels(tab, colour) <= before + 5)
         assert not tab.get("legend").is_visible()
         if key == "2":
-            tab.wait_until(lambda: not plane.simulation.world._watches_contacts)
+            tab.wait_until(lambda: not plane.simulation.world.watches_contacts)
     finally:
         plane.request(Resume())
 
 
 def test_the_link_holds_the_overlays_and_nothing_is_asked_for_without_them(plane: PageServer, new_tab: NewTab) -> None:
     tab = new_tab().open(plane.url + "?quality=low")
-    assert not plane.simulation.world._watches_contacts
+    assert not plane.simulation.world.watches_contacts
     assert tab.value("store.shapes.value") is None
     for key in "123":
         tab.page.keyboard.press(key)

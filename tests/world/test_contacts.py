@@ -117,7 +117,7 @@ def test_shapes_are_where_the_state_has_them() -> None:
     for _ in range(20):
         frame = world.step(FULL)
     frame = world.frame
-    found, state, model = shapes_of(world), world.compiled.state, world.compiled.model.shapes
+    found, state, model = shapes_of(world.compiled), world.compiled.state, world.compiled.model.shapes
     assert len(found.fixed.kind) == model.n_fixed > 0
     np.testing.assert_array_equal(found.fixed.position, state.shape_position[: model.n_fixed])
     placed = []

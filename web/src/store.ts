@@ -139,6 +139,8 @@ export class Store {
   readonly preview = new Observable<Placement | null>(null)
   /** Whether the LIDAR scan is drawn in the scene. */
   readonly isScanShown = new Observable(true)
+  /** Range at which the colours of the LIDAR points end [m]; 0: there are none yet. */
+  readonly scanFarthest = new Observable(0)
   /** Direction of the LIDAR measurement of the HUD in the vehicle frame [rad], left positive. */
   readonly bearing = new Observable(0)
   /** Frame rate of the 3D view, averaged over half a second [Hz]. */

@@ -16,12 +16,11 @@ if TYPE_CHECKING:
     from autodrive.physics.model import Model
     from autodrive.physics.state import State
     from autodrive.world.compile import CompiledScenario
-    from autodrive.world.world import World
 
 
-def shapes_of(world: World) -> Shapes:
+def shapes_of(compiled: CompiledScenario) -> Shapes:
     """The collision shapes and sensors of a world."""
-    c = world.compiled
+    c = compiled
     shapes = c.model.shapes
 
     def chosen(which: Any) -> CollisionShapes:
@@ -43,7 +42,7 @@ def shapes_of(world: World) -> Shapes:
                 for name, one in sensors.items()
                 if one.is_on and hasattr(one.spec, "mount")
             }
-            for vehicle, sensors in world.sensors.items()
+            for vehicle, sensors in c.configured.items()
         },
     )
 

@@ -102,7 +102,8 @@ class World(OneThread):
         """By name; each change makes another dictionary. They belong neither to the State nor to a Snapshot."""
         self.contact_forces: dict[str, ContactForces] = {}
         """What pushed each vehicle in the last tick, while `watch_contacts` is on."""
-        self._watches_contacts = False
+        self.watches_contacts = False
+        """See `watch_contacts`."""
         self._always_engine = engine == "always"
         self.compiled = compiled
         """Model, State and engine; what changes them changes the results."""
@@ -223,7 +224,7 @@ class World(OneThread):
                 f"the physics became unstable at {time:.3f} s; reset the world, and use a shorter substep or "
                 "a vehicle with softer springs"
             )
-        if self._watches_contacts:
+        if self.watches_contacts:
             self.contact_forces = contact_forces(c, self.tick_duration)
         events = self._referee.judge(self._tick, time, c.model, c.state, c.contacts)
         is_moved = False
@@ -528,7 +529,7 @@ class World(OneThread):
         Forces of the ground on each wheel, and of all contacts of the body of the vehicle, in the vehicle frame. Any
         thread may call this.
         """
-        self._watches_contacts = is_watched
+        self.watches_contacts = is_watched
         if not is_watched:
             self.contact_forces = {}
 

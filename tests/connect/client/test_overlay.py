@@ -34,7 +34,7 @@ def test_they_are_sent_only_to_those_who_ask(server: Server, simulation: Simulat
     assert without.count(Shapes) == without.count(Contacts) == 0
     assert with_both.count(Shapes) == 1  # once
     (shapes,) = (one for one in with_both.messages if isinstance(one, Shapes))
-    expected = shapes_of(simulation.world)
+    expected = shapes_of(simulation.world.compiled)
     np.testing.assert_array_equal(shapes.fixed.size, expected.fixed.size.ravel())
     assert shapes.bodies.keys() == expected.bodies.keys()
     forces = [one for one in with_both.messages if isinstance(one, Contacts)][-1].vehicles["V1"]

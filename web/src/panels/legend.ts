@@ -4,6 +4,7 @@ import type { Observable } from '../observable'
 import { ARROW, OVERLAY_COLOURS } from '../scene/overlay_look'
 import type { Store } from '../store'
 import { h, setText } from './element'
+import { rangeScale } from './range_scale'
 
 type Tint = readonly number[]
 
@@ -18,14 +19,17 @@ export function legend(store: Store, connection: Connection): HTMLElement {
     [areAxesShown, part('Axes', [axes[0], 'x ahead'], [axes[1], 'y left'], [axes[2], 'z up'])],
   ]
   parts[1][1].append(scale)
+  const lidar = h('div', {}, h('h2', {}, 'LIDAR range'), rangeScale('LIDAR range', store.scanFarthest))
   const element = h(
     'section',
     { class: 'card legend', testid: 'legend', 'aria-label': 'Legend', hidden: true },
     ...parts.map(([, of]) => of),
+    lidar,
   )
 
   function show(): void {
     for (const [is, of] of parts) of.hidden = !is.value
+    lidar.hidden = !store.isScanShown.value
     const isStream = store.quality.value === 'stream'
     element.hidden = isStream || parts.every(([is]) => !is.value)
   }
@@ -40,6 +44,7 @@ export function legend(store: Store, connection: Connection): HTMLElement {
 
   for (const [is] of parts) is.watch(ask)
   store.quality.watch(show)
+  store.isScanShown.watch(show)
   store.forceScale.watch((force) => {
     setText(scale, force ? `an arrow of ${Math.round(100 * ARROW)} cm is ${force} N` : 'no forces yet')
   })

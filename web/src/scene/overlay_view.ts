@@ -2,6 +2,7 @@
 import { Group, Matrix4, Quaternion, Vector3 } from 'three'
 
 import type { CollisionShapes, ContactForces, Pose, Shapes } from '../messages'
+import { niceStep } from '../panels/scales'
 import type { Store } from '../store'
 import { type PlacedObject, quaternion, type WorldState } from './motion'
 import { ARROW, OVERLAY_COLOURS } from './overlay_look'
@@ -157,9 +158,7 @@ export function scaleFor(forces: Float64Array): number {
   const sizes: number[] = []
   for (let i = 0; i < forces.length; i += 3) sizes.push(Math.hypot(...forces.subarray(i, i + 3)))
   const mean = sizes.reduce((sum, size) => sum + size, 0) / (sizes.length || 1)
-  if (!(mean > 1e-6)) return 0
-  const ten = 10 ** Math.floor(Math.log10(mean) + 1e-9)
-  return ten * ([1, 2, 5].find((one) => mean <= one * ten * (1 + 1e-9)) ?? 10)
+  return mean > 1e-6 ? niceStep(mean) : 0
 }
 
 /** An arrow from a point along a force [N]; `scale`: the force of an arrow of the length `ARROW` [N]. */

@@ -71,7 +71,7 @@ class View implements SceneView {
   private readonly motion = new MotionInterpolator()
   private readonly viewpoints: Viewpoints
   private readonly editCamera: EditCamera
-  private readonly scan = new ScanView()
+  private readonly scan: ScanView
   private readonly labels: Labels
   private readonly trailView = new TrailView()
   private readonly drawingView = new DrawingView()
@@ -101,6 +101,7 @@ class View implements SceneView {
     this.profile = this.choice.profile(store.quality.value)
     this.viewpoints = new Viewpoints(canvas, store)
     this.labels = new Labels(canvas)
+    this.scan = new ScanView(store.scanFarthest)
     this.editCamera = new EditCamera(canvas)
     this.remote = new RemoteImage(canvas)
     this.remote.onImage = () => this.countStreamed()

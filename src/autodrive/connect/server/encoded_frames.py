@@ -76,7 +76,7 @@ class EncodedFrames:
     def shapes_bytes(self) -> bytes:
         """The encoded collision shapes of the Scene."""
         if self._shapes[0] is not self.scene:
-            self._shapes = self.scene, encode(shapes_of(self._world))
+            self._shapes = self.scene, encode(shapes_of(self._world.compiled))
         return self._shapes[1]
 
     def contacts_bytes(self) -> bytes:
