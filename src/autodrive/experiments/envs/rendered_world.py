@@ -69,8 +69,18 @@ class OffenceCounter:
 class RenderedWorld:
     """The World of a scenario; with 'human' it runs in real time, and the page shows it."""
 
-    def __init__(self, scenario: ScenarioSpec, settings: Settings, *, has_camera: bool) -> None:
+    def __init__(
+        self,
+        scenario: ScenarioSpec,
+        settings: Settings,
+        *,
+        has_camera: bool,
+        port: int | None = None,
+        is_real_time: bool = True,
+    ) -> None:
+        """`port`: of the page, see `PageOptions`. `is_real_time`: whether a step with the page lasts its time."""
         self._settings = settings
+        self._port, self._is_real_time = port, is_real_time
         self.step_duration = scenario.tick * settings.frame_skip
         """[s]."""
         self.world = make(scenario, cameras=self._cameras if has_camera else False)
@@ -100,8 +110,9 @@ class RenderedWorld:
         for vehicle, command in commands.items():
             self._simulation.submit(vehicle, command)
         frame = self._simulation.run(self.step_duration)
-        self._due = max(self._due + self.step_duration, time.monotonic() - self.step_duration)
-        time.sleep(max(self._due - time.monotonic(), 0.0))
+        if self._is_real_time:
+            self._due = max(self._due + self.step_duration, time.monotonic() - self.step_duration)
+            time.sleep(max(self._due - time.monotonic(), 0.0))
         return frame
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -154,13 +165,13 @@ class RenderedWorld:
 
     def _serve(self) -> None:
         from autodrive.connect.server.files import built_page  # noqa: PLC0415
-        from autodrive.connect.server.served import Served  # noqa: PLC0415
+        from autodrive.connect.server.served import PageOptions, Served  # noqa: PLC0415
         from autodrive.connect.server.server import Server  # noqa: PLC0415
         from autodrive.world.scene_files import SceneFiles  # noqa: PLC0415
         from autodrive.world.simulation import Simulation  # noqa: PLC0415
 
         self._simulation = Simulation(self.world, speed=None)
         served = Served(self._simulation, lambda world: SceneFiles.of(world, self._settings.task or ""))
-        server = Server(served, page=built_page())
+        server = Server(served, PageOptions(port=self._port), page=built_page())
         self._open.enter_context(server)
         print(f"The page of this environment: {server.url}", flush=True)
