@@ -9,7 +9,7 @@ import numpy as np
 
 from autodrive.graphics.render.lighting import LAMP, burning, lamp_table, reach, strength
 from autodrive.graphics.render.look import Daylight
-from autodrive.graphics.render.scene import rigid, rigid_all, signals_of
+from autodrive.graphics.render.scene import LEVEL, rigid, rigid_all, signals_of
 from autodrive.graphics.render.shadows import BEAMS, BONES, CASTERS, columns
 from autodrive.physics.actuators.lights import LAMPS
 
@@ -97,7 +97,8 @@ class DrawList:
         self._tables = [lamp_table(spec) for spec in scene.lights]
         self._spheres = static.geometry.spheres
         self._boxes = static.geometry.boxes
-        self._is_flat = np.array([r.kind == "flat" for r in static.geometry.ranges], bool)
+        self._is_ground = np.array([r.kind == "ground" for r in static.geometry.ranges], bool)
+        self._is_flat = np.array([r.kind in LEVEL for r in static.geometry.ranges], bool)
         self._is_shaded = np.zeros(0, bool)
         """For each range of the static mesh: whether shadows of static meshes can fall on it."""
         self.outlines = [outline(model) for model in vehicles]
@@ -105,6 +106,8 @@ class DrawList:
         self.frame = np.zeros((), FRAME)
         self.n_beam = 0
         """Number of headlights in the first slots of the lamps."""
+        self.n_caster = 0
+        """Number of vehicles that cast shadows."""
         self.posed: list[PosedMesh] = []
         self.static_lit: list[Illumination] = []
         """For each range of the static mesh."""
@@ -127,6 +130,7 @@ class DrawList:
                 self._is_shaded = ~self._is_flat | falls
         self.set_sky(state.look, state.time)
         casters = near[: CASTERS - 1]
+        self.n_caster = len(casters)
         self.set_casters(casters, roots, centers.reshape(-1, 3), bones, is_day=state.is_day)
         lit, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
 
@@ -249,6 +253,7 @@ class DrawList:
         n = len(low)
         away, limit = shadow_distances(low, high, casters, self._shadows.drift)
         shaded = away < limit
+        shaded[: len(self._is_ground)] &= ~self._is_ground[:, None]  # see shaders/ground_shade.frag
         lights, power = reach(lamps, low, high), strength(lamps, 0.5 * (low + high))
         found = [UNREACHED] * n
         for i in np.nonzero(shaded.any(1) | lights.any(1))[0].tolist():

@@ -42,7 +42,7 @@ class GroundStrips:
         self._array = context.vertex_array(self._program, [content], self._indices)
 
     def draw(self, clip: Floats, width: int, height: int) -> None:
-        """Draw what the camera of the uniform block sees, into the first rows and columns of an empty framebuffer.
+        """Add what the camera of the uniform block sees to the image of the ground.
 
         `clip`: its clip space from map axes, shape (4, 4); `width`, `height`: of the image [pixels].
         """
@@ -53,9 +53,4 @@ class GroundStrips:
         self._indices.orphan()
         self._indices.write(seen.tobytes())
         write(self._program, "half_size", np.array([0.5 * width, 0.5 * height], np.float32).tobytes())
-        context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
-        context.enable(moderngl.BLEND)
-        context.blend_func = moderngl.ONE, moderngl.ONE
         self._array.render(moderngl.TRIANGLES, len(seen))
-        context.disable(moderngl.BLEND)
-        context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)

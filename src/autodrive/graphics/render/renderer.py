@@ -19,7 +19,7 @@ from autodrive.graphics.render.ground_strips import GroundStrips
 from autodrive.graphics.render.lighting import perspective
 from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
-from autodrive.graphics.render.scene import Kind, Skeleton, geometry, lit_lenses, rigid
+from autodrive.graphics.render.scene import LEVEL, Kind, Skeleton, geometry, lit_lenses, rigid
 from autodrive.graphics.render.shadows import BONES, Shadows, columns
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
@@ -114,8 +114,8 @@ class Renderer:
             scene, self.quality, self._skeletons, self._static, self._vehicles, self._objects, lenses, self._shadows
         )
         ranges = self._static.geometry.ranges
-        looks = sorted({(r.kind == "flat", r.kind, r.textures) for r in ranges})
-        self._looks = np.array([looks.index((r.kind == "flat", r.kind, r.textures)) for r in ranges], np.intp)
+        looks = sorted({(r.kind in LEVEL, r.kind, r.textures) for r in ranges})
+        self._looks = np.array([looks.index((r.kind in LEVEL, r.kind, r.textures)) for r in ranges], np.intp)
         """For each range of the static mesh; level ground has the highest numbers."""
         self._parts = {id(mesh): Parts.of(mesh.geometry, PART_SIZE) for mesh in self._vehicles}
         self._parts[id(self._static)] = Parts.of(self._static.geometry, math.inf)
@@ -165,7 +165,7 @@ class Renderer:
         self._bind()
         targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
         for number, view in enumerate(views):  # all before the images: llvmpipe waits for what a shader reads
-            self._draw_behind(number, view, self._look(view), state.look)
+            self._draw_behind(number, view, self._look(view), state.look, is_day=state.is_day)
         for number, (target, view) in enumerate(zip(targets, views, strict=True)):
             target.begin()
             self._use_behind(number, view)
@@ -198,7 +198,7 @@ class Renderer:
         return RenderTarget(self._context, width, height, self.quality.antialiasing)
 
     def _new_behind(self, number: int, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
-        """Likewise: an image of the strips on the ground, and after its rows those of a coarse image of the sky."""
+        """Likewise: an image of strips and shade on the ground, and after its rows those of a coarse image of the sky."""
         del number
         texture = self._context.texture((width, height + self._sky_size(height)), 4)  # llvmpipe reads others slowly
         texture.repeat_x = texture.repeat_y = False
@@ -208,22 +208,33 @@ class Renderer:
         """Columns or rows of the coarse image of the sky, for an image with so many."""
         return -(-size // self.quality.sky_step) if self.quality.sky_step > 1 else 0
 
-    def _draw_behind(self, number: int, view: View, clip: Floats, look: Daylight | None) -> None:
-        """Draw what `_new_behind` says, for the view with that number. Without `look` no sky."""
-        is_coarse = look is not None and self._is_sky_coarse(look, view)
-        if self._strips is None and not is_coarse:
-            return
+    def _draw_behind(
+        self, number: int, view: View, clip: Floats, look: Daylight | None = None, *, is_day: bool = True
+    ) -> None:
+        """Draw what `_new_behind` says, for the view with that number. Without `look` neither sky nor shade.
+
+        First what reads textures, as in `_draw_calls`.
+        """
         width, height = view.intrinsics.width, view.intrinsics.height
         frame = self._behind(number, width, height)[1]
         frame.use()
         frame.clear()
-        if look is not None and is_coarse:  # first: it has a texture, as in `_draw_calls`
+        if look is not None and self._is_sky_coarse(look, view):
             frame.viewport = 0, height, self._sky_size(width), self._sky_size(height)
             self._draw_sky(clip, look, step=self.quality.sky_step)
+        frame.viewport = 0, 0, width, height
+        self._camera.bind_to_uniform_block(1)
+        self._context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+        self._context.enable(moderngl.BLEND)
+        if look is not None:
+            self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
+            area = *(self._shadows.drift if is_day else (0.0, 0.0)), self._shadows.reach
+            self._draw_plain("ground_shade", 6 * self._draw_list.n_caster, is_day, area=np.array(area, "f4").tobytes())
         if self._strips is not None:
-            frame.viewport = 0, 0, width, height
-            self._camera.bind_to_uniform_block(1)
+            self._context.blend_func = moderngl.ONE, moderngl.ONE
             self._strips.draw(clip, width, height)
+        self._context.disable(moderngl.BLEND)
+        self._context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
 
     def _use_behind(self, number: int, view: View) -> None:
         self._behind(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["behind"])
@@ -315,9 +326,9 @@ class Renderer:
         self._context.disable(moderngl.BLEND)
         self._context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
 
-    def _draw_plain(self, name: str, vertices: int, **uniforms: bytes) -> None:
+    def _draw_plain(self, name: str, vertices: int, is_day: bool = False, **uniforms: bytes) -> None:
         """Draw triangles that the shaders of that name place by the numbers of their vertices."""
-        program, array = self._plain(name)
+        program, array = self._plain(name, is_day)
         for uniform, data in uniforms.items():
             write(program, uniform, data)
         if vertices:
@@ -413,19 +424,18 @@ class Renderer:
         program = self._linked("sky.vert", "sky.frag", False, SHARPER=math.log2(step), **dict.fromkeys(flags, 1))
         return program, self._context.vertex_array(program, [])
 
-    def _new_plain(self, name: str) -> tuple[moderngl.Program, moderngl.VertexArray]:
-        program = self._linked(f"{name}.vert", f"{name}.frag", DOWN="1.0")  # the first row is at the top
-        if "behind" in program:
-            program["behind"] = UNITS["behind"]
+    def _new_plain(self, name: str, is_day: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        flags = {"SUNLIT": 1} if is_day else {}
+        program = self._linked(f"{name}.vert", f"{name}.frag", DOWN="1.0", TAPS=self.quality.taps, **flags)
         return program, self._context.vertex_array(program, [])
 
     def _new_program(self, variant: ShaderVariant) -> moderngl.Program:
         is_quick = self.quality.detail == "reduced"
         flags = {
             "QUICK": is_quick,
-            "FLAT": variant.kind == "flat",
-            "FINE": variant.kind == "flat" and variant.is_textured and not is_quick,
-            "STRIPS": variant.kind == "flat" and self._strips is not None,
+            "FLAT": variant.kind in LEVEL,
+            "GROUND": variant.kind == "ground",
+            "FINE": variant.kind in LEVEL and variant.is_textured and not is_quick,
             "MATT": variant.kind == "matt" and is_quick,
             "TEXTURED": variant.is_textured,
             "SUNLIT": variant.is_day,
@@ -435,11 +445,7 @@ class Renderer:
         definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
         definitions["TAPS"] = self.quality.taps
         texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"
-        program = self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
-        for name, unit in UNITS.items():
-            if name in program:
-                program[name] = unit
-        return program
+        return self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
 
     def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
         joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
@@ -448,6 +454,9 @@ class Renderer:
             block = program.get(name, None)
             if isinstance(block, moderngl.UniformBlock):
                 block.binding = binding
+        for name, unit in UNITS.items():
+            if name in program:
+                program[name] = unit
         return program
 
 
