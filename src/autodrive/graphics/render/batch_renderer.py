@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 
 from autodrive.graphics.render.draw_list import (
+    BEAM_COUNTS,
+    CASTER_COUNTS,
+    LAMP_COUNTS,
     NO_BEAM,
     NO_CASTER,
     NO_LAMP,
@@ -19,7 +22,7 @@ from autodrive.graphics.render.draw_list import (
     shadow_distances,
 )
 from autodrive.graphics.render.fxaa import smoothed
-from autodrive.graphics.render.lighting import reach, strength
+from autodrive.graphics.render.lighting import lights_view, reach, strength
 from autodrive.graphics.render.parts import in_sight, sight_planes
 from autodrive.graphics.render.render_state import VEHICLE
 from autodrive.graphics.render.renderer import IndexRange, Renderer, clip_from_optical
@@ -302,14 +305,14 @@ class BatchRenderer(Renderer):
             boxes, centers = self._static.geometry.boxes[static], part.centers[k, posed]
             low = np.concatenate([boxes[:, 0], centers - self._radii[posed, None]])
             high = np.concatenate([boxes[:, 1], centers + self._radii[posed, None]])
-            lights = reach(lamps, low, high)
+            lights = reach(lamps, low, high) & lights_view(lamps, part.clips[k], part.eyes[k, :3, 3])
             power = np.where(lights, strength(lamps, 0.5 * (low + high)), 0.0).max(0, initial=0.0)
             beams = np.nonzero(lights[:, :n_beam].any(0))[0].tolist()
             others = [BEAMS + i for i in best(np.any(lights[:, n_beam:], axis=0), power[n_beam:], LAMPS)]
         return Illumination(
-            filled(list(range(len(casters))), (1, 2, 4), NO_CASTER),
-            filled(beams, (2, 4, 8), NO_BEAM),
-            filled(others, (2, 4, 8), NO_LAMP),
+            filled(list(range(len(casters))), CASTER_COUNTS, NO_CASTER),
+            filled(beams, BEAM_COUNTS, NO_BEAM),
+            filled(others, LAMP_COUNTS, NO_LAMP),
             is_day,
         )
 

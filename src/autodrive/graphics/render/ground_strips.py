@@ -24,7 +24,6 @@ class GroundStrips:
     """Paint and shade of each pixel of a view, from the `Strips` of an asset."""
 
     def __init__(self, context: moderngl.Context, strips: Strips) -> None:
-        self._context = context
         self._program = context.program(source("strip.vert"), source("strip.frag"))
         block = self._program["Camera"]
         assert isinstance(block, moderngl.UniformBlock)
@@ -46,7 +45,6 @@ class GroundStrips:
 
         `clip`: its clip space from map axes, shape (4, 4); `width`, `height`: of the image [pixels].
         """
-        context = self._context
         seen = self._parts.indices_of(self._parts.in_sight(clip))
         if len(seen) == 0:
             return

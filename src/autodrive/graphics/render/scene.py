@@ -161,10 +161,10 @@ def rigid(position: Vector | Floats, orientation: Quaternion | Floats) -> Floats
 
 
 Kind: TypeAlias = Literal["ground", "flat", "matt", "shiny"]
-"""The ground z = 0; other surfaces whose normals all point up; others without gloss; the rest. The first draws fastest."""
-GROUND = 1e-3
-"""[m]."""
+"""The ground z = 0; others whose normals all point up; others without gloss; the rest. The first draws fastest."""
 LEVEL = frozenset[Kind]({"ground", "flat"})
+GROUND = 1e-3
+"""Level surfaces that are nearer to z = 0 are ground [m]."""
 
 
 class Range(NamedTuple):
