@@ -5,8 +5,9 @@ import type { SceneView } from './scene/view'
 import { clamp, zoomCamera } from './scene/zoom'
 import type { Camera, Store } from './store'
 
-export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit']
+export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit', 'Fly']
 
+const FLYING = 'Keys and pads move the camera, not the vehicle: W A S D, arrows, Page Up, Page Down; Shift: faster.'
 /** [rad] */
 const ORBIT_STEP = Math.PI / 36
 
@@ -43,6 +44,7 @@ export class Actions {
 
   nextCamera(): void {
     this.store.camera.value = next(CAMERAS, this.store.camera.value)
+    if (this.store.isFlying) this.store.notice.value = FLYING
   }
 
   /** Moves the camera nearer by a click of the mouse wheel, or farther: -1. */

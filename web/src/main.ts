@@ -43,6 +43,7 @@ import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
 import { recorder } from './replay/recorder'
 import { timeline } from './replay/timeline'
+import { listenToFlyPointer } from './scene/flight'
 import type { SceneView } from './scene/view'
 import { Store } from './store'
 import { Trails } from './trails'
@@ -140,8 +141,9 @@ document.querySelector('#build')?.append(...track(store, trackBuilder, view))
 openMapFiles(store, builder, () => mayDiscard(store, 'Another map', () => saveScenario(store, editor)))
 listenToEditKeys(store, editor, () => driver.stop())
 listenToBuildKeys(store, builder, editor, () => driver.stop())
-listenToKeyboard(driver, (action) => KEY_ACTIONS[action]?.())
+listenToKeyboard(driver, store, (action) => KEY_ACTIONS[action]?.())
 listenToGamepad(driver)
+listenToFlyPointer(store, canvas)
 requestRemoteView(store, connection, canvas)
 // A click on the scene removes the focus from fields, so that keys drive again.
 canvas.addEventListener('pointerdown', () => (document.activeElement as HTMLElement | null)?.blur())

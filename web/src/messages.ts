@@ -444,9 +444,10 @@ export interface DisconnectBridge {
 /**
  * Let the simulator render a scene camera for this client and send `Rendered` images; `camera` None: stop.
  *
- * `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first vehicle. `height` [m] of
- * the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom`
- * multiplies the focal length.
+ * `camera`: a name of `Scene.scene_cameras`, `Orbit` or `Fly`. `vehicle` to follow, None: the first vehicle. `height`
+ * [m] of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. Fly is at
+ * `position` [m] in the map, and looks along `azimuth` (0: the x axis, left positive) and `elevation` (up positive).
+ * `zoom` multiplies the focal length.
  */
 export interface SetCamera {
   type: 'SetCamera'
@@ -459,6 +460,7 @@ export interface SetCamera {
   zoom?: number
   width?: number
   rate?: number
+  position?: [number, number, number]
 }
 
 /**

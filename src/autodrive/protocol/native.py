@@ -100,9 +100,10 @@ class DisconnectBridge(msgspec.Struct, frozen=True, tag=True):
 class SetCamera(msgspec.Struct, frozen=True, tag=True):
     """Let the simulator render a scene camera for this client and send `Rendered` images; `camera` None: stop.
 
-    `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first vehicle. `height` [m] of
-    the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom`
-    multiplies the focal length.
+    `camera`: a name of `Scene.scene_cameras`, `Orbit` or `Fly`. `vehicle` to follow, None: the first vehicle. `height`
+    [m] of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. Fly is at
+    `position` [m] in the map, and looks along `azimuth` (0: the x axis, left positive) and `elevation` (up positive).
+    `zoom` multiplies the focal length.
     """
 
     camera: Name | None
@@ -114,6 +115,7 @@ class SetCamera(msgspec.Struct, frozen=True, tag=True):
     zoom: float = 1.0
     width: int = 960
     rate: float = 30.0
+    position: Vector = (0.0, 0.0, 1.0)
 
 
 ServerOperation: TypeAlias = Operation | ConnectBridge | DisconnectBridge | SetCamera | RecordingOperation
