@@ -440,6 +440,7 @@ class Renderer:
         return program, self._context.vertex_array(program, [])
 
     def _new_plain(self, name: str, is_day: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        # the first row is at the top
         definitions = {"DOWN": "1.0", "TAPS": self.quality.taps} | ({"SUNLIT": 1} if is_day else {})
         program = self._linked(f"{name}.vert", f"{name}.frag", False, **definitions)
         return program, self._context.vertex_array(program, [])

@@ -1,4 +1,4 @@
-// How much sun and sky a vehicle takes from the ground. SUNLIT: by day.
+// How much sun and sky a vehicle takes from the ground z = 0, for scene.frag: only where it does. SUNLIT: by day.
 layout(std140) uniform Frame { FRAME_FIELDS };
 in vec3 place;
 flat in int slot;

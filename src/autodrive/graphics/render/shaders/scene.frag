@@ -1,6 +1,7 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
-// FLAT: its normal points up, GROUND: also at z = 0. FLAT and MATT have no gloss. QUICK: lamps cause no gloss. STILL: shadows of static meshes reach this
-// draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows, headlights and other lamps that reach it.
+// FLAT: its normal points up, GROUND: also at z = 0. FLAT and MATT have no gloss. QUICK: lamps cause no gloss.
+// STILL: shadows of static meshes reach this draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows (of the ground:
+// see ground_shade.frag), headlights and other lamps that reach it.
 layout(std140) uniform Frame { FRAME_FIELDS };
 layout(std140) uniform Camera { mat4 clip_from_map; vec4 eye; };
 
