@@ -27,11 +27,17 @@ export class Actions {
 
   /** Sends a request; returns the text of its Response, or null if it failed. */
   async textOf(operation: ServerOperation): Promise<string | null> {
+    const { text, errors } = await this.attempt(operation)
+    for (const problem of errors) this.store.error.value = problem
+    return text
+  }
+
+  /** Sends a request; returns the text of its Response, or why it failed. */
+  async attempt(operation: ServerOperation): Promise<{ text: string | null; errors: readonly string[] }> {
     try {
-      return (await this.connection.request(operation)).text
+      return { text: (await this.connection.request(operation)).text, errors: [] }
     } catch (error) {
-      for (const problem of problems(error)) this.store.error.value = problem
-      return null
+      return { text: null, errors: problems(error) }
     }
   }
 

@@ -23,6 +23,7 @@ from autodrive.protocol.messages import (
     Pose,
     TrackLine,
 )
+from autodrive.protocol.own_files import FileOperation
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.protocol.replay import Curve, RecordingOperation, RecordingStatus, Timeline
 
@@ -118,7 +119,9 @@ class SetCamera(msgspec.Struct, frozen=True, tag=True):
     position: Vector = (0.0, 0.0, 1.0)
 
 
-ServerOperation: TypeAlias = Operation | ConnectBridge | DisconnectBridge | SetCamera | RecordingOperation
+ServerOperation: TypeAlias = (
+    Operation | ConnectBridge | DisconnectBridge | SetCamera | RecordingOperation | FileOperation
+)
 """All operations that a client can request."""
 
 
@@ -409,7 +412,7 @@ class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
 
     `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
-    or `SaveRecording`.
+    or `SaveRecording`; warnings, for an edit or an `ImportTrack`.
     `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
     """
 
