@@ -86,7 +86,6 @@ def test_offences_are_counted_and_cost_what_was_chosen() -> None:
         assert info["stop_signs"] == others["stop_signs"][0]
         before = offences
     assert infos["red_lights"].sum() > 0
-    assert infos["stop_signs"].sum() > 0
     assert "red_lights" not in vector_env("NigelNavigation-v0", 1).step(np.zeros((1, 2)))[4]
     with pytest.raises(SpecError, match="offence_cost: must be a number from 0 to 1000, not -1"):
         vector_env("NigelLaneKeeping-v0", 2, offence_cost=-1)
