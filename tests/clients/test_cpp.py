@@ -23,7 +23,7 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.protocol.devkit import telemetry
 from autodrive.protocol.devkit_profile import PROFILES
-from autodrive.protocol.messages import TrafficLightState
+from autodrive.protocol.messages import Drawing, TrafficLightState
 from autodrive.scenario import ScenarioSpec
 from tests.clients.conftest import program
 from tests.protocol.devkit_frames import frame, scan, vehicle
@@ -260,3 +260,15 @@ def test_cpp_sets_a_traffic_light_and_reads_what_a_vehicle_hears(build: Path) ->
     lights = {name: (one.sent, one.state, one.time_to_change or -1.0) for name, one in reading.lights.items()}
     expected = {"V2": (*values, other.lights.headlights, other.lights.indicators), **lights}
     assert {name: tuple(map(float, words)) for name, *words in map(str.split, heard)} == expected
+
+
+def test_cpp_draws_into_the_view(build: Path) -> None:
+    simulation = Simulation(autodrive.make("plane"))
+    with simulation, Server(Served(simulation, scene_files), PageOptions(port=0)) as server:
+        refused = run(build / "draw", server.port)
+        drawn = {name: one.drawing for name, one in simulation.world.drawings.items()}
+    assert drawn == {
+        "plan": Drawing("path", ((0.0, 0.0, 0.01), (1.0, 0.5, 0.01), (2.0, 0.0, 0.25))),
+        "goal": Drawing("text", ((1.0, 2.0, 0.5),), "goal", (0.0, 1.0, 0.0, 0.5), 0.06, 2.0),
+    }
+    assert "drawing 'wrong', a path, needs 2 to 2000 points, not 1" in refused

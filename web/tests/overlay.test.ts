@@ -1,6 +1,8 @@
+import { Vector3 } from 'three'
 import { describe, expect, test } from 'vitest'
 
 import type { CollisionShapes } from '../src/messages'
+import { inFront } from '../src/scene/flat_drawings'
 import { ARROW } from '../src/scene/overlay_look'
 import { arrow, outlines, scaleFor } from '../src/scene/overlay_view'
 
@@ -47,6 +49,19 @@ describe('the outline of', () => {
 
   test('a shape that is not chosen is not drawn', () => {
     expect(outlines(shape(6, [1, 1, 1]), TINT, () => false)).toEqual([])
+  })
+})
+
+describe('a line over an image of the simulator', () => {
+  test('is cut where it passes the camera, which looks along -z', () => {
+    const [ahead, behind] = [new Vector3(0, 0, -3), new Vector3(4, 0, 1)]
+    expect(inFront(ahead, behind, -1)?.map((point) => point.toArray())).toEqual([
+      [0, 0, -3],
+      [2, 0, -1],
+    ])
+    expect(inFront(behind, ahead, -1)?.[0].toArray()).toEqual([2, 0, -1])
+    expect(inFront(ahead, ahead, -1)).toEqual([ahead, ahead])
+    expect(inFront(behind, behind, -1)).toBeNull()
   })
 })
 

@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from autodrive.base.errors import CommandError
 from autodrive.protocol.commands import MAX_DISTANCE, is_number
-from autodrive.protocol.messages import MAX_POINTS, Draw, Drawing
+from autodrive.protocol.messages import MAX_DRAWINGS, MAX_POINTS, Draw, Drawing
 from autodrive.protocol.native import Drawn
 
 MAX_PRIMITIVES = 10_000
@@ -203,3 +204,13 @@ def drawn_after(before: Mapping[str, Drawn], request: Draw, time: float) -> dict
             "remove others with draw.clear()"
         )
     return after
+
+
+def drawings_now(drawings: Mapping[str, Drawn], time: float) -> Draw | None:
+    """The request that draws what is seen at that simulated time [s], at most 1000 drawings; None: nothing is."""
+    seen = {
+        name: replace(one.drawing, lifetime=None if math.isinf(one.until) else one.until - time)
+        for name, one in list(drawings.items())[-MAX_DRAWINGS:]
+        if one.drawing is not None and one.until > time
+    }
+    return Draw(dict(seen)) if seen else None

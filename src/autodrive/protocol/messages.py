@@ -222,6 +222,8 @@ class SetWeather(msgspec.Struct, frozen=True, tag=True):
 
 MAX_POINTS = 2000
 """Of a drawing."""
+MAX_DRAWINGS = 1000
+"""Of a request."""
 
 
 class Drawing(msgspec.Struct, frozen=True):
@@ -245,7 +247,7 @@ class Drawing(msgspec.Struct, frozen=True):
 class Draw(msgspec.Struct, frozen=True, tag=True):
     """Draw, replace or remove (None) drawings, by name; `clears`: remove all others. A reset removes all."""
 
-    drawings: Annotated[dict[Name, Drawing | None], msgspec.Meta(max_length=1000)]
+    drawings: Annotated[dict[Name, Drawing | None], msgspec.Meta(max_length=MAX_DRAWINGS)]
     clears: bool = False
 
 

@@ -23,6 +23,7 @@ chunk has at most 0.5 MB, or 0.8 s of wall time, so that a killed process loses 
 | `/V1/lidar` | `foxglove.LaserScan` | Protobuf | each scan once; the fields from number 101 complete our `LidarScan` |
 | `/V1/cameras/front` | `foxglove.CompressedImage` | Protobuf | each image once, as JPEG, with its pose and intrinsics |
 | `/V1/cameras/front/calibration` | `foxglove.CameraCalibration` | Protobuf | before the first image |
+| `/drawings` | `foxglove.SceneUpdate` | Protobuf | what programs draw into the view |
 | `/tf` | `foxglove.FrameTransforms` | Protobuf | poses of vehicles, objects, LIDARs and cameras, at most 10 Hz |
 
 The Protobuf messages of a Frame and of a vehicle derive from the structs in `protocol.messages`: field names are the

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from msgspec.structs import replace
 
 from autodrive.graphics.cameras.jpeg import JpegEncoder
-from autodrive.protocol.messages import CameraImage, Collision, Frame, LidarScan, OwnReading
+from autodrive.protocol.messages import CameraImage, Collision, Draw, Frame, LidarScan, OwnReading
 from autodrive.recording import foxglove, records
 from autodrive.recording.about import about_here
 from autodrive.recording.foxglove import NANOSECONDS
@@ -47,6 +47,10 @@ class Encoding:
     def json(self, topic: str, record: Any, now: int, tick: int) -> None:
         """Write a record."""
         self._output.add(topic, Stamp(now, now, tick), records.encode_json(record))
+
+    def drawings(self, request: Draw | None, now: int, tick: int) -> None:
+        """Write what is drawn into the view, for other programs; None: all drawings are removed."""
+        self._add(records.DRAWINGS, Stamp(now, now, tick), foxglove.scene_update(request, now), foxglove.SCENE_UPDATE)
 
     def scenario(self, world: World, record: ScenarioRecord, now: int) -> None:
         """Write the scenario of a World and its meshes."""

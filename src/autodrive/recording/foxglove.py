@@ -15,7 +15,7 @@ from typing import Annotated, Any, TypeAlias
 
 import msgspec
 
-from autodrive.protocol.messages import Array, CameraImage, CameraIntrinsics, LidarScan, Pose
+from autodrive.protocol.messages import Array, CameraImage, CameraIntrinsics, Draw, Drawing, LidarScan, Pose
 from autodrive.recording import wire
 from autodrive.recording.wire import Message, WireInteger
 
@@ -119,9 +119,90 @@ class FrameTransforms(msgspec.Struct, frozen=True, gc=False):
     transforms: tuple[FrameTransform, ...]
 
 
-_OURS = (Vector3, Quaternion, LaserScan, CompressedImage, CameraCalibration, FrameTransform, FrameTransforms)
+class Duration(msgspec.Struct, frozen=True, gc=False):
+    """As seconds and nanoseconds."""
+
+    seconds: Int64
+    nanos: Int32
+
+
+class Color(msgspec.Struct, frozen=True, gc=False):
+    """Red, green, blue and opacity, 0 to 1."""
+
+    r: float
+    g: float
+    b: float
+    a: float
+
+
+class Point3(msgspec.Struct, frozen=True, gc=False):
+    """[m]."""
+
+    x: float
+    y: float
+    z: float
+
+
+class SpherePrimitive(msgspec.Struct, frozen=True, gc=False):
+    """`size`: its diameters [m]."""
+
+    pose: FoxglovePose
+    size: Vector3
+    color: Color
+
+
+class LinePrimitive(msgspec.Struct, frozen=True, gc=False):
+    """`type` 0: a line through all points, 2: one between each pair; `thickness` [m]."""
+
+    type: Int32
+    pose: FoxglovePose
+    thickness: float
+    points: tuple[Point3, ...]
+    color: Color
+
+
+class TextPrimitive(msgspec.Struct, frozen=True, gc=False):
+    """`billboard`: it faces the camera; `font_size`: height of a line [m]."""
+
+    pose: FoxglovePose
+    billboard: bool
+    font_size: float
+    color: Color
+    text: str
+
+
+class SceneEntity(msgspec.Struct, frozen=True, gc=False):
+    """A drawing; it replaces that of the same `id`. `lifetime` 0: it stays."""
+
+    timestamp: Timestamp
+    frame_id: str
+    id: str
+    lifetime: Duration
+    spheres: tuple[SpherePrimitive, ...] = ()
+    lines: tuple[LinePrimitive, ...] = ()
+    texts: tuple[TextPrimitive, ...] = ()
+
+
+class SceneEntityDeletion(msgspec.Struct, frozen=True, gc=False):
+    """`type` 0: the drawing of that `id` is removed, 1: all are."""
+
+    timestamp: Timestamp
+    type: Int32
+    id: str
+
+
+class SceneUpdate(msgspec.Struct, frozen=True, gc=False):
+    """`foxglove.SceneUpdate`."""
+
+    deletions: tuple[SceneEntityDeletion, ...]
+    entities: tuple[SceneEntity, ...]
+
+
+_DRAWN = (Color, Point3, SpherePrimitive, LinePrimitive, TextPrimitive, SceneEntity, SceneEntityDeletion, SceneUpdate)
+_OURS = (Vector3, Quaternion, LaserScan, CompressedImage, CameraCalibration, FrameTransform, FrameTransforms, *_DRAWN)
 wire.NAMES |= {kind.__name__: f"foxglove.{kind.__name__}" for kind in _OURS}
-wire.NAMES |= {"Timestamp": "google.protobuf.Timestamp", "FoxglovePose": "foxglove.Pose"}
+wire.NAMES |= {"Timestamp": "google.protobuf.Timestamp", "Duration": "google.protobuf.Duration"}
+wire.NAMES |= {"FoxglovePose": "foxglove.Pose"}
 wire.PUBLISHED |= {
     "foxglove.LaserScan": {name: 101 + i for i, name in enumerate(LaserScan.__struct_fields__[7:])},
     "foxglove.CompressedImage": {"frame_id": 4, "data": 2, "format": 3, "time": 101, "pose": 102, "intrinsics": 103},
@@ -129,6 +210,20 @@ wire.PUBLISHED |= {
         "frame_id": 9,
         **{name: i for i, name in enumerate(CameraCalibration.__struct_fields__[1:8], 2)},
     },
+}
+
+wire.PUBLISHED |= {
+    "foxglove.SceneEntity": {
+        "timestamp": 1,
+        "frame_id": 2,
+        "id": 3,
+        "lifetime": 4,
+        "spheres": 9,
+        "lines": 11,
+        "texts": 13,
+    },
+    "foxglove.LinePrimitive": {"type": 1, "pose": 2, "thickness": 3, "points": 5, "color": 6},
+    "foxglove.TextPrimitive": {"pose": 1, "billboard": 2, "font_size": 3, "color": 5, "text": 6},
 }
 
 NO_POSE = FoxglovePose(Vector3(0.0, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
@@ -196,5 +291,34 @@ def transforms_message(poses: Iterable[tuple[str, str, Any]], time: int) -> Fram
     return FrameTransforms(tuple(transform(pose, time, parent, child) for parent, child, pose in poses))
 
 
+def scene_update(request: Draw | None, time: int) -> SceneUpdate:
+    """The message of a request to draw; None: all drawings are removed."""
+    at = timestamp(time)
+    drawings = request.drawings if request else {}
+    deletions = [SceneEntityDeletion(at, 1, "")] if request is None or request.clears else []
+    deletions += [SceneEntityDeletion(at, 0, name) for name, one in drawings.items() if one is None]
+    entities = tuple(_entity(name, one, at) for name, one in drawings.items() if one is not None)
+    return SceneUpdate(tuple(deletions), entities)
+
+
+def _entity(name: str, drawing: Drawing, at: Timestamp) -> SceneEntity:
+    color = Color(*drawing.color)
+    lifetime = Duration(*divmod(round((drawing.lifetime or 0.0) * NANOSECONDS), NANOSECONDS))
+    parts: dict[str, Any] = {}
+    if drawing.kind in ("path", "lines"):
+        points = tuple(Point3(*point) for point in drawing.points)
+        kind = 0 if drawing.kind == "path" else 2
+        parts["lines"] = (LinePrimitive(kind, NO_POSE, drawing.size, points, color),)
+    else:
+        poses = [FoxglovePose(Vector3(*point), NO_POSE.orientation) for point in drawing.points]
+        size = Vector3(drawing.size, drawing.size, drawing.size)
+        if drawing.kind == "points":
+            parts["spheres"] = tuple(SpherePrimitive(pose, size, color) for pose in poses)
+        else:
+            parts["texts"] = (TextPrimitive(poses[0], True, drawing.size, color, drawing.text),)
+    return SceneEntity(at, "map", name, lifetime, **parts)
+
+
+SCENE_UPDATE = Message(SceneUpdate)
 LASER_SCAN, COMPRESSED_IMAGE = Message(LaserScan), Message(CompressedImage)
 CAMERA_CALIBRATION, FRAME_TRANSFORMS = Message(CameraCalibration), Message(FrameTransforms)

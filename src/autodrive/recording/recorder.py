@@ -15,7 +15,18 @@ from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
 from autodrive.graphics.cameras.jpeg import JpegEncoder
-from autodrive.protocol.messages import CameraImage, Command, Frame, SaveMap, SaveScenario, Step
+from autodrive.protocol.drawing import drawings_now
+from autodrive.protocol.messages import (
+    CameraImage,
+    Command,
+    Draw,
+    Frame,
+    LoadScenario,
+    Reset,
+    SaveMap,
+    SaveScenario,
+    Step,
+)
 from autodrive.recording import records
 from autodrive.recording.encoding import Encoding
 from autodrive.recording.errors import RecordingError
@@ -23,7 +34,7 @@ from autodrive.recording.foxglove import NANOSECONDS
 from autodrive.recording.outputs import FileOutput, Output, RingOutput
 from autodrive.recording.records import CommandsRecord, RequestRecord, ScenarioRecord, StatusRecord
 from autodrive.scenario.files import files_of
-from autodrive.world.observer import Request, Restored
+from autodrive.world.observer import Request, ResetTo, Restored
 from autodrive.world.simulation import Simulation
 from autodrive.world.simulation.checks import check_world
 
@@ -103,6 +114,7 @@ class Recorder:
         self._queued_images = self._written_images = 0
         self._are_images_dropped = False
         self._next_status = 0
+        self._has_drawings = False
         self.output: Output
         if last is None:
             self.output = FileOutput(self.path)
@@ -116,6 +128,8 @@ class Recorder:
         self._thread: threading.Thread | None = None
         has_begun = threading.Event()
         self._publish(self.world, self.world.frame)
+        if present := drawings_now(self.world.drawings, self.world.time):
+            self.executed(present)
         self._add(self.output.flush)
         self._add(has_begun.set)
         if isinstance(source, Simulation):
@@ -182,6 +196,12 @@ class Recorder:
             return  # the commands of a Step come with its ticks; saving changes nothing
         tick, now = self._clock.tick, self._clock.now
         self._add(lambda: self._encoding.json(records.REQUESTS, RequestRecord(tick, request), now, tick))
+        if isinstance(request, Draw):
+            self._has_drawings = True
+            self._add(lambda: self._encoding.drawings(request, now, tick))
+        elif isinstance(request, Reset | ResetTo | LoadScenario) and self._has_drawings:
+            self._has_drawings = False
+            self._add(lambda: self._encoding.drawings(None, now, tick))
         if isinstance(request, Restored):
             self._clock.forget_tick()
 

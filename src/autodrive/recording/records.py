@@ -37,6 +37,7 @@ EVENTS = "/autodrive/events"
 STATUS = "/autodrive/status"
 FRAME = "/autodrive/frame"
 TRANSFORMS = "/tf"
+DRAWINGS = "/drawings"
 
 
 def state_topic(vehicle: str) -> str:

@@ -76,6 +76,12 @@ public:
     /// Lets a traffic light show a state (0 off, 1 red, 2 yellow, 3 green) until a reset; none: what its program says.
     Frame set_traffic_light(const std::string& light, std::optional<int> state);
 
+    /// Shows a drawing in the view instead of the one of that name.
+    Frame draw(const std::string& name, const Drawing& drawing);
+
+    /// Removes the drawing of that name; without a name, all.
+    Frame clear_drawings(const std::optional<std::string>& name = {});
+
     /// Sends any operation of the protocol, and returns the Frame after it.
     Frame request(const Json& request);
 

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -119,6 +120,16 @@ struct Weather {
     double wind = 0.0;                 ///< [0, 1]
     std::optional<double> wetness;     ///< of the ground; none: it follows the rain
     std::optional<double> snow_cover;  ///< of the ground; none: it follows the snow
+};
+
+/// Points, lines or a text in the view of the page; no sensor sees them.
+struct Drawing {
+    std::string kind = "path";                         ///< "points", "path", "lines" (one between each pair) or "text"
+    std::vector<Eigen::Vector3d> points;               ///< in the map [m]; of a text its middle
+    std::string text;                                  ///< of a text, one line
+    std::array<double, 4> color = {1.0, 0.58, 0.0, 1.0};  ///< red, green, blue and opacity [0, 1]
+    double size = 0.02;                                ///< diameter, width, or height of a line of text [m]
+    std::optional<double> lifetime;                    ///< [s] of simulated time; none: it stays until a reset
 };
 
 /// State of the world after a tick.

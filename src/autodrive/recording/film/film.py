@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,8 @@ from autodrive.graphics.cameras.rig import CameraArray
 from autodrive.graphics.cameras.scene_camera import CAMERAS, SceneCamera, check_view
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
-from autodrive.protocol.native import SetCamera
+from autodrive.protocol.native import Drawn, SetCamera
+from autodrive.recording.film.drawings import with_drawings
 from autodrive.recording.film.overlay import with_overlay
 from autodrive.recording.film.video import Video
 from autodrive.world.cameras import camera_rig
@@ -87,7 +88,7 @@ def film(
                 if spec is not shooting.spec:
                     shooting.release()
                     shooting = _Shooting(spec, options, shooting.size)
-                video.write(shooting.image(tape.frame_at(time), number / options.rate))
+                video.write(shooting.image(tape.frame_at(time), tape.drawings_at(time), number / options.rate))
                 on_progress(number, len(times))
             return video.images
     finally:
@@ -137,13 +138,16 @@ class _Shooting:
         """Free all graphics memory."""
         self._renderer.release()
 
-    def image(self, frame: Frame, now: float) -> NDArray[np.uint8]:
-        """The image of a Frame, at time `now` of the film [s]."""
+    def image(self, frame: Frame, drawings: Mapping[str, Drawn], now: float) -> NDArray[np.uint8]:
+        """The image of a Frame, at time `now` of the film [s], with what programs have drawn."""
         state = RenderState.of(frame)
         _set_light(state, self._options.light)
         if self._slot is None:
             viewpoint = self._scene_camera.viewpoint(self._view, frame, now)
-            rgba = self._renderer.draw(state, [viewpoint.view(*self.size)])[0].rgba
+            view = viewpoint.view(*self.size)
+            shown = [one.drawing for one in drawings.values() if one.drawing and one.until > frame.time]
+            drawn = self._renderer.draw(state, [view], depth=bool(shown))[0]
+            rgba = drawn.rgba if drawn.depth is None else with_drawings(drawn.rgba, drawn.depth, shown, view)
         else:
             rgba = self._cameras.capture(self._renderer, state, frame.tick, [self._slot])[0].rgba
         image = rgba[..., :3]

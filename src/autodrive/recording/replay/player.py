@@ -78,6 +78,7 @@ class Player(Paced):
         """The Frame as it was recorded."""
         self._stage = stages(0.0)
         self.world = self._stage.world
+        self.world.drawings = tape.drawings_at(0.0)
         self._real_time_factor = 0.0
         self._wants_images = False
 
@@ -215,6 +216,7 @@ class Player(Paced):
         is_new = frame is not self._recorded or stage is not self._stage or bool(events)
         is_jump = is_jump or frame.tick < self._recorded.tick  # a recorded reset
         self._recorded, self._stage, self.world = frame, stage, stage.world
+        stage.world.drawings = self._tape.drawings_at(time)
         if not is_new:
             return
         if stage.cameras is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
@@ -13,8 +13,22 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from autodrive import recording as recordings
-from autodrive.protocol.messages import CameraImage, Event, Frame, Images, LidarScan, VehicleFrame
+from autodrive.base.errors import CommandError
+from autodrive.protocol.drawing import drawn_after
+from autodrive.protocol.messages import (
+    CameraImage,
+    Draw,
+    Event,
+    Frame,
+    Images,
+    LidarScan,
+    LoadScenario,
+    Reset,
+    VehicleFrame,
+)
+from autodrive.protocol.native import Drawn
 from autodrive.protocol.replay import Mark, Timeline
+from autodrive.world.observer import ResetTo
 
 if TYPE_CHECKING:
     from autodrive.recording import Moment
@@ -49,6 +63,8 @@ class Tape:
         self._moment: Moment | None = None
         self._frame: Frame | None = None
         self._frame_has_images = False
+        self._draws: list[tuple[float, int, Draw | None]] | None = None
+        self._drawings: tuple[int, dict[str, Drawn]] = 0, {}
 
     def close(self) -> None:
         """Close the file, and delete what was unpacked."""
@@ -109,6 +125,29 @@ class Tape:
         """Events later than a time, up to another one."""
         first, last = (bisect.bisect_right(self._times, time + INSTANT) for time in (after, until))
         return tuple(mark.event for mark in self.marks[first:last])
+
+    def drawings_at(self, time: float) -> dict[str, Drawn]:
+        """What programs had drawn into the view until that time, by name; the same objects as time passes."""
+        if self._draws is None:
+            start = self._recording.start
+            self._draws = [
+                (at - start, record.tick, request if isinstance(request, Draw) else None)
+                for at, record in self._recording.requests
+                if isinstance(request := record.request, Draw | Reset | LoadScenario | ResetTo)
+            ]
+        count = bisect.bisect_right(self._draws, time + INSTANT, key=lambda draw: draw[0])
+        done, drawings = self._drawings
+        if count < done:
+            done, drawings = 0, {}
+        for at, tick, request in self._draws[done:count]:
+            if request is None:
+                drawings = {}
+                continue
+            duration = self.scenario_at(at)[1].tick
+            with suppress(CommandError):  # the file was not written by a simulator
+                drawings = drawn_after(drawings, request, tick * duration)
+        self._drawings = count, drawings
+        return drawings
 
     def _moment_at(self, time: float) -> Moment:
         found = self._recording.moment_at(time + self._recording.start + INSTANT)

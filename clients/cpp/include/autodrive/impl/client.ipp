@@ -138,6 +138,16 @@ AUTODRIVE_INLINE Frame Client::set_traffic_light(const std::string& light, std::
     return request({{"type", "SetTrafficLight"}, {"light", light}, {"state", state ? Json(*state) : Json()}});
 }
 
+AUTODRIVE_INLINE Frame Client::draw(const std::string& name, const Drawing& drawing) {
+    return request({{"type", "Draw"}, {"drawings", {{name, wire::drawing(drawing)}}}});
+}
+
+AUTODRIVE_INLINE Frame Client::clear_drawings(const std::optional<std::string>& name) {
+    Json drawings = Json::object();
+    if (name) drawings[*name] = nullptr;
+    return request({{"type", "Draw"}, {"drawings", drawings}, {"clears", !name}});
+}
+
 AUTODRIVE_INLINE Frame Client::request(const Json& request) {
     const std::int64_t id = next_id_++;
     send({{"type", "Request"}, {"id", id}, {"operation", request}});

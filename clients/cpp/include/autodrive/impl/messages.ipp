@@ -91,6 +91,15 @@ inline Json weather(const Weather& weather) {
     return json;
 }
 
+inline Json drawing(const Drawing& drawing) {
+    Json points = Json::array();
+    for (const auto& point : drawing.points) points.push_back({point.x(), point.y(), point.z()});
+    Json json = {{"kind", drawing.kind}, {"points", points}, {"color", drawing.color}, {"size", drawing.size}};
+    if (!drawing.text.empty()) json["text"] = drawing.text;
+    if (drawing.lifetime) json["lifetime"] = *drawing.lifetime;
+    return json;
+}
+
 inline TrafficLight traffic_light(const Json& json) {
     TrafficLight light{json.at("state"), std::nullopt, json.at("mode")};
     if (const Json& time = json.at("time_to_change"); !time.is_null()) light.time_to_change = time.get<double>();
