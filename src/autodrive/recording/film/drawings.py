@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from html import escape
 from typing import NamedTuple
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats
 from autodrive.base.png import decode_png
 from autodrive.base.transforms import rotation_from_quaternion
-from autodrive.physics.sensors.camera_view import View
+from autodrive.base.units import DEGREE
+from autodrive.graphics.cameras.viewpoints import Viewpoint
 from autodrive.protocol.messages import Drawing
 
 PIECE = 6.0
@@ -27,7 +29,7 @@ LEAST = 2.0
 
 
 class _Projection(NamedTuple):
-    view: View
+    view: Viewpoint
     depth: NDArray[np.float32]
 
     def seen(self, points: Floats) -> Floats:
@@ -37,8 +39,8 @@ class _Projection(NamedTuple):
 
     def pixels(self, seen: Floats) -> Floats:
         """Places in the image, shape (n, 2)."""
-        of = self.view.intrinsics
-        return seen[:, :2] / seen[:, 2:] * (of.fx, of.fy) + (of.cx, of.cy)
+        height, width = self.depth.shape
+        return seen[:, :2] / seen[:, 2:] * self.scale(1.0) + (0.5 * width, 0.5 * height)
 
     def is_shown(self, seen: Floats) -> NDArray[np.bool_]:
         """Whether nothing is in front of each point; points outside the image are."""
@@ -48,11 +50,11 @@ class _Projection(NamedTuple):
 
     def scale(self, distance: float) -> float:
         """Pixels of a metre at that distance [m]."""
-        return self.view.intrinsics.fy / distance
+        return 0.5 * self.depth.shape[0] / (math.tan(0.5 * self.view.field_of_view_deg * DEGREE) * distance)
 
 
 def with_drawings(
-    rgba: NDArray[np.uint8], depth: NDArray[np.float32], drawings: Sequence[Drawing], view: View
+    rgba: NDArray[np.uint8], depth: NDArray[np.float32], drawings: Sequence[Drawing], view: Viewpoint
 ) -> NDArray[np.uint8]:
     """The image with the drawings; `depth` [m], shape (height, width), along the optical axis of `view`.
 

@@ -144,10 +144,9 @@ class _Shooting:
         _set_light(state, self._options.light)
         if self._slot is None:
             viewpoint = self._scene_camera.viewpoint(self._view, frame, now)
-            view = viewpoint.view(*self.size)
             shown = [one.drawing for one in drawings.values() if one.drawing and one.until > frame.time]
-            drawn = self._renderer.draw(state, [view], depth=bool(shown))[0]
-            rgba = drawn.rgba if drawn.depth is None else with_drawings(drawn.rgba, drawn.depth, shown, view)
+            drawn = self._renderer.draw(state, [viewpoint.view(*self.size)], depth=bool(shown))[0]
+            rgba = drawn.rgba if drawn.depth is None else with_drawings(drawn.rgba, drawn.depth, shown, viewpoint)
         else:
             rgba = self._cameras.capture(self._renderer, state, frame.tick, [self._slot])[0].rgba
         image = rgba[..., :3]
