@@ -1,5 +1,5 @@
 // The latest messages of the server and the choices of the user; the interface between connection, scene and panels.
-import type { Drawn, Event, Frame, LidarScan, Picture, Scene, Starting, Status, Welcome } from './messages'
+import type { Drawn, Event, Frame, LidarScan, OwnFile, Picture, Scene, Starting, Status, Welcome } from './messages'
 import { Observable } from './observable'
 
 export type Link = 'connecting' | 'starting' | 'open' | 'lost'
@@ -51,6 +51,8 @@ export class Store {
   /** How far the start of the simulator is, while the link is 'starting'. */
   readonly starting = new Observable<Starting | null>(null)
   readonly welcome = new Observable<Welcome | null>(null)
+  /** The files of the user's folder, by name; null: there is no folder. */
+  readonly files = new Observable<Record<string, OwnFile> | null>(null)
   readonly scene = new Observable<Scene | null>(null)
   readonly status = new Observable<Status | null>(null)
   readonly frame = new Observable<Frame | null>(null)
