@@ -30,8 +30,8 @@ from autodrive.world.simulation import Simulation
 
 HERE = Path(__file__).parent
 FILE = HERE / "builder.webm"
-SIZE = 1024, 640
-RATE = 8
+SIZE = 960, 600
+RATE = 6
 """Images per second of the film."""
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox")
@@ -85,23 +85,23 @@ class Film:
 
     def take(self, seconds: float = 1.0 / RATE) -> None:
         """Add the image of the page for that time."""
-        jpeg = self.page.screenshot(type="jpeg", quality=92)
+        jpeg = self.page.screenshot(type="jpeg", quality=92, timeout=120_000)
         image = simplejpeg.decode_jpeg(jpeg, "RGB")
         for _ in range(max(1, round(seconds * RATE))):
             self._video.write(image)
 
     def caption(self, text: str, seconds: float = 2.5) -> None:
         """Show a text at the top from now on."""
+        print(f"{self._video.images / RATE:5.1f} s  {text}", flush=True)
         self.page.evaluate("text => (document.querySelector('#film-caption').textContent = text)", text)
         self.take(seconds)
 
-    def point(self, x: float, y: float, images: int = 4) -> None:
+    def point(self, x: float, y: float, images: int = 2) -> None:
         """Move the pointer."""
         x0, y0 = self._at
         for i in range(1, images + 1):
             share = 0.5 - 0.5 * math.cos(math.pi * i / images)
             self.page.mouse.move(x0 + share * (x - x0), y0 + share * (y - y0))
-            self.page.wait_for_timeout(60)
             self.take()
         self._at = (x, y)
 
@@ -135,7 +135,7 @@ class Film:
         before = self.value("store.scene.value.model")
         self.point(*self.screen(*start))
         self.page.mouse.down()
-        self.point(*self.screen(*end), images=8)
+        self.point(*self.screen(*end), images=5)
         self.page.mouse.up()
         self.wait(lambda: self.value("store.scene.value.model") != before)
         self.wait_for_image()
@@ -246,7 +246,7 @@ def town(film: Film) -> None:
     film.click("build-done")
     page.evaluate("() => { autodrive.store.camera.value = 'Orbit' }")
     film.wait_for_image(3)
-    film.drive(22.0, lane_follower(simulation.world.map, simulation), speed=1.5)
+    film.drive(16.0, lane_follower(simulation.world.map, simulation), speed=2.0)
 
 
 def track(film: Film) -> None:
@@ -281,10 +281,10 @@ def track(film: Film) -> None:
     film.click("build-done")
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
     film.wait_for_image(3)
-    film.drive(14.0, gap_follower(simulation), speed=3.0)
+    film.drive(10.0, gap_follower(simulation), speed=3.0)
     page.evaluate("() => { autodrive.store.camera.value = 'Orbit' }")
     film.wait_for_image(3)
-    film.drive(12.0, gap_follower(simulation), speed=3.0)
+    film.drive(10.0, gap_follower(simulation), speed=3.0)
     film.caption("Your own map, in a few minutes", 2.5)
 
 

@@ -10,7 +10,9 @@ export class UserFiles {
     private readonly store: Store,
     private readonly actions: Actions,
   ) {
-    store.welcome.watch(() => void this.refresh())
+    store.link.watch((link) => {
+      if (link === 'open') void this.refresh()
+    })
     store.isBuilding.watch((isBuilding) => {
       if (isBuilding) void this.refresh()
     })
