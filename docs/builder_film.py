@@ -21,7 +21,7 @@ import simplejpeg
 from playwright.sync_api import Page, sync_playwright
 
 from autodrive import Command
-from autodrive.protocol.messages import Pause, Place, Step
+from autodrive.protocol.messages import Pause, Step
 from autodrive.recording.film.video import Video
 from autodrive.run.options import RunOptions
 from autodrive.run.runner import RunObserver, opened
@@ -30,7 +30,7 @@ from autodrive.world.simulation import Simulation
 
 HERE = Path(__file__).parent
 FILE = HERE / "builder.webm"
-SIZE = 960, 600
+SIZE = 1024, 640
 RATE = 6
 """Images per second of the film."""
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -43,8 +43,8 @@ addEventListener('DOMContentLoaded', () => {
     one.id = id
     one.style.cssText = `position:fixed;z-index:99;pointer-events:none;${style}`
   }
-  add('film-caption', 'top:64px;left:50%;transform:translateX(-50%);padding:10px 22px;border-radius:8px;' +
-    'font:600 22px sans-serif;color:#fff;background:rgb(0 0 0/75%);white-space:nowrap')
+  add('film-caption', 'top:60px;left:66%;transform:translateX(-50%);padding:10px 22px;border-radius:8px;' +
+    'font:600 19px sans-serif;color:#fff;background:rgb(0 0 0/75%);white-space:nowrap')
   add('film-pointer', 'width:22px;height:22px;margin:-11px 0 0 -11px;border-radius:50%;' +
     'border:3px solid #d81b60;background:rgb(216 27 96/35%)')
   addEventListener('pointermove', ({ clientX, clientY }) => {
@@ -71,7 +71,7 @@ class Film:
 
     def wait(self, condition: Callable[[], object]) -> None:
         """Wait until the page is so far; fails after two minutes."""
-        end = time.monotonic() + 120.0
+        end = time.monotonic() + 60.0
         while not condition():
             if time.monotonic() > end:
                 self.page.screenshot(path="/tmp/film_failed.png")
@@ -80,8 +80,11 @@ class Film:
 
     def wait_for_image(self, count: int = 2) -> None:
         """Wait until the 3D view has shown that many more images."""
-        before = self.value("store.imageCount.value")
-        self.wait(lambda: self.value("store.imageCount.value") >= before + count)
+        before, end = (
+            self.value("store.imageCount.value"),
+            time.monotonic() + 3.0,
+        )  # nothing is drawn if nothing changes
+        self.wait(lambda: self.value("store.imageCount.value") >= before + count or time.monotonic() > end)
 
     def take(self, seconds: float = 1.0 / RATE) -> None:
         """Add the image of the page for that time."""
@@ -213,6 +216,7 @@ def town(film: Film) -> None:
     film.click("build-button")
     film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
     page.wait_for_timeout(1500)
+    page.evaluate("() => autodrive.view.showArea(-1.2, -0.3, 8)")
     film.wait_for_image(3)
     film.take(1.0)
     film.click("piece-four_way_intersection")
@@ -299,7 +303,6 @@ def main() -> None:
         run = opened(stack, options, RunObserver())
         run.simulation.start()
         run.simulation.request(Pause()).result()
-        run.simulation.request(Place("V1", 0.0, -3.0)).result()
         playwright = stack.enter_context(sync_playwright())
         window = playwright.chromium.launch(executable_path=browser, args=list(FLAGS))
         stack.callback(window.close)
