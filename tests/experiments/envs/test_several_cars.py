@@ -22,6 +22,8 @@ from autodrive.experiments.envs.crossing_env import CrossingParallelEnv, Crossin
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.duel import BEARINGS, CHECKPOINTS
 from autodrive.experiments.envs.duel_env import DuelParallelEnv, DuelVectorEnv
+from autodrive.experiments.envs.parallel_env import DrivingParallelEnv
+from autodrive.experiments.envs.race_env import RaceParallelEnv
 from autodrive.experiments.envs.registration import IDS, ROBORACER, SEVERAL_CARS
 
 VARIANTS = ("published", "own")
@@ -135,6 +137,27 @@ def test_what_gymnasium_says_of_vector_environments(id_: str) -> None:
     ended = truncated  # pyright: ignore[reportPossiblyUnboundVariable]
     assert (info["episode"]["l"][ended] == 5).all()  # pyright: ignore[reportPossiblyUnboundVariable]
     assert ended.any()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: gymnasium.make("autodrive:NigelParking-v0"),
+        lambda: gymnasium.make("autodrive:RoboRacer-v0"),
+        lambda: DrivingParallelEnv(2),
+        lambda: RaceParallelEnv(2),
+        CrossingParallelEnv,
+        lambda: gymnasium.make_vec("autodrive:NigelParking-v0", 2),
+        lambda: gymnasium.make_vec("autodrive:NigelCrossing-v0", 4),
+    ],
+)
+def test_an_unknown_option_of_a_reset_is_named(make: Any) -> None:
+    env = make()
+    known = "Known: reset_mask. Did you mean 'reset_mask'" if hasattr(env, "num_envs") else "This environment has none"
+    with pytest.raises(SpecError, match=f"options: 'reset_maks' is not known. {known}"):
+        env.reset(options={"reset_maks": np.ones(2, np.bool_)})
+    env.reset(options={})
+    env.close()
 
 
 def rollout(envs: Any, seed: Any) -> bytes:
