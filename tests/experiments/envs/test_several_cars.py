@@ -22,8 +22,6 @@ from autodrive.experiments.envs.crossing_env import CrossingParallelEnv, Crossin
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.duel import BEARINGS, CHECKPOINTS
 from autodrive.experiments.envs.duel_env import DuelParallelEnv, DuelVectorEnv
-from autodrive.experiments.envs.parallel_env import DrivingParallelEnv
-from autodrive.experiments.envs.race_env import RaceParallelEnv
 from autodrive.experiments.envs.registration import IDS, ROBORACER, SEVERAL_CARS
 
 VARIANTS = ("published", "own")
@@ -144,9 +142,6 @@ def test_what_gymnasium_says_of_vector_environments(id_: str) -> None:
     [
         lambda: gymnasium.make("autodrive:NigelParking-v0"),
         lambda: gymnasium.make("autodrive:RoboRacer-v0"),
-        lambda: DrivingParallelEnv(2),
-        lambda: RaceParallelEnv(2),
-        CrossingParallelEnv,
         lambda: gymnasium.make_vec("autodrive:NigelParking-v0", 2),
         lambda: gymnasium.make_vec("autodrive:NigelCrossing-v0", 4),
     ],

@@ -13,7 +13,7 @@ from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
-from autodrive.experiments.envs.settings import Action, Settings, check_options, checked_cars, commands_of, with_traffic
+from autodrive.experiments.envs.settings import Action, Settings, checked_cars, commands_of, with_traffic
 from autodrive.experiments.envs.several_cars import Agents
 from autodrive.experiments.envs.task import OFFENCES, Observation, Outcome
 from autodrive.protocol.messages import Command, Frame
@@ -69,7 +69,6 @@ class DrivingParallelEnv(Agents):
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Start an episode of all agents; without a seed the next one of the same random numbers."""
-        check_options(options)
         if seed is not None or self._rng is None:
             self._rng = seeding.np_random(seed)[0]
         world_seed = int(self._rng.integers(2**31))

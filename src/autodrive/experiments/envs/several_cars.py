@@ -12,7 +12,7 @@ from pettingzoo import ParallelEnv
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
-from autodrive.experiments.envs.settings import Settings, action_space, check_options
+from autodrive.experiments.envs.settings import Settings, action_space
 from autodrive.experiments.envs.task import Bools, Outcome, Task
 
 
@@ -109,7 +109,6 @@ class SeveralCarsParallelEnv(Agents):
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Start an episode of all agents; without a seed the next one of the same random numbers."""
-        check_options(options)
         observations, _ = self.vector.reset(seed=seed)
         self.agents = list(self.possible_agents)
         return dict(zip(self.agents, observations, strict=True)), {agent: {} for agent in self.agents}
