@@ -2,7 +2,7 @@ import { Vector3 } from 'three'
 import { describe, expect, test } from 'vitest'
 
 import type { CollisionShapes } from '../src/messages'
-import { inFront } from '../src/scene/flat_drawings'
+import { clippedLine } from '../src/scene/flat_drawings'
 import { ARROW } from '../src/scene/overlay_look'
 import { arrow, outlines, scaleFor } from '../src/scene/overlay_view'
 
@@ -55,13 +55,13 @@ describe('the outline of', () => {
 describe('a line over an image of the simulator', () => {
   test('is cut where it passes the camera, which looks along -z', () => {
     const [ahead, behind] = [new Vector3(0, 0, -3), new Vector3(4, 0, 1)]
-    expect(inFront(ahead, behind, -1)?.map((point) => point.toArray())).toEqual([
+    expect(clippedLine(ahead, behind, -1)?.map((point) => point.toArray())).toEqual([
       [0, 0, -3],
       [2, 0, -1],
     ])
-    expect(inFront(behind, ahead, -1)?.[0].toArray()).toEqual([2, 0, -1])
-    expect(inFront(ahead, ahead, -1)).toEqual([ahead, ahead])
-    expect(inFront(behind, behind, -1)).toBeNull()
+    expect(clippedLine(behind, ahead, -1)?.[0].toArray()).toEqual([2, 0, -1])
+    expect(clippedLine(ahead, ahead, -1)).toEqual([ahead, ahead])
+    expect(clippedLine(behind, behind, -1)).toBeNull()
   })
 })
 

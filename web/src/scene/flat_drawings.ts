@@ -78,7 +78,7 @@ function draw(
     return
   }
   for (let i = 0; i + 1 < points.length; i += kind === 'path' ? 1 : 2) {
-    const line = inFront(see(points[i]), see(points[i + 1]), -camera.near)
+    const line = clippedLine(see(points[i]), see(points[i + 1]), -camera.near)
     if (!line) continue
     context.lineWidth = Math.max((focus * size) / (-0.5 * (line[0].z + line[1].z)), LEAST)
     context.beginPath()
@@ -89,7 +89,7 @@ function draw(
 }
 
 /** The part of a line in front of the camera, whose near plane is at that z; null if there is none. */
-export function inFront(a: Vector3, b: Vector3, near: number): [Vector3, Vector3] | null {
+export function clippedLine(a: Vector3, b: Vector3, near: number): [Vector3, Vector3] | null {
   if (a.z > near && b.z > near) return null
   const cut = (from: Vector3, to: Vector3) => from.clone().lerp(to, (near - from.z) / (to.z - from.z))
   return [a.z > near ? cut(a, b) : a, b.z > near ? cut(b, a) : b]
