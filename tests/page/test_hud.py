@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from autodrive.protocol import labels
 from autodrive.protocol.messages import Command, Frame, Headlights, Indicators, Pause, SetSceneLight, Step
 from tests.page.test_view import COLOURS
-from tests.support.page import PageServer, Tab, box
+from tests.support.page import NewTab, PageServer, Tab, box
 
 GRID = """(canvas) => {
     const small = Object.assign(document.createElement('canvas'), { width: 8, height: 6 })
@@ -134,3 +135,28 @@ def test_previews_show_the_images_of_the_cameras(gl: str, mini_map: PageServer, 
     day = shown("front").mean()
     mini_map.request(SetSceneLight(False))
     tab.wait_until(lambda: shown("front").mean() < 0.7 * day)
+
+
+@pytest.mark.parametrize(("content", "colour"), [("depth", "#1bcfd4"), ("labels", labels.COLOURS[labels.Label.LAWN])])
+def test_depth_and_labels_of_a_camera_are_shown_with_their_legend(
+    mini_map: PageServer, new_tab: NewTab, content: str, colour: str
+) -> None:
+    tab = new_tab(size=(1024, 900)).open(mini_map.url + "?quality=low")
+    tab.show("hud")
+    tab.get("hud-sensor-view").select_option(f"{content}/front")
+    near = """([canvas, wanted]) => {
+        const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)
+        let count = 0
+        for (let i = 0; i < data.length; i += 4)
+            count += Math.max(...[0, 1, 2].map((k) => Math.abs(data[i + k] - wanted[k]))) < 40
+        return count
+    }"""
+    wanted = list(bytes.fromhex(colour[1:]))
+    image = tab.get("hud-sensor-view-image")
+    tab.wait_until(lambda: tab.page.evaluate(near, [image.element_handle(), wanted]) > 300)
+    is_depth = content == "depth"
+    assert tab.get("label-colours").is_visible() != is_depth
+    assert tab.page.locator(".sensor-view .range-scale").is_visible() == is_depth
+    assert image.get_attribute("aria-label") == f"{content.capitalize()} of the front camera"
+    tab.get("hud-sensor-view").select_option("")
+    tab.wait_until(lambda: not image.is_visible())

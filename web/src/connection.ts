@@ -110,6 +110,9 @@ export class Connection {
       case 'Rendered':
         store.rendered.value = message
         break
+      case 'SensorView':
+        store.sensorView.value = message
+        break
       case 'Frame':
         this.setFrame(message)
         break

@@ -464,6 +464,23 @@ export interface SetCamera {
 }
 
 /**
+ * Let the simulator render the depth or the labels of what a sensor camera sees, and send `SensorView`s.
+ *
+ * `camera` None: stop. `vehicle` None: the first one. `farthest`: depth at which the colours end [m]. `width` in
+ * pixels, at most that of the camera; `rate` [Hz] in wall time. The distortion of the lens is left out. The camera
+ * itself, and its images, do not change.
+ */
+export interface ViewSensor {
+  type: 'ViewSensor'
+  camera: string | null
+  vehicle?: string | null
+  content?: 'depth' | 'labels'
+  farthest?: number
+  width?: number
+  rate?: number
+}
+
+/**
  * Record the simulation into a file of the simulator.
  *
  * `keep` None: everything from now on, until a `StopRecording`. A number: only the last `keep` seconds are kept, until
@@ -758,7 +775,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 }
 
 /**
@@ -940,6 +957,7 @@ export interface Scene {
   objects: Record<string, string>
   light_table: Record<string, any>
   scene_cameras: Record<string, Record<string, any>>
+  label_colours: Record<string, string>
   object_sizes: Record<string, [number, number, number]>
   plan: Plan | null
   warm_up_laps: number
@@ -1114,6 +1132,18 @@ export interface Picture {
  */
 export interface Rendered {
   type: 'Rendered'
+  time: number
+  jpeg: Uint8Array
+}
+
+/**
+ * What was requested with `ViewSensor`, at that simulated time [s].
+ *
+ * Depth has the colours of turbo from 0 to `farthest`, black beyond the last surface; labels those of
+ * `Scene.label_colours`.
+ */
+export interface SensorView {
+  type: 'SensorView'
   time: number
   jpeg: Uint8Array
 }
@@ -1421,7 +1451,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
 export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
@@ -1429,7 +1459,7 @@ export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
-export type ServerMessage = Starting | Welcome | Scene | Shapes | Status | Scan | Drawn | Contacts | Picture | Rendered | Response | Error | Frame
+export type ServerMessage = Starting | Welcome | Scene | Shapes | Status | Scan | Drawn | Contacts | Picture | Rendered | SensorView | Response | Error | Frame
 
 /** The weathers that have a name, in the order of the devkit. */
 export const WEATHERS: Record<string, Weather> = {

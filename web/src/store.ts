@@ -83,6 +83,10 @@ export class Store {
   /** Force of an arrow of 10 cm [N]; 0: not known yet. */
   readonly forceScale = new Observable(0)
   readonly rendered = new Observable<Rendered | null>(null)
+  /** The latest depth or labels of a sensor camera that the HUD has asked for. */
+  readonly sensorView = new Observable<Rendered | null>(null)
+  /** Depth at which its colours end [m]. */
+  readonly depthFarthest = new Observable(0)
   /** Whether the first image of the simulator's renderer is awaited. */
   readonly isStreamStarting = new Observable(false)
   /** The latest events of the world. */

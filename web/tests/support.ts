@@ -146,7 +146,15 @@ export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene 
     ...{ type: 'Scene', scenario, title: scenario, map: 'plane', tick: 0.016, model: 'scene/map.glb', objects: {} },
     plan: { image: 'scene/plan.svg', bounds: [-2, -1, 2, 1] },
     vehicles: Object.fromEntries(vehicles.map((name) => [name, vehicle])),
-    ...{ light_table: {}, object_sizes: {}, warm_up_laps: 0, timeline: null, map_scene: null, track_scene: null },
+    ...{
+      light_table: {},
+      label_colours: {},
+      object_sizes: {},
+      warm_up_laps: 0,
+      timeline: null,
+      map_scene: null,
+      track_scene: null,
+    },
     scene_cameras: { "Bird's Eye": { height: 3, lowest: 1, highest: 10, step: 0.1 } },
   }
 }

@@ -24,3 +24,25 @@ class Label(IntEnum):
     TRAFFIC_LIGHT = 14
     POST = 15
     VEHICLE = 16
+
+
+COLOURS = {
+    Label.NOTHING: "#000000",
+    Label.GROUND: "#7a7a70",
+    Label.LAWN: "#3f9b3a",
+    Label.ROAD: "#804080",
+    Label.KERB: "#c4a8e0",
+    Label.EDGE_LINE: "#ffffff",
+    Label.SEPARATION_LINE: "#ffe14d",
+    Label.STOP_LINE: "#ff5fa2",
+    Label.CROSSING: "#5fd6ff",
+    Label.BAY_LINE: "#b8f0b0",
+    Label.WALL: "#9c6b3c",
+    Label.BLOCK: "#46587a",
+    Label.BOX: "#ff8c1a",
+    Label.SIGN: "#dcdc00",
+    Label.TRAFFIC_LIGHT: "#ff2a2a",
+    Label.POST: "#00a0a0",
+    Label.VEHICLE: "#2f6bff",
+}
+"""For people: '#rrggbb' of each label."""

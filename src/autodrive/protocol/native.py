@@ -124,8 +124,24 @@ class SetCamera(msgspec.Struct, frozen=True, tag=True):
     position: Vector = (0.0, 0.0, 1.0)
 
 
+class ViewSensor(msgspec.Struct, frozen=True, tag=True):
+    """Let the simulator render the depth or the labels of what a sensor camera sees, and send `SensorView`s.
+
+    `camera` None: stop. `vehicle` None: the first one. `farthest`: depth at which the colours end [m]. `width` in
+    pixels, at most that of the camera; `rate` [Hz] in wall time. The distortion of the lens is left out. The camera
+    itself, and its images, do not change.
+    """
+
+    camera: Name | None
+    vehicle: Name | None = None
+    content: Literal["depth", "labels"] = "depth"
+    farthest: float = 10.0
+    width: int = 320
+    rate: float = 5.0
+
+
 ServerOperation: TypeAlias = (
-    Operation | ConnectBridge | DisconnectBridge | SetCamera | RecordingOperation | FileOperation
+    Operation | ConnectBridge | DisconnectBridge | SetCamera | ViewSensor | RecordingOperation | FileOperation
 )
 """All operations that a client can request."""
 
@@ -322,6 +338,8 @@ class Scene(msgspec.Struct, frozen=True, tag=True):
     """`render.look.light_table`."""
     scene_cameras: dict[str, dict[str, Any]]
     """`render.viewpoints.scene_cameras`."""
+    label_colours: dict[str, str] = {}
+    """Of a `SensorView`: '#rrggbb' by name of the label."""
     object_sizes: dict[str, Vector] = {}
     """Length, width and height [m] of each movable object."""
     plan: Plan | None = None
@@ -459,6 +477,17 @@ class Rendered(msgspec.Struct, frozen=True, tag=True, gc=False):
     jpeg: bytes
 
 
+class SensorView(msgspec.Struct, frozen=True, tag=True, gc=False):
+    """What was requested with `ViewSensor`, at that simulated time [s].
+
+    Depth has the colours of turbo from 0 to `farthest`, black beyond the last surface; labels those of
+    `Scene.label_colours`.
+    """
+
+    time: float
+    jpeg: bytes
+
+
 class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
 
@@ -499,6 +528,7 @@ ServerMessage: TypeAlias = (
     | Contacts
     | Picture
     | Rendered
+    | SensorView
     | Response
     | Error
     | Frame

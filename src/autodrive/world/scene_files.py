@@ -16,6 +16,7 @@ from autodrive.graphics.render.look import light_table
 from autodrive.physics.actuators.lights import LAMPS, LightsSpec
 from autodrive.physics.sensors.camera import CameraSpec
 from autodrive.physics.sensors.settings import ConfiguredSensor, noise_presets
+from autodrive.protocol.labels import COLOURS
 from autodrive.protocol.messages import Pose
 from autodrive.protocol.native import Lamp, Plan, Scene, SensorScene, VehicleScene
 from autodrive.scenario import MAX_BOXES
@@ -59,6 +60,7 @@ class SceneFiles:
             objects={name: files.add(*box_file(box.size)) for name, box in world.boxes.items()},
             light_table=light_table(),
             scene_cameras=scene_cameras(),
+            label_colours={label.name.lower().replace("_", " "): colour for label, colour in COLOURS.items()},
             object_sizes={name: box.size for name, box in world.boxes.items()},
             warm_up_laps=world.race.rules.warm_up_laps if world.race else 0,
             map_scene=map_scene(world, files.add),

@@ -13,6 +13,7 @@ import { plot } from './plot'
 import { polar } from './polar'
 import { loadPreference, savePreference } from './preferences'
 import { previews } from './previews'
+import { sensorView } from './sensor_view'
 import type { VehicleEvents } from './vehicle_events'
 
 /** Refresh rate of the texts [Hz]. */
@@ -27,7 +28,7 @@ export function hud(store: Store, connection: Connection, vehicleEvents: Vehicle
   const sections = [
     dashboard(rows, vehicleEvents),
     race(rows),
-    cameras(store),
+    cameras(store, connection),
     sensors(rows),
     lidar(rows, store),
     simulation(rows),
@@ -167,9 +168,15 @@ function bearingField(store: Store): HTMLElement {
   return field
 }
 
-function cameras(store: Store): Section {
+function cameras(store: Store, connection: Connection): Section {
   const images = previews(store)
-  return { element: collapsible('cameras', 'Cameras', images.element), refresh: images.refresh }
+  const view = sensorView(store, connection)
+  const element = collapsible('cameras', 'Cameras', images.element, view.element)
+  const show = () => view.show(store.isHudOpen.value && element.open && !document.hidden)
+  element.addEventListener('toggle', show)
+  document.addEventListener('visibilitychange', show)
+  store.isHudOpen.watch(show)
+  return { element, refresh: images.refresh }
 }
 
 function plots(history: History): Section {

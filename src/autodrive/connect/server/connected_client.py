@@ -51,7 +51,7 @@ class ConnectedClient:
         self._sent_shapes: Scene | None = None
         self._sent_contacts: dict[str, ContactForces] = {}
         self._status: bytes | None = None
-        self._rendered: bytes | None = None
+        self._rendered: dict[type, bytes] = {}
         self._sent_frame: Frame | None = None
         self._is_frame_due = False
         self._next_frame = 0.0
@@ -99,9 +99,9 @@ class ConnectedClient:
         self._status = status
         self._wake.set()
 
-    def set_rendered(self, rendered: bytes) -> None:
-        """Queue an encoded Rendered; it replaces one that was not sent yet."""
-        self._rendered = rendered
+    def set_rendered(self, kind: type, rendered: bytes) -> None:
+        """Queue an encoded Rendered or SensorView; it replaces one of that kind that was not sent yet."""
+        self._rendered[kind] = rendered
         self._wake.set()
 
     def on_drawings(self) -> None:
@@ -159,9 +159,8 @@ class ConnectedClient:
                 if frame is not None:
                     await self._send_readings(frame, send)
                 await send(reply)
-            if self._rendered is not None:
-                rendered, self._rendered = self._rendered, None
-                await send(rendered)
+            while self._rendered:
+                await send(self._rendered.popitem()[1])
             if self._encoded.scene is scene:
                 if self.subscription.shapes and scene is not self._sent_shapes:
                     self._sent_shapes = scene

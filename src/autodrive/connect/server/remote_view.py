@@ -7,11 +7,11 @@ import contextlib
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from autodrive.base.errors import AutodriveError
 from autodrive.protocol.codec import encode
-from autodrive.protocol.native import Error, Rendered, SetCamera
+from autodrive.protocol.native import Error, Rendered, SensorView, SetCamera, ViewSensor
 
 if TYPE_CHECKING:
     from autodrive.connect.server.connected_client import ConnectedClient
@@ -24,12 +24,15 @@ MAX_RATE = 60.0
 """Images per second and client at most [Hz]."""
 
 
+_Key: TypeAlias = "tuple[ConnectedClient, type[SetCamera | ViewSensor]]"
+
+
 @dataclass
 class _RemoteView:
     """The camera that a client has set, and the state of its images."""
 
     number: int
-    camera: SetCamera
+    camera: SetCamera | ViewSensor
     frame: Frame | None = None
     """The Frame that was rendered last."""
     is_rendering: bool = False
@@ -48,7 +51,7 @@ class RemoteViews:
         self._renderer_factory = renderer_factory
         self._world: World | None = None
         self._process: SceneViews | None = None
-        self._views: dict[ConnectedClient, _RemoteView] = {}
+        self._views: dict[_Key, _RemoteView] = {}
         self._latest: Frame | None = None
         self._count = 0
 
@@ -65,10 +68,11 @@ class RemoteViews:
         if self._process is not None:
             await asyncio.to_thread(self._process.close)
 
-    def set_view(self, client: ConnectedClient, camera: SetCamera, now: float) -> None:
+    def set_view(self, client: ConnectedClient, camera: SetCamera | ViewSensor, now: float) -> None:
         """Send images of that camera to a client, or none. Raises `AutodriveError`."""
+        key = client, type(camera)
         if camera.camera is None:
-            self.forget(client)
+            self._forget(key)
             return
         if self._world is None:
             raise AutodriveError("the scene is not ready yet")
@@ -76,27 +80,31 @@ class RemoteViews:
             self._process = self._renderer_factory(self._world)
         self._process.check(camera)
         if not 0.0 < camera.rate <= 1e6:
-            raise AutodriveError(f"the rate of a SetCamera must be more than 0 Hz, not {camera.rate}")
-        if client not in self._views:
+            raise AutodriveError(f"the rate of a {type(camera).__name__} must be more than 0 Hz, not {camera.rate}")
+        if key not in self._views:
             self._count += 1
-            self._views[client] = _RemoteView(self._count, camera)
-        view = self._views[client]
+            self._views[key] = _RemoteView(self._count, camera)
+        view = self._views[key]
         view.camera, view.frame, view.next = camera, None, 0.0
-        self._render(client, view, now)
+        self._render(key, view, now)
 
     def forget(self, client: ConnectedClient) -> None:
         """Send no more images to that client."""
-        view = self._views.pop(client, None)
+        for kind in (SetCamera, ViewSensor):
+            self._forget((client, kind))
+
+    def _forget(self, key: _Key) -> None:
+        view = self._views.pop(key, None)
         if view is not None and self._process is not None:
             self._process.forget(view.number)
 
     def offer(self, frame: Frame, now: float) -> None:
         """Render a new Frame for all clients where an image is due."""
         self._latest = frame
-        for client, view in list(self._views.items()):
-            self._render(client, view, now)
+        for key, view in list(self._views.items()):
+            self._render(key, view, now)
 
-    def _render(self, client: ConnectedClient, view: _RemoteView, now: float) -> None:
+    def _render(self, key: _Key, view: _RemoteView, now: float) -> None:
         """Render the latest Frame, unless it was rendered, an image is being rendered, or it is too early."""
         frame, process = self._latest, self._process
         if frame is None or frame is view.frame or process is None:
@@ -107,7 +115,7 @@ class RemoteViews:
         if now < view.next:  # this Frame may be the last for a long time, for example before a pause
             if not view.is_scheduled:
                 view.is_scheduled = True
-                asyncio.get_running_loop().call_at(view.next, self._render_now, client, view)
+                asyncio.get_running_loop().call_at(view.next, self._render_now, key, view)
             return
         view.is_rendering, view.frame = True, frame
         view.next = now + 1.0 / min(view.camera.rate, MAX_RATE)
@@ -115,26 +123,28 @@ class RemoteViews:
 
         def deliver(image: Future[Drawn]) -> None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
-                loop.call_soon_threadsafe(self._send, client, view, frame, image)
+                loop.call_soon_threadsafe(self._send, key, view, frame, image)
 
         process.draw(view.number, view.camera, frame).add_done_callback(deliver)
 
-    def _render_now(self, client: ConnectedClient, view: _RemoteView) -> None:
+    def _render_now(self, key: _Key, view: _RemoteView) -> None:
         view.is_scheduled = False
-        if self._views.get(client) is view:
-            self._render(client, view, asyncio.get_running_loop().time())
+        if self._views.get(key) is view:
+            self._render(key, view, asyncio.get_running_loop().time())
 
-    def _send(self, client: ConnectedClient, view: _RemoteView, frame: Frame, image: Future[Drawn]) -> None:
+    def _send(self, key: _Key, view: _RemoteView, frame: Frame, image: Future[Drawn]) -> None:
         view.is_rendering = False
-        if self._views.get(client) is not view:
+        if self._views.get(key) is not view:
             return
+        client, kind = key
         error = image.exception()
         if error is None:
-            client.set_rendered(encode(Rendered(frame.time, image.result().answer)))
+            message = Rendered if kind is SetCamera else SensorView
+            client.set_rendered(message, encode(message(frame.time, image.result().answer)))
         elif self._latest is not None:  # otherwise it was rendered for the previous World
-            del self._views[client]
+            del self._views[key]
             client.send_error(Error("request", str(error)))
             return
         if view.is_due_again:
             view.is_due_again = False
-            self._render_now(client, view)
+            self._render_now(key, view)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from autodrive.protocol.messages import LoadScenario, Reset, Seek, SetSceneLight, SetSpeed, SetTimeOfDay, SetWeather
-from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera
+from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera, ViewSensor
 
 MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 """Requests of one client that wait, and bytes of their messages; more are refused."""
@@ -15,7 +15,18 @@ MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
 
-REPLACED = (Reset, LoadScenario, Seek, SetSpeed, SetSceneLight, SetTimeOfDay, SetWeather, SetCamera, ConnectBridge)
+REPLACED = (
+    Reset,
+    LoadScenario,
+    Seek,
+    SetSpeed,
+    SetSceneLight,
+    SetTimeOfDay,
+    SetWeather,
+    SetCamera,
+    ViewSensor,
+    ConnectBridge,
+)
 """Of several such requests in a row only the last one is executed; it answers all of them."""
 
 

@@ -27,7 +27,7 @@ from autodrive.protocol.messages import (
     Step,
     UseMap,
 )
-from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
+from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera, ViewSensor
 from autodrive.protocol.own_files import ExportMap, ImportTrack, ListFiles, OpenFile, OwnFile, SaveFile
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.world.editing.edits import edited
@@ -53,6 +53,7 @@ OF_SERVER = (
     ConnectBridge,
     DisconnectBridge,
     SetCamera,
+    ViewSensor,
     StartRecording,
     StopRecording,
     SaveRecording,
@@ -62,7 +63,7 @@ OF_SERVER = (
     ExportMap,
 )
 """Operations of the server; all others are operations of the simulation, which executes one at a time."""
-LEAST_WORK = {ConnectBridge: 0.05, SetCamera: 0.004, StartRecording: 0.05}
+LEAST_WORK = {ConnectBridge: 0.05, SetCamera: 0.004, ViewSensor: 0.004, StartRecording: 0.05}
 """Operations that cause work elsewhere count as if they took this time [s]."""
 NOT_PAUSED = "a Step needs a paused simulation; request Pause first"
 
@@ -214,7 +215,7 @@ class Requests:
                     self._start(turn, lambda: asyncio.to_thread(self._file_answer, operation))
                 case PlotRecording() as plot:
                     self._start(turn, lambda: self._plot(plot))
-                case SetCamera() as view:
+                case SetCamera() | ViewSensor() as view:
                     self._remote_views.set_view(turn.client, view, self._clock())
                     self._respond(turn, self._simulation.frame)
                 case LoadScenario() | AddBox() | ImportTrack() | OpenFile() as operation:

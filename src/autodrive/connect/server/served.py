@@ -90,9 +90,9 @@ def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneView
 
     def start(world: World) -> SceneViews:
         from autodrive.graphics.cameras.scene_views import SceneViews  # noqa: PLC0415
-        from autodrive.world.cameras import scene_rig  # noqa: PLC0415
+        from autodrive.world.cameras import camera_rig, scene_rig  # noqa: PLC0415
 
-        return SceneViews(scene_rig(world, quality))
+        return SceneViews(scene_rig(world, quality), slots=camera_rig(world.compiled).slots)
 
     return start
 

@@ -15,7 +15,7 @@ import pickle
 import sys
 import time
 from collections.abc import Iterator
-from typing import Any, BinaryIO, NamedTuple, TypeAlias
+from typing import Any, BinaryIO, Literal, NamedTuple, TypeAlias
 
 import simplejpeg
 
@@ -23,6 +23,7 @@ from autodrive.base.arrays import Floats
 from autodrive.base.child_process import take_stdout
 from autodrive.base.errors import AutodriveError
 from autodrive.graphics.cameras.adaptive_renderer import AdaptiveRenderer
+from autodrive.graphics.cameras.false_colours import depth_colours, label_colours
 from autodrive.graphics.cameras.rig import CameraArray, CameraRig
 from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
@@ -47,6 +48,9 @@ class Jpeg(NamedTuple):
     """A target: a view, encoded. The answer is `bytes`."""
 
     view: View
+    content: Literal["image", "depth", "labels"] = "image"
+    farthest: float = 0.0
+    """Depth at which the colours end [m]."""
 
 
 Target: TypeAlias = CameraImages | Jpeg
@@ -117,7 +121,7 @@ def _drawn(rig: CameraRig, requests: Iterator[Request]) -> Iterator[Ready | Draw
             state = RenderState.from_buffer(data, len(rig.contents.vehicles), len(rig.contents.boxes))
             start = time.perf_counter()
             if isinstance(target, Jpeg):
-                answer: Any = _jpeg(drawing.renderer, state, target.view)
+                answer: Any = _jpeg(drawing.renderer, state, target)
             else:
                 if target.noise != noise:
                     noise = target.noise
@@ -130,9 +134,17 @@ def _drawn(rig: CameraRig, requests: Iterator[Request]) -> Iterator[Ready | Draw
         drawing.release()
 
 
-def _jpeg(renderer: Renderer, state: RenderState, view: View) -> bytes:
-    [image] = renderer.draw(state, [view])
-    return simplejpeg.encode_jpeg(image.rgba, quality=JPEG_QUALITY, colorspace="RGBX", colorsubsampling="420")
+def _jpeg(renderer: Renderer, state: RenderState, target: Jpeg) -> bytes:
+    content = target.content
+    [image] = renderer.draw(state, [target.view], depth=content == "depth", labels=content == "labels")
+    if content == "image":
+        return simplejpeg.encode_jpeg(image.rgba, quality=JPEG_QUALITY, colorspace="RGBX", colorsubsampling="420")
+    if image.depth is not None:
+        pixels = depth_colours(image.depth, target.farthest)
+    else:
+        assert image.labels is not None
+        pixels = label_colours(image.labels)
+    return simplejpeg.encode_jpeg(pixels, quality=90, colorspace="RGBX", colorsubsampling="444")
 
 
 def _shortest_period(rig: CameraRig) -> float:

@@ -21,12 +21,16 @@ from autodrive.graphics.cameras.viewpoints import (
     orbit,
     scene_cameras,
 )
+from autodrive.physics.sensors.camera import world_from_camera
+from autodrive.physics.sensors.camera_view import View
+from autodrive.protocol.messages import CameraIntrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from autodrive.graphics.cameras.rig import CameraSlot
     from autodrive.protocol.messages import Frame, Pose
-    from autodrive.protocol.native import SetCamera
+    from autodrive.protocol.native import SetCamera, ViewSensor
     from autodrive.scenario.vehicles.spec import VehicleSpec
 
 CAMERAS = (*scene_cameras(), "Orbit", "Fly")
@@ -57,6 +61,30 @@ def check_view(view: SetCamera, vehicles: Sequence[str]) -> None:
             raise AutodriveError(f"{name} of a scene camera must be finite, not {value}")
     if not LEAST_ZOOM <= view.zoom <= MOST_ZOOM:
         raise AutodriveError(f"zoom of a scene camera must be {LEAST_ZOOM:g} to {MOST_ZOOM:g}, not {view.zoom}")
+
+
+def check_sensor(view: ViewSensor, slots: Sequence[CameraSlot]) -> CameraSlot:
+    """The camera of that view. Raises `AutodriveError` if there is none, or a number is wrong."""
+    vehicle = view.vehicle or (slots[0].vehicle if slots else "")
+    known = {slot.camera: slot for slot in slots if slot.vehicle == vehicle}
+    if view.camera not in known:
+        raise AutodriveError(f"camera '{view.camera}' of '{vehicle}' is not on. {suggest(str(view.camera), [*known])}")
+    if not 0.01 <= view.farthest <= 1e6:
+        raise AutodriveError(f"farthest of a ViewSensor must be 0.01 to 1e6 m, not {view.farthest}")
+    if view.width < 16:
+        raise AutodriveError(f"the width of a ViewSensor must be 16 pixels or more, not {view.width}")
+    return known[view.camera]
+
+
+def sensor_view(view: ViewSensor, slot: CameraSlot, frame: Frame) -> View:
+    """What that camera sees in that Frame, without the distortion of its lens."""
+    spec, of = slot.spec, slot.spec.intrinsics
+    width = min(view.width, spec.width)
+    share = width / spec.width
+    height = max(1, round(share * spec.height))
+    pinhole = CameraIntrinsics(width, height, share * of.fx, share * of.fy, share * of.cx, share * of.cy)
+    place = world_from_camera(*_place(frame.vehicles[slot.vehicle].pose), spec.mount)
+    return View(*place, pinhole, spec.near, spec.far)
 
 
 def image_size(width: int) -> tuple[int, int]:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import TYPE_CHECKING
 
 from autodrive.base.errors import AutodriveError
 from autodrive.graphics.cameras.render_process import RenderProcess, failed
 from autodrive.graphics.cameras.render_worker import Drawn, Jpeg
-from autodrive.graphics.cameras.scene_camera import SceneCamera, check_view, image_size
+from autodrive.graphics.cameras.scene_camera import SceneCamera, check_sensor, check_view, image_size, sensor_view
+from autodrive.protocol.native import ViewSensor
 
 if TYPE_CHECKING:
-    from autodrive.graphics.cameras.rig import CameraRig
+    from autodrive.graphics.cameras.rig import CameraRig, CameraSlot
     from autodrive.protocol.messages import Frame
     from autodrive.protocol.native import SetCamera
 
@@ -25,22 +26,28 @@ class SceneViews:
     The process starts with the first `draw`. All methods may be called in any thread.
     """
 
-    def __init__(self, rig: CameraRig, *, clock: Callable[[], float] = time.monotonic) -> None:
-        """`clock`: wall time [s], by which God's Eye turns."""
+    def __init__(
+        self, rig: CameraRig, *, slots: Sequence[CameraSlot] = (), clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """`slots`: sensor cameras whose depth and labels can be seen; `clock`: wall time [s] for God's Eye."""
         self._contents = rig.contents
+        self._slots = slots
         self._clock = clock
         self._lock = threading.Lock()
         self._cameras: dict[int, SceneCamera] = {}
         self.process = RenderProcess(rig, "scene cameras")
         """What draws; its `error` says why there are no images."""
 
-    def check(self, view: SetCamera) -> None:
+    def check(self, view: SetCamera | ViewSensor) -> None:
         """Raises `AutodriveError` if that view cannot be drawn in any Frame."""
-        check_view(view, list(self._contents.vehicles))
+        if isinstance(view, ViewSensor):
+            check_sensor(view, self._slots)
+        else:
+            check_view(view, list(self._contents.vehicles))
         if self.process.error:
             raise AutodriveError(self.process.error)
 
-    def draw(self, client: int, view: SetCamera, frame: Frame) -> Future[Drawn]:
+    def draw(self, client: int, view: SetCamera | ViewSensor, frame: Frame) -> Future[Drawn]:
         """The JPEG image of that Frame; `client`: a number that identifies the client.
 
         While an image of that client is still waiting, its view and Frame are replaced and the same Future is
@@ -51,6 +58,9 @@ class SceneViews:
             self._check_frame(frame)
         except AutodriveError as error:
             return failed(Future(), str(error))
+        if isinstance(view, ViewSensor):
+            seen = sensor_view(view, check_sensor(view, self._slots), frame)
+            return self.process.draw(client, frame, Jpeg(seen, view.content, view.farthest))
         with self._lock:
             camera = self._cameras.setdefault(client, SceneCamera(self._contents.vehicles))
             viewpoint = camera.viewpoint(view, frame, self._clock())
