@@ -33,6 +33,15 @@ def test_fog_has_the_sight_at_which_five_percent_of_a_contrast_are_left() -> Non
     assert sight(Weather(clouds=1.0, wind=1.0)) == math.inf
 
 
+@pytest.mark.parametrize("amount", [0.05, 0.3, 1.0])
+def test_fog_takes_as_much_light_per_sight_as_others_have_found(amount: float) -> None:
+    # Pierce, Ramaprasad and Eisenberg, Optical attenuation in fog and clouds, Proc. SPIE 4530 (2001): kappa / V dB/km at
+    # the visual range V [km], with 8.5 dB < kappa < 17 dB, at all wavelengths from visible light to near infrared
+    fog = Weather(fog=amount)
+    decibels = 1e4 * extinction(fog) / math.log(10.0)
+    assert 8.5 < decibels * sight(fog) / 1000.0 < 17.0
+
+
 @pytest.mark.parametrize(("amount", "rate"), [(0.3, 4.5), (0.8, 32.0), (1.0, 50.0)])
 def test_rain_takes_as_much_light_as_drops_of_the_published_sizes(amount: float, rate: float) -> None:
     # Marshall and Palmer, J. Meteorology 5, 1948: 8000 drops per m^3 and mm of diameter, times exp(-4.1 R^-0.21 D).
