@@ -35,7 +35,7 @@ def test_fog_has_the_sight_at_which_five_percent_of_a_contrast_are_left() -> Non
 
 @pytest.mark.parametrize("amount", [0.05, 0.3, 1.0])
 def test_fog_takes_as_much_light_per_sight_as_others_have_found(amount: float) -> None:
-    # Pierce, Ramaprasad and Eisenberg, Optical attenuation in fog and clouds, Proc. SPIE 4530 (2001): kappa / V dB/km at
+    # Pierce, Ramaprasad and Eisenberg, Optical attenuation in fog and clouds, Proc. SPIE 4530, 2001: kappa / V dB/km at
     # the visual range V [km], with 8.5 dB < kappa < 17 dB, at all wavelengths from visible light to near infrared
     fog = Weather(fog=amount)
     decibels = 1e4 * extinction(fog) / math.log(10.0)

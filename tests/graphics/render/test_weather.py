@@ -12,7 +12,7 @@ from autodrive.graphics.render.render_state import RenderState
 from autodrive.graphics.render.renderer import Renderer
 from autodrive.physics.weather import ChangingWeather, extinction
 from autodrive.protocol.labels import Label
-from autodrive.protocol.messages import Weather
+from autodrive.protocol.messages import CameraIntrinsics, Weather
 from autodrive.protocol.weather import PRESETS
 from tests.support.scenes import GREY, box, ground, needs_gl, node, render_state, scene, view
 
@@ -88,6 +88,24 @@ def test_wet_ground_is_darker_near_by_and_snow_whitens_level_surfaces_only(rende
     # at most a tenth is whiter: images have the mean colour of a pixel at an edge, labels that of its centre;
     # all may be darker, because a camera exposes snow for a shorter time
     assert ((white[wall] - dry[wall]).max(axis=1) > 3.0).mean() < 0.1
+
+
+def test_patches_of_snow_do_not_sparkle_far_away() -> None:
+    """A pixel that covers many patches has their mean, as that of an image with 64 samples for each pixel."""
+    open_ground = Renderer(scene(node("floor", ground(-300, -300, 300, 300)), vehicles=1), "software")
+    melting, width, height = Weather(clouds=1.0, snow_cover=0.5), 320, 180
+
+    def shades(n: int) -> np.ndarray:
+        pinhole = CameraIntrinsics(n * width, n * height, 160.0 * n, 160.0 * n, 0.5 * n * width, 0.5 * n * height)
+        drawn = open_ground.draw(in_weather(melting), [view(0.0, 0.0, 0.3, own=pinhole)])[0]
+        return drawn.rgba[..., :3].astype(np.float64).mean(axis=2)
+
+    once, fine = shades(1), shades(8)
+    samples = fine.reshape(height, 8, width, 8).mean(axis=(1, 3))
+    far = np.s_[height // 2 + 2 : height // 2 + 8]  # 8 to 40 m away
+    assert np.abs(once[far] - samples[far]).max() < 25.0  # of 255; white is 50 brighter than the ground
+    near = np.s_[-40:]
+    assert once[near].max() - once[near].min() > 40.0  # there are patches
 
 
 def test_rain_and_snow_are_in_front_of_the_scene_and_change_with_time(renderer: Renderer) -> None:

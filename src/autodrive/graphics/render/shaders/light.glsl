@@ -75,7 +75,10 @@ vec3 weathered(vec3 color, vec3 n) {
 #endif
 #ifdef SNOW
     float uneven = 0.5 + 0.25 * (sin(place.x * 9.0 + 2.0 * sin(place.y * 7.0)) + sin(place.y * 13.0 + sin(place.x * 5.0)));
-    float white = smoothstep(0.0, 0.3, 1.3 * floor_glow.w - uneven) * smoothstep(0.35, 0.75, n.z);
+    float white = smoothstep(0.0, 0.3, 1.3 * floor_glow.w - uneven);
+    vec2 wide = fwidth(place.xy);  // far away a pixel covers many patches and shows their mean
+    white = mix(white, smoothstep(0.0, 1.0, floor_glow.w), clamp(4.0 * max(wide.x, wide.y) - 0.3, 0.0, 1.0));
+    white *= smoothstep(0.35, 0.75, n.z);
     color = mix(color, vec3(0.82, 0.85, 0.9) * (0.93 + 0.07 * uneven), white);
 #endif
     return color;
