@@ -145,7 +145,10 @@ def test_depth_and_labels_of_a_camera_are_shown_with_their_legend(
     tab.show("hud")
     tab.get("hud-sensor-view").select_option(f"{content}/front")
     near = """([canvas, wanted]) => {
-        const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)
+        const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height })
+        const context = copy.getContext('2d')
+        context.drawImage(canvas, 0, 0)
+        const { data } = context.getImageData(0, 0, copy.width, copy.height)
         let count = 0
         for (let i = 0; i < data.length; i += 4)
             count += Math.max(...[0, 1, 2].map((k) => Math.abs(data[i + k] - wanted[k]))) < 40
