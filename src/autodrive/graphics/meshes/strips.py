@@ -45,20 +45,15 @@ class Line(NamedTuple):
     left_amounts: tuple[float, float]
 
 
-def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> tuple[list[Line], list[shapely.Polygon]]:
-    """Strips for the polygons that are lines on that road, and the other polygons."""
-    lines: list[Line] = []
-    others: list[shapely.Polygon] = []
+def painted_lines(polygons: Iterable[shapely.Polygon], road: BaseGeometry) -> list[Line | None]:
+    """A strip for each polygon that is a line on that road, None for the others."""
     shapely.prepare(road)
-    for polygon in polygons:
-        line = _line(shapely.to_wkb(polygon))
-        if line is not None and (
-            shapely.covers(road, polygon) or shapely.difference(polygon, road).area <= OFF_ROAD * polygon.area
-        ):
-            lines.append(line)
-        else:
-            others.append(polygon)
-    return lines, others
+
+    def is_on_road(polygon: shapely.Polygon) -> bool:
+        return shapely.covers(road, polygon) or shapely.difference(polygon, road).area <= OFF_ROAD * polygon.area
+
+    lines = ((polygon, _line(shapely.to_wkb(polygon))) for polygon in polygons)
+    return [line if line is not None and is_on_road(polygon) else None for polygon, line in lines]
 
 
 def shade_along(points: Floats, width: float, shade: float, *, behind: float = 0.0) -> Line:
