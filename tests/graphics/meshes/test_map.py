@@ -9,19 +9,41 @@ import shapely
 
 from autodrive.base import yaml_files
 from autodrive.graphics.assets.glb import write_glb
+from autodrive.graphics.meshes import ground_tiles
 from autodrive.graphics.meshes.map import box_asset, map_asset
 from autodrive.protocol.labels import Label
+from autodrive.scenario.files import read_map
 from autodrive.scenario.maps.draw import module_alone
-from autodrive.scenario.maps.ground import MARKING_LABELS, SIMPLIFY_TOLERANCE, floor_extent
-from autodrive.scenario.maps.map import load_map
+from autodrive.scenario.maps.ground import MARKING_LABELS, MOST_TILES, SIMPLIFY_TOLERANCE, TILE, floor_extent, tile_size
+from autodrive.scenario.maps.map import compile_map, load_map
+from autodrive.scenario.maps.spec import MapSpec, Placement
 
 pytestmark = pytest.mark.slow
 
-MAPS = [("map", name) for name in yaml_files.names("map")]
+MAPS = [("map", name) for name in yaml_files.names("map")] + [("turned", seed) for seed in range(3)]
 ALL = MAPS + [("module", name) for name in yaml_files.names("module")]
 
 
+KINDS = ("four_way_intersection", "straight_road", "road_patch", "parking_lot", "curved_road", "lawn")
+
+
+def placement(random, number):
+    """A module at any place and angle."""
+    x, y = (float(random.integers(-40, 41)) / 10.0 for _ in range(2))
+    turn = float(random.choice([0.0, 90.0, 180.0, 33.3, -71.0]))
+    return Placement(module=str(random.choice(KINDS)), name=f"m{number}", x=x, y=y, yaw_deg=turn)
+
+
+def draft(placements):
+    """A map that is being built: its modules may overlap, and need not be connected."""
+    map_, _ = compile_map(read_map(MapSpec(title="draft", is_draft=True, placements=tuple(placements)))[0])
+    return map_
+
+
 def of(kind, name):
+    if kind == "turned":
+        random = np.random.default_rng(name)
+        return draft(placement(random, number) for number in range(12))
     return load_map(name) if kind == "map" else module_alone(name)
 
 
@@ -34,7 +56,7 @@ def ground(asset):
 def level_ground(asset):
     """The same without upright faces; triangles without area, which fill a straight side, are among them."""
     nodes = [node for node in asset.nodes if node.name == "floor" or node.name.startswith("tile_")]
-    surfaces = [s for node in nodes for s in node.surfaces["full"] if s.normals[:, 2].min() > 0.1]
+    surfaces = [s for node in nodes for s in node.surfaces["full"] if s.normals[:, 2].any()]
     return [s.positions[s.triangles].astype(float) for s in surfaces]
 
 
@@ -147,6 +169,48 @@ def test_town_is_cheap_to_draw():
 def test_a_map_has_the_same_mesh_in_another_process():
     map_ = load_map("mini_map")
     assert write_glb(map_asset(map_)) == write_glb(map_asset(pickle.loads(pickle.dumps(map_))))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_map_that_was_edited_has_the_mesh_of_one_that_is_built_afresh(seed, monkeypatch):
+    random = np.random.default_rng(seed)
+    placements = [placement(random, number) for number in range(16)]
+    map_asset(draft(placements))
+    made = []
+    polygonized = ground_tiles._polygonized
+    monkeypatch.setattr(ground_tiles, "_polygonized", lambda lines: made.append(lines) or polygonized(lines))
+    for number in range(100, 112):
+        place = int(random.integers(len(placements)))
+        if random.random() < 0.3:
+            del placements[place]
+        else:
+            placements[place : place + int(random.integers(2))] = [placement(random, number)]
+        made.clear()
+        edited = map_asset(draft(placements))
+        after_edit = len(made)
+        for known in (ground_tiles._cells, ground_tiles._tiles, ground_tiles._made):
+            known.clear()
+        made.clear()
+        assert write_glb(map_asset(draft(placements))) == write_glb(edited)
+        assert after_edit < len(made) or not after_edit
+
+
+def test_an_edit_makes_only_the_tiles_around_it(monkeypatch):
+    row = [Placement(module="straight_road", name=f"m{i}", x=2.5 * i, y=0.0) for i in range(20)]
+    map_asset(draft(row))
+    made = []
+    polygonized = ground_tiles._polygonized
+    monkeypatch.setattr(ground_tiles, "_polygonized", lambda lines: made.append(lines) or polygonized(lines))
+    map_asset(draft([*row[:10], row[10].model_copy(update={"y": 0.05}), *row[11:]]))
+    # the module is 0.8 m long; with its kerb, it touches 3 x 3 tiles of 1 m at most
+    assert 0 < len(made) <= 9
+
+
+def test_a_map_of_a_kilometre_has_few_tiles():
+    far = [Placement(module="straight_road", name=f"m{i}", x=900.0 * i, y=900.0 * i) for i in range(2)]
+    map_ = draft(far)
+    assert len(map_asset(map_).nodes) <= MOST_TILES + 1
+    assert tile_size(map_) > TILE
 
 
 def test_construction_box_has_its_size():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import manifold3d
 import numpy as np
@@ -204,9 +204,14 @@ def _by_tile(
 
 def _polygonized(lines: Integers) -> tuple[tuple[Rings, ...], Floats]:
     """The cells between the lines, and a point within each of them [m], shape (n, 2)."""
-    noded = shapely.union_all(shapely.linestrings(lines.reshape(-1, 2, 2) / SCALE), grid_size=GRID)
+    noded = shapely.union_all(_lines(lines.reshape(-1, 2, 2) / SCALE), grid_size=GRID)
     cells = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
     return _rings(cells), shapely.get_coordinates(shapely.point_on_surface(cells))
+
+
+def _lines(ends: Floats) -> Any:
+    """Lines between the ends [m], shape (n, 2, 2)."""
+    return shapely.linestrings(ends)
 
 
 def _rings(cells: Iterable[shapely.Polygon]) -> tuple[Rings, ...]:
@@ -221,7 +226,8 @@ def _rings(cells: Iterable[shapely.Polygon]) -> tuple[Rings, ...]:
 
 def _layers_at(layers: Sequence[Layer], points: Floats) -> list[tuple[str, Label]]:
     """Name and label of the layer at each point, shape (n, 2) [m]."""
-    tree = shapely.STRtree(shapely.points(points))
+    places: Any = shapely.points(points)
+    tree = shapely.STRtree(places)
 
     def within(layer: Layer) -> NDArray[np.bool_]:
         found = np.zeros(len(points), bool)
@@ -240,10 +246,10 @@ def _layers_at(layers: Sequence[Layer], points: Floats) -> list[tuple[str, Label
 def _tile(cells: tuple[Rings, ...], layers: tuple[tuple[str, Label], ...]) -> _Tile:
     """The tile with these cells; those of one layer beside each other become one."""
     layer_of = {edge: layer for rings, layer in zip(cells, layers, strict=True) for edge in _edges(rings)}
-    borders = {(min(edge), max(edge)) for edge, layer in layer_of.items() if layer_of.get(edge[::-1]) != layer}
-    if len(borders) < len({(min(edge), max(edge)) for edge in layer_of}):
-        lines = _unpacked(np.array(sorted(borders)).ravel()).reshape(-1, 2, 2)
-        cells = _rings(shapely.get_parts(shapely.polygonize(shapely.linestrings(lines))))
+    borders = {(min(a, b), max(a, b)) for (a, b), layer in layer_of.items() if layer_of.get((b, a)) != layer}
+    if len(borders) < len({(min(a, b), max(a, b)) for a, b in layer_of}):
+        lines = _lines(_unpacked(np.array(sorted(borders)).ravel()).reshape(-1, 2, 2))
+        cells = _rings(shapely.get_parts(shapely.polygonize(lines)))
         layers = tuple(layer_of[next(_edges(rings))] for rings in cells)
     raised = [(number, rings) for number, rings in enumerate(cells) if layers[number][0] in RAISED]
     level = frozenset(a for number, rings in raised if layers[number][0] in LEVEL for a, _ in _edges(rings))
