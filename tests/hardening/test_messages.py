@@ -11,15 +11,18 @@ import logging
 import math
 import random
 import time
+import zlib
 from collections import Counter
 from concurrent.futures import Future
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 import autodrive
 from autodrive import AutodriveError, Simulation
+from autodrive.base.png import encode_png
 from autodrive.connect.bridge.detection import Detection
 from autodrive.connect.bridge.engineio import Acknowledgement, Connection, ConnectionEnd, Event, PacketError
 from autodrive.connect.bridge.metrics import Metrics
@@ -187,6 +190,10 @@ def test_events_and_acknowledgements_are_the_only_results() -> None:
 
 COMMAND = {"throttle": 0.3, "steering": -0.1, "headlights": 1, "indicators": 2}
 
+RING = encode_png(np.kron(np.pad([[0, 0], [0, 0]], 1, constant_values=254), np.ones((12, 12))).astype(np.uint8))
+"""The picture of a track: 48 x 48 pixels, white around a black square."""
+RING_SHEET = "image: ring.png\nresolution: 0.1\norigin: [-2.4, -2.4, 0]"
+
 OPERATIONS: tuple[dict[str, Any], ...] = (
     {"type": "Reset", "seed": 3},
     {"type": "Pause"},
@@ -230,6 +237,8 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
         "seen": {"points": [[0.0, 0.0], [9.0, 0.0], [9.0, 5.0]], "width": 1.0, "barrier": "duct"},
     },
     {"type": "GenerateTrack", "seed": 1, "length": 20.0, "width": 1.0, "barrier": "duct"},
+    {"type": "ImportTrack", "picture": RING, "text": RING_SHEET, "start": [25.0, 5.0], "gap": 0.1, "is_reversed": True},
+    {"type": "ImportTrack", "picture": zlib.compress(RING), "text": RING_SHEET},
     {"type": "SaveMap", "title": "x"},
     {"type": "Undo"},
     {"type": "Redo"},

@@ -142,6 +142,11 @@ def test_a_phone_shows_speed_buttons_and_readable_notices_and_its_help_begins_wi
     touch(tools, "touchEnd")
     tab.click("touch-camera")
     assert tab.value("store.camera.value") == "Bird's Eye"
+    tab.page.evaluate("() => { autodrive.store.camera.value = 'Fly' }")
+    touch(tools, "touchStart", ((place["left"] + place["right"]) / 2, place["top"] + 10))
+    tab.wait_until(lambda: tab.value("store.flyInput.ahead") > 0.5)  # the pad flies, and does not drive
+    touch(tools, "touchEnd")
+    tab.wait_until(lambda: tab.value("store.flyInput.ahead") == 0)
     tab.click("touch-vehicle")
     assert tab.value("store.vehicle.value") == "V2"
     tab.click("touch-record")

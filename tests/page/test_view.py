@@ -71,6 +71,37 @@ def test_the_mouse_wheel_zooms_all_cameras_in_the_same_direction(mini_map: PageS
     tab.wait_until(lambda: f"orbit={math.degrees(tab.value('store.orbit.value.azimuth')):.0f}" in tab.page.url)
 
 
+def test_the_fly_camera_flies_while_the_vehicle_stands(plane: PageServer, new_tab: NewTab) -> None:
+    tab = new_tab(size=(320, 240)).open(f"{plane.url}?quality=low#camera=orbit")
+    tab.wait_for_image()
+    tab.wait_until(lambda: tab.value("store.orbit.value"))
+    rest = plane.vehicle.pose.position
+    tab.page.keyboard.press("c")
+    tab.wait_for_notice("Keys and pads move the camera")
+    tab.wait_until(lambda: tab.value("store.fly.value"))
+    before = tab.value("store.fly.value")
+    orbit = tab.value("store.orbit.value")  # it starts where the Orbit camera was, which looks at the vehicle
+    assert math.cos(before["azimuth"] - orbit["azimuth"]) == pytest.approx(-1.0, abs=1e-3)
+    assert before["elevation"] == pytest.approx(-orbit["elevation"], abs=1e-3)
+    tab.page.keyboard.down("s")
+    tab.wait_until(lambda: math.dist([before[a] for a in "xyz"], [tab.value("store.fly.value")[a] for a in "xyz"]) > 1)
+    tab.page.keyboard.up("s")
+    tab.page.mouse.move(100, 100)
+    tab.page.mouse.down()
+    tab.page.mouse.move(200, 100, steps=4)
+    tab.page.mouse.up()
+    tab.wait_until(lambda: tab.value("store.fly.value.azimuth") < before["azimuth"] - 0.3)  # to the right
+    tab.wait_until(lambda: f"fly={tab.value('store.fly.value.x'):.1f}" in tab.page.url)
+    kept = tab.value("store.fly.value")
+    tab.page.keyboard.press("c")
+    tab.wait_until(lambda: tab.value("store.camera.value") == "Driver's Eye")
+    for _ in range(4):
+        tab.page.keyboard.press("c")
+    tab.page.evaluate(IMAGES)
+    assert tab.value("store.fly.value") == kept
+    assert plane.vehicle.pose.position == pytest.approx(rest, abs=1e-3)
+
+
 def test_a_link_opens_the_same_view_and_a_reload_keeps_it(two_cars: PageServer, new_tab: NewTab) -> None:
     tab = new_tab(size=(1024, 768)).open(two_cars.url)
     tab.wait_until(lambda: tab.value("store.scene.value.scenario") == two_cars.scenario())

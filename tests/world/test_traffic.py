@@ -359,10 +359,8 @@ def test_a_map_with_dead_ends_only_is_no_place_for_traffic() -> None:
         make(map=street, traffic={"cars": 1})
 
 
-def test_a_campaign_varies_the_traffic_and_a_batch_refuses_it() -> None:
+def test_a_campaign_varies_the_traffic() -> None:
     town = read_scenario("tiny_town")
     assert not errors(town, "traffic.cars", Range(choice=(0, 4)))
     spec = applied(town, {"traffic.cars": 4}).specs.scenario
     assert len(autodrive.make(spec).vehicle_names) == 5
-    with pytest.raises(CommandError, match="a BatchWorld has no traffic"):
-        autodrive.BatchWorld(spec, n=1)

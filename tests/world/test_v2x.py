@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import autodrive
-from autodrive.base.errors import CommandError, SpecError
+from autodrive.base.errors import SpecError
 from autodrive.protocol.messages import Command, Frame, Headlights, HeardVehicle
 from autodrive.recording import Recorder
 from autodrive.recording import open as open_recording
@@ -194,8 +194,3 @@ def test_a_wrong_channel_is_an_error_that_says_where(tmp_path: Path) -> None:
     file.write_text("map: plane\nv2x: {loss: 1.5}\n")
     with pytest.raises(SpecError, match=r"^v2x.loss \(line 2\): must be at most 1, not 1.5"):
         autodrive.make(file)
-
-
-def test_a_batch_refuses_a_channel() -> None:
-    with pytest.raises(CommandError, match="a BatchWorld has no radio channel"):
-        autodrive.BatchWorld(ScenarioSpec.model_validate({"v2x": {}}), n=1)

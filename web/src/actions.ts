@@ -5,8 +5,9 @@ import type { SceneView } from './scene/view'
 import { clamp, zoomCamera } from './scene/zoom'
 import type { Camera, Store } from './store'
 
-export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit']
+export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit', 'Fly']
 
+const FLYING = 'Keys and pads move the camera, not the vehicle: W A S D, arrows, Page Up, Page Down; Shift: faster.'
 /** [rad] */
 const ORBIT_STEP = Math.PI / 36
 
@@ -26,11 +27,17 @@ export class Actions {
 
   /** Sends a request; returns the text of its Response, or null if it failed. */
   async textOf(operation: ServerOperation): Promise<string | null> {
+    const { text, errors } = await this.attempt(operation)
+    for (const problem of errors) this.store.error.value = problem
+    return text
+  }
+
+  /** Sends a request; returns the text of its Response, or why it failed. */
+  async attempt(operation: ServerOperation): Promise<{ text: string | null; errors: readonly string[] }> {
     try {
-      return (await this.connection.request(operation)).text
+      return { text: (await this.connection.request(operation)).text, errors: [] }
     } catch (error) {
-      for (const problem of problems(error)) this.store.error.value = problem
-      return null
+      return { text: null, errors: problems(error) }
     }
   }
 
@@ -43,6 +50,7 @@ export class Actions {
 
   nextCamera(): void {
     this.store.camera.value = next(CAMERAS, this.store.camera.value)
+    if (this.store.isFlying) this.store.notice.value = FLYING
   }
 
   /** Moves the camera nearer by a click of the mouse wheel, or farther: -1. */

@@ -31,6 +31,7 @@ import { menu } from './panels/menu'
 import { minimap } from './panels/minimap'
 import { modeHint } from './panels/mode_hint'
 import { notices } from './panels/notice'
+import { askPicture } from './panels/picture_dialog'
 import { mayDiscard, saveScenario } from './panels/save_dialog'
 import { streamNote } from './panels/stream_note'
 import { savedTheme, showTheme } from './panels/theme'
@@ -43,6 +44,7 @@ import { requestRemoteView } from './remote_view'
 import { filmButton } from './replay/film_button'
 import { recorder } from './replay/recorder'
 import { timeline } from './replay/timeline'
+import { listenToFlyPointer } from './scene/flight'
 import type { SceneView } from './scene/view'
 import { Store } from './store'
 import { Trails } from './trails'
@@ -135,13 +137,15 @@ canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
-document.body.append(...edit(store, editor, view), ...build(store, builder, editor, view))
+const mayDiscardMap = () => mayDiscard(store, 'Another map', () => saveScenario(store, editor))
+const openFiles = openMapFiles(store, builder, mayDiscardMap, askPicture)
+document.body.append(...edit(store, editor, view), ...build(store, builder, editor, view, openFiles))
 document.querySelector('#build')?.append(...track(store, trackBuilder, view))
-openMapFiles(store, builder, () => mayDiscard(store, 'Another map', () => saveScenario(store, editor)))
 listenToEditKeys(store, editor, () => driver.stop())
 listenToBuildKeys(store, builder, editor, () => driver.stop())
-listenToKeyboard(driver, (action) => KEY_ACTIONS[action]?.())
+listenToKeyboard(driver, store, (action) => KEY_ACTIONS[action]?.())
 listenToGamepad(driver)
+listenToFlyPointer(store, canvas)
 requestRemoteView(store, connection, canvas)
 // A click on the scene removes the focus from fields, so that keys drive again.
 canvas.addEventListener('pointerdown', () => (document.activeElement as HTMLElement | null)?.blur())

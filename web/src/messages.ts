@@ -444,9 +444,10 @@ export interface DisconnectBridge {
 /**
  * Let the simulator render a scene camera for this client and send `Rendered` images; `camera` None: stop.
  *
- * `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first vehicle. `height` [m] of
- * the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom`
- * multiplies the focal length.
+ * `camera`: a name of `Scene.scene_cameras`, `Orbit` or `Fly`. `vehicle` to follow, None: the first vehicle. `height`
+ * [m] of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. Fly is at
+ * `position` [m] in the map, and looks along `azimuth` (0: the x axis, left positive) and `elevation` (up positive).
+ * `zoom` multiplies the focal length.
  */
 export interface SetCamera {
   type: 'SetCamera'
@@ -459,6 +460,7 @@ export interface SetCamera {
   zoom?: number
   width?: number
   rate?: number
+  position?: [number, number, number]
 }
 
 /**
@@ -499,6 +501,25 @@ export interface PlotRecording {
   start?: number
   end?: number | null
   columns?: number
+}
+
+/**
+ * Replace the map by the track in a picture of a map, as `autodrive import track`; it is the edit of a `UseMap`.
+ *
+ * `picture`: a PNG or PGM file, or that file compressed with zlib. `text`: its YAML file of ROS map_server, with
+ * `resolution`, `origin` and `negate`. `start`: a place on the track where the start line is, in pixels from the upper
+ * left corner to the right and down; None: the straightest place of the largest free ring. `gap`: openings of the
+ * walls that are narrower are closed [m]. `is_reversed`: driven clockwise. The `text` of the Response has warnings
+ * about probable mistakes.
+ */
+export interface ImportTrack {
+  type: 'ImportTrack'
+  picture: Uint8Array
+  text: string
+  name?: string
+  start?: [number, number] | null
+  gap?: number
+  is_reversed?: boolean
 }
 
 /**
@@ -692,7 +713,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack
 }
 
 /**
@@ -1272,7 +1293,7 @@ export interface Curve {
  * A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
  *
  * `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
- * or `SaveRecording`.
+ * or `SaveRecording`; warnings, for an edit or an `ImportTrack`.
  * `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
  */
 export interface Response {
@@ -1296,7 +1317,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack
 
 export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

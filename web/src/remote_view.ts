@@ -1,7 +1,7 @@
 // Requests remote rendering while the quality is 'stream'; falls back to 'low' if the simulator cannot render.
 import type { Connection } from './connection'
 import { clamp, lensZoomOf } from './scene/zoom'
-import type { Store } from './store'
+import type { Fly, Store } from './store'
 
 /** Maximum width [pixels] and rate [Hz] of the images. */
 const MAX_WIDTH = 1920
@@ -17,6 +17,10 @@ const MARGIN = 1.3
 const TURN = 0.006
 const ELEVATION = [0.02, 1.5] as const
 const ORBIT = { azimuth: Math.PI * 0.8, elevation: 0.5, distance: 1 }
+
+function flownTo({ x, y, z, azimuth, elevation }: Fly) {
+  return { position: [x, y, z] as [number, number, number], azimuth, elevation }
+}
 
 /** Keeps the simulator informed of the camera to render while the quality is 'stream'. */
 export function requestRemoteView(store: Store, connection: Connection, canvas: HTMLElement): void {
@@ -43,7 +47,9 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
     const wide = STEPS[step] * canvas.clientWidth * Math.min(1, devicePixelRatio)
     const width = Math.min(MAX_WIDTH, Math.round(wide) || MAX_WIDTH)
     const camera = isWanted ? store.camera.value : null
-    const place = { height: store.birdHeight.value, ...(store.orbit.value ?? ORBIT), zoom: lensZoomOf(store) }
+    const { value: fly } = store.fly
+    const free = camera === 'Fly' && fly ? flownTo(fly) : (store.orbit.value ?? ORBIT)
+    const place = { height: store.birdHeight.value, ...free, zoom: lensZoomOf(store) }
     const view = { vehicle: store.vehicle.value, ...place, width, rate: RATE }
     connection.request({ type: 'SetCamera', camera, ...(isWanted && view) }).catch((error: Error) => {
       store.warning.value = error.message
@@ -68,8 +74,9 @@ export function requestRemoteView(store: Store, connection: Connection, canvas: 
     schedule()
   }
 
-  const { quality, camera, vehicle, birdHeight, lensZoom, orbit, scene } = store
-  for (const observable of [quality, camera, vehicle, birdHeight, lensZoom, orbit, scene]) observable.watch(schedule)
+  const { quality, camera, vehicle, birdHeight, lensZoom, orbit, fly, scene } = store
+  for (const observable of [quality, camera, vehicle, birdHeight, lensZoom, orbit, fly, scene])
+    observable.watch(schedule)
   store.rendered.watch((image) => image && isStreaming && judge())
   window.addEventListener('resize', schedule)
   store.link.watch((link) => {

@@ -3,7 +3,7 @@ import type { Drawn, Event, Frame, LidarScan, Picture, Scene, Starting, Status, 
 import { Observable } from './observable'
 
 export type Link = 'connecting' | 'starting' | 'open' | 'lost'
-export type Camera = "Driver's Eye" | "Bird's Eye" | "God's Eye" | 'Orbit'
+export type Camera = "Driver's Eye" | "Bird's Eye" | "God's Eye" | 'Orbit' | 'Fly'
 export type Quality = 'auto' | 'low' | 'high' | 'ultra' | 'stream'
 
 /** Place of the Orbit camera around the middle of the vehicle, along the axes of the map [rad, m]. */
@@ -11,6 +11,25 @@ export interface Orbit {
   azimuth: number
   elevation: number
   distance: number
+}
+
+/** Place [m] and direction [rad] of the fly camera in the map; azimuth 0 looks along x, elevation is positive upwards. */
+export interface Fly {
+  x: number
+  y: number
+  z: number
+  azimuth: number
+  elevation: number
+}
+
+/** What moves the fly camera, each from -1 to 1: ahead, to its left, upwards; turning left, turning upwards. */
+export interface FlyInput {
+  ahead: number
+  left: number
+  up: number
+  turn: number
+  tilt: number
+  isFast: boolean
 }
 
 /** An image rendered by the simulator, at a simulated time [s]. */
@@ -67,6 +86,10 @@ export class Store {
   readonly lensZoom = new Observable({ "Driver's Eye": 1, "God's Eye": 1 })
   /** Null: the standard place behind the vehicle, at the first image. */
   readonly orbit = new Observable<Orbit | null>(null)
+  /** Null: the place of the camera before it, at the first image. */
+  readonly fly = new Observable<Fly | null>(null)
+  /** What moves the fly camera. */
+  readonly flyInput: FlyInput = { ahead: 0, left: 0, up: 0, turn: 0, tilt: 0, isFast: false }
   readonly quality = new Observable<Quality>('auto')
   /** The quality that the page or the simulator chose because another one is not possible. */
   fallbackQuality: Quality | null = null
@@ -107,6 +130,11 @@ export class Store {
       one.watch((isOn) => {
         if (isOn) pair[1 - i].value = false
       })
+  }
+
+  /** Whether keys and pads move the fly camera, instead of driving. */
+  get isFlying(): boolean {
+    return this.camera.value === 'Fly' && !this.isMapViewed
   }
 
   /** Whether the camera looks at the map, for Edit mode and Build mode. */

@@ -6,8 +6,9 @@ import type { Weather } from './messages'
 import { WEATHERS } from './messages'
 import type { Observable } from './observable'
 import { clockTime } from './panels/element'
+import { within } from './scene/flight'
 import { clamp, ORBIT_DISTANCE } from './scene/zoom'
-import type { Camera, Orbit, Quality, Store } from './store'
+import type { Camera, Fly, Orbit, Quality, Store } from './store'
 
 /** Delay after a change [ms]: browsers limit how often a page may change its URL. */
 const DELAY = 400
@@ -100,6 +101,7 @@ export function followViewInLink(store: Store, actions: Actions): void {
       },
     ),
     orbit: part(store.orbit, orbitText, orbitOf),
+    fly: part(store.fly, flyText, flyOf),
     vehicle: {
       read: (text) => {
         if (text && text !== store.vehicle.value) store.vehicle.value = text
@@ -213,4 +215,16 @@ function orbitOf(text: string): Orbit | undefined {
   const [azimuth, elevation, distance] = text.split(',').map(number)
   if (azimuth === undefined || elevation === undefined || !distance) return undefined
   return { azimuth: azimuth * DEGREE, elevation: elevation * DEGREE, distance: clamp(distance, ORBIT_DISTANCE) }
+}
+
+/** Place [m], azimuth and elevation [degree]. */
+function flyText(fly: Fly | null): string {
+  return fly ? [fly.x, fly.y, fly.z, fly.azimuth / DEGREE, fly.elevation / DEGREE].map(rounded).join() : ''
+}
+
+function flyOf(text: string): Fly | undefined {
+  const numbers = text.split(',').map(number)
+  if (numbers.length !== 5 || numbers.includes(undefined)) return undefined
+  const [x, y, z, azimuth, elevation] = numbers as number[]
+  return within({ x, y, z, azimuth: azimuth * DEGREE, elevation: elevation * DEGREE })
 }

@@ -65,7 +65,15 @@ function page(map: MapScene = mapOf()) {
   const actions = new Actions(it.store, it.connection)
   const builder = new Builder(it.store, actions)
   const editor = new Editor(it.store, actions)
-  document.body.append(...build(it.store, builder, editor, () => null))
+  document.body.append(
+    ...build(
+      it.store,
+      builder,
+      editor,
+      () => null,
+      async () => {},
+    ),
+  )
   listenToBuildKeys(it.store, builder, editor, () => {})
   it.store.isBuilding.value = true
   opened.push(it.store)

@@ -14,7 +14,7 @@ function page(vehicles: readonly string[] = ['V1']) {
   const { store, connection, socket } = connectedPage(vehicles)
   const driver = new Driver(store, connection)
   const actions: KeyAction[] = []
-  listenToKeyboard(driver, (action) => actions.push(action))
+  listenToKeyboard(driver, store, (action) => actions.push(action))
   const commands = (): Command[] => socket.of('Drive').map((message) => message.command)
   const latest = (): Command => commands().at(-1) ?? {}
   return { store, socket, driver, actions, commands, latest }
@@ -183,6 +183,59 @@ describe('keys', () => {
     expect(actionOf(new KeyboardEvent('keydown', { code: 'Backspace', key: 'Backspace' }))).toBeUndefined()
     expect(actionOf(new KeyboardEvent('keydown', { code: 'Minus', key: '?', shiftKey: true }))).toBe('help')
     expect(actionOf(new KeyboardEvent('keydown', { code: 'F9', key: 'x' }))).toBeUndefined()
+  })
+})
+
+describe('the fly camera', () => {
+  test('is moved by the keys, which do not drive', () => {
+    const { store, commands, actions } = page()
+    store.camera.value = 'Fly'
+    const count = commands().length
+    for (const code of ['KeyW', 'KeyA', 'ArrowRight', 'PageUp'])
+      expect(key('keydown', code).defaultPrevented).toBe(true)
+    vi.advanceTimersByTime(1000)
+    expect(store.flyInput).toEqual({ ahead: 1, left: 1, up: 1, turn: -1, tilt: 0, isFast: false })
+    key('keydown', 'ArrowUp', { shiftKey: true })
+    expect(store.flyInput).toMatchObject({ tilt: 1, isFast: true })
+    key('keyup', 'KeyW')
+    expect(store.flyInput).toMatchObject({ ahead: 0, left: 1, isFast: false })
+    vi.advanceTimersByTime(1000)
+    expect(commands().slice(count)).toEqual([])
+    expect(actions).toEqual([])
+    window.dispatchEvent(new Event('blur'))
+    expect(store.flyInput).toMatchObject({ ahead: 0, left: 0, up: 0, turn: 0, tilt: 0 })
+  })
+
+  test('and driving: a key that is held has no effect after the change to the other', () => {
+    const { store, latest, commands } = page()
+    key('keydown', 'KeyW')
+    vi.advanceTimersByTime(500)
+    store.camera.value = "Bird's Eye"
+    expect(latest().throttle).toBe(1) // any other camera changes nothing
+    store.camera.value = 'Fly'
+    expect(latest().throttle).toBe(0)
+    expect(store.flyInput.ahead).toBe(0)
+    key('keydown', 'KeyD')
+    expect(store.flyInput.left).toBe(-1)
+    store.camera.value = 'Orbit'
+    expect(store.flyInput.left).toBe(0)
+    const count = commands().length
+    vi.advanceTimersByTime(1000)
+    expect(commands().length).toBe(count)
+    key('keyup', 'KeyD')
+    key('keydown', 'KeyD')
+    vi.advanceTimersByTime(1000)
+    expect(latest().steering).toBe(-1)
+  })
+
+  test('keeps its keys out of Edit mode and of fields', () => {
+    const { store } = page()
+    store.camera.value = 'Fly'
+    key('keydown', 'KeyW', {}, document.body.appendChild(document.createElement('input')))
+    expect(store.flyInput.ahead).toBe(0)
+    key('keydown', 'KeyW')
+    store.isEditing.value = true
+    expect(store.flyInput.ahead).toBe(0)
   })
 })
 

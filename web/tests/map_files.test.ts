@@ -2,7 +2,7 @@
 import { afterEach, beforeEach, expect, test, vi } from 'vitest'
 import { Actions } from '../src/actions'
 import { Builder } from '../src/building/builder'
-import { linkWith, MAX_LINK, openMapFiles, packed, unpacked } from '../src/building/map_files'
+import { type AskPicture, linkWith, MAX_LINK, openMapFiles, packed, unpacked } from '../src/building/map_files'
 import { connectedPage, sceneOf } from './support'
 
 /** The map of 150 modules, at different places. */
@@ -19,8 +19,9 @@ function page(mayDiscard = () => Promise.resolve(true)) {
   const it = connectedPage(['V1'])
   const builder = new Builder(it.store, new Actions(it.store, it.connection))
   const use = vi.spyOn(builder, 'use').mockResolvedValue(true)
-  openMapFiles(it.store, builder, mayDiscard)
-  return { ...it, use }
+  const ask = vi.fn<AskPicture>().mockResolvedValue(true)
+  const open = openMapFiles(it.store, builder, mayDiscard, ask)
+  return { ...it, use, ask, open }
 }
 
 function drop(...files: File[]): void {
@@ -73,6 +74,55 @@ test('a file that is dropped is opened, unless it is no map or edits would be lo
   await new Promise((resolve) => setTimeout(resolve))
   expect(use).not.toHaveBeenCalled()
   store.hasUnsavedEdits.value = false
+})
+
+test('a picture and its YAML file are opened together, or one after the other with a message', async () => {
+  const size = { width: 3, height: 2 }
+  vi.stubGlobal('createImageBitmap', () => Promise.resolve(size))
+  vi.stubGlobal(
+    'ImageData',
+    class {
+      readonly data: Uint8ClampedArray
+      constructor(width: number, height: number) {
+        this.data = new Uint8ClampedArray(4 * width * height)
+      }
+    },
+  )
+  const sheet = (image: string) => new File([`image: ${image}\nresolution: 0.05\norigin: [0, 0, 0]\n`], 'hall.yaml')
+  const pgm = new File(['P5\n# made by map_saver\n3 2\n255\nabcdef'], 'hall.pgm')
+  const png = new File([new Uint8Array([0x89, 0x50])], 'hall.png')
+  const { store, use, ask, open } = page()
+  await open([sheet('hall.pgm'), pgm])
+  expect(ask.mock.calls[0][0]).toMatchObject({ name: 'hall.pgm', ...size })
+  await open([sheet('"maps/hall.png"')])
+  expect(store.notice.value).toBe('The file hall.yaml describes the picture hall.png. Drop that picture, too.')
+  let seen: string | undefined
+  ask.mockImplementation(async (_, found) => {
+    seen = found.value?.image
+    return true
+  })
+  await open([png])
+  expect(seen).toBe('hall.png')
+  await open([png]) // the YAML file was used
+  expect(seen).toBeUndefined()
+  ask.mockImplementation(async (_, found) => {
+    await open([sheet('hall.pgm')])
+    seen = found.value?.image
+    await open([pgm])
+    expect(store.warning.value).toMatch(/Another picture is open/)
+    return true
+  })
+  await open([pgm]) // the YAML file comes while the dialog is open
+  expect(seen).toBe('hall.pgm')
+  await open([pgm, new File(['placements: []'], 'town.yaml')])
+  expect(store.warning.value).toMatch(/town.yaml does not describe a picture/)
+  await open([new File(['P5\n3 2\n255\nabc'], 'cut.pgm')])
+  expect(store.warning.value).toMatch(/cut.pgm is no PNG or PGM picture, or it is not complete/)
+  const random = crypto.getRandomValues(new Uint8Array(60_000))
+  const noise = [...Array.from({ length: 20 }, () => random)].map((one, i) => one.map((byte) => byte ^ (i * 37)))
+  await open([new File([new Uint8Array([0x89]), ...noise], 'noise.png')])
+  expect(store.warning.value).toMatch(/noise.png has 1200001 bytes; at most 1048576 are possible/)
+  expect(use).not.toHaveBeenCalled()
 })
 
 test('the browser asks before unsaved edits are lost', () => {

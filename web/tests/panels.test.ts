@@ -196,12 +196,12 @@ describe('the menu', () => {
 
   test('the camera button goes through all cameras', () => {
     const { store } = page()
-    const seen = [0, 1, 2, 3].map(() => {
+    const seen = [0, 1, 2, 3, 4].map(() => {
       get('camera').click()
       expect(get('camera-status').textContent).toBe(store.camera.value)
       return store.camera.value
     })
-    expect(seen).toEqual(["Bird's Eye", "God's Eye", 'Orbit', "Driver's Eye"])
+    expect(seen).toEqual(["Bird's Eye", "God's Eye", 'Orbit', 'Fly', "Driver's Eye"])
   })
 
   test('vehicles can be selected if there are several', () => {

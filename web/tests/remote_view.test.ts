@@ -42,6 +42,17 @@ test("Driver's Eye zooms with its focal length", async () => {
   expect(socket.request).toMatchObject({ camera: "Driver's Eye", zoom: expect.closeTo(1.1) })
 })
 
+test('Fly is requested with its place and direction, and without one until it has one', async () => {
+  const { store, socket } = await page()
+  store.quality.value = 'stream'
+  store.camera.value = 'Fly'
+  await settle()
+  expect(socket.request).not.toHaveProperty('position')
+  store.fly.value = { x: 1, y: 2, z: 3, azimuth: 0.4, elevation: -0.2 }
+  await settle()
+  expect(socket.request).toMatchObject({ camera: 'Fly', position: [1, 2, 3], azimuth: 0.4, elevation: -0.2 })
+})
+
 test('its images are as wide as the window, and narrower while they come too slowly', async () => {
   const { store, socket, canvas } = await page()
   Object.defineProperty(canvas, 'clientWidth', { value: 1600 })

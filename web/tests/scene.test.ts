@@ -3,6 +3,7 @@ import { describe, expect, test } from 'vitest'
 
 import type { Frame, LidarScan } from '../src/messages'
 import { Headlights, TailLights } from '../src/messages'
+import { flown, flownNearer } from '../src/scene/flight'
 import { LAMPS, lampBrightness } from '../src/scene/lamps'
 import { MotionInterpolator } from '../src/scene/motion'
 import { isSoftware, QualityChoice } from '../src/scene/quality'
@@ -232,6 +233,50 @@ describe('the fan of a scan', () => {
     expect(triangles([1, 1, 1, Infinity], Math.PI / 2)).toBe(2)
     expect(triangles([Infinity, 1, 1, 1], Math.PI / 2)).toBe(2)
     expect(triangles([1, 1, 1, 1], Math.PI / 4)).toBe(3)
+  })
+})
+
+describe('the fly camera', () => {
+  const still = { ahead: 0, left: 0, up: 0, turn: 0, tilt: 0, isFast: false }
+  const start = { x: 1, y: 2, z: 3, azimuth: Math.PI / 2, elevation: -Math.PI / 6 }
+
+  test('moves along its own axes, and upwards along z', () => {
+    const ahead = flown(start, { ...still, ahead: 1 }, 2)
+    const way = Math.hypot(ahead.x - 1, ahead.y - 2, ahead.z - 3)
+    expect(ahead.x).toBeCloseTo(1)
+    expect((ahead.y - 2) / way).toBeCloseTo(Math.cos(Math.PI / 6))
+    expect((ahead.z - 3) / way).toBeCloseTo(-0.5)
+    const left = flown(start, { ...still, left: 1 }, 2)
+    expect([left.x, left.y, left.z]).toEqual([expect.closeTo(1 - way), expect.closeTo(2), 3])
+    const up = flown(start, { ...still, up: -1 }, 0.1)
+    expect([up.x, up.y, up.z]).toEqual([1, 2, expect.closeTo(3 - 0.05 * way)])
+    expect(flown(start, still, 2)).toBe(start)
+  })
+
+  test('two steps of half the time are one, and Shift is faster', () => {
+    const input = { ...still, ahead: 1, left: -1, up: 0.5 }
+    const once = flown(start, input, 0.4)
+    expect(flown(flown(start, input, 0.2), input, 0.2)).toEqual({
+      ...once,
+      ...{ x: expect.closeTo(once.x), y: expect.closeTo(once.y), z: expect.closeTo(once.z) },
+    })
+    const [slow, fast] = [false, true].map((isFast) => flown(start, { ...still, left: 1, isFast }, 0.1).x - 1)
+    expect(fast / slow).toBeGreaterThan(2)
+  })
+
+  test('stays above the ground, in the map, and does not turn over', () => {
+    const lost = flown(start, { ...still, up: -1, tilt: 1, turn: 1, left: 1 }, 1e6)
+    expect(lost.z).toBeGreaterThan(0)
+    expect(lost.elevation).toBeLessThan(Math.PI / 2)
+    expect(Math.abs(lost.azimuth)).toBeLessThanOrEqual(Math.PI)
+    expect(Math.max(Math.abs(lost.x), Math.abs(lost.y))).toBeLessThanOrEqual(1000)
+  })
+
+  test('the mouse wheel moves it ahead', () => {
+    const { x, y, z } = flownNearer(start, 1)
+    expect([x > 0.99, y > 2, z < 3]).toEqual([true, true, true])
+    const back = flownNearer(flownNearer(start, 3), -3)
+    expect([back.x, back.y, back.z]).toEqual([1, 2, 3].map((one) => expect.closeTo(one)))
   })
 })
 

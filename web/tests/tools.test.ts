@@ -60,6 +60,7 @@ describe('the link', () => {
     const store = pageAt('')
     store.camera.value = 'Orbit'
     store.orbit.value = { azimuth: Math.PI / 2, elevation: 0.5, distance: 2 }
+    store.fly.value = { x: 1, y: -2, z: 0.5, azimuth: Math.PI / 2, elevation: -0.5 }
     store.birdHeight.value = 1.5
     store.lensZoom.value = { "Driver's Eye": 2, "God's Eye": 1 }
     store.vehicle.value = 'V2'
@@ -74,6 +75,11 @@ describe('the link', () => {
     const opened = pageAt(hash)
     expect(opened.camera.value).toBe('Orbit')
     expect(opened.orbit.value).toEqual({ azimuth: Math.PI / 2, elevation: expect.closeTo(0.5, 4), distance: 2 })
+    expect(opened.fly.value).toEqual({
+      ...store.fly.value,
+      azimuth: expect.closeTo(Math.PI / 2),
+      elevation: expect.closeTo(-0.5, 4),
+    })
     expect(opened.birdHeight.value).toBe(1.5)
     expect(opened.lensZoom.value).toEqual({ "Driver's Eye": 2, "God's Eye": 1 })
     expect(opened.vehicle.value).toBe('V2')
@@ -86,9 +92,10 @@ describe('the link', () => {
   })
 
   test('without meaning is the standard view', () => {
-    const store = pageAt('#camera=none&orbit=1,x&height=abc&quality=best&zoom=2&bearing=&hud=yes')
+    const store = pageAt('#camera=none&orbit=1,x&fly=1,2,3,4&height=abc&quality=best&zoom=2&bearing=&hud=yes')
     expect(store.camera.value).toBe("Driver's Eye")
-    expect([store.orbit.value, store.birdHeight.value, store.quality.value]).toEqual([null, 3, 'auto'])
+    expect([store.orbit.value, store.fly.value, store.birdHeight.value]).toEqual([null, null, 3])
+    expect(store.quality.value).toBe('auto')
     expect([store.bearing.value, store.isHudOpen.value]).toEqual([0, false])
   })
 

@@ -18,7 +18,8 @@ def film(
     camera: Annotated[
         str,
         typer.Option(
-            help='"Driver\'s Eye", "Bird\'s Eye", "God\'s Eye", Orbit, or a camera of a vehicle: front, V2/front.'
+            help='"Driver\'s Eye", "Bird\'s Eye", "God\'s Eye", Orbit, Fly (stays at a position), or a camera of a '
+            "vehicle: front, V2/front."
         ),
     ] = "Driver's Eye",
     vehicle: Annotated[str | None, typer.Option(help="The vehicle that is followed.  [default: the first one]")] = None,
@@ -39,9 +40,14 @@ def film(
     ] = None,
     overlay: Annotated[bool, typer.Option("--overlay", help="Show speed and steering.")] = False,
     height: Annotated[float, typer.Option(metavar="M", help="Height of the Bird's Eye.")] = 3.0,
-    azimuth: Annotated[float, typer.Option(metavar="DEG", help="Direction of the Orbit, from the x axis.")] = 0.0,
-    elevation: Annotated[float, typer.Option(metavar="DEG", help="Elevation of the Orbit.")] = 30.0,
+    azimuth: Annotated[
+        float, typer.Option(metavar="DEG", help="Where the Orbit is, or Fly looks, from the x axis.")
+    ] = 0.0,
+    elevation: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Of the Orbit, or of where Fly looks.  [default: 30, Fly: 0]")
+    ] = None,
     distance: Annotated[float, typer.Option(metavar="M", help="Distance of the Orbit.")] = 1.0,
+    position: Annotated[str, typer.Option(metavar="X,Y,Z", help="Of Fly, in the map [m].")] = "0,0,1",
     codec: Annotated[str | None, typer.Option(help="av1 or vp9.  [default: as the end of the file name says]")] = None,
     quality: Annotated[
         str, typer.Option(metavar="NAME", help="Of the images: auto, software, software-fxaa, small or gpu.")
@@ -58,6 +64,15 @@ def film(
     from autodrive.recording.film import film as make_film
     from autodrive.recording.replay.tape import Tape
 
+    up = elevation if elevation is not None else 0.0 if camera == "Fly" else 30.0
+    view = SetCamera(
+        None,
+        height=height,
+        azimuth=azimuth * DEGREE,
+        elevation=up * DEGREE,
+        distance=distance,
+        position=_position(position),
+    )
     options = FilmOptions(
         camera=camera,
         vehicle=vehicle,
@@ -70,7 +85,7 @@ def film(
         overlay=overlay,
         codec=codec,
         quality=quality,
-        view=SetCamera(None, height=height, azimuth=azimuth * DEGREE, elevation=elevation * DEGREE, distance=distance),
+        view=view,
     )
     with Tape(file) as tape, Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("filming")
@@ -78,3 +93,12 @@ def film(
             tape, output, options, lambda done, total: progress.update(task, completed=done, total=total)
         )
     typer.echo(f"{output}: {images} images, {images / rate:.1f} s")
+
+
+def _position(text: str) -> tuple[float, float, float]:
+    """The position 'X,Y,Z' [m]."""
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"--position must be X,Y,Z in metres, for example 1.5,0,0.8, not '{text}'") from None
+    return x, y, z

@@ -387,6 +387,10 @@ class EditMap(msgspec.Struct, frozen=True, tag=True):
     seen: Annotated[dict[Name, MapPart | None], msgspec.Meta(max_length=1000)] = {}
 
 
+MAX_TEXT = 2**20
+"""Longest text or picture of a file in a message [characters or bytes]."""
+
+
 class UseMap(msgspec.Struct, frozen=True, tag=True):
     """Replace the map by a map of the simulator, one of `MapScene.templates`, or by the `text` of a file (YAML).
 
@@ -396,7 +400,7 @@ class UseMap(msgspec.Struct, frozen=True, tag=True):
     """
 
     name: Name = ""
-    text: Annotated[str, msgspec.Meta(max_length=2**16)] = ""
+    text: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)] = ""
 
 
 class CloseLoop(msgspec.Struct, frozen=True, tag=True):

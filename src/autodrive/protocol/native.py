@@ -23,6 +23,7 @@ from autodrive.protocol.messages import (
     Pose,
     TrackLine,
 )
+from autodrive.protocol.own_files import FileOperation
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.protocol.replay import Curve, RecordingOperation, RecordingStatus, Timeline
 
@@ -100,9 +101,10 @@ class DisconnectBridge(msgspec.Struct, frozen=True, tag=True):
 class SetCamera(msgspec.Struct, frozen=True, tag=True):
     """Let the simulator render a scene camera for this client and send `Rendered` images; `camera` None: stop.
 
-    `camera`: a name of `Scene.scene_cameras`, or `Orbit`. `vehicle` to follow, None: the first vehicle. `height` [m] of
-    the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. `zoom`
-    multiplies the focal length.
+    `camera`: a name of `Scene.scene_cameras`, `Orbit` or `Fly`. `vehicle` to follow, None: the first vehicle. `height`
+    [m] of the Bird's Eye; `azimuth`, `elevation` [rad] and `distance` [m] place the orbit around the vehicle. Fly is at
+    `position` [m] in the map, and looks along `azimuth` (0: the x axis, left positive) and `elevation` (up positive).
+    `zoom` multiplies the focal length.
     """
 
     camera: Name | None
@@ -114,9 +116,12 @@ class SetCamera(msgspec.Struct, frozen=True, tag=True):
     zoom: float = 1.0
     width: int = 960
     rate: float = 30.0
+    position: Vector = (0.0, 0.0, 1.0)
 
 
-ServerOperation: TypeAlias = Operation | ConnectBridge | DisconnectBridge | SetCamera | RecordingOperation
+ServerOperation: TypeAlias = (
+    Operation | ConnectBridge | DisconnectBridge | SetCamera | RecordingOperation | FileOperation
+)
 """All operations that a client can request."""
 
 
@@ -407,7 +412,7 @@ class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
 
     `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
-    or `SaveRecording`.
+    or `SaveRecording`; warnings, for an edit or an `ImportTrack`.
     `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
     """
 

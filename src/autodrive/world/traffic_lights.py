@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,26 @@ STOP_REACH = 1.0
 """It must have stopped with its front within so many of its lengths before the stop line."""
 OFF, RED, YELLOW, GREEN = TrafficLightState
 _DARK = TrafficLightFrame(OFF, None, "off")
+
+
+class LightTable(NamedTuple):
+    """What l lights show at any tick while nobody sets them: c different cycles of p parts in all; times in ticks."""
+
+    cycle: Integers
+    """Number of the cycle of each light, shape (l,)."""
+    is_regulating: NDArray[np.bool_]
+    """Whether it is neither dark nor flashing, shape (l,)."""
+    length: Integers
+    """Of each cycle, shape (c,); likewise the offset: see `LightCycle`."""
+    offset: Integers
+    first: Integers
+    """Where the parts of each cycle begin, and where the last one ends, shape (c + 1,)."""
+    start: Integers
+    """Place in the cycle at which each part begins, shape (p,)."""
+    state: Integers
+    """`TrafficLightState`, shape (p,)."""
+    tick: float
+    """Its duration [s]."""
 
 
 class TrafficLights:
@@ -72,17 +92,22 @@ class TrafficLights:
             frames[name] = TrafficLightFrame(state, None, "set")
         return frames
 
-    def table(self, ticks: Integers, time_of_day: float | None) -> tuple[Integers, Floats]:
-        """State and time to change [s] of all lights at n ticks, shape (n, lights) each; see `at`.
-
-        The time is nan where it is None in a Frame.
-        """
-        shown, place = np.unique(ticks, return_inverse=True)
-        frames = [[self._at(cycle, tick, time_of_day) for cycle in self._cycles] for tick in shown.tolist()]
-        states = np.array([[one.state for one in row] for row in frames], np.int64)
-        times = np.array([[one.time_to_change for one in row] for row in frames], np.float64)
-        columns = [*self._cycle_of.values()]
-        return states[place][:, columns], times[place][:, columns]
+    def table(self, time_of_day: float | None) -> LightTable:
+        """What all lights show at that time of day without requests; see `show_lights`."""
+        half = self._half_flash
+        flash, dark = LightCycle(2 * half, 0, (0, half), (YELLOW, OFF), None), LightCycle(1, 0, (0,), (OFF,), None)
+        shown = [dark if one is None else flash if one.flashes(time_of_day) else one for one in self._cycles]
+        cycle = np.array([*self._cycle_of.values()], np.int64)
+        return LightTable(
+            cycle=cycle,
+            is_regulating=np.array([one not in (flash, dark) for one in shown], np.bool_)[cycle],
+            length=np.array([one.length for one in shown], np.int64),
+            offset=np.array([one.offset for one in shown], np.int64),
+            first=np.cumsum([0, *(len(one.starts) for one in shown)]),
+            start=np.array([start for one in shown for start in one.starts], np.int64),
+            state=np.array([state for one in shown for state in one.states], np.int64),
+            tick=self._tick,
+        )
 
     def _at(self, cycle: LightCycle | None, tick: int, time_of_day: float | None) -> TrafficLightFrame:
         if cycle is None:
@@ -93,6 +118,21 @@ class TrafficLights:
             return TrafficLightFrame(state, (self._half_flash - part) * self._tick, "flashing")
         state, ticks = cycle.at(tick)
         return TrafficLightFrame(state, None if ticks is None else ticks * self._tick, "program")
+
+
+@jit_uncounted
+def show_lights(table: LightTable, tick: int, state: Integers, time_to_change: Floats) -> None:
+    """Write state and time to change [s] of all lights at a tick, shape (l,) each; the time is nan if it is None."""
+    for light in range(table.cycle.shape[0]):
+        cycle = table.cycle[light]
+        first, parts = table.first[cycle], table.first[cycle + 1] - table.first[cycle]
+        place = (tick - table.offset[cycle]) % table.length[cycle]
+        begun = 0
+        while begun < parts and table.start[first + begun] <= place:
+            begun += 1
+        state[light] = table.state[first + (begun - 1) % parts]  # 0: the last state lasts beyond the end of the cycle
+        end = table.start[first + begun] if begun < parts else table.start[first] + table.length[cycle]
+        time_to_change[light] = np.nan if parts == 1 else (end - place) * table.tick
 
 
 class StopLineReferee:

@@ -752,5 +752,4 @@ def _channel(compiled: CompiledScenario) -> V2xChannel | None:
     spec = compiled.spec
     if spec.v2x is None:
         return None
-    lights = {prop.name: prop.pose for prop in compiled.map.props if prop.kind == "traffic_light"}
-    return V2xChannel(spec.v2x, list(compiled.vehicles), lights, spec.tick)
+    return V2xChannel(spec.v2x, list(compiled.vehicles), compiled.map.light_poses, spec.tick, compiled.state)

@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed
 import autodrive
 from autodrive import Simulation
 from autodrive.connect.server.served import PageOptions, Served
-from autodrive.connect.server.server import Server
+from autodrive.connect.server.server import MESSAGE_LIMIT, Server
 from autodrive.graphics.cameras.jpeg import JpegEncoder
 from autodrive.protocol.messages import CameraImage, CameraIntrinsics, Frame, Pose
 from autodrive.world import World
@@ -167,7 +167,7 @@ def test_random_bytes_do_not_disturb_other_clients(server: Server, messages: lis
 
 def test_a_message_that_is_too_long_disconnects_only_its_sender(server: Server) -> None:
     with native_client(server) as long, native_client(server) as other:
-        long.socket.send(bytes(2**16 + 1))
+        long.socket.send(bytes(MESSAGE_LIMIT + 1))
         with pytest.raises(ConnectionClosed) as end:
             long.until("Never")
         assert end.value.rcvd is not None

@@ -146,6 +146,8 @@ def test_every_episode_starts_somewhere_else_and_at_rest(envs: dict[str, Driving
         (racer, {"mass": (1, 2, 3)}, "mass: "),
         (racer, {"track_radius": 0.1}, "track_radius: must be a number from 0.6 to 4"),
         (racer, {"track_radius": (1.2, 0.8)}, "track_radius: .* the lesser one first"),
+        (racer, {"track_area": (20.0, 5.0)}, r"track_area: must be two numbers from 6 to 60, .* not \(20.0, 5.0\)"),
+        (racer, {"track_area": 20.0}, "track_area: must be two numbers"),
         (racer, {"tracks": 0}, "tracks: must be a whole number from 1 to 64, not 0"),
         (racer, {"render_mode": "human"}, "render_mode: 'human' is not known. Known: rgb_array"),
     ],

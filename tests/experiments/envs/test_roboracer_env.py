@@ -138,9 +138,13 @@ def test_tracks_have_curves_of_the_radius_that_was_asked_for() -> None:
             assert 0.98 * radius < least < 1.6 * radius
 
 
-def test_tracks_lie_apart_in_rows_and_columns() -> None:
-    tracks = RaceTracks(ROWS + 1, 0, (1.4, 1.4), (40.0, 40.0), None)
+@pytest.mark.parametrize(("area", "length"), [(AREA, 40.0), ((30.0, 12.0), 65.0)])
+def test_tracks_lie_apart_in_rows_and_columns(area: tuple[float, float], length: float) -> None:
+    tracks = RaceTracks(ROWS + 1, 0, (1.4, 1.4), (length, length), None, area)
     corners = [(line[:count, :2].min(0), line[:count, :2].max(0)) for line, count in zip(tracks.lines, tracks.count)]  # noqa: B905
+    extents = np.array([high - low for low, high in corners])
+    assert (extents < area).all()
+    assert (extents.max(axis=0) > 0.8 * np.array(area)).all(), "the ground is used"
     for (low, high), (other_low, other_high) in itertools.combinations(corners, 2):
         assert np.maximum(other_low - high, low - other_high).max() > APART
     assert load_map(tracks.file).track is not None  # it is not too large

@@ -177,17 +177,57 @@ def test_lost_messages_leave_what_was_heard_last() -> None:
     observations, _ = envs.reset(seed=4)
     names = [feature.name for feature in envs.task.features]
     age = [names.index(f"peer_{k}_age") for k in (1, 2, 3)]
-    assert not observations[:, age].any()  # at the start all have been heard
+    peers = observations[:, 8:].reshape(400, 3, 6)
+    is_silent = peers[..., 5] == 1.0
+    assert not peers[is_silent, :5].any()
+    assert not peers[~is_silent, 5].any()
+    assert is_silent.mean() == pytest.approx(0.3, abs=0.05)  # 1,200 draws: 4 sigma
     counts = np.zeros(6)
-    for _ in range(50):
+    for step in range(50):
         before = observations
         observations, *_ = envs.step(np.zeros((400, 2), np.float32))
         ages = np.rint(20.0 * observations[:, age]).astype(int)
-        assert ((ages == 0) | (ages == np.rint(20.0 * before[:, age]).astype(int) + 1)).all()
-        counts += np.bincount(ages.ravel(), minlength=100)[:6]
-    share = counts / (50 * 400 * 3)
-    # an age of k steps: k messages lost after one that was not, a geometric distribution; 60,000 draws
+        older = np.minimum(np.rint(20.0 * before[:, age]).astype(int) + 1, 20)
+        assert ((ages == 0) | (ages == older)).all()
+        if step >= 10:  # nobody is silent any more
+            counts += np.bincount(ages.ravel(), minlength=100)[:6]
+    share = counts / (40 * 400 * 3)
+    # an age of k steps: k messages lost after one that was not, a geometric distribution; 48,000 draws
     assert share[:4] == pytest.approx([0.7 * 0.3**k for k in range(4)], abs=0.01)
+
+
+@pytest.mark.parametrize("frame_skip", [5, 7])
+def test_the_cars_of_a_crossing_hear_each_other_over_the_channel(frame_skip: int) -> None:
+    """What a car sees of another is what that one was when it sent; `delay` and `rate` are those of the channel."""
+    for delay, rate in ((0.0, None), (0.12, None), (0.02, 4.0)):
+        env = CrossingParallelEnv(loss=0.0, delay=delay, rate=rate, frame_skip=frame_skip)
+        env.reset(seed=2)
+        duration, compared = 0.01 * frame_skip, 0
+        were: dict[float, tuple[Any, Any, Any]] = {}
+        for step in range(1, 20):
+            observations, *_ = env.step({agent: np.array([1.0, 0.1]) for agent in env.agents})
+            now = env.vector.batch.readings
+            were[step] = now.position[0].copy(), now.orientation[0].copy(), now.velocity[0].copy()
+            for k in (1, 2, 3):
+                x, y, c, s, speed, age = observations["V1"][2 + 6 * k : 8 + 6 * k].tolist()
+                if rate is None and step > 5:  # sent at the end of the step before the delay
+                    assert 20.0 * age == pytest.approx(math.ceil(delay / duration - 1e-9), abs=1e-4)
+                sent = step - 20.0 * age
+                if abs(sent - round(sent)) > 1e-3 or round(sent) not in were:
+                    continue
+                position, orientation, velocity = were[round(sent)]
+                own = yaw_from_quaternion(now.orientation[0, 0])
+                dx, dy = position[k, :2] - now.position[0, 0, :2]
+                expected = [
+                    (math.cos(own) * dx + math.sin(own) * dy) / 4.0,
+                    (math.cos(own) * dy - math.sin(own) * dx) / 4.0,
+                    math.cos(yaw_from_quaternion(orientation[k]) - own),
+                    math.sin(yaw_from_quaternion(orientation[k]) - own),
+                    velocity[k, 0] / 0.5,
+                ]
+                assert [x, y, c, s, speed] == pytest.approx(expected, abs=1e-6)  # numbers of 32 bits
+                compared += 1
+        assert compared > 5 or rate is not None
 
 
 def test_an_own_crossing_has_a_reward_of_the_way_and_ends_beside_the_road() -> None:
@@ -296,6 +336,10 @@ def test_an_own_duel_ends_for_both_when_one_has_won() -> None:
         (lambda: DuelVectorEnv(2, noise=-1.0), "noise: must be a number from 0 to 100"),
         (lambda: DuelVectorEnv(2, tracks=0), "tracks: must be a whole number from 1 to 64, not 0"),
         (lambda: Crossing(5, "own", float("nan")), "loss: must be a number from 0 to 1, not nan"),
+        (
+            lambda: CrossingVectorEnv(4, delay=-1.0, rate=0.0),
+            r"delay: .* 0 to 10, not -1.0\n.*rate: .* 0.1 to 1000, not 0",
+        ),
     ],
 )
 def test_a_wrong_setting_is_named(make: Any, error: str) -> None:

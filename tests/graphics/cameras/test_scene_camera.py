@@ -98,6 +98,17 @@ def test_gods_eye_jumps_to_another_vehicle_after_a_reset_and_after_another_camer
     assert looks_at(first, GOD)
 
 
+def test_fly_is_where_it_is_told_and_looks_along_azimuth_and_elevation(world: World) -> None:
+    view = SetCamera("Fly", position=(1.0, -2.0, 3.0), azimuth=0.7, elevation=0.4)
+    viewpoint = SceneCamera(world.vehicle_specs).viewpoint(view, world.frame, 0.0)
+    assert viewpoint.position == (1.0, -2.0, 3.0)
+    level = math.cos(0.4)
+    axis = rotate(viewpoint.orientation, (0.0, 0.0, 1.0))
+    np.testing.assert_allclose(axis, (level * math.cos(0.7), level * math.sin(0.7), math.sin(0.4)), atol=1e-12)
+    assert rotate(viewpoint.orientation, (1.0, 0.0, 0.0))[2] == pytest.approx(0.0, abs=1e-12)  # it does not roll
+    check_view(view, [])  # it follows no vehicle
+
+
 @pytest.mark.parametrize(
     ("view", "vehicles", "expected"),
     [
@@ -106,6 +117,7 @@ def test_gods_eye_jumps_to_another_vehicle_after_a_reset_and_after_another_camer
         (SetCamera("Orbit", "V9"), ["V1", "V2"], "Known: V1, V2"),
         (SetCamera("Orbit", distance=math.nan), ["V1"], "distance"),
         (SetCamera("Bird's Eye", height=math.inf), ["V1"], "height"),
+        (SetCamera("Fly", position=(0.0, math.nan, 0.0)), ["V1"], "position of a scene camera must be finite"),
         (SetCamera("Orbit", zoom=0.0), ["V1"], "zoom of a scene camera must be 0.1 to 20, not 0.0"),
         (GOD, [], "has none"),
     ],

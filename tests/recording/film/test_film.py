@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -13,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
+from autodrive.protocol.native import SetCamera
 from autodrive.recording.film import FilmOptions, film
 from autodrive.recording.film.film import image_times
 from autodrive.recording.film.overlay import with_overlay
@@ -96,6 +98,15 @@ def test_sensor_cameras_and_other_vehicles_can_be_filmed(gl: str, tape: Tape, tm
         pictures.append(read(tmp_path / "sensor.webm")[2][0].astype(float))
     assert {picture.shape for picture in pictures} == {(480, 640, 3)}
     assert np.abs(pictures[0] - pictures[1]).mean() > 5
+
+
+def test_a_camera_at_a_position_sees_what_another_camera_sees_there(gl: str, tape: Tape, tmp_path: Path) -> None:
+    x, y, _ = tape.frame_at(0.0).vehicles["V1"].pose.position.tolist()
+    straight_down = SetCamera(None, position=(x, y, 3.0), elevation=-0.5 * np.pi)
+    for name, options in (("bird", FilmOptions("Bird's Eye")), ("fly", FilmOptions("Fly", view=straight_down))):
+        film(tape, tmp_path / f"{name}.webm", replace(options, vehicle="V1", end=0.02, size=SMALL))
+    bird, fly = (read(tmp_path / f"{name}.webm")[2][0].astype(float) for name in ("bird", "fly"))
+    assert np.abs(bird - fly).mean() < 0.5  # lossy, but the same picture
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,32 @@ def assert_same(readings: Readings, k: int, frame: Frame) -> None:
             pairs |= {"range_distance": car.range.range, "range_time": car.range.time}
         for name, expected in pairs.items():
             np.testing.assert_array_equal(getattr(r, name)[k, i], expected, err_msg=name)
+        if car.v2x is not None:
+            assert_heard(r, k, i, frame)
+    lights = frame.traffic_lights.values()
+    assert r.light_state[k].tolist() == [light.state for light in lights]
+    times = [light.time_to_change for light in lights]
+    np.testing.assert_array_equal(r.light_time_to_change[k], np.array(times, np.float64))
+
+
+def assert_heard(readings: Readings, k: int, i: int, frame: Frame) -> None:
+    """Vehicle i has heard what it has in the Frame, and of no other sender."""
+    reading = [*frame.vehicles.values()][i].v2x
+    assert reading is not None
+    assert reading.vehicles.keys() <= frame.vehicles.keys()
+    for row, name in zip(readings.heard_vehicles[k, i], frame.vehicles, strict=True):
+        car = reading.vehicles.get(name)
+        expected = [np.nan] * 8
+        if car is not None:
+            expected = [car.sent, car.received, *car.position, car.yaw, car.speed, car.steering]
+        np.testing.assert_array_equal(row, expected)
+    for row, name in zip(readings.heard_lights[k, i], frame.traffic_lights, strict=True):
+        light = reading.lights.get(name)
+        expected = [np.nan] * 4
+        if light is not None:
+            change = np.nan if light.time_to_change is None else light.time_to_change
+            expected = [light.sent, light.received, light.state, change]
+        np.testing.assert_array_equal(row[[0, 1, 4, 5]], expected)
 
 
 def copies(readings: Readings) -> list[Any]:
@@ -146,6 +172,113 @@ NAMES = ("Collision", "OffRoad", "BackOnRoad")
 
 def vehicles_of(batch: BatchWorld, mask: Any) -> set[str]:
     return {name for name, is_meant in zip(batch.vehicle_names, mask.tolist(), strict=True) if is_meant}
+
+
+RADIOS: dict[str, dict[str, Any]] = {
+    "ideal": {"range": 1.3, "rate": 100.0},
+    "real": {"rate": 30.0, "delay": 0.037, "jitter": 0.05, "loss": 0.3, "position_noise": 0.1},
+    "late": {"range": 2.0, "rate": 7.5, "delay": 0.9, "loss": 0.1},
+}
+
+
+def radio_town(radio: str) -> ScenarioSpec:
+    """Three cars and four lights, of which two have a program and one flashes."""
+    cars = {f"V{i}": {"x": -1.9 + 0.6 * i, "y": -0.15, "yaw_deg": 30.0 * i} for i in range(3)}
+    program = {"groups": {"all": ["traffic_light_1", "traffic_light_2"]}, "phases": [{"duration": 0.4}], "offset": 0.3}
+    program["phases"] += [{"green": ["all"], "duration": 0.3}]
+    flash = {"groups": {"one": ["traffic_light_3"]}, "phases": [{"duration": 1.0}], "flashing": [0, 9000]}
+    programs = {"crossing": None, "some": program, "night": flash}
+    return ScenarioSpec.model_validate(
+        {"map": "crossing", "vehicles": cars, "v2x": RADIOS[radio], "light_programs": programs, "time_of_day": 3600}
+    )
+
+
+@pytest.mark.parametrize("radio", [*RADIOS])
+def test_the_radio_of_each_world_has_the_bits_of_a_single_world(radio: str) -> None:
+    """Also in actions of several ticks, and after resets with the same and with other seeds."""
+    spec = radio_town(radio)
+    batch, worlds = BatchWorld(spec, 2, seed=3), [make(spec, seed=3 + k) for k in range(2)]
+    heard = 0
+    for t, commands in enumerate(random_commands(2, 3, 90)):
+        if t == 50:
+            batch.reset([1], [77])
+            worlds[1].reset(77)
+            assert_same(batch.readings, 1, worlds[1].frame)
+        readings = batch.step(commands, ticks=3)
+        for k, world in enumerate(worlds):
+            for _ in range(3):
+                frame = world.step(as_commands(batch.vehicle_names, commands[k]))
+            assert_same(readings, k, frame)  # pyright: ignore[reportPossiblyUnboundVariable]
+        heard += np.isfinite(readings.heard_vehicles[..., 0]).sum()
+    assert heard > 100
+    assert (readings.heard_vehicles[0] != readings.heard_vehicles[1]).any()  # pyright: ignore[reportPossiblyUnboundVariable]
+
+
+LOT = 2.5, 3.1, 0.0
+"""In the parking lot of Tiny Town."""
+TOWNS: dict[str, dict[str, Any]] = {
+    "oval": {"map": "oval", "vehicles": {"V1": {"y": 1.15}}, "boxes": {"box": {"x": 0.5, "y": 0.9}}},
+    "tiny_town": {"map": "tiny_town", "vehicles": {"V1": {"x": -1.1, "y": -0.15}, "V2": {"x": 2.5, "y": 4.2}}},
+}
+
+
+@pytest.mark.parametrize(("map_", "cars"), [("oval", 3), ("tiny_town", 12)])
+def test_the_traffic_of_each_world_has_the_bits_of_a_single_world(map_: str, cars: int) -> None:
+    """With lights, signs, a box in the way, cars of the user in the way, and resets with other seeds and poses."""
+    fields = TOWNS[map_] | {"traffic": {"cars": cars}, "v2x": {"loss": 0.2}}
+    spec = ScenarioSpec.model_validate(fields)
+    batch, worlds = BatchWorld(spec, 2, seed=3), [make(spec, seed=3 + k) for k in range(2)]
+    own, fastest = len(spec.vehicles), 0.0
+    assert batch.vehicle_names == worlds[0].vehicle_names
+    assert batch.commanded_names == batch.vehicle_names[:own]
+    for t, commands in enumerate(random_commands(2, own, 40)):
+        if t == 20:
+            poses = {"oval": {"V1": (0.5, 1.15, 0.3)}, "tiny_town": {"V2": (2.5, 4.1, 0.1), "traffic_3": LOT}}[map_]
+            batch.reset([1], [77], poses=poses)
+            worlds[1].reset(77, poses=poses)
+            assert_same(batch.readings, 1, worlds[1].frame)
+        if t == 35:
+            batch.reset()
+            for world in worlds:
+                world.reset()
+        readings = batch.step(0.4 * commands, ticks=20)
+        for k, world in enumerate(worlds):
+            for _ in range(20):
+                world.step(as_commands(batch.commanded_names, 0.4 * commands[k]))
+            assert_same(readings, k, world.frame)
+        fastest = max(fastest, np.abs(readings.velocity[:, own:, 0]).max())
+    assert fastest > 0.1
+
+
+def test_the_traffic_does_not_depend_on_the_number_of_threads() -> None:
+    spec = ScenarioSpec.model_validate(TOWNS["oval"] | {"traffic": {"cars": 3}})
+    batches = [BatchWorld(spec, 40, seed=1, threads=threads) for threads in (1, 3)]
+    for commands in random_commands(40, 1, 6):
+        one, three = (batch.step(0.3 * commands, ticks=50) for batch in batches)
+        for name in ("position", "velocity", "steering", "collision_count"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
+    assert len({*batches[0].readings.position[:, 1, 0].tolist()}) > 20  # other seeds, other ways
+
+
+def test_the_traffic_of_a_batch_obeys_no_commands() -> None:
+    batch = BatchWorld(ScenarioSpec.model_validate(TOWNS["oval"] | {"traffic": {"cars": 2}}), 3)
+    with pytest.raises(CommandError, match=re.escape("shape (worlds, vehicles, 2) = (3, 1, 2), not (3, 3, 2)")):
+        batch.step(np.zeros((3, 3, 2)))
+
+
+def test_a_batch_without_a_channel_hears_nothing() -> None:
+    batch = BatchWorld(radio_town("ideal").model_copy(update={"v2x": None}), 2)
+    assert batch.readings.heard_vehicles.shape == (2, 3, 0, 8)
+    assert batch.readings.heard_lights.shape == (2, 3, 0, 6)
+
+
+def test_the_radio_does_not_depend_on_the_number_of_threads() -> None:
+    batches = [BatchWorld(radio_town("real"), 40, seed=1, threads=threads) for threads in (1, 3)]
+    for commands in random_commands(40, 3, 6):
+        one, three = (batch.step(commands, ticks=10) for batch in batches)
+        for name in ("heard_vehicles", "heard_lights", "light_state", "light_time_to_change"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
+    assert np.isfinite(batches[0].readings.heard_vehicles).any()
 
 
 @pytest.mark.parametrize("engine", ["auto", "always"])

@@ -26,6 +26,7 @@ import {
   turnedPart,
   wrapped,
 } from './fitting'
+import type { Picture, PictureOptions } from './picture'
 
 /** What the user is about to set: a module, a sign, or a wall or block of which some points are known. */
 export type Hand =
@@ -386,6 +387,17 @@ export class Builder {
   use(map: { name: string } | { text: string }): Promise<boolean> {
     this.select()
     return this.request({ type: 'UseMap', ...map })
+  }
+
+  /** Makes the track of a picture the map; returns what is wrong with it. */
+  async importTrack({ name, bytes }: Picture, options: PictureOptions): Promise<readonly string[]> {
+    const { text, errors } = await this.actions.attempt({
+      ...{ type: 'ImportTrack', picture: bytes, name: stem(name).slice(0, 100) },
+      ...options,
+    })
+    if (text) this.store.warning.value = sentence(text)
+    if (errors.length === 0) this.select()
+    return errors
   }
 
   /** The map as the text of a YAML file; null if the simulator did not answer. */

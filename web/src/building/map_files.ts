@@ -1,8 +1,11 @@
 // Map and track files in the page: a file is dropped on it, a link contains the map, and edits are not lost unasked.
+import { Observable } from '../observable'
 import type { Store } from '../store'
 import type { Builder } from './builder'
+import { through } from './bytes'
+import { type Picture, type PictureOptions, readPicture, type Sheet, sheetOf } from './picture'
 
-/** Largest text of a map [characters]; the simulator accepts messages of 64 KiB. */
+/** Largest text of a map [characters]. */
 export const MAX_TEXT = 60_000
 /** Longest value in a link; browsers accept longer ones, but programs that send links cut them. */
 export const MAX_LINK = 30_000
@@ -35,24 +38,82 @@ export async function linkWith(text: string): Promise<string | null> {
   return value.length > MAX_LINK ? null : `${location.origin}${location.pathname}#${KEY}=${value}`
 }
 
-/** Opens files that are dropped on the page and the map of its link; asks before unsaved edits are lost. */
-export function openMapFiles(store: Store, builder: Builder, mayDiscard: () => Promise<boolean>): void {
+/** Asks how a picture becomes a track, until `use` has no problem any more; the user may add its sheet meanwhile. */
+export type AskPicture = (
+  picture: Picture,
+  sheet: Observable<Sheet | null>,
+  use: (options: PictureOptions) => Promise<readonly string[]>,
+) => Promise<boolean>
+
+/** Opens files that are dropped on the page and the map of its link; asks before unsaved edits are lost.
+ *
+ * Returns a function that opens files.
+ */
+export function openMapFiles(
+  store: Store,
+  builder: Builder,
+  mayDiscard: () => Promise<boolean>,
+  askPicture: AskPicture,
+): (files: readonly File[]) => Promise<void> {
+  /** A sheet whose picture the user has not opened yet. */
+  const sheet = new Observable<Sheet | null>(null)
+  let isAsking = false
+  const mayReplace = async (): Promise<boolean> => !store.hasUnsavedEdits.value || mayDiscard()
+
   async function use(text: string): Promise<void> {
     if (text.length > MAX_TEXT)
       store.warning.value = `A map has at most ${MAX_TEXT} characters; this one has ${text.length}.`
-    else if (!store.hasUnsavedEdits.value || (await mayDiscard())) {
+    else if (await mayReplace()) {
       if (await builder.use({ text })) store.isBuilding.value = true
     }
   }
 
-  async function drop(files: readonly File[]): Promise<void> {
-    const [file] = files
-    if (files.length > 1) store.warning.value = 'Drop one file only: the YAML file of a map or a track.'
-    else if (!/\.ya?ml$/i.test(file.name))
-      store.warning.value = `${file.name} is not the YAML file of a map or a track.`
-    else if (file.size > MAX_TEXT)
-      store.warning.value = `${file.name} has ${file.size} bytes; a map has at most ${MAX_TEXT}.`
-    else await use(await file.text())
+  async function openPicture(file: File, own: Sheet | null): Promise<void> {
+    try {
+      const picture = await readPicture(file)
+      const known = own ?? sheet.value
+      sheet.value = known && (own || stemOf(known.image) === stemOf(file.name)) ? known : null
+      if (!(await mayReplace())) return
+      isAsking = true
+      const isUsed = await askPicture(picture, sheet, (options) => builder.importTrack(picture, options))
+      if (isUsed) store.isBuilding.value = true
+    } catch (error) {
+      store.warning.value = error instanceof Error ? error.message : String(error)
+    }
+    isAsking = false
+    sheet.value = null
+  }
+
+  async function openText(file: File): Promise<void> {
+    if (file.size > MAX_TEXT) {
+      store.warning.value = `The file ${file.name} has ${file.size} bytes; a map has at most ${MAX_TEXT}.`
+      return
+    }
+    const text = await file.text()
+    const found = sheetOf(file.name, text)
+    if (!found) return use(text)
+    sheet.value = found
+    if (!isAsking)
+      store.notice.value = `The file ${file.name} describes the picture ${found.image}. Drop that picture, too.`
+  }
+
+  async function open(files: readonly File[]): Promise<void> {
+    const pictures = files.filter(({ name }) => /\.(png|pgm)$/i.test(name))
+    const texts = files.filter(({ name }) => /\.ya?ml$/i.test(name))
+    const other = files.find((file) => !pictures.includes(file) && !texts.includes(file))
+    if (other)
+      store.warning.value = `The file ${other.name} is not the YAML file or the picture (PNG, PGM) of a map or a track.`
+    else if (pictures.length > 1 || texts.length > 1)
+      store.warning.value = 'Drop one file only, or a picture with its YAML file.'
+    else if (pictures.length === 0) await openText(texts[0])
+    else if (isAsking) store.warning.value = 'Another picture is open. Close its window first.'
+    else if (texts.length === 0) await openPicture(pictures[0], null)
+    else {
+      const own = sheetOf(texts[0].name, texts[0].size > MAX_TEXT ? '' : await texts[0].text())
+      if (own) await openPicture(pictures[0], own)
+      else
+        store.warning.value = `The file ${texts[0].name} does not describe a picture: it has no image and resolution.`
+    }
   }
 
   window.addEventListener('dragover', (event) => {
@@ -62,11 +123,17 @@ export function openMapFiles(store: Store, builder: Builder, mayDiscard: () => P
     const files = [...(event.dataTransfer?.files ?? [])]
     if (files.length === 0) return
     event.preventDefault()
-    void drop(files)
+    void open(files)
   })
   window.addEventListener('beforeunload', (event) => {
     if (store.hasUnsavedEdits.value) event.preventDefault()
   })
+  openLink(store, use)
+  return open
+}
+
+/** Opens the map of the link once the simulator has a scene. */
+function openLink(store: Store, use: (text: string) => Promise<void>): void {
   const value = new URLSearchParams(location.hash.slice(1)).get(KEY)
   if (value === null) return
   let isOpened = false
@@ -80,17 +147,7 @@ export function openMapFiles(store: Store, builder: Builder, mayDiscard: () => P
   })
 }
 
-async function through(
-  bytes: Uint8Array<ArrayBuffer>,
-  codec: GenericTransformStream,
-  limit: number,
-): Promise<Uint8Array> {
-  const reader = new Blob([bytes]).stream().pipeThrough(codec).getReader()
-  const parts: number[] = []
-  for (;;) {
-    const { done, value } = await reader.read()
-    if (done) return Uint8Array.from(parts)
-    if (parts.length + value.length > limit) throw new RangeError('too long')
-    for (const byte of value) parts.push(byte)
-  }
+/** A name without its ending. */
+function stemOf(name: string): string {
+  return name.replace(/\.\w+$/, '')
 }

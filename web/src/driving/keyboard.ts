@@ -1,7 +1,9 @@
-// Keyboard input (report, table 12): held keys drive, other keys run an action once.
+// Keyboard input (report, table 12): held keys drive or move the fly camera, other keys run an action once.
+
+import type { Store } from '../store'
 import type { Driver } from './driver'
 import type { KeyAction } from './keys'
-import { actionOf, keyOf } from './keys'
+import { actionOf, FLY_KEYS, keyOf } from './keys'
 
 /** Elements that need the keys themselves; keys do not drive while one has the focus. */
 const FIELDS = 'input, select, textarea, dialog, [contenteditable]'
@@ -15,8 +17,9 @@ const HELD_ACTIONS = {
 } as const
 
 /** Handles keyboard events; calls `onAction` for keys that are not held. */
-export function listenToKeyboard(driver: Driver, onAction: (action: KeyAction) => void): void {
+export function listenToKeyboard(driver: Driver, store: Store, onAction: (action: KeyAction) => void): void {
   const held = new Map<string, keyof typeof HELD_ACTIONS>()
+  const flying = new Set<string>()
 
   function update(): void {
     driver.keys.throttle = driver.keys.steering = 0
@@ -27,19 +30,35 @@ export function listenToKeyboard(driver: Driver, onAction: (action: KeyAction) =
     driver.change()
   }
 
+  function fly(): void {
+    Object.assign(store.flyInput, { ahead: 0, left: 0, up: 0, turn: 0, tilt: 0 })
+    for (const code of flying) {
+      const [axis, sign] = FLY_KEYS[code]
+      store.flyInput[axis] += sign
+    }
+  }
+
   /** Releases all keys: the page gets no keyup event for a key that is released elsewhere. */
   function releaseAll(): void {
     held.clear()
+    flying.clear()
+    fly()
     driver.stop()
   }
 
   window.addEventListener('keydown', (event) => {
+    store.flyInput.isFast = event.shiftKey
     if (event.key === 'Meta') return releaseAll() // while Meta is down, browsers send no keyup events
     if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing) return
     const field = event.target instanceof HTMLElement ? event.target.closest<HTMLElement>(FIELDS) : null
     if (field) {
       if (event.key === 'Escape') field.blur() // return the focus, so that keys drive
       return
+    }
+    if (store.isFlying && event.code in FLY_KEYS) {
+      event.preventDefault()
+      flying.add(event.code)
+      return fly()
     }
     const action = actionOf(event)
     if (!action) return
@@ -50,15 +69,23 @@ export function listenToKeyboard(driver: Driver, onAction: (action: KeyAction) =
     update()
   })
   window.addEventListener('keyup', (event) => {
+    store.flyInput.isFast = event.shiftKey
     if (held.delete(event.code)) update()
+    if (flying.delete(event.code)) fly()
   })
   window.addEventListener('blur', releaseAll)
   document.addEventListener('visibilitychange', () => {
     if (document.hidden) releaseAll()
   })
   document.addEventListener('focusin', (event) => {
-    if (held.size > 0 && event.target instanceof Element && event.target.closest(FIELDS)) releaseAll()
+    if (held.size + flying.size > 0 && event.target instanceof Element && event.target.closest(FIELDS)) releaseAll()
   })
+  let wasFlying = store.isFlying
+  const changeOver = () => {
+    if (wasFlying !== store.isFlying) releaseAll() // keys that are held do not go on with the other one
+    wasFlying = store.isFlying
+  }
+  for (const one of [store.camera, store.isEditing, store.isBuilding]) one.watch(changeOver)
 }
 
 function isHeld(action: KeyAction): action is keyof typeof HELD_ACTIONS {

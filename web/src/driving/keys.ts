@@ -96,6 +96,20 @@ export const KEYS: Record<string, readonly Key[]> = {
   ],
 }
 
+/** Keys that are held, by KeyboardEvent.code: how they move the fly camera. */
+export const FLY_KEYS: Record<string, readonly [axis: 'ahead' | 'left' | 'up' | 'turn' | 'tilt', sign: 1 | -1]> = {
+  KeyW: ['ahead', 1],
+  KeyS: ['ahead', -1],
+  KeyA: ['left', 1],
+  KeyD: ['left', -1],
+  PageUp: ['up', 1],
+  PageDown: ['up', -1],
+  ArrowLeft: ['turn', 1],
+  ArrowRight: ['turn', -1],
+  ArrowUp: ['tilt', 1],
+  ArrowDown: ['tilt', -1],
+}
+
 /** The action of a keyboard event, if any. */
 export function actionOf(event: KeyboardEvent): KeyAction | undefined {
   if (event.key === '?') return 'help'

@@ -18,10 +18,20 @@ const DEGREE = Math.PI / 180
 /** A vehicle that has moved farther stands elsewhere [m]. */
 const NEAR = 0.05
 
+/** Opens files of the user. */
+export type OpenFiles = (files: readonly File[]) => Promise<void>
+
 /** The bar and the panel; they are shown in Build mode. */
-export function build(store: Store, builder: Builder, editor: Editor, view: () => SceneView | null): HTMLElement[] {
+export function build(
+  store: Store,
+  builder: Builder,
+  editor: Editor,
+  view: () => SceneView | null,
+  openFiles: OpenFiles,
+): HTMLElement[] {
   const isPanelOpen = new Observable(innerWidth > NARROW)
-  const [buttons, details] = [bar(store, builder, editor, isPanelOpen), panel(store, builder, view, isPanelOpen)]
+  const buttons = bar(store, builder, editor, isPanelOpen)
+  const details = panel(store, builder, view, isPanelOpen, openFiles)
   const show = (): void => {
     const isBuilding = store.isBuilding.value
     buttons.hidden = !isBuilding
@@ -103,6 +113,7 @@ function panel(
   builder: Builder,
   view: () => SceneView | null,
   isPanelOpen: Observable<boolean>,
+  openFiles: OpenFiles,
 ): HTMLElement {
   return h(
     'aside',
@@ -110,7 +121,7 @@ function panel(
     selection(store, builder),
     pieces(store, builder, view, isPanelOpen),
     problems(store, builder),
-    start(store, builder),
+    start(store, builder, openFiles),
   )
 }
 
@@ -294,8 +305,8 @@ function problems(store: Store, builder: Builder): HTMLElement {
   return element
 }
 
-/** Maps of the simulator to start from. */
-function start(store: Store, builder: Builder): HTMLElement {
+/** Maps of the simulator and files to start from. */
+function start(store: Store, builder: Builder, openFiles: OpenFiles): HTMLElement {
   const select = choice('build-template', (name) => name && void builder.use({ name }), {
     'aria-label': 'Start from a map',
   })
@@ -304,11 +315,12 @@ function start(store: Store, builder: Builder): HTMLElement {
     setOptions(select, { '': 'Choose a map', ...templates })
     select.value = ''
   })
-  const file = h('input', { type: 'file', accept: '.yaml,.yml', testid: 'build-file', hidden: true })
-  file.addEventListener('change', async () => {
-    const text = await file.files?.[0]?.text()
-    if (text) await builder.use({ text })
+  const accept = '.yaml,.yml,.png,.pgm'
+  const file = h('input', { type: 'file', accept, multiple: true, testid: 'build-file', hidden: true })
+  file.addEventListener('change', () => {
+    const files = [...(file.files ?? [])]
     file.value = ''
+    if (files.length > 0) void openFiles(files)
   })
   const open = h('button', { testid: 'build-open-file', onclick: () => file.click() }, 'Open a file')
   return section('Start from', select, h('div', { class: 'row' }, open, file))

@@ -22,12 +22,18 @@ const OTHERS: Record<string, readonly [string, string][]> = {
   Mouse: [
     ['Click', 'Use buttons and fields'],
     ['Wheel', 'Zoom; up is nearer'],
-    ['Drag', 'Rotate the Orbit camera'],
+    ['Drag', 'Rotate the Orbit camera, turn the Fly camera'],
+  ],
+  'Fly camera': [
+    ['W | S | A | D', 'Ahead, back, to the left, to the right; these keys do not drive meanwhile'],
+    ['← | → | ↑ | ↓', 'Turn to the left, to the right, upwards, downwards'],
+    ['Page Up | Page Down', 'Up, down'],
+    ['Shift', 'Faster'],
   ],
   Touch: [
     ['Left pad', 'Steer'],
     ['Right pad', 'Drive: up forward, down in reverse'],
-    ['Drag', 'Rotate the Orbit camera'],
+    ['Drag', 'Rotate the Orbit camera, turn the Fly camera, which the pads move'],
     ['Two fingers', 'Zoom the Orbit camera'],
     ['Edit mode', 'Drag a vehicle or a box; its handle turns it'],
   ],

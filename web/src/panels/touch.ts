@@ -31,7 +31,7 @@ export function touch(driver: Driver, store: Store, actions: Actions, record: HT
   return h(
     'section',
     { class: 'touch', testid: 'touch', 'aria-label': 'Touch controls' },
-    pad(driver, 'steering', 'Steering'),
+    pad(driver, store, 'steering', 'Steering'),
     h(
       'div',
       { class: 'touch-buttons' },
@@ -53,7 +53,7 @@ export function touch(driver: Driver, store: Store, actions: Actions, record: HT
         side('Right indicator', RIGHT_INDICATOR, Indicators.RIGHT),
       ),
     ),
-    pad(driver, 'throttle', 'Throttle'),
+    pad(driver, store, 'throttle', 'Throttle'),
   )
 }
 
@@ -95,14 +95,15 @@ function lamp(
   return button
 }
 
-/** A pad with a knob that follows the finger along one axis and returns to the centre on release. */
-function pad(driver: Driver, axis: keyof DriveInput, label: string): HTMLElement {
+/** A pad with a knob that follows the finger along one axis and returns to the centre on release. It drives or flies. */
+function pad(driver: Driver, store: Store, axis: keyof DriveInput, label: string): HTMLElement {
   const knob = h('i', { class: 'knob' })
   const element = h('div', { class: `pad ${axis}`, testid: `pad-${axis}`, role: 'group', 'aria-label': label }, knob)
 
   /** `value` in [-1, 1]; up and left are positive. */
   function set(value: number): void {
-    driver.touch[axis] = value
+    if (store.isFlying) store.flyInput[axis === 'throttle' ? 'ahead' : 'left'] = value
+    else driver.touch[axis] = value
     knob.style.setProperty('--offset', String(-value))
     driver.change()
   }

@@ -97,7 +97,7 @@ class View implements SceneView {
     this.renderer = Renderer.create(canvas)
     this.choice = new QualityChoice(this.renderer?.isSoftware ?? true)
     this.profile = this.choice.profile(store.quality.value)
-    this.viewpoints = new Viewpoints(canvas, store.orbit)
+    this.viewpoints = new Viewpoints(canvas, store)
     this.labels = new Labels(canvas)
     this.editCamera = new EditCamera(canvas)
     this.remote = new RemoteImage(canvas)

@@ -1,10 +1,10 @@
-// Cameras of the 3D view: the scene cameras of cameras/viewpoints.py, and a free orbit.
+// Cameras of the 3D view: the scene cameras of cameras/viewpoints.py, a free orbit, and a camera that flies.
 import { Euler, Matrix4, PerspectiveCamera, Quaternion, Vector3 } from 'three'
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js'
 
 import type { Scene } from '../messages'
-import type { Observable } from '../observable'
-import type { Camera, Orbit } from '../store'
+import type { Camera, Fly, Orbit, Store } from '../store'
+import { flown, within } from './flight'
 import type { PlacedObject } from './motion'
 import { ORBIT_DISTANCE } from './zoom'
 
@@ -31,6 +31,7 @@ const UP = new Vector3(0, 0, 1)
 const CAMERA = new Quaternion().setFromRotationMatrix(
   new Matrix4().makeBasis(new Vector3(0, -1, 0), UP, new Vector3(-1, 0, 0)),
 )
+const FROM_CAMERA = CAMERA.clone().invert()
 /** Standard place of the orbit [m, rad]: behind and above, a little to the side. */
 const ORBIT = { distance: 1.15, elevation: 0.5, aside: 0.45 }
 /** Smaller changes of the orbit [rad, m] are rounding errors. */
@@ -45,11 +46,12 @@ export class Viewpoints {
   private readonly orbitCamera = new PerspectiveCamera(60, 16 / 9, 0.02, 1000)
   private godState: { pan: number; tilt: number; zoom: number } | null = null
   private placed: Orbit | null = null
+  private hasLooked = false
 
-  /** `orbit`: the place of the Orbit camera, changed by the user here or elsewhere. */
+  /** `store` has the places of Orbit and Fly, which the user changes here or elsewhere. */
   constructor(
     canvas: HTMLElement,
-    private readonly orbit: Observable<Orbit | null>,
+    private readonly store: Pick<Store, 'orbit' | 'fly' | 'flyInput'>,
   ) {
     this.orbitCamera.up.copy(UP)
     this.controls = new OrbitControls(this.orbitCamera, canvas)
@@ -76,10 +78,13 @@ export class Viewpoints {
   ): void {
     this.controls.enabled = name === 'Orbit'
     if (name !== "God's Eye") this.godState = null
-    if (name === 'Orbit') this.orbitVehicle(vehicle)
-    else if (name === "Driver's Eye") this.driversEye(scene.scene_cameras[name] as DriversEye, vehicle)
+    if (name === 'Fly' && (this.hasLooked || this.store.fly.value)) this.flyOn(dt)
+    else if (name === 'Orbit') this.orbitVehicle(vehicle)
+    else if (name === "Driver's Eye" || name === 'Fly')
+      this.driversEye(scene.scene_cameras["Driver's Eye"] as DriversEye, vehicle)
     else if (name === "Bird's Eye") this.birdsEye(scene.scene_cameras[name] as unknown as Lens, vehicle, height)
     else this.godsEye(scene.scene_cameras[name] as GodsEye, vehicle, dt, halfLength)
+    this.hasLooked = true
     this.camera.zoom = zoom
     this.camera.updateProjectionMatrix()
     this.camera.updateMatrixWorld()
@@ -127,23 +132,41 @@ export class Viewpoints {
     this.setDirection(state.pan, state.tilt)
   }
 
+  /** Moves the fly camera; it starts where the camera before it was. */
+  private flyOn(dt: number): void {
+    const { fly, flyInput } = this.store
+    fly.value ??= this.present()
+    const now = flown(fly.value, flyInput, dt)
+    if (now !== fly.value) fly.value = now
+    this.setLens(this.orbitCamera.fov, this.orbitCamera.near, this.orbitCamera.far)
+    this.camera.position.set(now.x, now.y, now.z)
+    this.setDirection(now.azimuth, -now.elevation)
+  }
+
+  /** Where the camera is now, for the fly camera. */
+  private present(): Fly {
+    const { position, quaternion } = this.camera
+    const { y: tilt, z: azimuth } = euler.setFromQuaternion(turned.copy(quaternion).multiply(FROM_CAMERA), 'ZYX')
+    return within({ ...{ x: position.x, y: position.y, z: position.z }, azimuth, elevation: -tilt })
+  }
+
   private orbitVehicle(vehicle: PlacedObject): void {
     const target = offset
       .set(ORBIT_TARGET_AHEAD, 0, ORBIT_TARGET_HEIGHT)
       .applyQuaternion(vehicle.orientation)
       .add(vehicle.position)
     const { position, fov, near, far } = this.orbitCamera
-    this.orbit.value ??= behind(vehicle)
-    if (this.orbit.value === this.placed) position.add(target).sub(this.controls.target)
-    else position.copy(target).add(fromOrbit(this.orbit.value))
+    this.store.orbit.value ??= behind(vehicle)
+    if (this.store.orbit.value === this.placed) position.add(target).sub(this.controls.target)
+    else position.copy(target).add(fromOrbit(this.store.orbit.value))
     this.controls.target.copy(target)
     this.controls.update()
-    const before = this.orbit.value
+    const before = this.store.orbit.value
     const now = toOrbit(target.subVectors(position, target))
-    const turned = Math.abs(Math.sin(0.5 * (now.azimuth - before.azimuth)))
-    const moved = Math.max(turned, Math.abs(now.elevation - before.elevation), Math.abs(now.distance - before.distance))
+    const aside = Math.abs(Math.sin(0.5 * (now.azimuth - before.azimuth)))
+    const moved = Math.max(aside, Math.abs(now.elevation - before.elevation), Math.abs(now.distance - before.distance))
     this.placed = moved > ORBIT_PRECISION ? now : before
-    if (this.placed !== before) this.orbit.value = this.placed
+    if (this.placed !== before) this.store.orbit.value = this.placed
     this.setLens(fov, near, far)
     this.camera.position.copy(position)
     this.camera.quaternion.copy(this.orbitCamera.quaternion)
@@ -171,5 +194,6 @@ function toOrbit({ x, y, z }: Vector3): Orbit {
 }
 
 const euler = new Euler()
+const turned = new Quaternion()
 const offset = new Vector3()
 const around = new Vector3()

@@ -1,6 +1,7 @@
 // The mouse wheel zooms every camera in the same direction: up is nearer.
 import type { Scene } from '../messages'
 import type { Store } from '../store'
+import { flownNearer } from './flight'
 
 /** Change of the distance or of the focal length by a click of the mouse wheel. */
 export const STEP = 1.1
@@ -19,12 +20,14 @@ export function wheelClicks(event: WheelEvent): number {
 
 /** Moves the selected camera nearer by that number of clicks; negative: farther. */
 export function zoomCamera(store: Store, clicks: number): void {
-  const { camera, scene, orbit, lensZoom, birdHeight } = store
+  const { camera, scene, orbit, fly, lensZoom, birdHeight } = store
   const factor = STEP ** clicks
   if (camera.value === "Bird's Eye") {
     if (scene.value) birdHeight.value = heightAfter(scene.value, birdHeight.value, clicks)
   } else if (camera.value === 'Orbit') {
     if (orbit.value) orbit.value = { ...orbit.value, distance: clamp(orbit.value.distance / factor, ORBIT_DISTANCE) }
+  } else if (camera.value === 'Fly') {
+    if (fly.value) fly.value = flownNearer(fly.value, clicks)
   } else {
     const zoom = clamp(lensZoom.value[camera.value] * factor, LENS_ZOOM)
     lensZoom.value = { ...lensZoom.value, [camera.value]: zoom }

@@ -66,6 +66,7 @@ from autodrive.protocol.native import (
     Status,
     Subscribe,
 )
+from autodrive.protocol.own_files import ImportTrack
 from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 
@@ -397,6 +398,18 @@ class Client:
         """Make the map a random track by points, the same for the same seed; length and width [m]."""
         size = _number("length", length), _number("width", width)
         return self.connection.request(GenerateTrack(int(seed), *size, barrier))
+
+    def import_track(
+        self,
+        picture: bytes,
+        text: str,
+        *,
+        start: tuple[float, float] | None = None,
+        gap: float = 0.0,
+        is_reversed: bool = False,
+    ) -> Frame:
+        """Make the track in a picture (PNG, PGM) with its YAML file of map_server the map. See `ImportTrack`."""
+        return self.connection.request(ImportTrack(picture, text, "track", start, _number("gap", gap), is_reversed))
 
     def map_text(self, title: str = "") -> str:
         """The map with all edits, as YAML, with that title if there is one."""

@@ -39,12 +39,13 @@ from autodrive.protocol.native import (
     ServerOperation,
     Subscribe,
 )
+from autodrive.protocol.own_files import ImportTrack
 
 LOADING = 300.0
 """Time limit for loading a scenario, which may build its meshes first [s]."""
 LOADED = (
     *(LoadScenario, AddBox, RemoveBox, SetSensor),
-    *(EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack),
+    *(EditMap, UseMap, CloseLoop, EditTrack, GenerateTrack, ImportTrack),
     *(Undo, Redo),
 )
 """Operations that compile a scenario."""

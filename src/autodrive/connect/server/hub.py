@@ -159,7 +159,7 @@ class Hub:
                     id = id_of(data)
                     message = Error("message" if id is None else "request", str(error), id)
                 if isinstance(message, Request):
-                    if not self._requests.execute(client, message):
+                    if not self._requests.execute(client, message, len(data)):
                         limit.drop()
                 elif limit.allows(self.now()):
                     self._handle(client, message)

@@ -9,8 +9,8 @@ from itertools import count
 from autodrive.protocol.messages import LoadScenario, Reset, Seek, SetSceneLight, SetSpeed, SetTimeOfDay, SetWeather
 from autodrive.protocol.native import ConnectBridge, Request, ServerOperation, SetCamera
 
-MAX_PENDING = 64
-"""Requests of one client that wait; more are refused."""
+MAX_PENDING, MAX_PENDING_BYTES = 64, 2**21
+"""Requests of one client that wait, and bytes of their messages; more are refused."""
 
 SHARE, BURST = 0.2, 2.0
 """Share of the time that the requests of all clients use while time runs, and what they may use at once [s]."""
@@ -25,6 +25,8 @@ class Entry:
 
     operation: ServerOperation
     ids: list[int]
+    size: int = 0
+    """Of its message [bytes]."""
     number: int = field(default_factory=count().__next__)
     """Of two requests, the newer one has the greater number."""
     started: float = 0.0
@@ -43,15 +45,16 @@ class RequestQueue:
     """Earliest time of the next execution."""
     _entries: deque[Entry] = field(default_factory=deque)
 
-    def add(self, request: Request) -> bool:
-        """Add a request. Returns False if too many are waiting."""
-        if sum(len(entry.ids) for entry in self._entries) >= MAX_PENDING:
+    def add(self, request: Request, size: int = 0) -> bool:
+        """Add a request, whose message has that size [bytes]. Returns False if too many are waiting."""
+        waiting = sum(entry.size for entry in self._entries)
+        if sum(len(entry.ids) for entry in self._entries) >= MAX_PENDING or waiting + size > MAX_PENDING_BYTES:
             return False
         last = self._entries[-1] if self._entries else None
         if last and isinstance(request.operation, REPLACED) and type(last.operation) is type(request.operation):
-            self._entries[-1] = Entry(request.operation, [*last.ids, request.id])
+            self._entries[-1] = Entry(request.operation, [*last.ids, request.id], size)
         else:
-            self._entries.append(Entry(request.operation, [request.id]))
+            self._entries.append(Entry(request.operation, [request.id], size))
         return True
 
     @property

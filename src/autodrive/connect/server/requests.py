@@ -15,11 +15,23 @@ from autodrive.base.specs import joined
 from autodrive.base.suggest import suggest
 from autodrive.base.token_bucket import TokenBucket
 from autodrive.connect.server.driving import taken
-from autodrive.connect.server.request_queue import BURST, MAX_PENDING, SHARE, Entry, RequestQueue
-from autodrive.protocol.messages import AddBox, Frame, LoadScenario, Operation, Place, SaveMap, SaveScenario, Step
+from autodrive.connect.server.request_queue import BURST, MAX_PENDING, MAX_PENDING_BYTES, SHARE, Entry, RequestQueue
+from autodrive.protocol.messages import (
+    AddBox,
+    Frame,
+    LoadScenario,
+    Operation,
+    Place,
+    SaveMap,
+    SaveScenario,
+    Step,
+    UseMap,
+)
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
+from autodrive.protocol.own_files import ImportTrack
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.world.editing.edits import edited
+from autodrive.world.editing.track_edits import imported_track
 from autodrive.world.placement import warnings_about
 
 if TYPE_CHECKING:
@@ -113,8 +125,10 @@ class Requests:
         self._timer: asyncio.Handle | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def execute(self, client: ConnectedClient, request: Request) -> bool:
+    def execute(self, client: ConnectedClient, request: Request, size: int = 0) -> bool:
         """Execute a request after the earlier ones of this client; its Response or Error follows.
+
+        `size` of its message [bytes].
 
         Returns False if the request is refused because too many are waiting.
         """
@@ -122,8 +136,10 @@ class Requests:
         was_idle = queue.is_idle
         if error := self._refusal(request.operation) or self._unknown(request.operation):
             client.send_error(Error("request", error, request.id))
-        elif not queue.add(request):
-            text = f"more than {MAX_PENDING} requests are pending: wait for a Response"
+        elif not queue.add(request, size):
+            text = (
+                f"more than {MAX_PENDING} requests, or {MAX_PENDING_BYTES >> 20} MiB, are pending: wait for a Response"
+            )
             client.send_error(Error("rate", text, request.id))
             return False
         elif was_idle:
@@ -192,7 +208,7 @@ class Requests:
                 case SetCamera() as view:
                     self._remote_views.set_view(turn.client, view, self._clock())
                     self._respond(turn, self._simulation.frame)
-                case LoadScenario() | AddBox() as operation:
+                case LoadScenario() | AddBox() | ImportTrack() as operation:
                     self._is_busy = True
                     if isinstance(operation, LoadScenario):
                         self.note = f"loading the scenario {self._scenarios[operation.name] or operation.name}"
@@ -244,16 +260,21 @@ class Requests:
             return ""
         return f"scenario '{operation.name}' is not known. {suggest(operation.name, list(self._scenarios))}"
 
-    async def _submit_prepared(self, turn: Turn, operation: LoadScenario | AddBox) -> None:
+    async def _submit_prepared(self, turn: Turn, operation: LoadScenario | AddBox | ImportTrack) -> None:
         """Make what takes long while time goes on in the present World, then pass the operation to the simulation."""
         try:
-            await asyncio.to_thread(self._prepare, operation)
-            self._submit(turn, operation)
+            self._submit(turn, *await asyncio.to_thread(self._prepare, operation))
         except Exception as error:
             self._refuse(turn, error)
 
-    def _prepare(self, operation: LoadScenario | AddBox) -> None:
-        """Make a World and its scene, or the mesh of a box; the first one takes seconds. Raises `AutodriveError`."""
+    def _prepare(self, operation: LoadScenario | AddBox | ImportTrack) -> tuple[Operation, str]:
+        """Make a World and its scene, the mesh of a box, or a track; the first one takes seconds.
+
+        Returns the operation of the simulation, and warnings. Raises `AutodriveError`.
+        """
+        if isinstance(operation, ImportTrack):
+            # the replay refuses the edit
+            return imported_track(operation) if self._replay is None else (UseMap("track"), "")
         if isinstance(operation, LoadScenario):
             if world := self._simulation.prepare(operation.name):
                 self._prepare_scene(world)
@@ -263,8 +284,9 @@ class Requests:
             world = self._simulation.world
             edited(world.spec, world.boxes, operation)
             box_file(operation.size)
+        return operation, ""
 
-    def _submit(self, turn: Turn, operation: Operation) -> None:
+    def _submit(self, turn: Turn, operation: Operation, warnings: str = "") -> None:
         """Pass an operation to the simulation."""
         if isinstance(operation, Step):
             self._check_step(turn.client, operation)
@@ -288,7 +310,7 @@ class Requests:
             except Exception as error:
                 self._refuse(turn, error)
             else:
-                self._respond(turn, frame, Answer(text))
+                self._respond(turn, frame, Answer(text or warnings))
 
         future.add_done_callback(note_end)
         self._frame_queue.call_when_done(future, reply)

@@ -26,6 +26,7 @@ from autodrive.connect.server.hub import Hub
 from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.web import Receive, Scope, Send, WebApplication
 from autodrive.protocol.codec import encode
+from autodrive.protocol.messages import MAX_TEXT
 from autodrive.protocol.native import SUBPROTOCOL, Starting
 from autodrive.protocol.ports import PORT
 
@@ -37,9 +38,9 @@ LOG_INTERVAL = 10.0
 """Errors of the same kind are logged once in this time [s]."""
 STARTING_INTERVAL = 0.2
 """Time between two messages to a client that waits for the simulation [s]."""
-MAX_EARLY = 100
-"""Messages that such a client may send."""
-MESSAGE_LIMIT = 2**16
+MAX_EARLY, MAX_EARLY_BYTES = 100, 2**20
+"""Messages that such a client may send; the first one beyond this number of bytes is the last one."""
+MESSAGE_LIMIT = MAX_TEXT + 2**16
 """A client that sends a longer message [bytes] is disconnected."""
 
 
@@ -179,8 +180,10 @@ class Server:
         """Send `starting` until there is a hub; what the client sends meanwhile goes to `early`."""
 
         async def read() -> None:  # the pings of a client that has sent something are not answered until that is read
-            while len(early) < MAX_EARLY:
+            size = 0
+            while len(early) < MAX_EARLY and size < MAX_EARLY_BYTES:
                 early.append(await receive())
+                size += len(early[-1].get("bytes") or early[-1].get("text") or "")
 
         reading = asyncio.create_task(read())
         try:

@@ -111,7 +111,7 @@ class Drive:
         self._batch = batch
         self._skip = frame_skip
         depth = 2 + math.ceil(round(MOST_LATENCY / batch.tick_duration) / frame_skip)
-        shape = batch.n, len(batch.vehicle_names)
+        shape = batch.n, len(batch.commanded_names)
         self._latency: Integers = np.zeros(shape, np.int64)
         """[ticks]."""
         self._sent = np.zeros((depth, *shape, 2))

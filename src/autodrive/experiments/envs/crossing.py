@@ -21,8 +21,10 @@ The tolerance, the places and the order of the others are choices: they are not 
 Variant "own".
 
 - Observation: motion and goal in the vehicle frame, and what was last heard of each other car: position, direction and
-  speed in the vehicle frame, and the age of that message; all about -1 to 1 (`OWN`).
-- V2V: each car sends its state in every step; a message to one of the others is lost with the probability `loss`.
+  speed in the vehicle frame, and the age of that message; all about -1 to 1 (`OWN`). Of a car that was not heard yet,
+  the age is 1 and the rest is 0.
+- V2V: the radio channel of the scenario (`autodrive.world.v2x`), with `loss` and `delay`. Each car sends its state in
+  every step, or `rate` times a second.
 - Actions: throttle and steering, or the discrete choices of the other tasks.
 - Reward of a step: how far the car has come towards its goal [m], minus 0.002; 2 for success, -2 if the episode ends
   otherwise.
@@ -38,7 +40,7 @@ import math
 import numpy as np
 
 from autodrive.base.arrays import Floats
-from autodrive.base.elementary import atan2
+from autodrive.base.elementary import atan2, cos, sin
 from autodrive.base.errors import SpecError
 from autodrive.base.jit import jit
 from autodrive.experiments.envs.task import (
@@ -55,7 +57,7 @@ from autodrive.experiments.envs.task import (
 from autodrive.experiments.envs.variants import Variant, choices, is_published
 from autodrive.protocol.commands import is_number
 from autodrive.scenario import ScenarioSpec, VehiclePlacement
-from autodrive.world.v2x import fill_uniform
+from autodrive.scenario.v2x import V2xSpec
 
 MAP = "crossing"
 CARS = 4
@@ -79,12 +81,14 @@ COSINE = 0.5
 """Of the greatest angle from the direction of the road."""
 LENGTH, SPEED, AGE, STEERING, RATE = 4.0, 0.5, 20.0, 0.5, 2.0
 """Units of its observation: [m], [m/s], steps, [rad], [rad/s]."""
+STEP_RATE = 1.0 + 1e-9
+"""Messages of a car in a step: a little more than one, because one that is rounded down would be a tick too late."""
 
-SEED, STEP, FACTOR, ARM_OF, BEFORE, ANGLE, HEARD = 0, 1, 2, 3, 4, 5, 6
-"""Columns of the memory: seed of the losses, number of steps, factor of the throttle, number of the arm, distance that
-was driven [m], mean angle of the rear wheels [rad], and from `HEARD` on the latest message of each other car."""
-MESSAGE = 6
-"""x, y [m], cosine, sine, speed [m/s], age in steps."""
+STEP, FACTOR, ARM_OF, BEFORE, ANGLE = 0, 1, 2, 3, 4
+"""Columns of the memory: number of steps, factor of the throttle, number of the arm, distance that was driven [m], mean
+angle of the rear wheels [rad]."""
+PEER = 6
+"""Numbers of the observation of the variant "own" about each other car."""
 
 WHEEL_RADIUS = 0.0325
 """[m]: vehicles/nigel.yaml."""
@@ -132,14 +136,31 @@ class Crossing(Task):
 
     name = "crossing"
     observation = "state"
-    memory_size = HEARD + MESSAGE * (CARS - 1)
+    memory_size = 5
 
-    def __init__(self, frame_skip: int, variant: Variant = "own", loss: float = 0.1) -> None:
-        """`loss`: probability that a message is lost, 0 to 1, of the variant "own". Raises `SpecError`."""
+    def __init__(
+        self,
+        frame_skip: int,
+        variant: Variant = "own",
+        loss: float = 0.1,
+        delay: float = 0.0,
+        rate: float | None = None,
+    ) -> None:
+        """`loss`: probability that a message is lost, 0 to 1; `delay` of all messages [s], 0 to 10; `rate` [Hz].
+
+        They are those of the variant "own". `rate`: 0.1 to 1000; None: a message in each step. Raises `SpecError`.
+        """
         self.is_published = is_published(variant)
-        if not (is_number(loss) and 0.0 <= loss <= 1.0):
-            raise SpecError([f"loss: must be a number from 0 to 1, not {loss!r}"])
-        self._loss = loss
+        self._duration = ScenarioSpec().tick * frame_skip
+        rate = STEP_RATE / self._duration if rate is None else rate
+        limits = {"loss": (loss, 0.0, 1.0), "delay": (delay, 0.0, 10.0), "rate": (rate, 0.1, 1e3)}
+        errors = [
+            f"{name}: must be a number from {least:g} to {most:g}, not {one!r}"
+            for name, (one, least, most) in limits.items()
+            if not (is_number(one) and least <= one <= most)
+        ]
+        if errors:
+            raise SpecError(errors)
         self.features = PUBLISHED if self.is_published else OWN
         self.known = len(self.features)
         if self.is_published:
@@ -151,8 +172,8 @@ class Crossing(Task):
                 for arm in range(CARS)
                 for x, y, yaw in [_pose(arm, ARM, LANES[0], 0.0)]
             },
+            v2x=None if self.is_published else V2xSpec(rate=rate, loss=loss, delay=delay),
         )
-        self._duration = self.scenario.tick * frame_skip
 
     def start(self, rng: np.random.Generator) -> Start:
         """That of the first car."""
@@ -170,8 +191,7 @@ class Crossing(Task):
             distance = DISTANCES[0] + (DISTANCES[1] - DISTANCES[0]) * float(rng.random())
             aside, turn = uniform(rng, (ASIDE, TURN))
             right = LANES[int(rng.integers(2))] + aside
-        heard = (0.0,) * (MESSAGE * (CARS - 1))
-        memory = (float(rng.integers(2**32)), 0.0, factor, float(arm), -distance, 0.0, *heard)
+        memory = 0.0, factor, float(arm), -distance, 0.0
         return Start({f"V{arm + 1}": _pose(arm, distance, right, turn)}, memory)
 
     def throttle_factors(self, memory: Floats) -> Floats:
@@ -183,7 +203,7 @@ class Crossing(Task):
         if self.is_published:
             _judge_published(cars, self._duration, memory, features, outcome)
         else:
-            _judge(cars, self._loss, memory, features, outcome)
+            _judge(cars, self._duration, memory, features, outcome)
 
 
 def _pose(arm: int, distance: float, right: float, turn: float) -> tuple[float, float, float]:
@@ -254,15 +274,7 @@ def _judge_published(cars: CarReadings, duration: float, memory: Floats, feature
 
 
 @jit
-def _is_lost(seed: float, step: float, k: int, loss: float) -> bool:
-    """Whether the message of a step to the k-th other car is lost: a random number of these three."""
-    chance = np.empty(1)
-    fill_uniform(np.array([np.uint64(seed), np.uint64(step), np.uint64(k)]), chance)
-    return chance[0] < loss
-
-
-@jit
-def _judge(cars: CarReadings, loss: float, memory: Floats, features: Floats, outcome: Outcome) -> None:
+def _judge(cars: CarReadings, duration: float, memory: Floats, features: Floats, outcome: Outcome) -> None:
     for i in range(len(memory)):
         arm = int(memory[i, ARM_OF])
         along, across = DIRECTIONS[arm], DIRECTIONS[(arm + 3) % 4]
@@ -277,17 +289,15 @@ def _judge(cars: CarReadings, loss: float, memory: Floats, features: Floats, out
         features[i, 5] = (HALF - right) / (0.5 * WIDTH)
         features[i, 6], features[i, 7] = turned(along[0], along[1], c, s)
         for k in range(1, CARS):
-            j, heard = i - i % CARS + (i + k) % CARS, memory[i, HEARD + MESSAGE * (k - 1) :]
-            heard[5] += 1.0
-            if memory[i, STEP] == 0.0 or not _is_lost(memory[i, SEED], memory[i, STEP], k, loss):
-                heard[0], heard[1] = cars.position[j, 0], cars.position[j, 1]
-                heard[2], heard[3] = heading(cars, j)
-                heard[4], heard[5] = cars.velocity[j, 0], 0.0
-            at = 8 + MESSAGE * (k - 1)
-            x, y = turned(heard[0] - px, heard[1] - py, c, s)
-            features[i, at], features[i, at + 1] = x / LENGTH, y / LENGTH
-            features[i, at + 2], features[i, at + 3] = turned(heard[2], heard[3], c, s)
-            features[i, at + 4], features[i, at + 5] = heard[4] / SPEED, heard[5] / AGE
+            peer = features[i, 8 + PEER * (k - 1) : 8 + PEER * k]
+            heard = cars.heard[i, (i + k) % CARS]
+            if math.isnan(heard[0]):  # nothing was heard yet
+                peer[:5], peer[5] = 0.0, 1.0
+                continue
+            x, y = turned(heard[2] - px, heard[3] - py, c, s)
+            peer[0], peer[1] = x / LENGTH, y / LENGTH
+            peer[2], peer[3] = turned(cos(heard[5]), sin(heard[5]), c, s)
+            peer[4], peer[5] = heard[6] / SPEED, (cars.time[i] - heard[0]) / duration / AGE
         is_beside = abs(right - HALF) > 0.5 * WIDTH
         has_failed = cars.collision_count[i] > 0 or is_beside or features[i, 6] < COSINE
         is_there = driven >= ARM - NEAR and not has_failed
@@ -300,4 +310,3 @@ def _judge(cars: CarReadings, loss: float, memory: Floats, features: Floats, out
         outcome.has_ended[i] = has_failed or is_there
         outcome.is_success[i] = is_there
         memory[i, BEFORE] = driven
-        memory[i, STEP] += 1.0

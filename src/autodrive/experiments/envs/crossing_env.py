@@ -26,19 +26,21 @@ class CrossingVectorEnv(SeveralCarsVectorEnv):
         *,
         variant: Variant = "own",
         loss: float = 0.1,
+        delay: float = 0.0,
+        rate: float | None = None,
         max_episode_steps: int | None = STEPS,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         action: Action | None = None,
         frame_skip: int = 5,
         threads: int | None = None,
     ) -> None:
-        """`loss`: probability that a message is lost, of the variant "own". `num_envs`: a multiple of 4.
+        """`loss`, `delay`, `rate`: of the radio of the variant "own", see `Crossing`. `num_envs`: a multiple of 4.
 
         Raises `SpecError`.
         """
         super().__init__(
             num_envs,
-            Crossing(frame_skip, variant, loss),
+            Crossing(frame_skip, variant, loss, delay, rate),
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,
             action=action_of(variant, action),

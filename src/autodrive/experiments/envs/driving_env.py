@@ -12,7 +12,7 @@ from autodrive.base.errors import EngineError
 from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
-from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of
+from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of, with_traffic
 from autodrive.experiments.envs.task import CarReadings, Observation
 from autodrive.protocol.messages import Command, Frame
 
@@ -34,11 +34,15 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         action: Action = "continuous",
         frame_skip: int = 5,
         render_mode: str | None = None,
+        traffic: int = 0,
     ) -> None:
-        """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
-        self.settings = Settings(task, observation, action, frame_skip, render_mode)
+        """`traffic`: cars that drive themselves, on a map with lanes.
+
+        Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
+        """
+        self.settings = Settings(task, observation, action, frame_skip, render_mode, traffic=traffic)
         self.render_mode = render_mode
-        self.task = TASKS[task](frame_skip)
+        self.task = with_traffic(TASKS[task](frame_skip), traffic)
         seen = observation or self.task.observation
         self.observation_space = observation_space(self.task, seen)
         self.action_space = action_space(self.settings)

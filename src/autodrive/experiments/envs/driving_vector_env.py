@@ -17,7 +17,7 @@ from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import batch_camera
-from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of
+from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of, with_traffic
 from autodrive.experiments.envs.task import Bools, CarReadings, Ground, Observation, Outcome, Start, Task
 from autodrive.world.batch import BatchWorld
 
@@ -44,15 +44,20 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         frame_skip: int = 5,
         threads: int | None = None,
         render_mode: str | None = None,
+        traffic: int = 0,
     ) -> None:
         """`task`: its name, or one that is already made. `threads`: of the batch; None: one for each core.
 
+        `traffic`: cars that drive themselves in each world, on a map with lanes; each episode has its own places,
+        speeds and ways of them.
+
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
-        checked = Settings(task if isinstance(task, str) else None, observation, action, frame_skip)
+        name = task if isinstance(task, str) else None
+        checked = Settings(name, observation, action, frame_skip, traffic=traffic)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.task = TASKS[task](frame_skip) if isinstance(task, str) else task
+        self.task = with_traffic(TASKS[task](frame_skip) if isinstance(task, str) else task, traffic)
         self.settings = replace(checked, choices=self.task.choices)
         seen = observation or self.task.observation
         if render_mode is not None:
@@ -162,7 +167,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
             poses.setdefault(name, []).append(pose)
         self._reset_worlds(worlds, np.array(seeds), {name: np.array(all_) for name, all_ in poses.items()})
         rows = np.flatnonzero(mask)
-        self._episodes.begin(rows, starts, CarReadings.of_batch(self.batch.readings))
+        self._episodes.begin(rows, starts, self._cars())
         self.steps[rows] = 0
 
     def _drive(self, commands: NDArray[Any], worlds: Bools) -> None:
@@ -172,7 +177,10 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
     def _judge(self) -> Outcome:
         """What the last action led to."""
         is_unstable = np.repeat(self.batch.readings.is_unstable, self.car_count)
-        return self._episodes.advance(CarReadings.of_batch(self.batch.readings), is_unstable)
+        return self._episodes.advance(self._cars(), is_unstable)
+
+    def _cars(self) -> CarReadings:
+        return CarReadings.of_batch(self.batch.readings, self.car_count)
 
     def _ends(self, outcome: Outcome, is_late: Bools) -> tuple[Bools, Bools]:
         """Whether each episode ends by the last action, and whether it is truncated; `is_late`: by its time."""

@@ -18,9 +18,8 @@ from autodrive.experiments.envs.conditions import whole_number_errors
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
-from autodrive.experiments.envs.settings import MOST_CARS, Action, Settings, action_space, commands_of
-from autodrive.experiments.envs.task import Bools, CarReadings, Observation, Outcome, Start
-from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.experiments.envs.settings import MOST_CARS, Action, Settings, action_space, commands_of, with_traffic
+from autodrive.experiments.envs.task import Bools, CarReadings, Observation, Outcome, Start, Task
 from autodrive.protocol.messages import Command, Frame
 
 
@@ -31,7 +30,7 @@ class Cars(ParallelEnv[str, Any, Any]):
     it is.
     """
 
-    def __init__(self, task: LaneKeeping | TimeTrial, settings: Settings, max_episode_steps: int | None) -> None:
+    def __init__(self, task: Task, settings: Settings, max_episode_steps: int | None) -> None:
         self.task, self.settings, self.render_mode = task, settings, settings.render_mode
         seen = settings.observation or task.observation
         self.possible_agents = list(task.scenario.vehicles)
@@ -130,10 +129,14 @@ class DrivingParallelEnv(Cars):
         action: Action = "continuous",
         frame_skip: int = 5,
         render_mode: str | None = None,
+        traffic: int = 0,
     ) -> None:
-        """Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL."""
-        checked = Settings("lane_keeping", observation, action, frame_skip, render_mode)
-        super().__init__(LaneKeeping(frame_skip, checked_cars(cars)), checked, max_episode_steps)
+        """`traffic`: cars that drive themselves.
+
+        Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
+        """
+        checked = Settings("lane_keeping", observation, action, frame_skip, render_mode, traffic=traffic)
+        super().__init__(with_traffic(LaneKeeping(frame_skip, checked_cars(cars)), traffic), checked, max_episode_steps)
         self._has_camera = observation == "camera"
         self.rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
         self.metadata = {**type(self).metadata, "render_fps": 1.0 / self.rendered.step_duration}

@@ -86,12 +86,12 @@ class RaceParallelEnv(Cars):
         weather = self.conditions.draw_weather(rng)
         self.batch.reset(WORLD, [seed], poses=poses, grip=friction, mass=mass, noise=noise, weather=weather)
         self._driver.reset(WORLD, latency)
-        return CarReadings.of_batch(self.batch.readings)
+        return CarReadings.of_batch(self.batch.readings, len(self.possible_agents))
 
     def _drive(self, commands: NDArray[np.float64]) -> tuple[CarReadings, Bools]:
         self._driver.step(commands[None])
         readings = self.batch.readings
-        return CarReadings.of_batch(readings), np.full(len(commands), readings.is_unstable[0])
+        return CarReadings.of_batch(readings, len(commands)), np.full(len(commands), readings.is_unstable[0])
 
     def _judged(self, outcome: Outcome) -> tuple[Bools, list[dict[str, Any]]]:
         driven = self.distance

@@ -17,7 +17,7 @@ from autodrive.scenario.tracks.generate import generate_track
 from autodrive.scenario.tracks.track import Pose, Track
 
 AREA = 20.0, 10.0
-"""Of the ground of each track [m]. A longer track on it has more and tighter curves."""
+"""Of the ground of each track [m] if nothing is chosen. A longer track on it has more and tighter curves."""
 APART = 12.0
 """Between the grounds of two tracks [m]: farther than a LIDAR of the car sees."""
 ROWS = 16
@@ -32,7 +32,8 @@ class RaceTracks:
     """`count` tracks with the seeds `seed`, `seed` + 1, ... The map is a file in the cache.
 
     `width`: between the barriers, `length`, and `radius`: least of the centre line in curves [m]; of each the least and
-    the greatest: each track has its own. `radius` None: see `generate_track`. Raises `SpecError` if no track fits.
+    the greatest: each track has its own. `radius` None: see `generate_track`. `area`: of the ground of each track [m].
+    Raises `SpecError` if no track fits.
     """
 
     def __init__(
@@ -42,14 +43,15 @@ class RaceTracks:
         width: tuple[float, float],
         length: tuple[float, float],
         radius: tuple[float, float] | None,
+        area: tuple[float, float] = AREA,
     ) -> None:
         ranges = (width, length) if radius is None else (width, length, radius)
-        folder = cache_folder("race_tracks", "scenario/tracks", also=f"{count} {seed} {ranges} {AREA} {APART} {ROWS}")
+        folder = cache_folder("race_tracks", "scenario/tracks", also=f"{count} {seed} {ranges} {area} {APART} {ROWS}")
         self.file = folder / "tracks.yaml"
         """The map. Its road and its start line are those of the first track; it has the barriers of all."""
         files = [folder / f"track_{k}.yaml" for k in range(count)]
         if not all(file.is_file() for file in (self.file, *files)):
-            write_tracks(count, seed, ranges, folder)
+            write_tracks(count, seed, ranges, area, folder)
         tracks = [Track.load(file) for file in files]
         self.length = np.array([track.length for track in tracks])
         """Of the centre lines [m], shape (n,)."""
@@ -66,15 +68,17 @@ class RaceTracks:
         return x - lateral * s, y + lateral * c, atan2(s, c)
 
 
-def write_tracks(count: int, seed: int, ranges: Sequence[tuple[float, float]], folder: Path) -> None:
+def write_tracks(
+    count: int, seed: int, ranges: Sequence[tuple[float, float]], area: tuple[float, float], folder: Path
+) -> None:
     """Generate the tracks. The map is written last: what it consists of is complete."""
     make_folder(folder)
     walls: list[Floats] = []
     tracks: list[Track] = []
     for k in range(count):
-        one = _track(seed + k, ranges)
+        one = _track(seed + k, ranges, area)
         column, row = divmod(k, ROWS)
-        aside = np.array([column * (AREA[0] + APART), row * (AREA[1] + APART)])
+        aside = np.array([column * (area[0] + APART), row * (area[1] + APART)])
         line = one.centre_line + np.array([*aside, 0.0, 0.0])
         moved = Track(one.name, line, walls=tuple(wall + aside for wall in one.walls), barrier=one.barrier)
         write_file(folder / f"track_{k}.yaml", moved.text())
@@ -86,13 +90,13 @@ def write_tracks(count: int, seed: int, ranges: Sequence[tuple[float, float]], f
     write_file(folder / "tracks.yaml", whole.text())
 
 
-def _track(seed: int, ranges: Sequence[tuple[float, float]]) -> Track:
+def _track(seed: int, ranges: Sequence[tuple[float, float]], area: tuple[float, float]) -> Track:
     """The first that fits on its ground of those whose width, length and radius are drawn from the ranges."""
     rng = np.random.default_rng([seed, 0, 1])
 
     def drawn() -> Track:
         width, length, *radius = (round(least + rng.random() * (most - least), 3) for least, most in ranges)
-        return generate_track(seed, width=width, length=length, area=AREA, min_radius=next(iter(radius), None))
+        return generate_track(seed, width=width, length=length, area=area, min_radius=next(iter(radius), None))
 
     for _ in range(DRAWS - 1):
         with contextlib.suppress(SpecError):

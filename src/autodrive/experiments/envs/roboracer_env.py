@@ -13,6 +13,7 @@ from autodrive.base.errors import SpecError
 from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.conditions import Conditions, Drive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
+from autodrive.experiments.envs.race_tracks import AREA
 from autodrive.experiments.envs.settings import MOST_CARS, Action
 from autodrive.experiments.envs.task import Observation, Outcome
 from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
@@ -35,9 +36,9 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
 
     `tracks` random tracks with the seeds `track_seed`, `track_seed` + 1, ..., of `track_width` and `track_length` [m]
     or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
-    width of the track and at least 1 m. Each episode is on one of them, by its seed. `friction`, `mass`, `noise`,
-    `latency`, `fog`, `rain`, `snow`: see `Conditions`. `conditions` may be replaced at any time, for the episodes that
-    follow.
+    width of the track and at least 1 m; `track_area` is the ground of each track along x and y [m]. Each episode is on
+    one of them, by its seed. `friction`, `mass`, `noise`, `latency`, `fog`, `rain`, `snow`: see `Conditions`.
+    `conditions` may be replaced at any time, for the episodes that follow.
     """
 
     @with_suggestions
@@ -52,6 +53,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         track_width: Range = WIDTH,
         track_length: Range = LENGTH,
         track_radius: Range | None = None,
+        track_area: tuple[float, float] = AREA,
         friction: Range = 1.0,
         mass: Range = 1.0,
         noise: Range = 0.0,
@@ -77,7 +79,14 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         super().__init__(
             num_envs,
             TimeTrial(
-                frame_skip, tracks, track_seed, cars, width=track_width, length=track_length, radius=track_radius
+                frame_skip,
+                tracks,
+                track_seed,
+                cars,
+                width=track_width,
+                length=track_length,
+                radius=track_radius,
+                area=track_area,
             ),
             max_episode_steps=max_episode_steps,
             autoreset_mode=autoreset_mode,

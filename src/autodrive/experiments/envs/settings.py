@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, SpecError
 from autodrive.base.suggest import suggest
+from autodrive.experiments.envs.conditions import whole_number_errors
 from autodrive.experiments.envs.lane_keeping import LaneKeeping
 from autodrive.experiments.envs.navigation import Navigation
 from autodrive.experiments.envs.parking import Parking
 from autodrive.experiments.envs.task import CHOICES, Observation, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.scenario.scenario import TrafficSpec
 
 Action: TypeAlias = Literal["continuous", "discrete"]
 
@@ -27,6 +29,8 @@ MOST_TICKS = 50
 
 MOST_CARS = 8
 """Of a race, or on one lane."""
+MOST_TRAFFIC = 50
+"""See `TrafficSpec`."""
 IMAGE_WIDTH, IMAGE_HEIGHT = 128, 96
 """Of the observation 'camera' [pixels]."""
 
@@ -45,6 +49,8 @@ class Settings:
     render_mode: str | None = None
     choices: Floats = field(default_factory=lambda: CHOICES)
     """Of the task."""
+    traffic: int = 0
+    """Cars that drive themselves, 0 to 50; the map must have lanes for them."""
 
     def __post_init__(self) -> None:
         choices: dict[str, list[Any]] = {
@@ -61,8 +67,16 @@ class Settings:
         ticks = self.frame_skip
         if isinstance(ticks, bool) or not isinstance(ticks, int) or not 1 <= ticks <= MOST_TICKS:
             errors.append(f"frame_skip: must be a whole number of ticks from 1 to {MOST_TICKS}, not {ticks!r}")
+        errors += whole_number_errors({"traffic": (self.traffic, 0, MOST_TRAFFIC)})
         if errors:
             raise SpecError(errors)
+
+
+def with_traffic(task: Task, cars: int) -> Task:
+    """The task with so many cars that drive themselves in its scenario, behind its own vehicles."""
+    if cars:
+        task.scenario = task.scenario.model_copy(update={"traffic": TrafficSpec(cars=cars)})
+    return task
 
 
 def action_space(settings: Settings) -> spaces.Space[Any]:

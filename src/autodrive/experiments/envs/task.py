@@ -19,7 +19,7 @@ from autodrive.base.jit import jit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from autodrive.protocol.messages import Frame
+    from autodrive.protocol.messages import Frame, HeardVehicle
     from autodrive.scenario import ScenarioSpec
     from autodrive.world.batch import Readings
 
@@ -52,13 +52,17 @@ class CarReadings(NamedTuple):
     """[s], shape (n,)."""
     lidar_ranges: Floats
     """[m] as in REP 117, shape (n, n_ray)."""
+    heard: Floats
+    """Latest radio message of each of the s cars of the world; `Readings.heard_vehicles`, shape (n, s, 8).
+
+    Without a channel s is 0."""
     objects: Floats
     """Positions of the movable objects [m] in the map frame, shape (n, n_object, 3)."""
 
     @classmethod
     def of_frame(cls, frame: Frame) -> CarReadings:
-        """The cars of one world."""
-        cars = list(frame.vehicles.values())
+        """The cars of one world, without the traffic."""
+        cars = [car for car in frame.vehicles.values() if not car.is_traffic]
         objects = [one.pose.position for one in frame.objects.values()]
         scans = [car.lidar for car in cars if car.lidar is not None]
         assert len(scans) == len(cars), "every car of these scenarios has a LIDAR"
@@ -72,18 +76,20 @@ class CarReadings(NamedTuple):
             np.array([car.collision_count for car in cars]),
             np.array([scan.time for scan in scans]),
             np.array([scan.ranges for scan in scans]),
+            _heard(frame),
             np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
         ]
         return cls._make(values)
 
     @classmethod
-    def of_batch(cls, readings: Readings) -> CarReadings:
-        """The cars of all worlds, one world after the other.
+    def of_batch(cls, readings: Readings, count: int) -> CarReadings:
+        """The first `count` cars of all worlds, one world after the other.
 
-        Views, which the next step of the batch overwrites, but for the time and the objects of several cars.
+        They may be views, which the next step of the batch overwrites.
         """
-        count = readings.position.shape[1]
-        cars: list[Any] = [one.reshape(-1, *one.shape[2:]) for one in (getattr(readings, f) for f in cls._fields[1:10])]
+        n = len(readings.position)
+        columns = [getattr(readings, name) for name in cls._fields[1:10]] + [readings.heard_vehicles]
+        cars: list[Any] = [one[:, :count].reshape(n * count, *one.shape[2:]) for one in columns]
         time, objects = readings.time, readings.object_pose[:, :, :3]
         if count > 1:
             time, objects = np.repeat(time, count), np.repeat(objects, count, axis=0)
@@ -93,6 +99,21 @@ class CarReadings(NamedTuple):
         """The readings of some of the cars."""
         some: list[Any] = [values[rows] for values in self]
         return CarReadings(*some)
+
+
+def _heard(frame: Frame) -> Floats:
+    """See `CarReadings.heard`."""
+    rows = [
+        [_message(reading.vehicles.get(name)) for name in frame.vehicles] if reading is not None else []
+        for reading in (car.v2x for car in frame.vehicles.values() if not car.is_traffic)
+    ]
+    return np.array(rows, np.float64).reshape(len(rows), -1, 8)
+
+
+def _message(heard: HeardVehicle | None) -> list[float]:
+    if heard is None:
+        return [math.nan] * 8
+    return [heard.sent, heard.received, *heard.position.tolist(), heard.yaw, heard.speed, heard.steering]
 
 
 CHOICES: Floats = np.array([(throttle, steering) for throttle in (-1, 0, 1) for steering in (-1, -0.5, 0, 0.5, 1)])

@@ -18,7 +18,7 @@ from autodrive.base.jit import jit
 from autodrive.experiments.envs import path
 from autodrive.experiments.envs.conditions import Range, range_errors, whole_number_errors
 from autodrive.experiments.envs.path import follow, look_ahead
-from autodrive.experiments.envs.race_tracks import SPACING, RaceTracks
+from autodrive.experiments.envs.race_tracks import AREA, SPACING, RaceTracks
 from autodrive.experiments.envs.task import CarReadings, Feature, Outcome, ScanView, Start, Task, uniform, wrapped
 from autodrive.scenario import ScenarioSpec, SensorSettings, VehiclePlacement
 
@@ -37,10 +37,12 @@ FAILURE = -5.0
 MOST_TRACKS = 64
 WIDTH, LEAST_WIDTH, MOST_WIDTH = 1.4, 0.8, 2.0
 """Of a track [m]: if nothing is chosen, and its limits."""
-LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 70.0
+LENGTH, LEAST_LENGTH, MOST_LENGTH = 40.0, 30.0, 120.0
 """Likewise."""
 LEAST_RADIUS, MOST_RADIUS = 0.6, 4.0
 """Of curves [m]: the car turns with 0.56 m."""
+LEAST_AREA, MOST_AREA = 6.0, 60.0
+"""Sides of the ground of a track [m]."""
 
 WHEEL_RADIUS = 0.059
 """[m]: vehicles/roboracer.yaml."""
@@ -79,8 +81,9 @@ class TimeTrial(Task):
         width: Range = WIDTH,
         length: Range = LENGTH,
         radius: Range | None = None,
+        area: tuple[float, float] = AREA,
     ) -> None:
-        """`laps`: after which the task is accomplished. `width`, `length`, `radius`: see `RaceTracks` [m].
+        """`laps`: after which the task is accomplished. `width`, `length`, `radius`, `area`: see `RaceTracks` [m].
 
         Raises `SpecError`.
         """
@@ -93,10 +96,11 @@ class TimeTrial(Task):
         }
         if radius is not None:
             ranges["track_radius"] = radius, LEAST_RADIUS, MOST_RADIUS
-        if errors := errors + range_errors(ranges):
+        errors += range_errors(ranges) + _area_errors(area)
+        if errors:
             raise SpecError(errors)
         curves = None if radius is None else _ends(radius)
-        self.tracks = RaceTracks(tracks, track_seed, _ends(width), _ends(length), curves)
+        self.tracks = RaceTracks(tracks, track_seed, _ends(width), _ends(length), curves, area)
         self._laps = laps
         self.scenario = ScenarioSpec(
             map=str(self.tracks.file),
@@ -151,6 +155,15 @@ class TimeTrial(Task):
         t = self.tracks
         track = t.lines, t.count, t.length
         _judge(cars, *track, self._laps, self._reach, self._duration, self._preview, memory, features, outcome)
+
+
+def _area_errors(area: object) -> list[str]:
+    """What is no ground of a track."""
+    sides: tuple[object, ...] = area if isinstance(area, tuple) else ()
+    limits = LEAST_AREA, MOST_AREA
+    if len(sides) == 2 and not any(isinstance(one, tuple) or range_errors({"": (one, *limits)}) for one in sides):
+        return []
+    return [f"track_area: must be two numbers from {LEAST_AREA:g} to {MOST_AREA:g}, along x and y, not {area!r}"]
 
 
 def _ends(given: Range) -> tuple[float, float]:

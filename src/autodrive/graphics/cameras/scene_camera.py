@@ -17,6 +17,7 @@ from autodrive.graphics.cameras.viewpoints import (
     Viewpoint,
     birds_eye,
     drivers_eye,
+    fly,
     orbit,
     scene_cameras,
 )
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from autodrive.protocol.native import SetCamera
     from autodrive.scenario.vehicles.spec import VehicleSpec
 
-CAMERAS = (*scene_cameras(), "Orbit")
+CAMERAS = (*scene_cameras(), "Orbit", "Fly")
 
 ORBIT_TARGET: Vector = (0.07, 0.0, 0.05)
 """Target of the orbit in the vehicle frame: the middle of the car [m]."""
@@ -48,11 +49,12 @@ def check_view(view: SetCamera, vehicles: Sequence[str]) -> None:
         raise AutodriveError(f"scene camera '{view.camera}' is not known. {suggest(str(view.camera), [*CAMERAS])}")
     if view.vehicle is not None and view.vehicle not in vehicles:
         raise AutodriveError(f"vehicle '{view.vehicle}' is not known. {suggest(view.vehicle, list(vehicles))}")
-    if view.vehicle is None and not vehicles:
+    if view.vehicle is None and not vehicles and view.camera != "Fly":
         raise AutodriveError("a scene camera follows a vehicle, and this scenario has none")
-    for name in ("height", "azimuth", "elevation", "distance"):
-        if not math.isfinite(value := getattr(view, name)):
-            raise AutodriveError(f"{name} of a scene camera must be a finite number, not {value}")
+    for name in ("height", "azimuth", "elevation", "distance", "position"):
+        value = getattr(view, name)
+        if not all(map(math.isfinite, value if name == "position" else (value,))):
+            raise AutodriveError(f"{name} of a scene camera must be finite, not {value}")
     if not LEAST_ZOOM <= view.zoom <= MOST_ZOOM:
         raise AutodriveError(f"zoom of a scene camera must be {LEAST_ZOOM:g} to {MOST_ZOOM:g}, not {view.zoom}")
 
@@ -78,6 +80,9 @@ class SceneCamera:
 
     def _standard(self, view: SetCamera, frame: Frame, now: float) -> Viewpoint:
         """The viewpoint with the standard focal length."""
+        if view.camera == "Fly":
+            self._god = None
+            return fly(view.position, view.azimuth, view.elevation)
         name = view.vehicle or next(iter(frame.vehicles))
         pose = frame.vehicles[name].pose
         if view.camera == "God's Eye":

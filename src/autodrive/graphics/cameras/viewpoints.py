@@ -97,6 +97,11 @@ def orbit(
     return Viewpoint(place, _looking(azimuth + math.pi, elevation), field_of_view_deg)
 
 
+def fly(position: Vector, azimuth: float, elevation: float) -> Viewpoint:
+    """Anywhere in the map; looks along that direction [rad], elevation upwards."""
+    return Viewpoint(position, _looking(azimuth, -elevation))
+
+
 class GodsEye:
     """A camera at a fixed position that turns to follow a vehicle and zooms to keep its size in the image."""
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,7 +62,7 @@ class FilmOptions:
     quality: str = "auto"
     """One of `autodrive.graphics.render.quality.NAMES`."""
     view: SetCamera = field(default_factory=lambda: SetCamera(None))
-    """Height, orbit and zoom of a scene camera; its other fields are not used."""
+    """Height, orbit, position and zoom of a scene camera; its other fields are not used."""
 
 
 def film(
@@ -124,12 +125,7 @@ class _Shooting:
         self._cameras = CameraArray(self._rig)
         self._cameras.reset(spec.seed)
         self._scene_camera = SceneCamera(compiled.vehicles)
-        view = options.view
-        self._view = SetCamera(
-            camera,
-            self.vehicle,
-            **{name: getattr(view, name) for name in ("height", "azimuth", "elevation", "distance", "zoom")},
-        )
+        self._view = msgspec.structs.replace(options.view, camera=camera, vehicle=self.vehicle)
         self.size = size or options.size or self._standard_size()
         if self._slot is None:
             check_view(self._view, list(compiled.vehicles))

@@ -109,7 +109,12 @@ class Map:
     @property
     def traffic_lights(self) -> list[str]:
         """Names of the traffic lights, in the order of the devkit."""
-        return [prop.name for prop in self.props if prop.kind == "traffic_light"]
+        return list(self.light_poses)
+
+    @property
+    def light_poses(self) -> dict[str, Pose]:
+        """Their poses by name, in the same order."""
+        return {prop.name: prop.pose for prop in self.props if prop.kind == "traffic_light"}
 
 
 def load_map(name: str | Path | MapSpec | TrackSpec) -> Map:

@@ -68,6 +68,27 @@ class Roads(NamedTuple):
         return len(self.length)
 
 
+_NO_NUMBERS, _NO_INTEGERS, _FIRST = np.zeros(0), np.zeros(0, np.int64), np.zeros(1, np.int64)
+NO_ROADS = Roads(
+    point_first=_FIRST,
+    points=np.zeros((0, 4)),
+    spacing=_NO_NUMBERS,
+    length=_NO_NUMBERS,
+    successor_first=_FIRST,
+    successor=_NO_INTEGERS,
+    is_gate=_NO_INTEGERS,
+    stop_at=_NO_NUMBERS,
+    light=_NO_INTEGERS,
+    is_stop=_NO_INTEGERS,
+    critical_gap=_NO_NUMBERS,
+    conflict_first=_FIRST,
+    conflict=_NO_INTEGERS,
+    conflict_end=_NO_NUMBERS,
+    yields=_NO_INTEGERS,
+)
+"""No link at all."""
+
+
 def roads(map_: Map, clearance: float) -> Roads:
     """The roads of a map; lanes of which the centre lines come nearer than `clearance` [m] cross or join.
 

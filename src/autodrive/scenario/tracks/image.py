@@ -34,14 +34,21 @@ def read_grey(path: Path) -> Floats:
         data = path.read_bytes()
     except OSError as error:
         raise SpecError([f"the image cannot be read: {error.strerror or error}"], str(path)) from None
+    return grey_of(data, str(path))
+
+
+def grey_of(data: bytes, path: str = "") -> Floats:
+    """As `read_grey`, of the bytes of a file, which may be compressed with zlib; `path` is for errors."""
     try:
+        if data[:1] == b"x":
+            data = zlib.decompressobj().decompress(data, MAX_BYTES)
         if data.startswith(b"\x89PNG\r\n\x1a\n"):
             return _png(data)
         if data[:2] in (b"P2", b"P5"):
             return _pgm(data)
     except (ValueError, struct.error, zlib.error, IndexError, DeprecationWarning) as error:
-        raise SpecError([f"the image cannot be read: {error}"], str(path)) from None
-    raise SpecError(["the image is neither PNG nor PGM; save it as PNG"], str(path))
+        raise SpecError([f"the image cannot be read: {error}"], path) from None
+    raise SpecError(["the image is neither PNG nor PGM; save it as PNG"], path)
 
 
 def _png(data: bytes) -> Floats:

@@ -18,7 +18,7 @@ from autodrive.base.errors import SpecError
 from autodrive.scenario.tracks import checks
 from autodrive.scenario.tracks.contours import contours, free_area
 from autodrive.scenario.tracks.line import closed_line
-from autodrive.scenario.tracks.ros_map import RosMap, read_ros_map, write_ros_map
+from autodrive.scenario.tracks.ros_map import RosMap, read_ros_map, ros_map_of, write_ros_map
 from autodrive.scenario.tracks.shape import heading, resampled, steps, straightest, walls_along
 from autodrive.scenario.tracks.tables import read_centre_line, read_race_line, write_centre_line, write_race_line
 from autodrive.scenario.tracks.track import POINT_GAP, BarrierSpec, Track
@@ -101,6 +101,35 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
     if sources.centre_line:
         rows = _cleaned(read_centre_line(sources.centre_line, options.width), sources.centre_line, warnings)
     race = _race_line(sources.race_line, warnings) if sources.race_line else None
+    return _track(options.name or sources.name, ros_map, rows, race, options, warnings, str(path)), warnings
+
+
+def import_picture(
+    picture: bytes, text: str, options: ImportOptions, *, start: tuple[float, float] | None = None
+) -> tuple[Track, list[str]]:
+    """The track of the picture of a map, PNG or PGM, and the text of its YAML file of map_server; as `import_track`.
+
+    `start`: that of the options, but in pixels from the upper left corner of the picture to the right and down.
+    """
+    warnings: list[str] = []
+    ros_map = ros_map_of(text, picture)
+    if start is not None:
+        right, down = start
+        ((x, y),) = ros_map.metres(np.array([[right, len(ros_map.occupancy) - down]])).tolist()
+        options = replace(options, start=(x, y))
+    return _track(options.name or "track", ros_map, None, None, options, warnings, "the picture"), warnings
+
+
+def _track(
+    name: str,
+    ros_map: RosMap | None,
+    rows: Floats | None,
+    race: Floats | None,
+    options: ImportOptions,
+    warnings: list[str],
+    path: str,
+) -> Track:
+    """The track of a map, a centre line `rows`, or both, and perhaps a race line; adds to the warnings."""
     walls: tuple[Floats, ...] = ()
     if ros_map is not None:
         if ros_map.warning:
@@ -117,7 +146,7 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
         try:
             walls = _walls(ros_map, inside, options, hint)
         except SpecError as error:
-            raise SpecError(error.errors, str(path)) from None
+            raise SpecError(error.errors, path) from None
     if rows is None:
         rows = _middle_line(walls, path)
         text = "direction and start line are guesses"
@@ -125,16 +154,16 @@ def import_track(path: Path, options: ImportOptions | None = None) -> tuple[Trac
             rows, text = _along(rows, race), "direction and start line are those of the race line"
         warnings.append(f"the file has no centre line: it is the middle between the walls; {text}")
     rows = _turned(rows, options)
-    name = options.name or sources.name
     if not walls:
         walls = walls_along(rows, min(options.tolerance, 0.01))
     track = Track(name, np.round(rows, 4) + 0.0, None, walls, title=name, barrier=options.barrier)
     errors = checks.track_errors(track)
     if errors:
-        raise SpecError([f"track '{name}': {error}" for error in errors], str(path))
+        raise SpecError([f"track '{name}': {error}" for error in errors], path)
     if race is not None:
         track = _with_race_line(track, race, warnings)
-    return track, [*warnings, *checks.track_warnings(track)]
+    warnings += checks.track_warnings(track)
+    return track
 
 
 def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> list[Path]:
@@ -220,7 +249,7 @@ def _along(rows: Floats, race: Floats) -> Floats:
     return _turned(rows, ImportOptions(start=start, is_reversed=bool(forward < 0)))
 
 
-def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
+def _middle_line(walls: tuple[Floats, ...], path: str) -> Floats:
     """The line between the outer wall and the largest inner one, counter-clockwise, with its distances to the walls.
 
     It consists of those borders of the Voronoi cells of points on the walls that have a point of the outer and one of
@@ -228,9 +257,7 @@ def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
     """
     rings = sorted((shapely.LinearRing(wall) for wall in walls), key=lambda ring: -shapely.Polygon(ring).area)
     if len(rings) < 2:
-        raise SpecError(
-            ["the free area has no inner wall, so that the track is not a ring; give a centre line"], str(path)
-        )
+        raise SpecError(["the free area has no inner wall, so that the track is not a ring; give a centre line"], path)
     spacing = max(SPACING, sum(ring.length for ring in rings[:2]) / MAX_POINTS)
     outer, inner = (shapely.segmentize(ring, spacing) for ring in rings[:2])
     outer_points, inner_points = shapely.MultiPoint(_points(outer)), shapely.MultiPoint(_points(inner))
@@ -247,7 +274,7 @@ def _middle_line(walls: tuple[Floats, ...], path: Path) -> Floats:
     is_middle = (np.abs(outer_away - inner_away) < 1e-6).reshape(-1, 2).all(axis=1)
     area = shapely.polygonize(shapely.get_parts(shapely.node(shapely.union_all(parts[is_middle]))))
     if shapely.is_empty(area):
-        raise SpecError(["no middle line was found between the walls; give a centre line"], str(path))
+        raise SpecError(["no middle line was found between the walls; give a centre line"], path)
     ring = shapely.union_all(shapely.get_parts(area)).exterior  # type: ignore[attr-defined]
     points = _points(ring)
     if not ring.is_ccw:

@@ -19,7 +19,7 @@ from autodrive.base.elementary import cos, sin
 from autodrive.base.errors import SpecError
 from autodrive.base.png import encode_png
 from autodrive.base.specs import Coordinate, Spec
-from autodrive.scenario.tracks.image import read_grey
+from autodrive.scenario.tracks.image import grey_of, read_grey
 
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
 """Grey values, as map_saver of ROS writes them."""
@@ -75,14 +75,7 @@ class RosMap:
 
 def read_ros_map(path: Path) -> RosMap:
     """The map of a YAML file. Raises `SpecError` with all errors."""
-    spec, errors = yaml_files.readable(yaml_files.source(path), RosMapSpec)
-    if errors or spec is None:
-        raise SpecError(errors, str(path))
-    if spec.occupied_thresh <= spec.free_thresh:
-        text = f"occupied_thresh {spec.occupied_thresh:g} must be above free_thresh {spec.free_thresh:g}"
-        raise SpecError([text], str(path))
-    if spec.mode == "raw":
-        raise SpecError(["mode raw has no fixed meaning of grey values; save the map as trinary or scale"], str(path))
+    spec = _spec(yaml_files.source(path))
     image, warning = path.parent / spec.image, ""
     if not image.is_file():
         warning = f"image: the file '{spec.image}' does not exist in {path.parent}"
@@ -92,11 +85,31 @@ def read_ros_map(path: Path) -> RosMap:
             raise SpecError([warning], str(path))
         image = others[0]
         warning += f"; '{image.name}' is read instead"
-    grey = read_grey(image)
+    return RosMap(spec, _occupancy(spec, read_grey(image)), warning)
+
+
+def ros_map_of(text: str, picture: bytes) -> RosMap:
+    """The map of the text of a YAML file and the bytes of its image, see `grey_of`. Raises `SpecError`."""
+    spec = _spec(yaml_files.Source(text, "the YAML file of the picture"))
+    return RosMap(spec, _occupancy(spec, grey_of(picture, "the picture")))
+
+
+def _spec(source: yaml_files.Source) -> RosMapSpec:
+    spec = yaml_files.checked_source(source, RosMapSpec)
+    if spec.occupied_thresh <= spec.free_thresh:
+        text = f"occupied_thresh {spec.occupied_thresh:g} must be above free_thresh {spec.free_thresh:g}"
+        raise SpecError([text], source.path)
+    if spec.mode == "raw":
+        raise SpecError(["mode raw has no fixed meaning of grey values; save the map as trinary or scale"], source.path)
+    return spec
+
+
+def _occupancy(spec: RosMapSpec, grey: Floats) -> Floats:
+    """Changes and returns the grey values."""
     if not spec.negate:
         np.subtract(255.0, grey, out=grey)
     grey /= 255.0
-    return RosMap(spec, grey, warning)
+    return grey
 
 
 def write_ros_map(

@@ -29,16 +29,20 @@ from autodrive.protocol.messages import Weather
 from autodrive.scenario import DEFAULT, ScenarioSpec
 from autodrive.scenario import FACTOR_LIMITS as LIMITS
 from autodrive.scenario.maps.light_programs import all_programs
+from autodrive.scenario.v2x import V2xSpec
 from autodrive.scenario.vehicles.parameters import set_conditions, vehicle_table, wheel_table
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.world.batch.columns import Thread, empty_worlds, new_thread
+from autodrive.world.batch.columns import Rules, Thread, empty_worlds, new_thread
 from autodrive.world.batch.readings import Readings, readings_of
 from autodrive.world.batch.tick import begin_worlds, step_worlds
 from autodrive.world.factory import compile_scenario
 from autodrive.world.one_thread import OneThread, by_one_thread
 from autodrive.world.poses import overlapping
 from autodrive.world.referee import NEVER, SEPARATION
+from autodrive.world.traffic.drive import Drivers
+from autodrive.world.traffic.traffic import Fleet
 from autodrive.world.traffic_lights import TrafficLights
+from autodrive.world.v2x import begin_radio, channel_of
 
 BLOCK = 16
 """Worlds that a thread takes at a time, at least."""
@@ -83,17 +87,13 @@ class BatchWorld(OneThread):
             raise CommandError(
                 "a BatchWorld has no sensors of the user: remove 'own_sensors' from the scenario, or make single Worlds"
             )
-        if spec.v2x is not None:
-            raise CommandError(
-                "a BatchWorld has no radio channel: remove 'v2x' from the scenario, or use single Worlds"
-            )
-        if spec.traffic.cars:
-            raise CommandError("a BatchWorld has no traffic: set 'traffic.cars' to 0, or make single Worlds")
         self.n = n
         self.spec = spec
         """The scenario from which `reset` starts."""
         self.map = c.map
         self.vehicle_names = list(c.vehicles)
+        self.commanded_names = [name for name in c.vehicles if name not in spec.traffic.names]
+        """The first vehicles, which obey commands; the traffic behind them drives itself."""
         self.object_names = list(c.objects)
         self.tick_duration = spec.tick
         heights = {box.name: 0.5 * box.size[2] for box in c.boxes}
@@ -111,11 +111,7 @@ class BatchWorld(OneThread):
         self._time = np.zeros(n)
         self.light_names = c.map.traffic_lights
         """Traffic lights follow their programs."""
-        programs = all_programs(c.map.light_programs, spec.light_programs)
-        self._lights = TrafficLights(self.light_names, programs, spec.tick)
-        shape = n, len(self.light_names)
-        self._shown = np.zeros(shape, np.int64), np.full(shape, np.nan)
-        self.readings = readings_of(self.worlds, self._time, self._shown, len(self.object_names))
+        self.readings = readings_of(self.worlds, self._time, len(self.object_names))
         """Of the present instant."""
         self._seeds = [seed + k for k in range(n)]
         self._factors = {name: np.ones((n, len(c.vehicles))) for name in ("mass", "grip")}
@@ -136,8 +132,18 @@ class BatchWorld(OneThread):
         self._engines = engines  # they own the memory of the views
         self._pool = ThreadPoolExecutor(count - 1, "batch") if count > 1 else None
         ids = {owner: i for i, owner in enumerate(dict.fromkeys(c.owners))}
-        self._owners = np.array([ids[owner] for owner in c.owners], np.int64)
-        self._separation = SEPARATION / spec.tick
+        programs = all_programs(c.map.light_programs, spec.light_programs)
+        sizes = [(at, box.size) for at, box in zip(c.objects.values(), c.boxes, strict=True)]
+        self._traffic = Fleet(spec, c.map, c.vehicles, sizes, c.model)
+        self._rules = Rules(
+            owners=np.array([ids[owner] for owner in c.owners], np.int64),
+            edges=c.map.drivable_edges,
+            separation=SEPARATION / spec.tick,
+            lights=TrafficLights(self.light_names, programs, spec.tick).table(spec.time_of_day),
+            roads=self._traffic.roads,
+            bodies=self._traffic.bodies,
+            channel=channel_of(spec.v2x or V2xSpec(), spec.tick),
+        )
         self._is_always = engine == "always"
         self._step = resolved(step_worlds, *self._arguments(self._threads[0], 0, 0, 1))
         self._begin = resolved(begin_worlds, *self._begin_arguments(np.zeros(0, np.int64)))
@@ -151,9 +157,9 @@ class BatchWorld(OneThread):
     def step(self, commands: ArrayLike, ticks: int = 1, worlds: ArrayLike | None = None) -> Readings:
         """Run so many ticks with these commands: throttle and steering (left positive), each in [-1, 1].
 
-        `commands` has the shape (n, v, 2); greater values are limited. `worlds`: those that move, as in `reset`; the
-        others stay as they are, and their commands mean nothing. Raises `CommandError` for another shape, or a value
-        that is not finite; nothing has moved then.
+        `commands` has the shape (n, v, 2), without the traffic; greater values are limited. `worlds`: those that move,
+        as in `reset`; the others stay as they are, and their commands mean nothing. Raises `CommandError` for another
+        shape, or a value that is not finite; nothing has moved then.
         """
         self._check_open()
         values = self._checked_commands(commands)
@@ -161,8 +167,8 @@ class BatchWorld(OneThread):
         self._is_stepped[self._checked_worlds(worlds)] = True
         if isinstance(ticks, bool) or not isinstance(ticks, int) or ticks < 1:
             raise CommandError(f"ticks must be a whole number from 1 on, not {ticks!r}")
-        np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle)
-        np.clip(values[..., 1], -1.0, 1.0, out=self.worlds.steering)
+        np.clip(values[..., 0], -1.0, 1.0, out=self.worlds.throttle[:, : values.shape[1]])
+        np.clip(values[..., 1], -1.0, 1.0, out=self.worlds.steering[:, : values.shape[1]])
         if self._pool is None:
             self._step(*self._arguments(self._threads[0], 0, self.n, ticks))
         else:
@@ -191,8 +197,9 @@ class BatchWorld(OneThread):
 
         `worlds`: a mask of shape (n,), or m numbers of worlds; None: all. `seeds`: new ones, shape (m,); a seed stays
         until the next one. `poses`: x, y [m] and yaw [rad] of vehicles or objects on the ground, by name, shape (m, 3)
-        or (3,); the others are where the scenario places them. `mass`, `grip`, `noise`: the factors of
-        `VehiclePlacement` in addition to those of the scenario, one number or shape (m,) or (m, v).
+        or (3,); the others are where the scenario places them, the traffic is where the seed does. `mass`, `grip`,
+        `noise`: the factors of `VehiclePlacement` in addition to those of the scenario, one number or shape (m,) or
+        (m, v).
 
         `motions`: vehicles start in motion, with rolling wheels: forward and left speed [m/s], yaw rate [rad/s], and
         the throttle and the steering that they have obeyed, by name, shape (m, 5) or (5,); the others start at rest.
@@ -208,7 +215,7 @@ class BatchWorld(OneThread):
         new_seeds = self._checked_seeds(seeds, chosen)
         given = {"mass": mass, "grip": grip, "noise": noise}
         factors = {name: self._checked_factor(name, factor, chosen) for name, factor in given.items()}
-        qpos = self._checked_starts(poses or {}, chosen)
+        qpos = self._checked_starts(poses or {}, chosen, new_seeds)
         moving = {self._vehicle(name): self._checked_motion(name, one, chosen) for name, one in (motions or {}).items()}
         own = self._checked_vehicles(vehicles or {}, chosen)
         weathers = self._checked_weathers(self.spec.weather.message if weather is None else weather, chosen)
@@ -223,6 +230,10 @@ class BatchWorld(OneThread):
         tables: dict[tuple[object, ...], tuple[Table, Table]] = {}
         for row, k in enumerate(chosen.tolist()):
             self._seeds[k] = new_seeds[row]
+            if self.spec.v2x is not None:
+                begin_radio(w.radio, k, self._seeds[k])
+            if self._traffic.names:
+                self._traffic.begin(Drivers._make(column[k] for column in w.drivers), self._seeds[k])
             its_factors = {name: values[row] for name, values in factors.items()}
             self._set_parameters(k, its_factors, own[row], weathers[row], tables)
         for i, motion in moving.items():
@@ -253,9 +264,7 @@ class BatchWorld(OneThread):
             self._is_stepped,
             thread,
             self._sensors,
-            self._owners,
-            c.map.drivable_edges,
-            self._separation,
+            self._rules,
             first,
             last,
             ticks,
@@ -266,14 +275,11 @@ class BatchWorld(OneThread):
 
     def _begin_arguments(self, chosen: Integers) -> tuple[Any, ...]:
         c = self.compiled
-        return c.model, self.worlds, self._threads[0], self._sensors, chosen, self._substeps
+        return c.model, self.worlds, self._threads[0], self._sensors, self._rules, chosen, self._substeps
 
     def _show(self) -> Readings:
         numerator, denominator = self._tick.numerator, self._tick.denominator
         np.divide(self.worlds.tick * numerator, denominator, out=self._time)
-        if self.light_names:
-            states, times = self._lights.table(self.worlds.tick, self.spec.time_of_day)
-            self._shown[0][:], self._shown[1][:] = states, times
         return self.readings
 
     def _set_parameters(
@@ -344,7 +350,7 @@ class BatchWorld(OneThread):
     # -- checks of arguments -------------------------------------------------------------------------------------
 
     def _checked_commands(self, commands: ArrayLike) -> Floats:
-        shape = self.n, len(self.vehicle_names), 2
+        shape = self.n, len(self.commanded_names), 2
         try:
             values = np.asarray(commands, dtype=np.float64)
         except (TypeError, ValueError):
@@ -445,7 +451,7 @@ class BatchWorld(OneThread):
             check_weather(one)
         return [ChangingWeather.settled(one).at(0.0) for one in given]
 
-    def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers) -> Floats:
+    def _checked_starts(self, poses: Mapping[str, ArrayLike], chosen: Integers, seeds: Sequence[int]) -> Floats:
         """`State.qpos` of the chosen worlds at the start, shape (m, 7 n_body)."""
         c = self.compiled
         qpos = np.tile(c.engine.start, (len(chosen), 1))
@@ -455,14 +461,25 @@ class BatchWorld(OneThread):
             values = _checked_rows(f"the poses of '{name}'", pose, (len(chosen), 3), "x, y, yaw")
             if not (np.abs(values) <= MAX_DISTANCE).all():
                 raise CommandError(f"the poses of '{name}' must be numbers from {-MAX_DISTANCE:g} to {MAX_DISTANCE:g}")
-            start, height = self._on_ground[name]
-            for row, (x, y, yaw) in zip(qpos, values.tolist(), strict=True):
-                w, _, _, z = quaternion_from_yaw(yaw)
-                row[start : start + 7] = x, y, height, w, 0.0, 0.0, z
-        for k, row in zip(chosen.tolist(), qpos, strict=True) if poses else ():
+            for row, pose_of_row in zip(qpos, values.tolist(), strict=True):
+                self._place(row, name, *pose_of_row)
+        names = self._traffic.names
+        others = [start for name, (start, _) in self._on_ground.items() if name not in names]
+        for row, seed in zip(qpos, seeds, strict=True) if names else ():
+            starts = self._traffic.start_poses(seed, [(x, y) for x, y in (row[at : at + 2].tolist() for at in others)])
+            for name, start in starts.items():
+                if name not in poses:
+                    self._place(row, name, *start)
+        for k, row in zip(chosen.tolist(), qpos, strict=True) if poses or names else ():
             for one, other in overlapping(c, row):
                 raise CommandError(f"world {k} cannot start: '{one}' and '{other}' would overlap")
         return qpos
+
+    def _place(self, qpos: Floats, name: str, x: float, y: float, yaw: float) -> None:
+        """Write the pose of a vehicle or an object on the ground into a row of `State.qpos`."""
+        start, height = self._on_ground[name]
+        w, _, _, z = quaternion_from_yaw(yaw)
+        qpos[start : start + 7] = x, y, height, w, 0.0, 0.0, z
 
 
 def _checked_rows(name: str, given: ArrayLike, shape: tuple[int, int], columns: str) -> Floats:

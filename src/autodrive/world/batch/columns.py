@@ -15,8 +15,12 @@ from autodrive.physics.model import Model, Table
 from autodrive.physics.sensors.columns import NoiseColumns, ReadingColumns, Working, working_memory
 from autodrive.physics.sensors.tables import noise_columns, reading_columns
 from autodrive.physics.state import State
+from autodrive.scenario.maps.roads import Roads
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.referee import NEVER
+from autodrive.world.traffic.drive import Bodies, Drivers, Plan, new_drivers, new_plan
+from autodrive.world.traffic_lights import LightTable
+from autodrive.world.v2x import Channel, RadioColumns, new_messages, radio_columns
 
 
 class Worlds(NamedTuple):
@@ -45,8 +49,33 @@ class Worlds(NamedTuple):
     """Whether there was a new collision in the last call, shape (n, v)."""
     is_off_road: NDArray[np.bool_]
     """Shape (n, v)."""
+    light_state: Integers
+    """`TrafficLightState` of each light, shape (n, l)."""
+    light_time: Floats
+    """Time until it changes [s], shape (n, l)."""
+    radio: RadioColumns
+    drivers: Drivers
+    """Of the traffic, with n rows in each column."""
     noise: NoiseColumns
     readings: ReadingColumns
+
+
+class Rules(NamedTuple):
+    """What is the same in all worlds and does not change, beside the Model."""
+
+    owners: Integers
+    """Number of the object of each solid; see `VehicleContacts`."""
+    edges: Floats
+    """See `referee.any_wheel_outside`."""
+    separation: float
+    """Ticks between two collisions with the same object."""
+    lights: LightTable
+    roads: Roads
+    """On which the traffic drives."""
+    bodies: Bodies
+    """What the drivers of the traffic know of all vehicles."""
+    channel: Channel
+    """Of the radio; if nobody sends, it means nothing."""
 
 
 class Thread(NamedTuple):
@@ -60,11 +89,16 @@ class Thread(NamedTuple):
     shape_rotation: Floats
     """Likewise."""
     sensors: Working
+    messages: Floats
+    """Of the radio: see `v2x.new_messages`."""
+    plan: Plan
+    seen_lights: Integers
+    """What drivers of the traffic see of each traffic light, shape (l,)."""
 
 
 def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: int) -> Worlds:
     """Worlds of zeros with the Model of the scenario; LIDARs, and rolling ones, have at most so many rays."""
-    v, model = len(compiled.vehicles), compiled.model
+    v, model, lights = len(compiled.vehicles), compiled.model, len(compiled.map.traffic_lights)
     columns = State(*(np.zeros((n, *column.shape)) for column in compiled.state._replace(**_NO_SHAPES)))
     return Worlds(
         state=columns,
@@ -78,6 +112,10 @@ def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: in
         collision_count=np.zeros((n, v), np.int64),
         has_collided=np.zeros((n, v), np.bool_),
         is_off_road=np.zeros((n, v), np.bool_),
+        light_state=np.zeros((n, lights), np.int64),
+        light_time=np.full((n, lights), np.nan),
+        radio=radio_columns(compiled.spec.v2x, n, v, lights, compiled.spec.tick),
+        drivers=new_drivers((n, compiled.spec.traffic.cars)),
         noise=noise_columns(n, v),
         readings=reading_columns(n, v, rays, rolling_rays),
     )
@@ -96,6 +134,9 @@ def new_thread(compiled: CompiledScenario, engine: Engine, rays: int) -> Thread:
         shape_position=shapes.position.copy(),
         shape_rotation=shapes.rotation.copy(),
         sensors=working_memory(shapes, len(compiled.vehicles), rays),
+        messages=new_messages(len(compiled.vehicles), compiled.map.light_poses),
+        plan=new_plan(compiled.spec.traffic.cars),
+        seen_lights=np.zeros(len(compiled.map.traffic_lights), np.int64),
     )
 
 

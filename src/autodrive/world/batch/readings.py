@@ -11,6 +11,7 @@ from autodrive.base.arrays import Floats, Integers
 from autodrive.physics.sensors.catalog import NUMBERS, VALUES
 from autodrive.physics.sensors.imu import PARTS
 from autodrive.world.batch.columns import Worlds
+from autodrive.world.v2x import CONTENT, LAMPS, TIME_TO_CHANGE
 
 
 class Readings(NamedTuple):
@@ -88,6 +89,13 @@ class Readings(NamedTuple):
     """`TrafficLightState` of the l traffic lights of the map, as their programs say, shape (n, l)."""
     light_time_to_change: Floats
     """Time until it changes [s], likewise; not a number if it never changes."""
+    heard_vehicles: Floats
+    """The latest radio message that each vehicle heard of each other: times of sending and reception [s], position
+    x, y, z [m], yaw [rad], speed [m/s], steering [rad], as in `HeardVehicle`, shape (n, v, v, 8). Not a number before
+    the first one; without a channel shape (n, v, 0, 8)."""
+    heard_lights: Floats
+    """Likewise of the traffic lights: times of sending and reception [s], place x, y of the light [m],
+    `TrafficLightState`, time to change [s], shape (n, v, l, 6)."""
     object_pose: Floats
     """Position in the map [m] and quaternion wxyz, shape (n, o, 7)."""
     sensor_times: Floats
@@ -100,8 +108,8 @@ class Readings(NamedTuple):
         return self.sensor_times[..., NUMBERS[name]], self.sensor_values[..., VALUES[name]]
 
 
-def readings_of(worlds: Worlds, time: Floats, lights: tuple[Integers, Floats], n_object: int) -> Readings:
-    """Views of the arrays of `worlds`; `time` [s], and states and times of the `lights`, are kept by the caller."""
+def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
+    """Views of the arrays of `worlds`; `time` [s] is kept by the caller."""
     s, r = worlds.state, worlds.readings
     orientation, euler, angular_velocity, linear_acceleration = (r.values[..., VALUES["imu"]][..., p] for p in PARTS)
     n, v = worlds.throttle.shape
@@ -143,8 +151,10 @@ def readings_of(worlds: Worlds, time: Floats, lights: tuple[Integers, Floats], n
         collision_count=worlds.collision_count,
         has_collided=worlds.has_collided,
         is_off_road=worlds.is_off_road,
-        light_state=lights[0],
-        light_time_to_change=lights[1],
+        light_state=worlds.light_state,
+        light_time_to_change=worlds.light_time,
+        heard_vehicles=worlds.radio.heard[:, :, :v, : CONTENT + LAMPS],
+        heard_lights=worlds.radio.heard[:, :, v:, : CONTENT + TIME_TO_CHANGE + 1],
         object_pose=objects,
         sensor_times=r.time,
         sensor_values=r.values,

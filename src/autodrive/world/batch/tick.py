@@ -1,11 +1,11 @@
-"""The compiled tick of many worlds: physics, referee, sensors. It is that of `World.step`, world after world."""
+"""The compiled tick of many worlds, world after world: that of `World.step`."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from autodrive.base.arrays import Floats, Integers
+from autodrive.base.arrays import Integers
 from autodrive.base.jit import inlined, jit_uncounted
 from autodrive.physics.buffers import VehicleContacts
 from autodrive.physics.engine import AWAKE
@@ -14,8 +14,11 @@ from autodrive.physics.sensors.columns import Poses, SensorTables, motion_of
 from autodrive.physics.sensors.sampling import sample
 from autodrive.physics.state import State
 from autodrive.physics.tick import advance, move_shapes, observe
-from autodrive.world.batch.columns import Thread, Worlds, model_of, state_of
+from autodrive.world.batch.columns import Rules, Thread, Worlds, model_of, state_of
 from autodrive.world.referee import any_wheel_outside, begins_collision
+from autodrive.world.traffic.drive import UNREGULATED, Seen, drive, drivers_of
+from autodrive.world.traffic_lights import show_lights
+from autodrive.world.v2x import LIGHT_STATE, TIME_TO_CHANGE, transmit, write_vehicles
 
 
 @jit_uncounted
@@ -25,9 +28,7 @@ def step_worlds(
     is_stepped: NDArray[np.bool_],
     thread: Thread,
     sensors: SensorTables,
-    owners: Integers,
-    edges: Floats,
-    separation: float,
+    rules: Rules,
     first: int,
     last: int,
     ticks: int,
@@ -38,9 +39,6 @@ def step_worlds(
     """Moves the worlds `first` to `last` - 1 by `ticks` of so many `substeps`, if `is_stepped`, shape (n,).
 
     A world that has diverged stays still.
-
-    `owners`: number of the object of each solid (see `VehicleContacts`). `edges`: see `referee.any_wheel_outside`.
-    `separation`: ticks between two collisions with the same object.
     """
     for k in range(first, last):
         for i in range(model.vehicles.shape[0]):
@@ -53,6 +51,8 @@ def step_worlds(
         for _tick in range(ticks):
             for kind in range(thread.views.warnings.shape[0]):
                 thread.views.warnings[kind] = 0  # the engine is for all worlds of the thread
+            if rules.bodies.row.shape[0] > 0:
+                _drive_traffic(k, worlds, state, thread, rules)
             if has_rolling_lidar:
                 _note_poses(state, own.shapes.n_fixed, thread.sensors.before)
             is_sound = advance(
@@ -71,8 +71,8 @@ def step_worlds(
             _judge(
                 worlds.tick[k],
                 thread.contacts,
-                owners,
-                separation,
+                rules.owners,
+                rules.separation,
                 worlds.last_contact[k],
                 worlds.collision_count[k],
                 worlds.has_collided[k],
@@ -80,15 +80,16 @@ def step_worlds(
             if not is_sound:
                 worlds.is_unstable[k] = True
                 break
-            if edges.shape[0] > 0:  # a map without roads has none
+            if rules.edges.shape[0] > 0:  # a map without roads has none
                 for i in range(model.vehicles.shape[0]):
                     worlds.is_off_road[k, i] = any_wheel_outside(
-                        edges, own.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
+                        rules.edges, own.wheels, i, state.vehicle_position[i], state.vehicle_orientation[i]
                     )
             now = int(worlds.tick[k]) * substeps
             sample(
                 k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors
             )
+            _signal(k, worlds, state, thread, sensors, rules, now)
 
 
 @jit_uncounted
@@ -97,6 +98,7 @@ def begin_worlds(
     worlds: Worlds,
     thread: Thread,
     sensors: SensorTables,
+    rules: Rules,
     chosen: Integers,
     substeps: int,
 ) -> None:
@@ -110,6 +112,46 @@ def begin_worlds(
         observe(own, state)
         now = int(worlds.tick[k]) * substeps
         sample(k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors)
+        _signal(k, worlds, state, thread, sensors, rules, now)
+
+
+@inlined
+def _drive_traffic(k: int, worlds: Worlds, state: State, thread: Thread, rules: Rules) -> None:
+    """Write the commands of the traffic of world k in this tick."""
+    for light in range(thread.seen_lights.shape[0]):
+        is_regulating = rules.lights.is_regulating[light]
+        thread.seen_lights[light] = worlds.light_state[k, light] if is_regulating else UNREGULATED
+    drive(
+        rules.roads,
+        rules.bodies,
+        drivers_of(k, worlds.drivers),
+        thread.plan,
+        Seen(state.qpos, state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity),
+        thread.seen_lights,
+        int(worlds.tick[k]),
+        rules.lights.tick,
+        worlds.throttle[k],
+        worlds.steering[k],
+    )
+
+
+@inlined
+def _signal(
+    k: int, worlds: Worlds, state: State, thread: Thread, sensors: SensorTables, rules: Rules, now: int
+) -> None:
+    """Show the traffic lights of world k `now` [substeps], and let the radio send and deliver."""
+    tick, radio, messages = int(worlds.tick[k]), worlds.radio, thread.messages
+    show_lights(rules.lights, tick, worlds.light_state[k], worlds.light_time[k])
+    if radio.heard.shape[2] > 0:
+        vehicles = state.vehicle_position.shape[0]
+        write_vehicles(
+            state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity, state.steering_angle, messages
+        )
+        for light in range(worlds.light_state.shape[1]):
+            messages[vehicles + light, LIGHT_STATE] = worlds.light_state[k, light]
+            messages[vehicles + light, TIME_TO_CHANGE] = worlds.light_time[k, light]
+        numerator, denominator = sensors.substep
+        transmit(k, rules.channel, radio, messages, tick, now * numerator / denominator)
 
 
 @inlined

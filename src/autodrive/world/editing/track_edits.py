@@ -10,11 +10,13 @@ import numpy as np
 
 from autodrive.base.errors import CommandError
 from autodrive.base.specs import joined
-from autodrive.protocol.messages import EditTrack, GenerateTrack, TrackLine
+from autodrive.protocol.messages import MAX_TEXT, EditTrack, GenerateTrack, TrackLine, UseMap
 from autodrive.protocol.native import MapProblem, TrackScene
+from autodrive.protocol.own_files import ImportTrack
 from autodrive.scenario.descriptions import Specs
 from autodrive.scenario.maps.spec import DescribedMap
 from autodrive.scenario.tracks.generate import generate_track
+from autodrive.scenario.tracks.importer import ImportOptions, import_picture
 from autodrive.scenario.tracks.points import TOLERANCE, faults, points_on
 from autodrive.scenario.tracks.track import DUCT, BarrierSpec, Track, TrackSpec
 
@@ -42,6 +44,15 @@ def edited_track(specs: Specs, edit: EditTrack | GenerateTrack) -> TrackSpec:
     points = tuple((round(x, 3) + 0.0, round(y, 3) + 0.0) for x, y in track.points)
     title = before.title if before and before.title else "My track"
     return _spec(title, points, track.width, barrier)
+
+
+def imported_track(edit: ImportTrack) -> tuple[UseMap, str]:
+    """The edit that makes the track in a picture the map, and warnings, one a line. Raises `AutodriveError`."""
+    options = ImportOptions(name=edit.name, gap=edit.gap, is_reversed=edit.is_reversed)
+    track, warnings = import_picture(edit.picture, edit.text, options, start=edit.start)
+    if len(text := track.text()) > MAX_TEXT:
+        raise CommandError(f"the track has {len(text)} characters; at most {MAX_TEXT} are possible")
+    return UseMap(text=text), "\n".join(warnings)
 
 
 def line_of(described: DescribedMap) -> TrackLine | None:

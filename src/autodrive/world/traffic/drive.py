@@ -116,6 +116,55 @@ class Plan(NamedTuple):
     """Drivers in the order in which they asked, shape (n,)."""
 
 
+def new_drivers(shape: tuple[int, ...]) -> Drivers:
+    """Drivers on no road, in columns of that shape."""
+    return Drivers(
+        link=np.full(shape, NONE, np.int64),
+        at=np.zeros(shape),
+        route=np.full((*shape, ROUTE), NONE, np.int64),
+        behind=np.full(shape, NONE, np.int64),
+        granted=np.full(shape, NONE, np.int64),
+        has_stopped=np.zeros(shape, np.int64),
+        asked=np.full(shape, NONE, np.int64),
+        speed=np.zeros(shape),
+        desired=np.ones(shape),
+        stream=np.zeros((*shape, 3), np.uint64),
+    )
+
+
+@inlined
+def drivers_of(k: int, drivers: Drivers) -> Drivers:
+    """Those of world k of many, whose columns have one more axis."""
+    d = drivers
+    return Drivers(
+        d.link[k],
+        d.at[k],
+        d.route[k],
+        d.behind[k],
+        d.granted[k],
+        d.has_stopped[k],
+        d.asked[k],
+        d.speed[k],
+        d.desired[k],
+        d.stream[k],
+    )
+
+
+def new_plan(n: int) -> Plan:
+    """Working memory of n drivers."""
+    return Plan(
+        gate=np.zeros(n, np.int64),
+        exit=np.zeros(n, np.int64),
+        distance=np.zeros(n),
+        is_ready=np.zeros(n, np.int64),
+        is_claimed=np.zeros(n, np.int64),
+        gap=np.zeros(n),
+        leader=np.zeros(n, np.int64),
+        leader_speed=np.zeros(n),
+        order=np.zeros(n, np.int64),
+    )
+
+
 class Bodies(NamedTuple):
     """What does not change; v vehicles of the Model, n drivers."""
 

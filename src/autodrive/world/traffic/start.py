@@ -40,7 +40,8 @@ def with_traffic(spec: ScenarioSpec, map_: Map, vehicle: VehicleSpec) -> tuple[S
     links = roads(map_, clearance(vehicle))
     taken = [(one.x, one.y) for one in own.values()] + [box.position[:2] for box in map_.boxes]
     taken += [(box.x, box.y) for box in spec.boxes.values()]
-    starts = start_poses(links, vehicle, spec.traffic.cars, spec.seed, taken)
+    length = sum(reach(vehicle))
+    starts = chosen_places(start_places(links, vehicle), length, spec.traffic.cars, spec.seed, taken)
     if len(starts) < spec.traffic.cars:
         text = f"room for {len(starts)} cars" if links.link_count else "no closed way of lanes"
         return spec, [(at, f": map '{spec.map_name}' has {text}; the traffic has {spec.traffic.cars} cars")]
@@ -53,12 +54,10 @@ def with_traffic(spec: ScenarioSpec, map_: Map, vehicle: VehicleSpec) -> tuple[S
     return spec.model_copy(update={"vehicles": own | placed}), []
 
 
-def start_poses(
-    links: Roads, vehicle: VehicleSpec, count: int, seed: int, taken: Sequence[tuple[float, float]]
-) -> list[tuple[float, float, float]]:
-    """x, y [m] and heading [rad] of so many vehicles on the lanes, by chance; fewer if there is not enough room.
+def start_places(links: Roads, vehicle: VehicleSpec) -> list[tuple[float, float, float]]:
+    """x, y [m] and heading [rad] of all places on the lanes where a vehicle may start.
 
-    They stand behind gates and before stop lines, and away from the points `taken` [m].
+    They are behind gates and before stop lines.
     """
     front, rear = reach(vehicle)
     length = front + rear
@@ -70,13 +69,28 @@ def start_poses(
         begin, end = rear + vehicle.wheelbase, last - (front - vehicle.wheelbase) - JAM_GAP
         for at in np.arange(begin, end, apart).tolist():
             x, y, tx, ty = links.points[first + int(at / links.spacing[link])].tolist()
-            places.append((x - vehicle.wheelbase * tx, y - vehicle.wheelbase * ty, math.atan2(ty, tx)))
+            place = x - vehicle.wheelbase * tx, y - vehicle.wheelbase * ty, math.atan2(ty, tx)
+            places.append((round(place[0], 6), round(place[1], 6), round(place[2], 6)))
+    return places
+
+
+def chosen_places(
+    places: Sequence[tuple[float, float, float]],
+    length: float,
+    count: int,
+    seed: int,
+    taken: Sequence[tuple[float, float]],
+) -> list[tuple[float, float, float]]:
+    """So many of these places, by chance; fewer if there is not enough room.
+
+    They are apart and away from the points `taken` [m]; `length` of a vehicle [m].
+    """
     chosen: list[tuple[float, float, float]] = []
     near = list(taken)
     for k in random_generator(seed, "traffic", "places").permutation(len(places)).tolist():
         if len(chosen) == count:
             break
-        x, y, yaw = (round(value, 6) for value in places[k])
+        x, y, yaw = places[k]
         if all(math.dist((x, y), one) > NEAREST * length for one in near):
             chosen.append((x, y, yaw))
             near.append((x, y))

@@ -17,17 +17,76 @@ from autodrive.physics.state import State
 from autodrive.protocol.messages import TrafficLightFrame
 from autodrive.scenario import ScenarioSpec
 from autodrive.scenario.maps.map import Map
-from autodrive.scenario.maps.roads import roads
+from autodrive.scenario.maps.roads import NO_ROADS, roads
 from autodrive.scenario.vehicles.spec import VehicleSpec
-from autodrive.world.traffic.drive import NONE, ROUTE, UNREGULATED, Bodies, Drivers, Plan, Seen, drive
-from autodrive.world.traffic.start import clearance, reach, start_poses
+from autodrive.world.traffic.drive import NONE, UNREGULATED, Bodies, Drivers, Seen, drive, new_drivers, new_plan
+from autodrive.world.traffic.start import chosen_places, clearance, reach, start_places
 
 SLOWEST = 0.85
 """Each driver likes to drive at a speed from this share of that of the scenario to all of it."""
 
 
-class Traffic:
-    """The drivers of the traffic of a world."""
+class Fleet:
+    """The traffic of a scenario: what does not change, for one world or for many. It may have no vehicles."""
+
+    def __init__(
+        self,
+        spec: ScenarioSpec,
+        map_: Map,
+        vehicles: Mapping[str, VehicleSpec],
+        boxes: Sequence[tuple[int, tuple[float, float, float]]],
+        model: Model,
+    ) -> None:
+        """`vehicles`: all of a world, in the order of the rows of `model`.
+
+        `boxes`: where the pose of each box is in `State.qpos`, and its size [m].
+        """
+        self.names = names = spec.traffic.names
+        self.roads = NO_ROADS
+        self._places: list[tuple[float, float, float]] = []
+        self._length = 0.0
+        if names:
+            vehicle = vehicles[names[0]]
+            self.roads = roads(map_, clearance(vehicle))
+            self._places = start_places(self.roads, vehicle)
+            self._length = sum(reach(vehicle))
+        self._speed = spec.traffic.speed
+        order = list(vehicles)
+        top = [model.vehicles[i]["drive_speed_limit"] * one.wheels.radius for i, one in enumerate(vehicles.values())]
+        self.bodies = Bodies(
+            row=np.array([order.index(name) for name in names], np.int64),
+            driver=np.array([names.index(one) if one in names else NONE for one in order], np.int64),
+            front=np.array([reach(one)[0] for one in vehicles.values()]),
+            rear=np.array([reach(one)[1] for one in vehicles.values()]),
+            half_width=np.array([one.size[1] / 2.0 for one in vehicles.values()]),
+            wheelbase=np.array([one.wheelbase for one in vehicles.values()]),
+            steering_limit=np.array(model.vehicles["steering_limit"]),
+            box=np.array([at for at, _ in boxes], np.int64),
+            box_radius=np.array([0.5 * math.hypot(*size[:2]) for _, size in boxes]),
+            top_speed=np.array(top),
+        )
+
+    def start_poses(self, seed: int, others: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float, float]]:
+        """Where they start with that seed: x, y [m] and heading [rad] by name; away from the points `others` [m]."""
+        starts = chosen_places(self._places, self._length, len(self.names), seed, others)
+        return dict(zip(self.names, starts, strict=False))
+
+    def begin(self, drivers: Drivers, seed: int) -> None:
+        """Let the drivers of a world begin anew, with the random numbers of that seed."""
+        d = drivers
+        for column in (d.link, d.route, d.behind, d.granted, d.asked):
+            column[:] = NONE
+        for column in (d.at, d.speed, d.has_stopped):
+            column[:] = 0
+        for i, name in enumerate(self.names):
+            rng = random_generator(seed, name, "route")
+            share = SLOWEST + (1.0 - SLOWEST) * rng.random()
+            d.desired[i] = share * min(self._speed, float(self.bodies.top_speed[self.bodies.row[i]]))
+            d.stream[i] = new_stream(rng)
+
+
+class Traffic(Fleet):
+    """The drivers of the traffic of a single world."""
 
     def __init__(
         self,
@@ -38,74 +97,18 @@ class Traffic:
         model: Model,
         state: State,
     ) -> None:
-        """`vehicles`: all of the world, in the order of the rows of `model` and `state`.
-
-        `boxes`: where the pose of each box is in `State.qpos`, and its size [m].
-        """
-        self.names = spec.traffic.names
-        self._vehicle = vehicles[self.names[0]]
-        self.roads = roads(map_, clearance(self._vehicle))
+        """`state`: of the vehicles, which the drivers see; for the rest see `Fleet`."""
+        super().__init__(spec, map_, vehicles, boxes, model)
         self._lights = dict.fromkeys(map_.traffic_lights, UNREGULATED)
         self._tick = spec.tick
-        self._speed = spec.traffic.speed
-        n, order = len(self.names), list(vehicles)
-        rows = [order.index(name) for name in self.names]
-        top = [model.vehicles[i]["drive_speed_limit"] * one.wheels.radius for i, one in enumerate(vehicles.values())]
-        self.bodies = Bodies(
-            row=np.array(rows, np.int64),
-            driver=np.array([self.names.index(one) if one in self.names else NONE for one in order], np.int64),
-            front=np.array([reach(one)[0] for one in vehicles.values()]),
-            rear=np.array([reach(one)[1] for one in vehicles.values()]),
-            half_width=np.array([one.size[1] / 2.0 for one in vehicles.values()]),
-            wheelbase=np.array([one.wheelbase for one in vehicles.values()]),
-            steering_limit=np.array(model.vehicles["steering_limit"]),
-            box=np.array([at for at, _ in boxes], np.int64),
-            box_radius=np.array([0.5 * math.hypot(*size[:2]) for _, size in boxes]),
-            top_speed=np.array(top),
-        )
-        self.drivers = Drivers(
-            link=np.full(n, NONE, np.int64),
-            at=np.zeros(n),
-            route=np.full((n, ROUTE), NONE, np.int64),
-            behind=np.full(n, NONE, np.int64),
-            granted=np.full(n, NONE, np.int64),
-            has_stopped=np.zeros(n, np.int64),
-            asked=np.full(n, NONE, np.int64),
-            speed=np.zeros(n),
-            desired=np.ones(n),
-            stream=np.zeros((n, 3), np.uint64),
-        )
-        self._plan = Plan(
-            gate=np.zeros(n, np.int64),
-            exit=np.zeros(n, np.int64),
-            distance=np.zeros(n),
-            is_ready=np.zeros(n, np.int64),
-            is_claimed=np.zeros(n, np.int64),
-            gap=np.zeros(n),
-            leader=np.zeros(n, np.int64),
-            leader_speed=np.zeros(n),
-            order=np.zeros(n, np.int64),
-        )
+        self.drivers = new_drivers((len(self.names),))
+        self._plan = new_plan(len(self.names))
         self._seen = Seen(state.qpos, state.vehicle_position, state.vehicle_orientation, state.vehicle_velocity)
         self._drive: Any = None
 
-    def start_poses(self, seed: int, others: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float, float]]:
-        """Where they start with that seed: x, y [m] and heading [rad] by name; away from the points `others` [m]."""
-        starts = start_poses(self.roads, self._vehicle, len(self.names), seed, others)
-        return dict(zip(self.names, starts, strict=False))
-
     def reset(self, seed: int) -> None:
         """Let the drivers begin anew, with the random numbers of that seed."""
-        d = self.drivers
-        for column in (d.link, d.route, d.behind, d.granted, d.asked):
-            column[:] = NONE
-        for column in (d.at, d.speed, d.has_stopped):
-            column[:] = 0
-        for i, name in enumerate(self.names):
-            rng = random_generator(seed, name, "route")
-            share = SLOWEST + (1.0 - SLOWEST) * rng.random()
-            d.desired[i] = share * min(self._speed, float(self.bodies.top_speed[self.bodies.row[i]]))
-            d.stream[i] = new_stream(rng)
+        self.begin(self.drivers, seed)
 
     def save(self) -> Any:
         """Everything that the future depends on, for `restore`."""
