@@ -6,8 +6,8 @@ flickers. Adjacent pieces share bit-identical vertices, so that there are no cra
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
@@ -30,10 +30,15 @@ from autodrive.scenario.maps.ground import (
 from autodrive.scenario.maps.map import GRID
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from autodrive.graphics.assets.asset import MeshSurface
     from autodrive.scenario.maps.map import Map
 
-__all__ = ["box_asset", "map_asset"]
+__all__ = ["Part", "box_asset", "map_asset", "map_parts"]
 
+PART = 8
+"""Tiles of a part of the ground along x and y."""
 KERB_SHADE, KERB_SHADE_WIDTH = 0.4, 0.012
 WALL_SHADE, WALL_SHADE_WIDTH = 0.55, 0.1
 """Share of the sky that a kerb, and a wall or a building, hides from the ground at its foot, and how far [m]."""
@@ -43,20 +48,72 @@ DUCT_SHADE = 0.3
 
 def map_asset(map_: Map) -> Asset:
     """The static part of a map. Nodes: 'tile_<i>' and 'floor' for the ground, and one for each solid, with its name."""
-    paint, lines = _paint(map_)
-    bare = layers(map_)
-    nodes = [*_ground(map_, [*paint, *bare]), *solid_nodes(map_)]
-    materials = [s.material for node in nodes for level in node.surfaces.values() for s in level]
-    used = {(material.beneath or material).texture for material in materials} - {""} | {"clouds"}
-    textures = {name: solid_texture(name) for name in sorted(used)}
-    return Asset(map_.name, tuple(nodes), textures, strips([*lines, *_shade(map_, bare)]))
+    ground = _Ground.of(map_)
+    tiles = [
+        AssetNode(f"tile_{i}" if i >= 0 else "floor", surfaces={"full": its, "reduced": its}) for i, its in ground.tiles
+    ]
+    nodes = (*tiles, *solid_nodes(map_))
+    return Asset(map_.name, nodes, _textures(nodes), strips([*ground.paint, *ground.shade]))
 
 
-def _ground(map_: Map, of_map: list[Layer]) -> Iterator[AssetNode]:
-    """One node for each tile, and one for the floor around the tiles."""
-    for number, surfaces in tile_surfaces(of_map, tile_extent(map_), floor_extent(map_), size=tile_size(map_)):
-        name = "floor" if number < 0 else f"tile_{number}"
-        yield AssetNode(name, surfaces={"full": surfaces, "reduced": surfaces})
+class Part(NamedTuple):
+    """A part of the ground, about `PART` wide and long. Those that an edit of the map did not change are equal."""
+
+    tiles: tuple[tuple[str, tuple[MeshSurface, ...]], ...]
+    """Names and surfaces."""
+    lines: tuple[Line, ...]
+
+    @property
+    def asset(self) -> Asset:
+        """For the page: without other levels of detail, and with the textures of the map."""
+        nodes = tuple(AssetNode(name, surfaces={"full": surfaces}) for name, surfaces in self.tiles)
+        return Asset("ground", nodes, strips=strips(self.lines), foreign_textures=_texture_names(nodes))
+
+
+def map_parts(map_: Map) -> tuple[Asset, list[Part]]:
+    """The same as `map_asset`, in several assets: the solids, with all textures, and parts of the ground."""
+    ground, size = _Ground.of(map_), tile_size(map_)
+    x0, y0, x1, _ = tile_extent(map_)
+    columns = round((x1 - x0) / size)
+    tiles: dict[tuple[int, int], list[tuple[str, tuple[MeshSurface, ...]]]] = {}
+    lines: dict[tuple[int, int], list[Line]] = {}
+    rest: list[tuple[str, tuple[MeshSurface, ...]]] = []
+    for number, surfaces in ground.tiles:
+        column, row = number % columns + round(x0 / size), number // columns + round(y0 / size)
+        own = tiles.setdefault((column // PART, row // PART), []) if number >= 0 else rest
+        own.append((f"tile_{column}_{row}" if number >= 0 else "floor", surfaces))
+    for line in ground.paint:
+        x, y = np.floor(line.left[0] / (PART * size)).astype(int).tolist()
+        lines.setdefault((x, y), []).append(line)
+    parts = [Part(tuple(own), tuple(lines.pop(place, ()))) for place, own in tiles.items()]
+    others = [line for own in lines.values() for line in own]
+    nodes = (*solid_nodes(map_),)
+    of_ground = (AssetNode("", surfaces={"full": its}) for _, its in ground.tiles)
+    solids = Asset(map_.name, nodes, _textures((*nodes, *of_ground)))
+    return solids, [*parts, Part(tuple(rest), (*others, *ground.shade))]
+
+
+class _Ground(NamedTuple):
+    tiles: list[tuple[int, tuple[MeshSurface, ...]]]
+    """As of `tile_surfaces`."""
+    paint: list[Line]
+    shade: list[Line]
+
+    @staticmethod
+    def of(map_: Map) -> _Ground:
+        paint, lines = _paint(map_)
+        bare = layers(map_)
+        tiles = tile_surfaces([*paint, *bare], tile_extent(map_), floor_extent(map_), size=tile_size(map_))
+        return _Ground([*tiles], lines, [*_shade(map_, bare)])
+
+
+def _textures(nodes: Iterable[AssetNode]) -> dict[str, NDArray[np.uint8]]:
+    return {name: solid_texture(name) for name in sorted({*_texture_names(nodes), "clouds"})}
+
+
+def _texture_names(nodes: Iterable[AssetNode]) -> tuple[str, ...]:
+    materials = (s.material for node in nodes for level in node.surfaces.values() for s in level)
+    return tuple(sorted({(material.beneath or material).texture for material in materials} - {""}))
 
 
 def _paint(map_: Map) -> tuple[list[Layer], list[Line]]:
