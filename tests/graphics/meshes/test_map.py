@@ -10,7 +10,7 @@ import shapely
 from autodrive.base import yaml_files
 from autodrive.graphics.assets.glb import write_glb
 from autodrive.graphics.meshes import ground_tiles
-from autodrive.graphics.meshes.map import box_asset, map_asset
+from autodrive.graphics.meshes.map import box_asset, map_asset, map_parts
 from autodrive.protocol.labels import Label
 from autodrive.scenario.files import read_map
 from autodrive.scenario.maps.draw import module_alone
@@ -204,6 +204,29 @@ def test_an_edit_makes_only_the_tiles_around_it(monkeypatch):
     map_asset(draft([*row[:10], row[10].model_copy(update={"y": 0.05}), *row[11:]]))
     # the module is 0.8 m long; with its kerb, it touches 3 x 3 tiles of 1 m at most
     assert 0 < len(made) <= 9
+
+
+@pytest.mark.parametrize(("kind", "name"), [("map", "tiny_town"), ("map", "empty"), ("turned", 1)])
+def test_the_parts_of_a_map_are_the_whole_map(kind, name):
+    whole = map_asset(of(kind, name))
+    solids, parts = map_parts(of(kind, name))
+    assets = [part.asset for part in parts]
+    surfaces = [s for one in (solids, *assets) for node in one.nodes for s in node.surfaces["full"]]
+    expected = [s for node in whole.nodes for s in node.surfaces["full"]]
+
+    def content(surface):
+        arrays = (surface.positions, surface.normals, surface.triangles, surface.uvs)
+        return surface.material, surface.label, *(None if one is None else one.tobytes() for one in arrays)
+
+    assert Counter(map(content, surfaces)) == Counter(map(content, expected))
+    assert solids.textures.keys() == whole.textures.keys() >= {t for one in assets for t in one.foreign_textures}
+    strips = [one.strips for one in assets if one.strips is not None]
+    corners = [s.vertices[s.triangles].tobytes() for s in strips]
+    whole_corners = b"" if whole.strips is None else whole.strips.vertices[whole.strips.triangles].tobytes()
+    size = 3 * 48  # bytes of a triangle of strips
+    assert Counter(c[i : i + size] for c in corners for i in range(0, len(c), size)) == Counter(
+        whole_corners[i : i + size] for i in range(0, len(whole_corners), size)
+    )
 
 
 def test_a_map_of_a_kilometre_has_few_tiles():

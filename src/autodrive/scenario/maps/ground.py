@@ -66,15 +66,15 @@ def layers(map_: Map, *, tolerance: float = SIMPLIFY_TOLERANCE) -> list[Layer]:
 
     `tolerance`: largest distance of a simplified edge from the original [m].
     """
-    # without the precision of the polygon, which a copy in another process does not have: the bits are the same in both
-    road = shapely.simplify(shapely.set_precision(map_.drivable, 0.0), tolerance)
+    # without the precision of the polygon, which a copy in another process does not have: the bits are the same there
+    road = _simplified(shapely.set_precision(map_.drivable, 0.0), tolerance)
     found: list[tuple[str, Label, BaseGeometry]] = [("road" if map_.track is None else "track", Label.ROAD, road)]
     if map_.track is not None and map_.track.barrier.kind == "duct":  # a duct leaves the floor below its sides visible
         found += [("track", Label.GROUND, road.buffer(0.5 * map_.track.barrier.width, join_style="mitre"))]
     if not road.is_empty and map_.track is None:
         open_ends = _open_ends(map_)
         for name, width in (("bevel", BEVEL), ("kerb", KERB_WIDTH), ("pavement", KERB_WIDTH + PAVEMENT_WIDTH)):
-            strip = shapely.simplify(road.buffer(width, join_style="round"), 2.0 * tolerance)
+            strip = _simplified(road.buffer(width, join_style="round"), 2.0 * tolerance)
             found += [(name, Label.KERB, shapely.difference(strip, open_ends, grid_size=GRID))]
     # not `map_.lawn`: its edge along the road is not simplified
     lawns = [one.footprint for one in map_.modules if one.module.spec.type == "terrain"]
@@ -112,6 +112,11 @@ def _tile_extent(map_: Map, size: float) -> tuple[float, float, float, float]:
     low = np.floor((np.array(map_.bounds[:2]) - margin) / size) * size
     high = np.ceil((np.array(map_.bounds[2:]) + margin) / size) * size
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _simplified(area: BaseGeometry, tolerance: float) -> BaseGeometry:
+    """Where a ring begins decides which points stay: at the least one, whatever other areas there are."""
+    return shapely.simplify(shapely.normalize(area), tolerance)
 
 
 def _open_ends(map_: Map) -> BaseGeometry:
