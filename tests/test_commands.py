@@ -40,7 +40,7 @@ NOT_RUN_HERE = {
     r"autodrive identify ": "takes minutes; tests/experiments/identification runs it",
     r"autodrive race .*--devkit|autodrive play .*--port": "waits for the other one; tests/world/racing runs both",
     r"autodrive play runs/": "needs a trained policy; tests/experiments/policies trains and plays one",
-    r"autodrive play (crossing|duel) ": "needs a trained network; tests/experiments/policies makes and plays one",
+    r"autodrive play (crossing|duel)": "needs a network, or a minute; tests/experiments/policies plays all of them",
     r"autodrive run --host 0\.0\.0\.0": "opens this machine to others; tests/connect/server does so for one test",
     r"autodrive (import track|compare \"V1 Log)": "needs a file of the user; the tests of the format run it",
     r"autodrive (film|replay) (lap|recordings/)": "needs a recording with cameras; tests/recording runs it",

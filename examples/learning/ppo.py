@@ -6,9 +6,11 @@ Install it, train, and watch the result:
     autodrive play runs/race/policy.npz practice
 
 Problems: "race" (car RoboRacer, LIDAR, random tracks), "robust" (the same with more latency, noise, other grip and
-mass, and dearer collisions), "duel" (two of them in each race, both driven by the policy that learns), and "lane" (car
-Nigel, lane keeping). `--begin-with runs/race` saves "robust" and "duel" the beginning. The output folder gets
-checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from there.
+mass, and dearer collisions), "duel" (two of them in each race, driven by the policy that learns, by itself as it was,
+or by other drivers), "crossing" (four cars Nigel drive through a crossing, all driven by the policy that learns), and
+"lane" (car Nigel, lane keeping). `--begin-with` saves "robust" and "duel" the beginning: runs/race, or a policy. The
+output folder gets checkpoint.eqx, policy.npz, curve.csv and curve.svg; the same command with --resume goes on from
+there.
 
 The algorithm is PPO (Schulman et al., arXiv:1707.06347) with generalised advantages (Schulman et al.,
 arXiv:1506.02438).
@@ -21,7 +23,9 @@ START = time.monotonic()  # the only clock: the imports below count, too
 import argparse
 import csv
 import re
+import runpy
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -51,6 +55,10 @@ CHECK_INTERVAL = 60.0  # between two checkpoints [s]
 TRY_INTERVAL = 10.0  # between two tries with --until-clean [s]
 ALONE = "race", "robust"  # problems whose policy drives laps on the shipped tracks
 LAPS = 10  # of a try, on each track
+GAP, PAST = "gap", "past"  # rivals: the example of a race, and the policy of some updates ago; others are policies
+FOLLOW_THE_GAP = Path(__file__).parents[1] / "racing" / "follow_the_gap.py"
+RENEWAL = 50  # updates after which the policy of then becomes the rival of the past
+ONLY_VALUES = 12  # updates that learn the values only, if a policy was the beginning
 SCALES = {"speed": 0.2, "wheel_speed": 0.2, "yaw_rate": 0.3, "steering": 2.0, "range": 0.2}
 """Factors of features, which become about -1 to 1; the others stay."""
 
@@ -75,8 +83,10 @@ class Problem:
     reward: float  # factor that brings the values to about 1
     settings: dict[str, Any] = field(default_factory=dict)
     crash: float = 0.0  # what a collision costs beyond the reward of the environment [m]
+    ends_alone: bool = False  # whether the episodes of the cars of a world end one by one
     rate: float = 5e-4  # of the learning at the start
     decay: int = 6000  # updates until the rate is a tenth
+    rivals: Mapping[str, int] = field(default_factory=dict[str, int])  # of the first car, and in how many worlds
 
 
 RACE = Problem(
@@ -111,7 +121,30 @@ HARDER = {
 PROBLEMS = {
     "race": RACE,
     "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=8000),
-    "duel": replace(RACE, settings={**RACE.settings, "cars": 2, "rivalry": 1.0}),
+    "duel": replace(
+        RACE,
+        settings={
+            **RACE.settings,
+            "tracks": 48,
+            "track_seed": 200,
+            "track_width": (1.2, 1.6),
+            "track_length": (40.0, 64.0),
+            "track_radius": (0.75, 2.0),
+            "noise": (0.0, 1.5),
+            "friction": (0.9, 1.1),
+            "mass": (0.9, 1.1),
+            "latency": (0.0, 0.02),
+            "cars": 2,
+            "rivalry": 1.0,
+        },
+        crash=10.0,
+        rate=2e-4,
+        decay=12000,
+        rivals={"gap": 6, "race": 8, "past": 8},
+    ),
+    "crossing": Problem(
+        "autodrive:NigelCrossing-v0", "state", None, (0.0, 1.0), discount=0.997, reward=1.0, ends_alone=True
+    ),
     "lane": Problem("autodrive:NigelLaneKeeping-v0", "state", None, (0.0, 1.0), discount=0.98, reward=3.0),
 }
 
@@ -147,6 +180,7 @@ class Rollout(NamedTuple):
     value: Any
     reward: Any
     has_ended: Any
+    is_live: Any  # whether the car's episode went on: only this is learnt from
 
 
 def log_prob(agent: Agent, mean: jax.Array, action: jax.Array) -> jax.Array:
@@ -177,19 +211,22 @@ def advantages(rollout: Rollout, last_value: jax.Array, discount: float) -> jax.
     return jax.lax.scan(step, start, (rollout.reward, rollout.value, rollout.has_ended), reverse=True)[1]
 
 
-def loss(agent: Agent, batch: tuple[Rollout, jax.Array, jax.Array]) -> jax.Array:
-    """Clipped surrogate and squared error of the value."""
+def loss(agent: Agent, batch: tuple[Rollout, jax.Array, jax.Array], share: jax.Array) -> jax.Array:
+    """Clipped surrogate, of which this share counts, and squared error of the value."""
     rollout, advantage, target = batch
-    advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    live = rollout.is_live
+    count = jnp.maximum(live.sum(), 1.0)
+    mean = (live * advantage).sum() / count
+    advantage = (advantage - mean) / (jnp.sqrt((live * (advantage - mean) ** 2).sum() / count) + 1e-8)
     ratio = jnp.exp(log_prob(agent, jax.vmap(agent.actor)(rollout.observation), rollout.action) - rollout.log_prob)
     surrogate = jnp.minimum(ratio * advantage, jnp.clip(ratio, 1.0 - CLIP, 1.0 + CLIP) * advantage)
     error = jax.vmap(agent.critic)(rollout.observation) - target
-    return jnp.mean(-surrogate + 0.5 * error**2)
+    return jnp.sum(live * (-share * surrogate + 0.5 * error**2)) / count
 
 
 @eqx.filter_jit
-def learn(agent, memory, rollout, last_value, discount, optimizer, key) -> tuple[Any, Any]:
-    """Improve the agent by a rollout; `memory` is that of the optimizer."""
+def learn(agent, memory, rollout, last_value, discount, share, optimizer, key) -> tuple[Any, Any]:
+    """Improve the agent by a rollout; `memory` is that of the optimizer, `share`: see `loss`."""
     advantage = advantages(rollout, last_value, discount)
     data = jax.tree.map(lambda one: one.reshape(-1, *one.shape[2:]), (rollout, advantage, advantage + rollout.value))
     weights, rest = eqx.partition(agent, eqx.is_inexact_array)
@@ -197,7 +234,7 @@ def learn(agent, memory, rollout, last_value, discount, optimizer, key) -> tuple
     def update(carry, places):
         weights, memory = carry
         batch = jax.tree.map(lambda one: one[places], data)
-        gradient = jax.grad(lambda these: loss(eqx.combine(these, rest), batch))(weights)
+        gradient = jax.grad(lambda these: loss(eqx.combine(these, rest), batch, share))(weights)
         changes, memory = optimizer.update(gradient, memory, weights)
         return (optax.apply_updates(weights, changes), memory), None
 
@@ -205,6 +242,53 @@ def learn(agent, memory, rollout, last_value, discount, optimizer, key) -> tuple
     orders = jax.vmap(lambda one: jax.random.permutation(one, ENVS * HORIZON))(keys).reshape(EPOCHS * MINIBATCHES, -1)
     (weights, memory), _ = jax.lax.scan(update, (weights, memory), orders)
     return eqx.combine(weights, rest), memory
+
+
+class Rivals:
+    """Drivers that do not learn; each drives the second car in some worlds."""
+
+    def __init__(self, problem: Problem, readings: list[str], envs: Any) -> None:
+        """`readings`: names of the numbers of an observation."""
+        self.is_learner = np.ones(ENVS, np.bool_)
+        self._readings, self._envs = readings, envs
+        self._rows: dict[str, np.ndarray] = {}
+        self._policies: dict[str, tuple[Policy, Memory]] = {}
+        for name, count in problem.rivals.items():
+            first = 1 + 2 * sum(map(len, self._rows.values()))
+            self._rows[name] = np.arange(first, first + 2 * count, 2)
+            self.is_learner[self._rows[name]] = False
+            if name == GAP:
+                self._gap = runpy.run_path(str(FOLLOW_THE_GAP))["command"]
+            elif name != PAST:
+                self.use(name, Policy.find(name))
+
+    def use(self, name: str, policy: Policy) -> None:
+        """Let a policy drive in the worlds of that name."""
+        if name in self._rows:
+            self._policies[name] = policy, Memory(policy.inputs, self._readings, len(self._rows[name]))
+
+    def add(self, observation: np.ndarray) -> None:
+        """What all cars see one step later."""
+        for name, (_, memory) in self._policies.items():
+            memory.add(observation[self._rows[name]])
+
+    def begin(self, observation: np.ndarray, cars: np.ndarray) -> None:
+        """The episodes of some cars begin; `observation`: of all of them."""
+        for name, (_, memory) in self._policies.items():
+            rows = self._rows[name][cars[self._rows[name]]]
+            memory.begin(observation[rows], cars[self._rows[name]])
+
+    def drive(self, commands: np.ndarray) -> None:
+        """Write their commands."""
+        for name, (policy, memory) in self._policies.items():
+            outputs, (low, high) = policy.outputs(memory.inputs), policy.throttle
+            memory.put_out(outputs)
+            throttle = low + (high - low) * 0.5 * (outputs[:, 0] + 1.0)
+            commands[self._rows[name]] = np.column_stack([throttle, outputs[:, 1]])
+        if GAP in self._rows:
+            scans = self._envs.batch.readings.lidar_ranges.reshape(ENVS, -1)
+            angles = np.radians(np.linspace(-135.0, 135.0, scans.shape[1]))
+            commands[self._rows[GAP]] = [self._gap(scan, angles) for scan in scans[self._rows[GAP]]]
 
 
 class Trainer:
@@ -216,8 +300,8 @@ class Trainer:
             self.problem.env,
             num_envs=ENVS,
             vectorization_mode="vector_entry_point",
-            observation=self.problem.observation,
             autoreset_mode="SameStep",
+            **({} if self.problem.ends_alone else {"observation": self.problem.observation}),
             **self.problem.settings,
         )
         names = [one.name for one in observed(self.envs.task, self.problem.observation)]
@@ -226,10 +310,13 @@ class Trainer:
         kinds = [re.sub(r"_[-\d.]+$", "", one.partition("@")[0]) for one in self.inputs]  # range_-45@2: range
         self.scale = np.array([SCALES.get(kind, 1.0) for kind in kinds])
         self.key, key = jax.random.split(jax.random.PRNGKey(seed))
+        self.steps, self.seconds = 0, 0.0
         self.agent: Agent = Agent(len(self.inputs), key)
         self.optimizer = optimizer(self.problem)
         self.memory = self.optimizer.init(eqx.filter(self.agent, eqx.is_inexact_array))
-        self.steps, self.seconds = 0, 0.0
+        self.rivals = Rivals(self.problem, names, self.envs)
+        self.rivals.use(PAST, self.policy())
+        self.only_values = 0  # rollouts from which only the values are learnt
         self.returns: list[float] = []
         self._sums = np.zeros(ENVS)
         self._seen: jax.Array | None = None
@@ -251,28 +338,36 @@ class Trainer:
         if self._seen is None:
             observation, _ = self.envs.reset(seed=1_000_003 * self.seed + self.steps)
             self.past.begin(observation)
+            self.rivals.begin(observation, np.ones(ENVS, np.bool_))
             self._seen = self.read()
-            self.envs.steps[:] = np.random.default_rng(self.seed).integers(0, 1000, ENVS)
+            cars = self.envs.car_count
+            self.envs.steps[:] = np.random.default_rng(self.seed).integers(0, 1000, ENVS // cars).repeat(cars)
         for _ in range(HORIZON):
             self.key, key = jax.random.split(self.key)
             action, probability, value = decide(self.agent, self._seen, key)
-            observation, reward, terminated, truncated, info = self.envs.step(self.command(action))
-            reward = reward - self.problem.crash * terminated
+            was_live = self.envs.is_live.copy() if self.problem.ends_alone else self.rivals.is_learner
+            commands = self.command(action)
+            self.rivals.drive(commands)
+            observation, reward, terminated, truncated, info = self.envs.step(commands)
+            is_over = terminated | truncated  # the next episode has begun
+            has_ended = was_live & (is_over | ~self.envs.is_live) if self.problem.ends_alone else is_over
+            reward = reward - self.problem.crash * (terminated & has_ended)
             self._sums += reward
             reward = self.problem.reward * reward
-            has_ended = terminated | truncated
-            first = observation[has_ended]  # of the next episodes
-            if has_ended.any():
-                observation[has_ended] = np.stack(info["final_obs"][has_ended])
+            begun = observation.copy()
+            if is_over.any():
+                observation[is_over] = np.stack(info["final_obs"][is_over])
             self.past.add(observation)
+            self.rivals.add(observation)
             if truncated.any():  # it would have gone on: the value of what came last stands for the rest
                 last = self.read()[truncated]
                 reward[truncated] += self.problem.discount * np.asarray(jax.vmap(self.agent.critic)(last))
-            self.past.begin(first, has_ended)
-            self.returns += self._sums[has_ended].tolist()
+            self.past.begin(begun[is_over], is_over)
+            self.rivals.begin(begun, is_over)
+            self.returns += self._sums[has_ended & self.rivals.is_learner].tolist()
             self._sums[has_ended] = 0.0
             rows.append(
-                Rollout(self._seen, action, probability, value, reward.astype(np.float32), has_ended.astype(np.float32))
+                Rollout(self._seen, action, probability, value, *map(np.float32, (reward, has_ended, was_live)))
             )
             self._seen = self.read()
         self.steps += ENVS * HORIZON
@@ -282,9 +377,13 @@ class Trainer:
         """One rollout, and what is learnt from it."""
         rollout, last_value = self.rollout()
         self.key, key = jax.random.split(self.key)
+        share = jnp.asarray(float(self.only_values <= 0))
+        self.only_values -= 1
         self.agent, self.memory = learn(
-            self.agent, self.memory, rollout, last_value, self.problem.discount, self.optimizer, key
+            self.agent, self.memory, rollout, last_value, self.problem.discount, share, self.optimizer, key
         )
+        if self.steps % (RENEWAL * ENVS * HORIZON) == 0:
+            self.rivals.use(PAST, self.policy())
 
     def policy(self) -> Policy:
         """The mean of the actions as a file that needs no JAX."""
@@ -310,13 +409,28 @@ class Trainer:
         learnt = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())
         self.agent, self.memory, self.key, self.steps, self.seconds = learnt
 
-    def begin_with(self, folder: Path) -> None:
-        """Take the networks of another training that reads the same."""
-        learnt = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())
-        self.agent = learnt[0]
+    def begin_with(self, source: str) -> None:
+        """Take the networks of another training that reads the same, or a policy; then values are learnt first."""
+        if (folder := Path(source)).is_dir():
+            self.agent = eqx.tree_deserialise_leaves(folder / "checkpoint.eqx", self._learnt())[0]
+            return
+        policy = Policy.find(source)
+        places = [self.inputs.index(name) for name in policy.inputs]
+        (weight, bias), *rest = policy.layers
+        wide = np.zeros((len(weight), len(self.inputs)), np.float32)
+        wide[:, places] = weight * np.array(policy.scale) / self.scale[places]
+        given = [one for layer in ((wide, bias), *rest) for one in layer] + [np.full(2, -1.5, np.float32)]
+        self.agent = eqx.tree_at(_of_actor, self.agent, [jnp.asarray(one) for one in given])
+        self.only_values = ONLY_VALUES
+        self.rivals.use(PAST, self.policy())
 
     def _learnt(self):
         return self.agent, self.memory, self.key, self.steps, self.seconds
+
+
+def _of_actor(agent: Agent) -> list[Any]:
+    """All that decides about the actions."""
+    return [one for layer in agent.actor.layers for one in (layer.weight, layer.bias)] + [agent.log_std]
 
 
 def draw_curve(folder: Path) -> None:
@@ -352,7 +466,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=10**9, help="steps of all cars after which training ends")
     parser.add_argument("--output", type=Path, default=Path("runs/race"), help="folder of the results")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in that folder")
-    parser.add_argument("--begin-with", type=Path, help="folder of another training, whose networks are improved")
+    parser.add_argument("--begin-with", help="folder of another training, or a policy, that is improved")
     parser.add_argument("--until-clean", action="store_true", help="end when it drives ten clean laps on all tracks")
     options = parser.parse_args()
     if options.until_clean and options.problem not in ALONE:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Set
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,10 @@ from autodrive.protocol.ports import DEVKIT_PORT, PORT
 
 if TYPE_CHECKING:
     from autodrive.experiments.policies import Policy
+    from autodrive.run.team import Team
+
+TEAMS = {"crossing": "crossing", "duel": "race"}
+"""Tasks of several cars, and the included policy of each."""
 
 
 def play(
@@ -22,11 +27,13 @@ def play(
     track: Annotated[
         str | None,
         typer.Argument(
-            help="Name or file of the track on which it drives; after 'crossing' or 'duel' a network (.onnx).  "
+            help="Name or file of the track on which it drives; after 'crossing' or 'duel' a policy (.npz, .onnx).  "
             "[default: it serves as a devkit script]"
         ),
     ] = None,
-    laps: Annotated[int, typer.Option(min=1, max=1000, help="Laps to drive.")] = 10,
+    laps: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="Laps to drive.  [default: 10; of 'duel' 2]")
+    ] = None,
     lockstep: Annotated[
         bool, typer.Option("--lockstep/--real-time", help="As fast as the machine can, instead of in real time.")
     ] = False,
@@ -42,36 +49,64 @@ def play(
         int | None,
         typer.Option(min=1, max=10000, help="Of 'crossing' or 'duel'.  [default: no limit; 100 with --headless]"),
     ] = None,
+    rival: Annotated[
+        str | None, typer.Option(metavar="POLICY", help="Drives the second car of 'duel'.  [default: race]")
+    ] = None,
 ) -> None:
     """Drive with a trained policy.
 
     With a track the car RoboRacer drives some laps in the page; prints the laps and collisions. Without one the policy
     is a devkit script for `autodrive race --devkit`. A policy for another task drives in its environment, in the page.
-    `autodrive play crossing POLICY.onnx` and `autodrive play duel POLICY.onnx` let a network made for the published
-    benchmarks drive all cars.
+    `autodrive play crossing` lets four cars drive through a crossing, `autodrive play duel` two cars race; a policy may
+    follow: one that was trained here (.npz), or a network made for the published benchmarks (.onnx).
     """
-    if policy in ("crossing", "duel"):
-        _foreign(policy, track, episodes, seed, headless)
-        return
+    from autodrive.experiments.envs.crossing import Crossing
     from autodrive.experiments.envs.time_trial import TimeTrial
     from autodrive.experiments.policies import Policy
 
-    chosen = Policy.find(policy)
+    given = {
+        "--laps": laps is not None,
+        "--lockstep": lockstep,
+        "--noise": noise,
+        "--output": output is not None,
+        "--headless": headless,
+        "--port": port is not None,
+        "--episodes": episodes is not None,
+        "--rival": rival is not None,
+        "a track": track is not None,
+    }
+    is_team = policy in TEAMS
+    chosen = None if is_team else Policy.find(policy)
+    if is_team or (chosen is not None and chosen.task == Crossing.name):
+        task = policy if is_team else Crossing.name
+        without = {"--output", *(() if is_team else ("a track",)), *(("--port",) if headless else ())}
+        if task == "crossing":
+            without |= {"--laps", "--noise", "--rival"}
+        elif track is not None and Path(track).suffix != ".npz":  # a network of the published task
+            without |= {"--laps", "--rival"}
+        _refuse(given, without, f"in the task '{task}'{' without the page' * headless}")
+        team = _team_of(task, track if is_team else policy, rival, laps=laps or 2, has_noise=noise)
+        _drive_team(team, episodes, seed, headless=headless, port=port, is_lockstep=lockstep)
+        return
+    assert chosen is not None
     if chosen.task != TimeTrial.name:
+        _refuse(given, set(given), f"in the environment of the task '{chosen.task}'")
         _in_environment(chosen)
     elif track is None:
+        _refuse(given, given.keys() - {"--port"}, "for a devkit script, which a policy without a track is")
         _as_script(chosen, DEVKIT_PORT if port is None else port)
     else:
         from autodrive.cli.race import show_race
         from autodrive.run.play import race
         from autodrive.run.race import RaceOptions
 
+        _refuse(given, {"--episodes", "--rival"}, "on a track")
         options = RaceOptions(
             track,
             devkits=(),
             teams=(_team(Path(policy)),),
             rules="practice",
-            laps=laps,
+            laps=laps or 10,
             has_realistic_sensors=noise,
             is_lockstep=lockstep,
             seed=seed,
@@ -80,6 +115,14 @@ def play(
             port=port,
         )
         show_race(options, lambda stop, display: race(chosen, options, stop=stop, observer=display))
+
+
+def _refuse(given: Mapping[str, bool], names: Set[str], where: str) -> None:
+    """Raises `SpecError` if one of these options is given: it would mean nothing."""
+    from autodrive.base.errors import SpecError
+
+    if errors := [f"{name} has no meaning {where}" for name, is_given in given.items() if is_given and name in names]:
+        raise SpecError(errors)
 
 
 def _team(policy: Path) -> str:
@@ -103,20 +146,28 @@ def _in_environment(policy: Policy) -> None:
     play_environment(policy)
 
 
-def _foreign(task: str, network: str | None, episodes: int | None, seed: int, headless: bool) -> None:
-    """Let a network drive all cars of a published task, and print how often they succeeded."""
-    from autodrive.base.errors import SpecError
+def _team_of(task: str, policy: str | None, rival: str | None, *, laps: int, has_noise: bool) -> Team:
+    """All cars of a task, and the policy that drives them; None: the included one."""
+    from autodrive.experiments.policies import Policy
     from autodrive.experiments.policies.foreign import ForeignPolicy
-    from autodrive.run import foreign
+    from autodrive.run.team import duel_team, foreign_team, learnt_team
 
-    if network is None:
-        raise SpecError([f"autodrive play {task} needs a network: autodrive play {task} POLICY.onnx"])
-    policy = ForeignPolicy(network, task)
+    if policy is not None and Path(policy).suffix == ".onnx":
+        return foreign_team(ForeignPolicy(policy, task), has_noise=has_noise)
+    chosen = Policy.find(policy or TEAMS[task])
+    if task == "crossing":
+        return learnt_team(chosen)
+    return duel_team(chosen, Policy.find(rival or "race"), laps=laps, has_noise=has_noise)
+
+
+def _drive_team(
+    team: Team, episodes: int | None, seed: int, *, headless: bool, port: int | None, is_lockstep: bool
+) -> None:
+    """Drive all cars of a task, and print how often they succeeded."""
+    from autodrive.run.team import drive, show, summary
+
     if headless:
-        successes = foreign.drive(policy, episodes or 100, seed)
+        results = drive(team, episodes or 100, seed)
     else:
-        successes = foreign.show(policy, episodes, seed)
-    count, cars = successes.shape
-    share, whole = successes.mean(), successes.all(1).mean()
-    number = f"{count} episode{'s' * (count > 1)}"
-    typer.echo(f"{number}: {share:.1%} of the cars succeeded, all {cars} in {whole:.1%}")
+        results = show(team, episodes, seed, port=port, is_real_time=not is_lockstep)
+    typer.echo(summary(team, results))

@@ -139,9 +139,8 @@ class World(OneThread):
         )
         programs = all_programs(compiled.map.light_programs, compiled.spec.light_programs)
         self._traffic_lights = TrafficLights(compiled.map.traffic_lights, programs, compiled.spec.tick)
-        lengths = [(one.front, one.size[0]) for one in compiled.vehicles.values()]
         lines = compiled.map.stop_lines
-        self._stop_lines = StopLineReferee(self.vehicle_names, lengths, lines) if lines else None
+        self._stop_lines = StopLineReferee(self.vehicle_names, lines, compiled.stop_line_table) if lines else None
         self.traffic = None
         """The drivers of the traffic; None without any."""
         if compiled.spec.traffic.cars:

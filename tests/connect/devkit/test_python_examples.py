@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -24,6 +25,7 @@ from autodrive.base.transforms import euler_from_quaternion
 from autodrive.base.yaml_files import find
 from autodrive.connect.bridge.devkit import DevkitBridge
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
+from autodrive.protocol.messages import Collision
 from autodrive.scenario import VehiclePlacement, load_scenario
 from autodrive.scenario.maps.map import load_map
 from tests.support.command_line import call
@@ -167,3 +169,27 @@ def test_keys_of_a_terminal_drive_the_car() -> None:
         wait_until(lambda: simulation.frame.vehicles["V1"].lights.headlights == 1)
         os.write(terminal, b"x")
         wait_until(lambda: simulation.frame.vehicles["V1"].throttle == 0.0)
+
+
+@pytest.mark.process
+def test_four_cars_drive_through_the_crossing() -> None:
+    """From places at different distances from the middle, to the arm opposite."""
+    scenario, port = load_scenario("crossing"), free_port()
+    cars, ways = {}, []
+    for (name, car), distance in zip(scenario.vehicles.items(), (1.5, 1.7, 1.8, 1.4), strict=True):
+        far = np.array([car.x, car.y])
+        away = np.where(abs(far) > 1.0, np.sign(far), 0.0)  # from the middle, along the arm
+        x, y = (far + (distance - far @ away) * away).tolist()
+        cars[name] = car.model_copy(update={"x": x, "y": y})
+        ways.append(-away)
+    world = autodrive.make(scenario.model_copy(update={"tick": 0.05, "vehicles": cars}))
+    with (
+        example("8_crossing.py", port),
+        Simulation(world, is_paused=True) as simulation,
+        DevkitBridge(simulation, port=port) as bridge,
+    ):
+        frames = list(itertools.islice(answered_ticks(simulation, bridge), 300))
+    assert not any(isinstance(event, Collision) for frame in frames for event in frame.events)
+    for car, way in zip(frames[-1].vehicles.values(), ways, strict=True):
+        assert car.pose.position[:2] @ way > 1.4
+        assert abs(car.speed) < 1e-2

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from autodrive.base.errors import SpecError
 from autodrive.cli.app import app
 from autodrive.experiments.policies.foreign import ForeignPolicy
-from autodrive.run import foreign
+from autodrive.run.team import drive, foreign_team, show
 
 FLOAT, INT64 = TensorProto.FLOAT, TensorProto.INT64
 HIDDEN = 16
@@ -149,17 +149,17 @@ def test_a_network_with_a_score_for_each_choice_takes_the_best(
 
 
 def test_a_network_drives_through_the_crossing_with_the_same_bits_in_one_world_and_in_many(tmp_path: Path) -> None:
-    policy = ForeignPolicy(polite(tmp_path / "polite.onnx"), "crossing")
-    assert foreign.drive(policy, 3, seed=5).all()
-    assert foreign.show(policy, 1, seed=5, mode=None).all()
+    policy = foreign_team(ForeignPolicy(polite(tmp_path / "polite.onnx"), "crossing"))
+    assert drive(policy, 3, seed=5).is_success.all()
+    assert show(policy, 1, seed=5, mode=None).is_success.all()
     plain(tmp_path / "any.onnx", 14, 6)
-    careless = ForeignPolicy(tmp_path / "any.onnx", "crossing")
-    assert (foreign.drive(careless, 2, seed=1) == foreign.show(careless, 2, seed=1, mode=None)).all()
+    careless = foreign_team(ForeignPolicy(tmp_path / "any.onnx", "crossing"))
+    assert np.array_equal(drive(careless, 2, seed=1), show(careless, 2, seed=1, mode=None))
 
 
 def test_a_network_with_any_weights_drives_a_duel_to_its_end(tmp_path: Path) -> None:
     ml_agents(tmp_path / "policy.onnx", (54, 1), (3, 3))
-    assert foreign.drive(ForeignPolicy(tmp_path / "policy.onnx", "duel"), 2).shape == (2, 2)
+    assert drive(foreign_team(ForeignPolicy(tmp_path / "policy.onnx", "duel")), 2).is_success.shape == (2, 2)
 
 
 def test_the_command_prints_how_often_the_cars_succeeded(tmp_path: Path) -> None:

@@ -28,8 +28,8 @@ Variant "own".
 - Actions: throttle and steering, or the discrete choices of the other tasks.
 - Reward of a step: how far the car has come towards its goal [m], minus 0.002; 2 for success, -2 if the episode ends
   otherwise.
-- End: success within 0.15 m of the line across the goal, and in the right half of the road. Failure: a collision, the
-  centre of the rear axle beside the right half of the road, or a heading more than 60 degrees off.
+- End: success within 0.15 m of the line across the goal, and in the right half of the road. Failure: a collision, a
+  rear wheel beside the right half of the road, or a heading more than 60 degrees off.
 - Start: at rest 1.3 to 1.9 m from the middle, in one of the two lanes, up to 0.03 m beside its middle and 0.1 rad off.
 """
 
@@ -69,6 +69,8 @@ HALF = 0.5 * (LANES[0] + LANES[1])
 """Likewise, of the middle of the right half of the road."""
 WIDTH = 0.6
 """Of the right half of the road [m]."""
+HALF_TRACK = 0.1
+"""From the middle of the car to the outer side of its rear wheels, rounded up [m]."""
 NEAR = 0.15
 """Tolerance of a goal [m]."""
 THROTTLES = 0.9, 1.0
@@ -298,7 +300,7 @@ def _judge(cars: CarReadings, duration: float, memory: Floats, features: Floats,
             peer[0], peer[1] = x / LENGTH, y / LENGTH
             peer[2], peer[3] = turned(cos(heard[5]), sin(heard[5]), c, s)
             peer[4], peer[5] = heard[6] / SPEED, (cars.time[i] - heard[0]) / duration / AGE
-        is_beside = abs(right - HALF) > 0.5 * WIDTH
+        is_beside = abs(right - HALF) > 0.5 * WIDTH - HALF_TRACK
         has_failed = cars.collision_count[i] > 0 or is_beside or features[i, 6] < COSINE
         is_there = driven >= ARM - NEAR and not has_failed
         reward = driven - memory[i, BEFORE] - TIME_COST

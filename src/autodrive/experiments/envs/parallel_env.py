@@ -156,7 +156,8 @@ class DrivingParallelEnv(Cars):
 
     def _start(self, seed: int, starts: Sequence[Start], rng: np.random.Generator) -> CarReadings:
         poses = {name: pose for start in starts for name, pose in start.poses.items()}
-        return CarReadings.of_frame(self.rendered.reset(seed, poses))
+        self.rendered.reset(seed, poses)
+        return self.rendered.cars
 
     def _drive(self, commands: NDArray[np.float64]) -> tuple[CarReadings, Bools]:
         is_unstable = np.zeros(len(commands), np.bool_)
@@ -165,7 +166,7 @@ class DrivingParallelEnv(Cars):
             self.rendered.step({agent: Command(*command) for agent, command in given})
         except EngineError:
             is_unstable[:] = True
-        return CarReadings.of_frame(self.frame), is_unstable
+        return self.rendered.cars, is_unstable
 
     def _observations(self, agents: list[str]) -> dict[str, Any]:
         own, cars = super()._observations(agents), self.frame.vehicles

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
-from autodrive.protocol.messages import Command, Frame
+from autodrive.experiments.envs.task import CarReadings
+from autodrive.protocol.messages import Command, Frame, RedLight, Reset, StopSign
 from autodrive.world.factory import make
+from autodrive.world.observer import Request, ResetTo
 
 if TYPE_CHECKING:
     from autodrive.experiments.envs.task import Ground
@@ -43,14 +45,47 @@ def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
     return BatchCamera(scenario, vehicle, CAMERA, size=(IMAGE_WIDTH, IMAGE_HEIGHT), quality=QUALITY)
 
 
+class OffenceCounter:
+    """Counts the events `RedLight` and `StopSign` of each vehicle since the start of an episode."""
+
+    def __init__(self, vehicles: Sequence[str]) -> None:
+        self.counts = {name: [0, 0] for name in vehicles}
+
+    def given(self, commands: Mapping[str, Command]) -> None:
+        """Nothing to count."""
+
+    def executed(self, request: Request) -> None:
+        """A reset begins an episode."""
+        if isinstance(request, Reset | ResetTo):
+            self.counts = {name: [0, 0] for name in self.counts}
+
+    def publish(self, frame: Frame) -> None:
+        """Count what happened."""
+        for event in frame.events:
+            if isinstance(event, RedLight | StopSign):
+                self.counts[event.vehicle][isinstance(event, StopSign)] += 1
+
+
 class RenderedWorld:
     """The World of a scenario; with 'human' it runs in real time, and the page shows it."""
 
-    def __init__(self, scenario: ScenarioSpec, settings: Settings, *, has_camera: bool) -> None:
+    def __init__(
+        self,
+        scenario: ScenarioSpec,
+        settings: Settings,
+        *,
+        has_camera: bool,
+        port: int | None = None,
+        is_real_time: bool = True,
+    ) -> None:
+        """`port`: of the page, see `PageOptions`. `is_real_time`: whether a step with the page lasts its time."""
         self._settings = settings
+        self._port, self._is_real_time = port, is_real_time
         self.step_duration = scenario.tick * settings.frame_skip
         """[s]."""
         self.world = make(scenario, cameras=self._cameras if has_camera else False)
+        self._offences = OffenceCounter(self.world.vehicle_names)
+        self.world.observers.append(self._offences)
         self._is_closed = False
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
@@ -75,8 +110,9 @@ class RenderedWorld:
         for vehicle, command in commands.items():
             self._simulation.submit(vehicle, command)
         frame = self._simulation.run(self.step_duration)
-        self._due = max(self._due + self.step_duration, time.monotonic() - self.step_duration)
-        time.sleep(max(self._due - time.monotonic(), 0.0))
+        if self._is_real_time:
+            self._due = max(self._due + self.step_duration, time.monotonic() - self.step_duration)
+            time.sleep(max(self._due - time.monotonic(), 0.0))
         return frame
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -97,6 +133,11 @@ class RenderedWorld:
         """Stop the page, and free the renderers."""
         self._is_closed = True
         self._open.close()
+
+    @property
+    def cars(self) -> CarReadings:
+        """What the environments read of the cars."""
+        return CarReadings.of_frame(self.world.frame, self._offences.counts)
 
     def _check_open(self) -> None:
         if self._is_closed:
@@ -124,13 +165,13 @@ class RenderedWorld:
 
     def _serve(self) -> None:
         from autodrive.connect.server.files import built_page  # noqa: PLC0415
-        from autodrive.connect.server.served import Served  # noqa: PLC0415
+        from autodrive.connect.server.served import PageOptions, Served  # noqa: PLC0415
         from autodrive.connect.server.server import Server  # noqa: PLC0415
         from autodrive.world.scene_files import SceneFiles  # noqa: PLC0415
         from autodrive.world.simulation import Simulation  # noqa: PLC0415
 
         self._simulation = Simulation(self.world, speed=None)
         served = Served(self._simulation, lambda world: SceneFiles.of(world, self._settings.task or ""))
-        server = Server(served, page=built_page())
+        server = Server(served, PageOptions(port=self._port), page=built_page())
         self._open.enter_context(server)
         print(f"The page of this environment: {server.url}", flush=True)

@@ -18,6 +18,7 @@ from autodrive.experiments.envs.navigation import Navigation
 from autodrive.experiments.envs.parking import Parking
 from autodrive.experiments.envs.task import CHOICES, Observation, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.protocol.commands import is_number
 from autodrive.scenario.scenario import TrafficSpec
 
 Action: TypeAlias = Literal["continuous", "discrete"]
@@ -51,6 +52,8 @@ class Settings:
     """Of the task."""
     traffic: int = 0
     """Cars that drive themselves, 0 to 50; the map must have lanes for them."""
+    offence_cost: float = 0.0
+    """Subtracted from the reward for each red light and stop sign that is run, 0 to 1000."""
 
     def __post_init__(self) -> None:
         choices: dict[str, list[Any]] = {
@@ -67,6 +70,8 @@ class Settings:
         ticks = self.frame_skip
         if isinstance(ticks, bool) or not isinstance(ticks, int) or not 1 <= ticks <= MOST_TICKS:
             errors.append(f"frame_skip: must be a whole number of ticks from 1 to {MOST_TICKS}, not {ticks!r}")
+        if not (is_number(self.offence_cost) and 0.0 <= self.offence_cost <= 1e3):
+            errors.append(f"offence_cost: must be a number from 0 to 1000, not {self.offence_cost!r}")
         errors += whole_number_errors({"traffic": (self.traffic, 0, MOST_TRAFFIC)})
         if errors:
             raise SpecError(errors)

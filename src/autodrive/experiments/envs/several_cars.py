@@ -9,6 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
+from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.settings import action_space
@@ -32,6 +33,11 @@ class SeveralCarsVectorEnv(DrivingVectorEnv):
         self._is_seen: Bools = np.ones(num_envs, np.bool_)
         """Whether it went on before the last step."""
         self._has_succeeded: Bools = np.zeros(num_envs, np.bool_)
+
+    @property
+    def memory(self) -> Floats:
+        """What the task remembers of the episode of each car, a view of the shape (num_envs, memory_size)."""
+        return self._episodes.memory
 
     def _begin(self, mask: Bools) -> None:
         super()._begin(mask)
@@ -119,7 +125,7 @@ class SeveralCarsParallelEnv(ParallelEnv[str, Any, Any]):
             {agent: float(reward[row]) for agent, row in rows.items()},
             {agent: not is_live[row] for agent, row in rows.items()},
             {agent: bool(truncated[row]) for agent, row in rows.items()},
-            {agent: {"is_success": bool(info["is_success"][row])} for agent, row in rows.items()},
+            {agent: {k: one[row].item() for k, one in info.items() if k[0] != "_"} for agent, row in rows.items()},
         )
 
     def close(self) -> None:

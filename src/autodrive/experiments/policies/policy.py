@@ -82,14 +82,15 @@ class Policy:
         return tuple(dict.fromkeys(name for name, _ in moments(self.inputs) if name not in OUTPUTS))
 
     def outputs(self, inputs: NDArray[Any]) -> Floats:
-        """Drive and steer, -1 to 1, for the numbers `inputs`, shape (n_input,).
+        """Drive and steer, -1 to 1, shape (..., 2), for the numbers `inputs`, shape (..., n_input).
 
         The bits are the same on every processor.
         """
-        values = np.asarray(inputs, np.float64) * np.array(self.scale)
+        values = np.asarray(inputs, np.float64).reshape(-1, len(self.inputs)) * np.array(self.scale)
         for weight, bias in self.layers[:-1]:
             values = _layer(weight, bias, values, is_inner=True)
-        return np.clip(_layer(*self.layers[-1], values, is_inner=False), -1.0, 1.0)
+        outputs = np.clip(_layer(*self.layers[-1], values, is_inner=False), -1.0, 1.0)
+        return outputs.reshape(*np.shape(inputs)[:-1], 2)
 
     def save(self, file: Path) -> None:
         """Write the file. Raises `AutodriveError` if that is not possible."""
@@ -178,28 +179,47 @@ class Memory:
         return self._past[self._ago, :, self._columns].T
 
 
-class Driver:
-    """A policy that drives one car, and what it remembers of the episode."""
+class Drivers:
+    """A policy that drives `count` cars, and what it remembers of their episodes."""
 
-    def __init__(self, policy: Policy, readings: Sequence[str]) -> None:
+    def __init__(self, policy: Policy, readings: Sequence[str], count: int = 1) -> None:
         """`readings`: names of the numbers given to `act`. Raises `AutodriveError` if the policy needs others."""
-        self.policy = policy
-        self._memory = Memory(policy.inputs, readings)
+        self._policy = policy
+        self._memory = Memory(policy.inputs, readings, count)
         self._has_begun = False
 
     def begin(self) -> None:
-        """Forget everything: a new episode begins."""
+        """Forget everything: new episodes begin."""
         self._has_begun = False
 
-    def act(self, readings: NDArray[Any]) -> tuple[float, float]:
-        """Throttle and steering, -1 to 1, left positive, for the readings of one more step, shape (n_reading,)."""
-        (self._memory.add if self._has_begun else self._memory.begin)(readings[None])
+    def act(self, readings: NDArray[Any]) -> Floats:
+        """Throttle and steering, -1 to 1, left positive, shape (count, 2), for the readings of one more step.
+
+        `readings`: shape (count, n_reading).
+        """
+        (self._memory.add if self._has_begun else self._memory.begin)(readings)
         self._has_begun = True
-        outputs = self.policy.outputs(self._memory.inputs[0])
+        outputs = self._policy.outputs(self._memory.inputs)
         self._memory.put_out(outputs)
-        low, high = self.policy.throttle
-        drive, steer = outputs.tolist()
-        return low + (high - low) * 0.5 * (drive + 1.0), steer
+        low, high = self._policy.throttle
+        return np.column_stack([low + (high - low) * 0.5 * (outputs[:, 0] + 1.0), outputs[:, 1]])
+
+
+class Driver:
+    """Likewise, with one car."""
+
+    def __init__(self, policy: Policy, readings: Sequence[str]) -> None:
+        """See `Drivers`."""
+        self._drivers = Drivers(policy, readings)
+
+    def begin(self) -> None:
+        """See `Drivers`."""
+        self._drivers.begin()
+
+    def act(self, readings: NDArray[Any]) -> tuple[float, float]:
+        """Throttle and steering for the readings of one more step, shape (n_reading,)."""
+        throttle, steering = self._drivers.act(readings[None])[0].tolist()
+        return throttle, steering
 
 
 def moments(inputs: Sequence[str]) -> list[tuple[str, int]]:
@@ -219,13 +239,14 @@ def moments(inputs: Sequence[str]) -> list[tuple[str, int]]:
 
 @jit
 def _layer(weight: NDArray[np.float32], bias: NDArray[np.float32], values: Floats, is_inner: bool) -> Floats:
-    """The outputs of a layer, shape (n_out,)."""
-    outputs = np.empty(len(bias))
-    for i in range(len(bias)):
-        total = float(bias[i])
-        for k in range(len(values)):
-            total += weight[i, k] * values[k]
-        outputs[i] = 1.0 - 2.0 / (exp(2.0 * total) + 1.0) if is_inner else total
+    """The outputs of a layer, shape (n, n_out), for values of the shape (n, n_in)."""
+    outputs = np.empty((len(values), len(bias)))
+    for row in range(len(values)):
+        for i in range(len(bias)):
+            total = float(bias[i])
+            for k in range(values.shape[1]):
+                total += weight[i, k] * values[row, k]
+            outputs[row, i] = 1.0 - 2.0 / (exp(2.0 * total) + 1.0) if is_inner else total
     return outputs
 
 

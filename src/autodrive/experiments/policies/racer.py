@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import AutodriveError
 from autodrive.experiments.envs.time_trial import TimeTrial, wheel_speed
-from autodrive.experiments.policies.policy import Driver
+from autodrive.experiments.policies.policy import Drivers
 from autodrive.protocol.messages import Command, VehicleFrame
 from autodrive.scenario import RaceSpec, ScenarioSpec, SensorSettings, VehiclePlacement
 from autodrive.scenario.maps.map import load_map
@@ -20,6 +20,7 @@ from autodrive.world.racing.results import RaceRecorder
 
 if TYPE_CHECKING:
     from autodrive.base.arrays import Floats
+    from autodrive.experiments.envs.task import CarReadings
     from autodrive.experiments.policies.policy import Policy
     from autodrive.world.racing.results import Standing
 
@@ -30,32 +31,50 @@ INPUTS = ("wheel_speed", "yaw_rate", "steering", *(f"range_{bearing:g}" for bear
 """Features of the time trial that these readings give."""
 
 
-class PolicyRacer:
-    """One car. It remembers the last angles of the wheels, for the speed, and what the policy remembers.
+class PolicyRacers:
+    """Some cars. It remembers the last angles of the wheels, for the speed, and what the policy remembers.
 
     Raises `AutodriveError` if the policy needs other readings.
     """
 
-    def __init__(self, policy: Policy) -> None:
+    def __init__(self, policy: Policy, count: int = 1) -> None:
         unknown = sorted(set(policy.readings) - set(INPUTS))
         if unknown:
             known = f"{', '.join(INPUTS[:4])}, ... {INPUTS[-1]}"
             raise AutodriveError(
                 f"the policy reads {unknown[0]}, which no script can read in a race; a script can read {known}"
             )
-        self._driver = Driver(policy, INPUTS)
-        self._angle: float | None = None
+        self._drivers = Drivers(policy, INPUTS, count)
+        self._angle: Floats | None = None
+
+    def commands(self, angles: Floats, yaw_rate: Floats, steering: Floats, ranges: Floats) -> Floats:
+        """Throttle and steering, -1 to 1, left positive, shape (n, 2), for the readings after one more `PERIOD`.
+
+        `angles` of the rear wheels [rad], shape (n, 2); `yaw_rate` [rad/s] and `steering` angle [rad], left positive,
+        shape (n,); `ranges` of the scans from right to left [m], shape (n, 1080).
+        """
+        angle = 0.5 * (angles[:, 0] + angles[:, 1])
+        turned = np.zeros(len(angle)) if self._angle is None else angle - self._angle
+        self._angle = angle
+        speed = [wheel_speed(one, PERIOD) for one in turned.tolist()]
+        return self._drivers.act(np.column_stack([speed, yaw_rate, steering, sectors(ranges)]))
+
+    def act(self, _: NDArray[np.float32], cars: CarReadings) -> Floats:
+        """Likewise, for the readings of environments."""
+        return self.commands(cars.encoder_angles, cars.angular_velocity[:, 2], cars.steering, cars.lidar_ranges)
+
+
+class PolicyRacer:
+    """One car, likewise."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._racers = PolicyRacers(policy)
 
     def command(self, angles: Floats, yaw_rate: float, steering: float, ranges: Floats) -> tuple[float, float]:
-        """Throttle and steering, -1 to 1, left positive, for the readings after one more `PERIOD`.
-
-        `angles` of the rear wheels [rad], shape (2,); `yaw_rate` [rad/s]; `steering` angle [rad], left positive;
-        `ranges` of the scan from right to left [m], shape (1080,).
-        """
-        angle = 0.5 * float(angles[0] + angles[1])
-        speed = 0.0 if self._angle is None else wheel_speed(angle - self._angle, PERIOD)
-        self._angle = angle
-        return self._driver.act(np.concatenate([[speed, yaw_rate, steering], sectors(ranges)]))
+        """Throttle and steering; `angles` of the shape (2,), `ranges` of the shape (1080,), see `PolicyRacers`."""
+        given = np.asarray(angles)[None], np.array([yaw_rate]), np.array([steering]), np.asarray(ranges)[None]
+        throttle, steer = self._racers.commands(*given)[0].tolist()
+        return throttle, steer
 
     def act(self, car: VehicleFrame) -> Command:
         """The command for a Frame of the car."""
@@ -65,11 +84,12 @@ class PolicyRacer:
         return Command(*self.command(car.encoders.angles, rate, car.steering, car.lidar.ranges))
 
 
-def sectors(ranges: Floats) -> NDArray[np.float64]:
-    """The shortest range in each sector of a scan, within its limits [m], shape (54,)."""
-    if len(ranges) % _SCAN.sectors:
-        raise AutodriveError(f"the policy needs a scan of 1080 rays, not of {len(ranges)}")
-    return np.clip(ranges.reshape(_SCAN.sectors, -1).min(axis=1), 0.0, _SCAN.range_max)
+def sectors(ranges: Floats) -> Floats:
+    """The shortest range in each sector of scans, within its limits [m], shape (..., 54)."""
+    count = ranges.shape[-1]
+    if count % _SCAN.sectors:
+        raise AutodriveError(f"the policy needs a scan of 1080 rays, not of {count}")
+    return np.clip(ranges.reshape(*ranges.shape[:-1], _SCAN.sectors, -1).min(axis=-1), 0.0, _SCAN.range_max)
 
 
 def drive_laps(policy: Policy, track: str, laps: int = 10, *, limit: float = 600.0, seed: int = 0) -> Standing:

@@ -1,0 +1,232 @@
+"""Lets policies drive all cars of a task of several cars, with or without the page."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from contextlib import closing
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+
+from autodrive.base.errors import SpecError
+from autodrive.experiments.envs.crossing import Crossing
+from autodrive.experiments.envs.duel import DRIVEN, Duel
+from autodrive.experiments.envs.episodes import Episodes, observed
+from autodrive.experiments.envs.rendered_world import RenderedWorld
+from autodrive.experiments.envs.settings import Settings
+from autodrive.experiments.envs.several_cars import SeveralCarsVectorEnv
+from autodrive.experiments.envs.task import CarReadings, Task
+from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.experiments.policies.policy import Drivers
+from autodrive.experiments.policies.racer import PolicyRacers
+from autodrive.protocol.messages import Command
+
+if TYPE_CHECKING:
+    from autodrive.base.arrays import Floats
+    from autodrive.experiments.envs.task import Bools
+    from autodrive.experiments.policies.foreign import ForeignPolicy
+    from autodrive.experiments.policies.policy import Policy
+
+TICKS = 5
+"""Of an action."""
+STEPS = {"crossing": 600, "duel": 4800}
+"""Of an episode."""
+TRACKS, TRACK_SEED = 8, 1000
+"""Random tracks of a duel of policies; none of them is trained on."""
+
+Act: TypeAlias = Callable[[NDArray[np.float32], CarReadings], "Floats"]
+"""Throttle and steering of n cars, shape (n, 2), for their observations, shape (n, n_number), and their readings."""
+
+
+class Team(NamedTuple):
+    """What drives all cars of a task."""
+
+    task: Task
+    start: Callable[[int], Act]
+    """Makes what drives so many cars, whose episodes begin."""
+
+
+class Results(NamedTuple):
+    """Of some episodes; each of shape (episodes, cars)."""
+
+    is_success: Bools
+    has_collided: Bools
+    """Whether the car touched something before its episode ended."""
+    is_at_fault: Bools
+    """Likewise, unless that was a car behind it on the track."""
+
+
+def foreign_team(policy: ForeignPolicy, *, has_noise: bool = False) -> Team:
+    """A network that was trained elsewhere, in the published variant of its task.
+
+    `has_noise`: whether the LIDAR of the duel has the noise of its data sheet.
+    """
+    task = Crossing(TICKS, "published") if policy.shape.task == Crossing.name else _duel("published", has_noise)
+    return Team(task, lambda _: lambda observations, _: task.choices[policy.act(observations)])
+
+
+def learnt_team(policy: Policy) -> Team:
+    """A policy that was trained here drives through the crossing, variant "own". Raises `SpecError`: another task."""
+    if policy.task != Crossing.name:
+        raise SpecError([f"the policy was trained for '{policy.task}', not for '{Crossing.name}'"])
+    task = Crossing(TICKS)
+    names = [one.name for one in observed(task, "state")]
+
+    def start(count: int) -> Act:
+        drivers = Drivers(policy, names, count)
+        return lambda observations, _: drivers.act(observations)
+
+    return Team(task, start)
+
+
+def duel_team(first: Policy | Act, second: Policy | Act, *, laps: int = 2, has_noise: bool = False) -> Team:
+    """Two policies that race, or what else drives cars with the LIDAR, in the variant "own" of the duel.
+
+    `first` drives V1, `second` V2. Raises `SpecError` for a policy of another task.
+    """
+    for policy in (first, second):
+        if not callable(policy) and policy.task != TimeTrial.name:
+            raise SpecError([f"the policy was trained for '{policy.task}', not for a race"])
+
+    def start(count: int) -> Act:
+        racers = [one if callable(one) else PolicyRacers(one, count // 2).act for one in (first, second)]
+
+        def act(observations: NDArray[np.float32], cars: CarReadings) -> Floats:
+            commands = np.empty((count, 2))
+            for k, racer in enumerate(racers):
+                rows = np.arange(k, count, 2)
+                commands[rows] = racer(observations[rows], cars.rows(rows))
+            return commands
+
+        return act
+
+    return Team(_duel("own", has_noise, tracks=TRACKS, track_seed=TRACK_SEED, laps=laps), start)
+
+
+def drive(team: Team, episodes: int, seed: int = 0) -> Results:
+    """So many episodes with the seeds `seed`, `seed` + 1, ..."""
+    task = team.task
+    cars = len(task.scenario.vehicles)
+    steps = STEPS[task.name]
+    envs = SeveralCarsVectorEnv(
+        cars * episodes, task, max_episode_steps=steps, autoreset_mode="NextStep", frame_skip=TICKS
+    )
+    tally = _Tally(task, cars * episodes)
+    act = team.start(cars * episodes)
+    with closing(envs):
+        observations, _ = envs.reset(seed=seed)
+        while not tally.is_over.all():
+            commands = act(observations, CarReadings.of_batch(envs.batch.readings, cars))
+            observations, _, terminated, truncated, info = envs.step(commands)
+            ends = tally.is_over | terminated | truncated | ~envs.is_live
+            tally.add(ends, info["is_success"], CarReadings.of_batch(envs.batch.readings, cars), envs.memory)
+    return tally.results(cars)
+
+
+def show(
+    team: Team,
+    episodes: int | None = None,
+    seed: int = 0,
+    *,
+    mode: Literal["human"] | None = "human",
+    port: int | None = None,
+    is_real_time: bool = True,
+) -> Results:
+    """Likewise, one episode after the other, with the page, on that port; `episodes` None: until Ctrl-C.
+
+    `mode` None: without the page, as fast as possible. The bits are those of `drive`.
+    """
+    settings = Settings(None, "state", frame_skip=TICKS, render_mode=mode)
+    results: list[Results] = []
+    world = RenderedWorld(team.task.scenario, settings, has_camera=False, port=port, is_real_time=is_real_time)
+    with closing(world) as rendered:
+        for number in itertools.count() if episodes is None else range(episodes):
+            results.append(_episode(team, rendered, seed + number))
+            if mode == "human":
+                print(f"episode {number + 1}: {_described(team.task, results[-1])}", flush=True)
+    return Results(*map(np.concatenate, zip(*results, strict=True)))
+
+
+def summary(team: Team, results: Results) -> str:
+    """Of all episodes, for people."""
+    count, cars = results.is_success.shape
+    number = f"{count} episode{'s' * (count > 1)}"
+    if not _is_own_duel(team.task):
+        share, whole = results.is_success.mean(), results.is_success.all(axis=1).mean()
+        return f"{number}: {share:.1%} of the cars succeeded, all {cars} in {whole:.1%}"
+    columns = zip(team.task.scenario.vehicles, *(one.mean(axis=0) for one in results), strict=True)
+    return f"{number}: " + "; ".join(
+        f"{name} won {won:.1%}, collided in {hit:.1%}, by its own fault in {fault:.1%}"
+        for name, won, hit, fault in columns
+    )
+
+
+def _described(task: Task, results: Results) -> str:
+    """How an episode ended."""
+    (is_success,) = results.is_success
+    if _is_own_duel(task):
+        return f"{[*task.scenario.vehicles][int(is_success.argmax())]} won" if is_success.any() else "nobody won"
+    return f"{is_success.sum()} of {len(is_success)} cars succeeded"
+
+
+def _is_own_duel(task: Task) -> bool:
+    return isinstance(task, Duel) and not task.is_published
+
+
+def _duel(variant: Literal["own", "published"], has_noise: bool, **settings: Any) -> Duel:
+    task = Duel(TICKS, variant, **settings)
+    if not has_noise:
+        cars = {name: car.model_copy(update={"sensors": {}}) for name, car in task.scenario.vehicles.items()}
+        task.scenario = task.scenario.model_copy(update={"vehicles": cars})
+    return task
+
+
+class _Tally:
+    """The first episodes of n cars."""
+
+    def __init__(self, task: Task, count: int) -> None:
+        self._cars = len(task.scenario.vehicles)
+        self._is_race = isinstance(task, Duel)
+        self.is_over, self._is_success = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+        self._has_collided, self._is_hit = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+
+    def add(self, ends: Bools, is_success: Bools, cars: CarReadings, memory: Floats) -> None:
+        """A step of all cars; `ends`: whether the episode of each has ended, in this step or before."""
+        now = ends & ~self.is_over
+        collides = now & (cars.collision_count > 0)
+        if self._is_race:
+            both = collides.reshape(-1, 2).all(axis=1)
+            driven = memory[:, DRIVEN].reshape(-1, 2)
+            self._is_hit |= (both.reshape(-1, 1) & (driven > driven[:, ::-1])).ravel()
+        self._is_success |= now & is_success
+        self._has_collided |= collides
+        self.is_over |= ends
+
+    def results(self, cars: int) -> Results:
+        """Of all episodes."""
+        columns = self._is_success, self._has_collided, self._has_collided & ~self._is_hit
+        return Results(*(one.reshape(-1, cars) for one in columns))
+
+
+def _episode(team: Team, rendered: RenderedWorld, seed: int) -> Results:
+    rng, task = seeding.np_random(seed)[0], team.task
+    world_seed, starts = int(rng.integers(2**31)), task.starts(rng)
+    poses = {name: pose for start in starts for name, pose in start.poses.items()}
+    names, seen = list(task.scenario.vehicles), Episodes(task, "state", len(starts))
+    cars = CarReadings.of_frame(rendered.reset(world_seed, poses))
+    seen.begin(np.arange(len(starts)), starts, cars)
+    tally, act = _Tally(task, len(names)), team.start(len(names))
+    for step in range(STEPS[task.name]):
+        commands = np.where(tally.is_over[:, None], 0.0, act(seen.numbers(), cars))
+        commands[:, 0] *= task.throttle_factors(seen.memory)
+        frame = rendered.step({name: Command(*one) for name, one in zip(names, commands.tolist(), strict=True)})
+        cars = CarReadings.of_frame(frame)
+        outcome = seen.advance(cars)
+        is_late = step + 1 == STEPS[task.name]
+        tally.add(outcome.has_ended | tally.is_over | is_late, outcome.is_success, cars, seen.memory)
+        if tally.is_over.all():
+            break
+    return tally.results(len(names))

@@ -1,0 +1,118 @@
+"""Policies that were trained here drive all cars of the tasks of several cars."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from autodrive.base.arrays import Floats
+from autodrive.base.errors import SpecError
+from autodrive.cli.app import app
+from autodrive.experiments.envs.task import CarReadings
+from autodrive.experiments.policies import Policy
+from autodrive.experiments.policies.racer import PolicyRacers
+from autodrive.run.team import Act, Team, drive, duel_team, learnt_team, show
+from tests.support.command_line import refused
+from tests.support.waiting import free_port
+
+
+def test_the_included_policy_drives_four_cars_through_the_crossing() -> None:
+    """The share that the documentation states over 1,000 episodes, less three standard deviations of 100 episodes."""
+    team = learnt_team(Policy.find("crossing"))
+    results = drive(team, 100, seed=0)
+    assert results.is_success.mean() > 0.95
+    assert results.is_success.all(axis=1).mean() > 0.91
+    assert (results.has_collided == results.is_at_fault).all()
+    alone = show(team, 1, seed=3, mode=None)
+    assert all(np.array_equal(one[3:4], other) for one, other in zip(results, alone, strict=True))
+
+
+def test_two_policies_race_with_the_same_bits_in_one_world_and_in_many() -> None:
+    policy = Policy.find("race")
+    team = duel_team(policy, policy, laps=1, has_noise=True)
+    assert np.array_equal(drive(team, 2, seed=5), show(team, 2, seed=5, mode=None))
+    assert (drive(team, 2, seed=5).is_success.sum(axis=1) == 1).all()
+
+
+def test_the_car_that_drives_into_one_ahead_is_at_fault() -> None:
+    """V1 stands; V2 drives to it, from behind or from ahead."""
+    task = duel_team(Policy.find("race"), Policy.find("race")).task
+
+    def start(_: int) -> Act:
+        def act(_: np.ndarray, cars: CarReadings) -> Floats:
+            (x, y, _), (w, _, _, z) = cars.position[0] - cars.position[1], cars.orientation[1]
+            angle = np.arctan2(y, x) - 2.0 * np.arctan2(z, w)
+            return np.array([[0.0, 0.0], [0.05, np.clip(np.sin(angle) * 2.0, -1.0, 1.0)]])
+
+        return act
+
+    ends = [show(Team(task, start), 1, seed, mode=None) for seed in range(6)]
+    hits = [one for one in ends if one.has_collided.all()]
+    assert hits
+    for one in hits:
+        assert one.is_at_fault.tolist() == [[False, True]]
+        assert not one.is_success.any()
+
+
+def test_a_policy_of_another_task_is_refused() -> None:
+    with pytest.raises(SpecError, match="the policy was trained for 'time_trial', not for 'crossing'"):
+        learnt_team(Policy.find("race"))
+    with pytest.raises(SpecError, match="the policy was trained for 'crossing', not for a race"):
+        duel_team(Policy.find("race"), Policy.find("crossing"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ("crossing --laps 3", "--laps has no meaning in the task 'crossing'"),
+        ("crossing --noise", "--noise has no meaning in the task 'crossing'"),
+        ("crossing --rival race", "--rival has no meaning in the task 'crossing'"),
+        ("crossing --headless --port 8730", "--port has no meaning in the task 'crossing' without the page"),
+        ("duel -o folder", "--output has no meaning in the task 'duel'"),
+        ("duel network.onnx --laps 3", "--laps has no meaning in the task 'duel'"),
+        ("duel network.onnx --rival race", "--rival has no meaning in the task 'duel'"),
+        ("duel crossing", "the policy was trained for 'crossing', not for a race"),
+        ("race practice --episodes 2", "--episodes has no meaning on a track"),
+        ("race --laps 2", "--laps has no meaning for a devkit script"),
+    ],
+)
+def test_an_option_without_a_meaning_is_refused(arguments: str, error: str) -> None:
+    assert error in refused("play", *arguments.split())
+
+
+def test_the_page_of_a_crossing_is_on_its_port_and_need_not_run_in_real_time() -> None:
+    port = free_port()
+    command = ["play", "crossing", "--port", str(port), "--lockstep", "--episodes", "1", "--seed", "3"]
+    output = CliRunner().invoke(app, command, catch_exceptions=False).output
+    assert f":{port}" in output
+    assert re.search(r"episode 1: \d of 4 cars succeeded\n1 episode: [\d.]+% of the cars", output)
+
+
+def test_a_duel_has_laps_and_noise() -> None:
+    policy, seen = Policy.find("race"), []
+
+    def ranges(laps: int, has_noise: bool) -> list[Floats]:
+        racer = PolicyRacers(policy)
+
+        def act(observations: np.ndarray, cars: CarReadings) -> Floats:
+            seen[-1].append(cars.lidar_ranges[0].copy())
+            return racer.act(observations, cars)
+
+        seen.append([])
+        show(duel_team(act, policy, laps=laps, has_noise=has_noise), 1, mode=None)
+        return seen[-1]
+
+    exact, noisy, longer = ranges(1, False), ranges(1, True), ranges(2, False)
+    assert 1.7 < len(longer) / len(exact) < 2.3
+    error = noisy[0] - exact[0]
+    assert 0.003 < np.std(error[np.isfinite(error)]) < 0.03  # 10 mm, see docs/learning.md
+
+
+def test_the_command_says_who_won() -> None:
+    command = ["play", "duel", "--headless", "--episodes", "2", "--laps", "1", "--rival", "race"]
+    output = CliRunner().invoke(app, command, catch_exceptions=False).output
+    cars = r"V\d won [\d.]+%, collided in [\d.]+%, by its own fault in [\d.]+%"
+    assert re.fullmatch(rf"2 episodes: {cars}; {cars}\n", output)
