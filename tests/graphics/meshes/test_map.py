@@ -37,6 +37,7 @@ def placement(random, number):
 def draft(placements):
     """A map that is being built: its modules may overlap, and need not be connected."""
     map_, _ = compile_map(read_map(MapSpec(title="draft", is_draft=True, placements=tuple(placements)))[0])
+    assert map_ is not None
     return map_
 
 
