@@ -72,7 +72,8 @@ def test_every_point_of_the_floor_has_one_surface(kind, name):
     map_ = of(kind, name)
     areas = [plan_area(corners) for _, corners in ground(map_asset(map_))]
     x0, y0, x1, y1 = floor_extent(map_)
-    assert min(area.min() for area in areas) > -1e-9  # none upside down
+    # None is upside down. The turned modules overlap in slivers of up to 1 m, whose coordinates are single precision.
+    assert min(area.min() for area in areas) > (-3e-7 if kind == "turned" else -1e-9)
     # coordinates are single precision: 3e-5 m at the far edge of 2 km of floor
     assert sum(area.sum() for area in areas) == pytest.approx((x1 - x0) * (y1 - y0), abs=0.05)
 
