@@ -3,10 +3,10 @@
     uv run benchmarks/envs.py [--id NigelNavigation-v0] [--num-envs 256] [--frame-skip 1] [--threads 1] [--cars 2]
         [--variant published]
 
-Medians of rounds, CPU time of all threads, and wall time. All cars drive with random actions, each held for half a second, so that
-episodes end and start again. `--cars`: of each race of RoboRacer-v0. `--variant`: of NigelCrossing-v0 and
-RoboRacerDuel-v0, whose environments are cars, too. The batch calls (`step`, `reset`) are timed inside
-of the environment's, in the same run.
+Medians of rounds, CPU time of all threads, and wall time. All cars drive with random actions, each held for half a
+second, so that episodes end and start again. `--cars`: of each race of RoboRacer-v0. `--variant`: of NigelCrossing-v0
+and RoboRacerDuel-v0, whose environments are cars, too. The batch calls (`step`, `reset`) are timed inside of the
+environment's, in the same run.
 """
 
 from __future__ import annotations

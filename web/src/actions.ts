@@ -1,8 +1,9 @@
 // The actions of the user, called by buttons and keys. A failed request is shown as a notice.
 import type { Connection } from './connection'
 import type { ServerOperation } from './messages'
+import { clamp } from './scene/clamp'
 import type { SceneView } from './scene/view'
-import { clamp, zoomCamera } from './scene/zoom'
+import { zoomCamera } from './scene/zoom'
 import type { Camera, Store } from './store'
 
 export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit', 'Fly']

@@ -25,6 +25,7 @@ import { h } from './panels/element'
 import { firstSteps } from './panels/first_steps'
 import { help } from './panels/help'
 import { openMapForRaces, openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
+import { legend } from './panels/legend'
 import { logPanel } from './panels/log'
 import { measure } from './panels/measure'
 import { menu } from './panels/menu'
@@ -86,6 +87,9 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   log: () => (store.isLogOpen.value = !store.isLogOpen.value),
   minimap: () => (store.isMapOpen.value = !store.isMapOpen.value),
   trails: () => (store.areTrailsShown.value = !store.areTrailsShown.value),
+  shapes: () => (store.areShapesShown.value = !store.areShapesShown.value),
+  forces: () => (store.areForcesShown.value = !store.areForcesShown.value),
+  axes: () => (store.areAxesShown.value = !store.areAxesShown.value),
   measure: () => (store.isMeasuring.value = !store.isMeasuring.value),
   describe: () => (store.isDescribed.value = !store.isDescribed.value),
   'zoom-in': () => actions.zoom(1),
@@ -116,7 +120,7 @@ showOnePanelOnSmallScreens(store)
 openMapForRaces(store)
 const vehicleEvents = new VehicleEvents()
 const log = logOf(store)
-const dock = h('div', { class: 'dock' }, minimap(store, trails), logPanel(store, log))
+const dock = h('div', { class: 'dock' }, minimap(store, trails), legend(store, connection), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
 const hints = [
   banner(store, actions),

@@ -671,7 +671,7 @@ export interface Hello {
  * Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
  *
  * `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
- * are sent.
+ * are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
  * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
  * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
  * backlog.
@@ -684,6 +684,8 @@ export interface Subscribe {
   picture_width?: number | null
   picture_quality?: number
   drawings?: boolean
+  shapes?: boolean
+  contacts?: boolean
 }
 
 /**
@@ -902,6 +904,31 @@ export interface Scene {
 }
 
 /**
+ * Shapes in the frame of their body, or in the map if they are fixed; arrays row after row.
+ *
+ * `kind` int64, shape (n,): 2 sphere, 5 cylinder, 6 box. `size` [m], shape (n, 3): radius; radius and half height
+ * (axis z); half sizes. `position` of the centre [m], shape (n, 3); `rotation`: its matrix, row-major, shape (n, 9).
+ */
+export interface CollisionShapes {
+  kind: BigInt64Array
+  size: Float64Array
+  position: Float64Array
+  rotation: Float64Array
+}
+
+/**
+ * Collision shapes by vehicle and object, the fixed ones, and sensors in the frame of their vehicle.
+ *
+ * Sent once after each Scene.
+ */
+export interface Shapes {
+  type: 'Shapes'
+  bodies: Record<string, CollisionShapes>
+  fixed: CollisionShapes
+  sensors: Record<string, Record<string, Pose>>
+}
+
+/**
  * State of the connection to a devkit script; `error` is the reason why there is none.
  */
 export interface BridgeStatus {
@@ -985,6 +1012,26 @@ export interface Drawn {
   name: string
   drawing: Drawing | null
   until: number
+}
+
+/**
+ * Forces on a vehicle, each with the part: the name of a wheel, or of what the body of the vehicle touches.
+ *
+ * `position` [m] and `force` [N], in the vehicle frame, row after row, shape (n, 3). Force of the ground on a wheel at
+ * the end of the tick, as if the ground were level; mean over the tick of all contacts with another body.
+ */
+export interface ContactForces {
+  parts: (string)[]
+  position: Float64Array
+  force: Float64Array
+}
+
+/**
+ * Contact forces of each vehicle, of the latest tick; sent before a Frame.
+ */
+export interface Contacts {
+  type: 'Contacts'
+  vehicles: Record<string, ContactForces>
 }
 
 /**
@@ -1326,7 +1373,7 @@ export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
-export type ServerMessage = Starting | Welcome | Scene | Status | Scan | Drawn | Picture | Rendered | Response | Error | Frame
+export type ServerMessage = Starting | Welcome | Scene | Shapes | Status | Scan | Drawn | Contacts | Picture | Rendered | Response | Error | Frame
 
 /** The weathers that have a name, in the order of the devkit. */
 export const WEATHERS: Record<string, Weather> = {

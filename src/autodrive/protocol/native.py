@@ -10,8 +10,11 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from autodrive.protocol.messages import (
+    Array,
     CameraIntrinsics,
     Command,
     Drawing,
@@ -55,7 +58,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     """Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
 
     `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
-    are sent.
+    are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
     backlog.
@@ -67,6 +70,8 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     picture_width: int | None = None
     picture_quality: int = 75
     drawings: bool = False
+    shapes: bool = False
+    contacts: bool = False
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
@@ -391,6 +396,48 @@ class Drawn(msgspec.Struct, frozen=True, tag=True):
     until: float
 
 
+class CollisionShapes(msgspec.Struct, frozen=True, gc=False):
+    """Shapes in the frame of their body, or in the map if they are fixed; arrays row after row.
+
+    `kind` int64, shape (n,): 2 sphere, 5 cylinder, 6 box. `size` [m], shape (n, 3): radius; radius and half height
+    (axis z); half sizes. `position` of the centre [m], shape (n, 3); `rotation`: its matrix, row-major, shape (n, 9).
+    """
+
+    kind: NDArray[np.int64]
+    size: Array
+    position: Array
+    rotation: Array
+
+
+class Shapes(msgspec.Struct, frozen=True, tag=True):
+    """Collision shapes by vehicle and object, the fixed ones, and sensors in the frame of their vehicle.
+
+    Sent once after each Scene.
+    """
+
+    bodies: dict[str, CollisionShapes]
+    fixed: CollisionShapes
+    sensors: dict[str, dict[str, Pose]]
+
+
+class ContactForces(msgspec.Struct, frozen=True, gc=False):
+    """Forces on a vehicle, each with the part: the name of a wheel, or of what the body of the vehicle touches.
+
+    `position` [m] and `force` [N], in the vehicle frame, row after row, shape (n, 3). Force of the ground on a wheel at
+    the end of the tick, as if the ground were level; mean over the tick of all contacts with another body.
+    """
+
+    parts: tuple[str, ...]
+    position: Array
+    force: Array
+
+
+class Contacts(msgspec.Struct, frozen=True, tag=True):
+    """Contact forces of each vehicle, of the latest tick; sent before a Frame."""
+
+    vehicles: dict[str, ContactForces]
+
+
 class Picture(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A new image of a sensor camera as JPEG; sent before the first Frame that it belongs to."""
 
@@ -438,6 +485,18 @@ class Error(msgspec.Struct, frozen=True, tag=True, gc=False):
 
 
 ServerMessage: TypeAlias = (
-    Starting | Welcome | Scene | Status | Scan | Drawn | Picture | Rendered | Response | Error | Frame
+    Starting
+    | Welcome
+    | Scene
+    | Shapes
+    | Status
+    | Scan
+    | Drawn
+    | Contacts
+    | Picture
+    | Rendered
+    | Response
+    | Error
+    | Frame
 )
 """A streamed Frame has no scans and images, which are messages of their own, and all events since the last one sent."""

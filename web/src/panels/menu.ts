@@ -9,6 +9,7 @@ import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
 import { clock } from './hud_rows'
+import { rangeScale } from './range_scale'
 import { mayDiscard } from './save_dialog'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
@@ -217,7 +218,11 @@ function view(store: Store): HTMLElement {
   store.quality.watch((value) => (quality.value = value))
   const scan = h('input', { type: 'checkbox', testid: 'lidar', role: 'switch' })
   scan.addEventListener('change', () => (store.isScanShown.value = scan.checked))
-  store.isScanShown.watch((isShown) => (scan.checked = isShown))
+  const scale = rangeScale('Range of the LIDAR points', store.scanFarthest)
+  store.isScanShown.watch((isShown) => {
+    scan.checked = isShown
+    scale.hidden = !isShown
+  })
   const theme = segments<Theme>('theme', 'Theme', THEMES, (value) => {
     setTheme(value)
     theme.show(value)
@@ -227,6 +232,7 @@ function view(store: Store): HTMLElement {
     'View',
     labelled('Quality', quality),
     labelled('Show LIDAR scan', scan),
+    scale,
     h('div', { class: 'labelled' }, h('span', {}, 'Theme'), theme.element),
   )
 }

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Event, Frame
-from autodrive.protocol.native import Drawn, Error, Response, Scan, Scene, Subscribe
+from autodrive.protocol.native import ContactForces, Drawn, Error, Response, Scan, Scene, Subscribe
 from autodrive.protocol.replay import Curve
 
 if TYPE_CHECKING:
@@ -46,6 +46,8 @@ class ConnectedClient:
         self._replies: deque[tuple[bytes, Frame | None]] = deque()
         self._unsent = 0
         self._sent_scene: Scene | None = None
+        self._sent_shapes: Scene | None = None
+        self._sent_contacts: dict[str, ContactForces] = {}
         self._status: bytes | None = None
         self._rendered: bytes | None = None
         self._sent_frame: Frame | None = None
@@ -93,8 +95,8 @@ class ConnectedClient:
         self._wake.set()
 
     def on_drawings(self) -> None:
-        """Send the drawings that are new, if it wants them."""
-        if self.subscription.drawings:
+        """Send the drawings that are new, and the shapes, if it wants them."""
+        if self.subscription.drawings or self.subscription.shapes:
             self._wake.set()
 
     def on_scene_change(self) -> None:
@@ -151,6 +153,9 @@ class ConnectedClient:
                 rendered, self._rendered = self._rendered, None
                 await send(rendered)
             if self._encoded.scene is scene:
+                if self.subscription.shapes and scene is not self._sent_shapes:
+                    self._sent_shapes = scene
+                    await send(self._encoded.shapes_bytes())
                 await self._send_drawings(send)
                 await self._send_frame(send)
 
@@ -178,6 +183,10 @@ class ConnectedClient:
             if rate:
                 now = asyncio.get_running_loop().time()
                 self._next_frame = max(self._next_frame + 1.0 / rate, now - 0.5 / rate)
+            forces = self._encoded.contact_forces
+            if self.subscription.contacts and forces is not self._sent_contacts:
+                self._sent_contacts = forces
+                await send(self._encoded.contacts_bytes())
             await send(self._encoded.frame_bytes(latest, self._take_events()))
 
     async def _send_readings(self, frame: Frame, send: Send) -> None:

@@ -143,6 +143,7 @@ class Hub:
             self._requests.forget(client)
             self.broadcast.remote_views.forget(client)
             self._update_wanted_pictures()
+            self.broadcast.watch_contacts()
             self._send_status_soon()
             with contextlib.suppress(asyncio.CancelledError, Exception):
                 await sending
@@ -187,6 +188,7 @@ class Hub:
     def _subscribe(self, client: ConnectedClient, subscription: Subscribe) -> None:
         client.subscribe(subscription)
         self._update_wanted_pictures()
+        self.broadcast.watch_contacts()
         self.broadcast.offer_latest(client)
 
     def _update_wanted_pictures(self) -> None:

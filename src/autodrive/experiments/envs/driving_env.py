@@ -12,7 +12,15 @@ from autodrive.base.errors import EngineError
 from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
-from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of, with_traffic
+from autodrive.experiments.envs.settings import (
+    TASKS,
+    Action,
+    Settings,
+    action_space,
+    check_options,
+    commands_of,
+    with_traffic,
+)
 from autodrive.experiments.envs.task import OFFENCES, Observation
 from autodrive.protocol.messages import Command, Frame
 
@@ -63,6 +71,7 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; without a seed the next one of the same random numbers."""
+        check_options(options)
         super().reset(seed=seed)
         world_seed = int(self.np_random.integers(2**31))
         start = self.task.start(self.np_random)

@@ -17,7 +17,15 @@ from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import batch_camera
-from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of, with_traffic
+from autodrive.experiments.envs.settings import (
+    TASKS,
+    Action,
+    Settings,
+    action_space,
+    check_options,
+    commands_of,
+    with_traffic,
+)
 from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Observation, Outcome, Start, Task
 from autodrive.world.batch import BatchWorld
 
@@ -92,12 +100,12 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
         Several seeds: one for each world.
         """
+        mask = self._mask(options)
         super().reset(seed=seed if isinstance(seed, int) else None)
         count = self.batch.n
         seeds = [seed + k for k in range(count)] if isinstance(seed, int) else seed or [None] * count
         if len(seeds) != count:
             raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
-        mask = self._mask(options)
         for world in np.flatnonzero(self._of_worlds(mask).any(axis=1)).tolist():
             if seeds[world] is not None:
                 self._rngs[world] = seeding.np_random(seeds[world])[0]
@@ -210,6 +218,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _mask(self, options: dict[str, Any] | None) -> Bools:
         """The environments to reset."""
+        check_options(options, "reset_mask")
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, np.bool_)

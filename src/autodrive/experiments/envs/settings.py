@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -82,6 +83,24 @@ def with_traffic(task: Task, cars: int) -> Task:
     if cars:
         task.scenario = task.scenario.model_copy(update={"traffic": TrafficSpec(cars=cars)})
     return task
+
+
+def checked_cars(cars: int) -> int:
+    """The number of cars of a world. Raises `SpecError`."""
+    if errors := whole_number_errors({"cars": (cars, 2, MOST_CARS)}):
+        raise SpecError(errors)
+    return cars
+
+
+def check_options(options: Mapping[str, Any] | None, *known: str) -> None:
+    """Raises `SpecError` for an option of `reset` that is not known."""
+    errors = [
+        f"options: {name!r} is not known. {suggest(str(name), [*known]) if known else 'This environment has none.'}"
+        for name in options or {}
+        if name not in known
+    ]
+    if errors:
+        raise SpecError(errors)
 
 
 def action_space(settings: Settings) -> spaces.Space[Any]:
