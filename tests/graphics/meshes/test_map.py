@@ -198,7 +198,8 @@ def test_a_map_that_was_edited_has_the_mesh_of_one_that_is_built_afresh(seed, ma
         after_edit = len(made)
         with monkeypatch.context() as forgetful:
             forgetful.setattr(ground_tiles, "MAX_TILES", 0)
-            map_asset(load_map("empty"))  # what was remembered is forgotten
+            # one new tile, and what was remembered is forgotten
+            map_asset(draft([Placement(module="straight_road", x=0.01234 + number, y=0.01234 + seed, yaw_deg=12.3)]))
             made.clear()
             afresh = map_asset(draft(placements))
         assert write_glb(afresh) == write_glb(edited)
