@@ -139,11 +139,13 @@ export function buildPointer(
       return
     }
     if (hand) {
-      const ghost: MapScene['parts'] = hand.kind === 'module' && hand.target ? { ghost: hand.part } : {}
+      const isFinger = event.pointerType !== 'mouse'
+      const isThere = (hand.kind === 'module' && (hand.target || isFinger)) || (hand.kind === 'part' && isFinger)
+      const ghost: MapScene['parts'] = isThere ? { ghost: hand.part } : {}
       const isOnGhost = partAt({ ...scene, parts: ghost }, ground) !== ''
-      if (event.pointerType === 'mouse' && !isOnGhost) builder.moveTo(ground, at, project, event.shiftKey)
+      if (!isFinger && !isOnGhost) builder.moveTo(ground, at, project, event.shiftKey)
       // a finger first moves the piece, then sets it
-      if (event.pointerType === 'mouse' || isOnGhost) void builder.set()
+      if (!isFinger || isOnGhost) void builder.set()
       else builder.moveTo(ground, at, project, event.shiftKey)
       return
     }
