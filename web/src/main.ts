@@ -6,6 +6,7 @@ import { Builder } from './building/builder'
 import { openMapFiles } from './building/map_files'
 import { TrackBuilder } from './building/track_builder'
 import { trackPointer } from './building/track_pointer'
+import { UserFiles } from './building/user_files'
 import { Connection } from './connection'
 import { Driver } from './driving/driver'
 import { listenToGamepad } from './driving/gamepad'
@@ -67,6 +68,9 @@ const programs = connectDialog(store)
 const editor = new Editor(store, actions)
 const builder = new Builder(store, actions)
 const trackBuilder = new TrackBuilder(store, actions)
+const userFiles = new UserFiles(store, actions)
+/** Saves the edited scenario. */
+const save = () => saveScenario(store, editor, userFiles)
 
 /** Actions of keys that are not held. */
 const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
@@ -110,7 +114,7 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
 }
 
 const bar = toolbar(store, keys.toggle)
-const mainMenu = menu(store, connection, actions, programs.open, () => saveScenario(store, editor))
+const mainMenu = menu(store, connection, actions, programs.open, save)
 document.body.prepend(bar, mainMenu)
 const recording = recorder(store, actions)
 mainMenu.append(recording.section)
@@ -141,9 +145,10 @@ canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
-const mayDiscardMap = () => mayDiscard(store, 'Another map', () => saveScenario(store, editor))
-const openFiles = openMapFiles(store, builder, mayDiscardMap, askPicture)
-document.body.append(...edit(store, editor, view), ...build(store, builder, editor, view, openFiles))
+const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
+const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture)
+document.body.append(...edit(store, editor, view, save))
+document.body.append(...build(store, builder, editor, view, { openFiles, userFiles, save, mayDiscard: mayDiscardMap }))
 document.querySelector('#build')?.append(...track(store, trackBuilder, view))
 listenToEditKeys(store, editor, () => driver.stop())
 listenToBuildKeys(store, builder, editor, () => driver.stop())

@@ -523,6 +523,49 @@ export interface ImportTrack {
 }
 
 /**
+ * Open a scenario, map or track: a file of the user's folder by its name, or the `text` of any file, called `name`.
+ *
+ * A map or track is the edit of a `UseMap`; a scenario is loaded as by a `LoadScenario`. A text names only vehicles,
+ * maps, modules, tracks and rules of the simulator and of the present scenario: no other file is read.
+ */
+export interface OpenFile {
+  type: 'OpenFile'
+  name: string
+  text?: string
+}
+
+/**
+ * Request the files of the user's folder, in the `files` of the Response.
+ */
+export interface ListFiles {
+  type: 'ListFiles'
+}
+
+/**
+ * Write the map or scenario with all edits into the user's folder, as NAME.yaml, with that title if there is one.
+ *
+ * A file of that name is replaced only if `replaces`. The `text` of the Response is the name of the file.
+ */
+export interface SaveFile {
+  type: 'SaveFile'
+  name: string
+  kind?: 'map' | 'scenario'
+  title?: string
+  replaces?: boolean
+}
+
+/**
+ * Request the map for map_server of ROS: the `picture` (PNG) and `text` (YAML, for NAME.png) of the Response.
+ *
+ * `resolution`: edge of a pixel [m]. Gaps between the ducts of a track are closed.
+ */
+export interface ExportMap {
+  type: 'ExportMap'
+  name?: string
+  resolution?: number
+}
+
+/**
  * First contact of a vehicle with another object.
  *
  * `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
@@ -715,7 +758,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 }
 
 /**
@@ -732,6 +775,8 @@ export interface Starting {
 
 /**
  * The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
+ *
+ * `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none.
  */
 export interface Welcome {
   type: 'Welcome'
@@ -739,6 +784,7 @@ export interface Welcome {
   version: string
   name: string
   scenarios: Record<string, string>
+  folder: string
 }
 
 /**
@@ -1338,10 +1384,19 @@ export interface Curve {
 }
 
 /**
+ * A file of the user's folder, and its title.
+ */
+export interface OwnFile {
+  kind: 'scenario' | 'map' | 'track'
+  title: string
+}
+
+/**
  * A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
  *
  * `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
- * or `SaveRecording`; warnings, for an edit or an `ImportTrack`.
+ * or `SaveRecording`; the name of the file, for a `SaveFile`; warnings, for an edit or an `ImportTrack`. `files`: by
+ * name, for a `ListFiles`. `picture`: a PNG, for an `ExportMap`, whose YAML file is the `text`.
  * `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
  */
 export interface Response {
@@ -1350,6 +1405,8 @@ export interface Response {
   frame: Frame
   text: string
   curves: Record<string, Curve>
+  files: Record<string, OwnFile>
+  picture: Uint8Array
 }
 
 /**
@@ -1365,7 +1422,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
 export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 

@@ -5,6 +5,7 @@ import type {
   Event,
   Frame,
   LidarScan,
+  OwnFile,
   Picture,
   Scene,
   Shapes,
@@ -63,6 +64,8 @@ export class Store {
   /** How far the start of the simulator is, while the link is 'starting'. */
   readonly starting = new Observable<Starting | null>(null)
   readonly welcome = new Observable<Welcome | null>(null)
+  /** The files of the user's folder, by name; null: there is no folder. */
+  readonly files = new Observable<Record<string, OwnFile> | null>(null)
   readonly scene = new Observable<Scene | null>(null)
   readonly status = new Observable<Status | null>(null)
   readonly frame = new Observable<Frame | null>(null)

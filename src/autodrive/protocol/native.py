@@ -26,7 +26,7 @@ from autodrive.protocol.messages import (
     Pose,
     TrackLine,
 )
-from autodrive.protocol.own_files import FileOperation
+from autodrive.protocol.own_files import FileOperation, OwnFile
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.protocol.replay import Curve, RecordingOperation, RecordingStatus, Timeline
 
@@ -154,13 +154,17 @@ class Starting(msgspec.Struct, frozen=True, tag=True):
 
 
 class Welcome(msgspec.Struct, frozen=True, tag=True):
-    """The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded."""
+    """The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
+
+    `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none.
+    """
 
     protocol: int
     version: str
     name: str
     scenarios: dict[str, str]
     """Name -> title."""
+    folder: str = ""
 
 
 class Lamp(msgspec.Struct, frozen=True):
@@ -462,7 +466,8 @@ class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
 
     `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
-    or `SaveRecording`; warnings, for an edit or an `ImportTrack`.
+    or `SaveRecording`; the name of the file, for a `SaveFile`; warnings, for an edit or an `ImportTrack`. `files`: by
+    name, for a `ListFiles`. `picture`: a PNG, for an `ExportMap`, whose YAML file is the `text`.
     `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
     """
 
@@ -470,6 +475,8 @@ class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     frame: Frame
     text: str = ""
     curves: dict[str, Curve] = {}
+    files: dict[str, OwnFile] = {}
+    picture: bytes = b""
 
 
 class Error(msgspec.Struct, frozen=True, tag=True, gc=False):

@@ -28,6 +28,8 @@ const QUALITIES: Record<Quality, string> = {
 const MAX_TICKS = 10000
 /** Speed: as fast as possible. */
 const MAX = 'max'
+/** Begins the names of scenarios of the user's folder. */
+const OWN = 'folder/'
 const SPEEDS = [
   ['0.25', '¼'],
   ['0.5', '½'],
@@ -178,9 +180,13 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
   async function load(name: string): Promise<void> {
     isLoading = select.disabled = true
     showText(error, '')
-    showText(note, `Loading ${scenarioTitle(name, store.welcome.value?.scenarios[name] ?? '')}…`)
+    const title = store.welcome.value?.scenarios[name] ?? store.files.value?.[name.slice(OWN.length)]?.title ?? ''
+    showText(note, `Loading ${scenarioTitle(name, title)}…`)
     try {
-      await connection.request({ type: 'LoadScenario', name })
+      const isOwn = name.startsWith(OWN)
+      await connection.request(
+        isOwn ? { type: 'OpenFile', name: name.slice(OWN.length) } : { type: 'LoadScenario', name },
+      )
     } catch (reason) {
       showText(error, sentence(reason))
     }
@@ -192,7 +198,10 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
     const scene = store.scene.value
     const titles = { ...(scene && { [scene.scenario]: scene.title }), ...store.welcome.value?.scenarios }
     const shown = Object.entries(titles).map(([name, title]) => [name, scenarioTitle(name, title)])
-    setOptions(select, Object.fromEntries(shown))
+    const own = Object.entries(store.files.value ?? {})
+      .filter(([name, { kind }]) => kind === 'scenario' && !scene?.scenario.endsWith(`/${name}`))
+      .map(([name, { title }]) => [OWN + name, `${scenarioTitle(name, title)} (${store.welcome.value?.folder})`])
+    setOptions(select, Object.fromEntries([...shown, ...own]))
     if (isLoading) return
     if (scene) select.value = scene.scenario
     const activity = store.status.value?.note
@@ -200,6 +209,7 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
   }
 
   store.welcome.watch(show)
+  store.files.watch(show)
   store.scene.watch(show)
   store.status.watch((status) => (status?.note ? showText(note, sentence(status.note)) : show()))
   return section('Scenario', select, note, error)

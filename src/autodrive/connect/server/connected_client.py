@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Event, Frame
 from autodrive.protocol.native import ContactForces, Drawn, Error, Response, Scan, Scene, Subscribe
+from autodrive.protocol.own_files import OwnFile
 from autodrive.protocol.replay import Curve
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ MAX_REPLIES, MAX_UNSENT = 200, 2**24
 """Responses and Errors that wait for a client, and their size [bytes]; a client that lets more wait is disconnected."""
 
 NO_CURVES: dict[str, Curve] = {}
+NO_FILES: dict[str, OwnFile] = {}
 
 Send = Callable[[bytes], Awaitable[None]]
 
@@ -70,9 +72,17 @@ class ConnectedClient:
         """Queue an Error."""
         self._add_reply(encode(error), None)
 
-    def respond(self, id: int, frame: Frame, text: str = "", curves: dict[str, Curve] = NO_CURVES) -> None:
+    def respond(
+        self,
+        id: int,
+        frame: Frame,
+        text: str = "",
+        curves: dict[str, Curve] = NO_CURVES,
+        files: dict[str, OwnFile] = NO_FILES,
+        picture: bytes = b"",
+    ) -> None:
         """Queue the Response to a request; its Frame holds all events since the last Frame sent."""
-        response = Response(id, self._encoded.streamed(frame, self._take_events()), text, curves)
+        response = Response(id, self._encoded.streamed(frame, self._take_events()), text, curves, files, picture)
         self._sent_frame = frame
         self._is_frame_due = False
         self._add_reply(encode(response), frame)

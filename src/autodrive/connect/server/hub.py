@@ -113,7 +113,9 @@ class Hub:
             return
         scope[IS_CLIENT] = True
         client = ConnectedClient(self._free_name(hello.name), self.broadcast.encoded, scope.get(ABORT, lambda: None))
-        await send_bytes(encode(Welcome(PROTOCOL, __version__, client.name, dict(self._served.scenarios))))
+        served = self._served
+        welcome = Welcome(PROTOCOL, __version__, client.name, dict(served.scenarios), served.own_files.folder)
+        await send_bytes(encode(welcome))
         await self._serve_client(client, receive, send, send_bytes)
 
     def _has_room(self) -> bool:
