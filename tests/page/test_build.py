@@ -12,7 +12,7 @@ import shapely
 
 import autodrive
 from autodrive.base.yaml_files import read
-from autodrive.protocol.messages import Command, EditMap, MapModule, MapWall
+from autodrive.protocol.messages import Command, EditMap, MapModule, MapWall, Pause
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MapSpec
 from tests.page.test_access import wrong_targets
@@ -292,6 +292,7 @@ def test_a_finger_builds(plane: PageServer, new_tab: NewTab) -> None:
 
 def test_all_of_building_is_done_with_fingers_on_a_tablet(plane: PageServer, new_tab: NewTab) -> None:
     tab = opened(plane, new_tab, size=(1024, 768), touch=True)
+    plane.request(Pause())  # edits then do not wait for their share of the time
     finger = partial(touch, tab.page.context.new_cdp_session(tab.page))
 
     def tap(x: float, y: float) -> None:
