@@ -1,12 +1,12 @@
-"""CPU time of a vector environment: environment steps a second, and what the environment adds to the batch call.
+"""Speed of a vector environment: environment steps a second, and what the environment adds to the batch call.
 
     uv run benchmarks/envs.py [--id NigelNavigation-v0] [--num-envs 256] [--frame-skip 1] [--threads 1] [--cars 2]
         [--variant published]
 
-Medians of rounds, CPU time of all threads. All cars drive with random actions, each held for half a second, so that
-episodes end and start again. `--cars`: of each race of RoboRacer-v0. `--variant`: of NigelCrossing-v0 and
-RoboRacerDuel-v0, whose environments are cars, too. The batch calls (`step`, `reset`) are timed inside
-of the environment's, in the same run.
+Medians of rounds, CPU time of all threads, and wall time. All cars drive with random actions, each held for half a
+second, so that episodes end and start again. `--cars`: of each race of RoboRacer-v0. `--variant`: of NigelCrossing-v0
+and RoboRacerDuel-v0, whose environments are cars, too. The batch calls (`step`, `reset`) are timed inside of the
+environment's, in the same run.
 """
 
 from __future__ import annotations
@@ -64,15 +64,16 @@ def main() -> None:
     rng = np.random.default_rng(1)
     envs.reset(seed=1)
     steps, held = max(1, TICKS // options.frame_skip), max(1, HELD // options.frame_skip)
-    whole, of_step, of_reset, episodes = [], [], [], 0
+    whole, walls, of_step, of_reset, episodes = [], [], [], [], 0
     for _ in range(ROUNDS):
         envs.batch.step.total = envs.batch.reset.total = 0.0
         actions = random_actions(rng, envs.single_action_space, (steps // held + 1, options.num_envs))
-        start = time.process_time()
+        start, wall = time.process_time(), time.perf_counter()
         for k in range(steps):
             _, _, terminated, truncated, _ = envs.step(actions[k // held])
             episodes += int((terminated | truncated).sum())
         whole.append(time.process_time() - start)
+        walls.append(time.perf_counter() - wall)
         of_step.append(envs.batch.step.total)
         of_reset.append(envs.batch.reset.total)
     count = steps * options.num_envs
@@ -84,6 +85,7 @@ def main() -> None:
     print(
         f"{rate:,.0f} steps/s of CPU time; the batch calls alone {batch:,.0f} steps/s; overhead {100 * overhead:.1f} %"
     )
+    print(f"{statistics.median(count / seconds for seconds in walls):,.0f} steps/s with these threads at this load")
     length = ROUNDS * count / max(episodes, 1)
     print(f"{100 * share:.1f} % of the time is resets; an episode has {length:,.0f} steps")
 

@@ -111,10 +111,11 @@ RACE = Problem(
 )
 HARDER = {
     "tracks": 64,
-    "track_seed": 100,
-    "track_width": (0.9, 1.7),
-    "track_length": (40.0, 68.0),
-    "track_radius": (0.75, 2.6),
+    "track_seed": 200,
+    "track_width": (0.9, 1.5),
+    "track_length": (60.0, 112.0),
+    "track_radius": (0.8, 1.4),
+    "track_area": (30.0, 10.0),
     "noise": (0.0, 2.0),
     "friction": (0.7, 1.25),
     "mass": (0.75, 1.25),
@@ -122,7 +123,7 @@ HARDER = {
 }
 PROBLEMS = {
     "race": RACE,
-    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=8000),
+    "robust": replace(RACE, settings={**RACE.settings, **HARDER}, crash=45.0, rate=2e-4, decay=24000),
     "duel": replace(
         RACE,
         settings={

@@ -42,6 +42,7 @@ from autodrive.scenario.vehicles.stability import is_stable, longest_substep
 from autodrive.world.placement import overlapping_boxes, overlapping_vehicles, placement_warnings
 from autodrive.world.racing import Race
 from autodrive.world.traffic.start import with_traffic
+from autodrive.world.traffic_lights import StopLineTable, stop_line_table
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,12 @@ class CompiledScenario:
     """Name of the vehicle, box or fixed object of each solid (see `VehicleContacts`)."""
     warnings: list[Problem]
     """Probable mistakes that can be simulated."""
+
+    @property
+    def stop_line_table(self) -> StopLineTable:
+        """The stop lines of the map, and the vehicles that cross them."""
+        lengths = [(one.front, one.size[0]) for one in self.vehicles.values()]
+        return stop_line_table(self.map.stop_lines, lengths, self.map.traffic_lights)
 
 
 def compile_specs(specs: Specs) -> CompiledScenario:

@@ -24,6 +24,7 @@ STOP_SPEED = 0.05
 STOP_REACH = 1.0
 """It must have stopped with its front within so many of its lengths before the stop line."""
 OFF, RED, YELLOW, GREEN = TrafficLightState
+RED_STATE = int(RED)
 _DARK = TrafficLightFrame(OFF, None, "off")
 
 
@@ -135,6 +136,32 @@ def show_lights(table: LightTable, tick: int, state: Integers, time_to_change: F
         time_to_change[light] = np.nan if parts == 1 else (end - place) * table.tick
 
 
+class StopLineTable(NamedTuple):
+    """m stop lines and v vehicles for compiled code."""
+
+    lines: Floats
+    """x, y, cosine and sine of the heading, width, whether it belongs to a stop sign, shape (m, 6)."""
+    light: Integers
+    """Number of its traffic light; -1: it belongs to a stop sign, shape (m,)."""
+    fronts: Floats
+    """From the origin of each vehicle to its front [m], shape (v,)."""
+    reach: Floats
+    """Distance before a line within which a vehicle must have stopped [m], shape (v,)."""
+
+
+def stop_line_table(
+    lines: Sequence[StopLine], lengths: Sequence[tuple[float, float]], lights: Sequence[str]
+) -> StopLineTable:
+    """`lengths`: from the origin to the front of each vehicle, and its length [m]; `lights`: names of all lights."""
+    rows = [(*one.pose[:2], math.cos(one.pose[2]), math.sin(one.pose[2]), one.width) for one in lines]
+    return StopLineTable(
+        lines=np.array([(*row, one.kind == "stop") for row, one in zip(rows, lines, strict=True)]).reshape(-1, 6),
+        light=np.array([-1 if one.kind == "stop" else lights.index(one.prop) for one in lines], np.int64),
+        fronts=np.array([front for front, _ in lengths]),
+        reach=np.array([STOP_REACH * length for _, length in lengths]),
+    )
+
+
 class StopLineReferee:
     """Makes events of vehicles that cross a stop line at red, or at a stop sign without a stop.
 
@@ -142,15 +169,9 @@ class StopLineReferee:
     the lanes.
     """
 
-    def __init__(self, names: Sequence[str], lengths: Sequence[tuple[float, float]], lines: Sequence[StopLine]) -> None:
-        """`lengths`: from the origin to the front of each vehicle, and its length [m]."""
-        self._names, self._lines = list(names), list(lines)
-        poses = [(*line.pose[:2], math.cos(line.pose[2]), math.sin(line.pose[2])) for line in lines]
-        rest = [(line.width, line.kind == "stop") for line in lines]
-        self._table = np.column_stack([np.array(poses), np.array(rest, np.float64)])
-        """x, y, cosine and sine of the heading, width, whether it belongs to a stop sign."""
-        self._fronts = np.array([front for front, _ in lengths])
-        self._reach = np.array([STOP_REACH * length for _, length in lengths])
+    def __init__(self, names: Sequence[str], lines: Sequence[StopLine], table: StopLineTable) -> None:
+        """`table`: of these vehicles and lines."""
+        self._names, self._lines, self._table = list(names), list(lines), table
         n, m = len(self._names), len(self._lines)
         self._ahead = np.full((n, m), np.nan)
         """From the front of each vehicle to each line, along the heading of the line [m]; nan: not known."""
@@ -185,8 +206,6 @@ class StopLineReferee:
         """What happened in the tick that ended at `time` [s]; `lights`: what they show at its end."""
         arguments = (
             self._table,
-            self._fronts,
-            self._reach,
             position,
             orientation,
             velocity,
@@ -212,9 +231,7 @@ class StopLineReferee:
 
 @jit_uncounted
 def note_stop_lines(
-    lines: Floats,
-    fronts: Floats,
-    reach: Floats,
+    table: StopLineTable,
     position: Floats,
     orientation: Floats,
     velocity: Floats,
@@ -224,6 +241,7 @@ def note_stop_lines(
 ) -> bool:
     """Write which vehicle has crossed which line, and has stopped before it; True if any has crossed one."""
     any_crossed = False
+    lines, fronts, reach = table.lines, table.fronts, table.reach
     for i in range(fronts.shape[0]):
         w, x, y, z = orientation[i, 0], orientation[i, 1], orientation[i, 2], orientation[i, 3]
         front_x = position[i, 0] + fronts[i] * (1.0 - 2.0 * (y * y + z * z))
@@ -242,3 +260,24 @@ def note_stop_lines(
                 is_near = is_beside and now > 0.0 and now <= reach[i]
                 has_stopped[i, k] = is_near and (has_stopped[i, k] or is_slow)
     return any_crossed
+
+
+@jit_uncounted
+def count_offences(
+    table: StopLineTable,
+    light_state: Integers,
+    has_stopped: NDArray[np.bool_],
+    has_crossed: NDArray[np.bool_],
+    red_light_count: Integers,
+    stop_sign_count: Integers,
+) -> None:
+    """Count the events `RedLight` and `StopSign` of each vehicle; see `note_stop_lines`."""
+    for i in range(has_crossed.shape[0]):
+        for k in range(has_crossed.shape[1]):
+            if not has_crossed[i, k]:
+                continue
+            if table.light[k] >= 0:
+                red_light_count[i] += light_state[table.light[k]] == RED_STATE
+            else:
+                stop_sign_count[i] += not has_stopped[i, k]
+                has_stopped[i, k] = False

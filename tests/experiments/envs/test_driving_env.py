@@ -35,6 +35,10 @@ def envs() -> Iterator[dict[str, DrivingEnv]]:
         env.close()
 
 
+NO_OFFENCES: dict[str, dict[str, int]] = {"parking": {"red_lights": 0, "stop_signs": 0}, "navigation": {}}
+"""Of a map with stop lines, and of one without."""
+
+
 def make(task: str, **settings: Any) -> DrivingEnv:
     return DrivingEnv(task, **settings)
 
@@ -237,7 +241,7 @@ def test_leaving_the_lane_ends_the_episode(envs: dict[str, DrivingEnv]) -> None:
     env = envs["lane_keeping"]
     env.reset(seed=1)
     observation, *rest = last_step(env, lambda: [1.0, 1.0])
-    assert rest == [-1.0, True, False, {"is_success": False}]
+    assert rest == [-1.0, True, False, {"is_success": False, "red_lights": 0, "stop_signs": 0}]
     seen = values(env, observation)
     assert abs(seen["offset"]) > 0.15 or seen["direction_cos"] < 0.0
 
@@ -256,7 +260,7 @@ def test_the_goal_is_reached_by_a_car_that_is_placed_before_it(envs: dict[str, D
     is_far = task == "parking"
     *_, info = last_step(env, lambda: [1.0 if is_far and len(rewards) < 5 else 0.0, 0.0], rewards)
     total = sum(rewards)
-    assert info == {"is_success": True}
+    assert info == {"is_success": True, **NO_OFFENCES[task]}
     turn = 0.2 * (1.0 - seen["goal_cos"]) if task == "parking" else 0.0
     assert total == pytest.approx(1.0 + distance + turn, abs=0.06)  # it stops within 5 cm, or was placed at the goal
 
@@ -269,7 +273,7 @@ def test_a_collision_ends_the_episode(envs: dict[str, DrivingEnv], task: str) ->
     assert car(env).collision_count == 1
     assert has_ended
     assert reward == pytest.approx(-1.0, abs=0.1)  # with the progress of that step
-    assert info == {"is_success": False}
+    assert info == {"is_success": False, **NO_OFFENCES[task]}
 
 
 def test_an_unstable_physics_ends_the_episode(envs: dict[str, DrivingEnv]) -> None:

@@ -37,6 +37,7 @@ CONDITIONS = {"friction": (0.6, 1.0), "mass": (0.9, 1.2), "noise": (0.0, 2.0), "
 @pytest.mark.parametrize("observation", ["lidar", "state"])
 def test_a_vector_environment_with_traffic_has_the_bits_of_single_ones(observation: str) -> None:
     settings: dict[str, Any] = {"observation": observation, "traffic": 8, "max_episode_steps": 60, "frame_skip": 10}
+    settings["offence_cost"] = 0.3
     ours = vector_env("NigelLaneKeeping-v0", 2, autoreset_mode=AutoresetMode.SAME_STEP, **settings)
     theirs = SyncVectorEnv(
         [lambda: gymnasium.make("autodrive:NigelLaneKeeping-v0", **settings)] * 2,
@@ -59,6 +60,35 @@ def test_a_vector_environment_with_traffic_has_the_bits_of_single_ones(observati
         vector_env("NigelLaneKeeping-v0", 2, traffic=51)
     with pytest.raises(SpecError, match="traffic: map 'plane' has no closed way of lanes"):
         gymnasium.make("autodrive:NigelNavigation-v0", traffic=1)
+
+
+def test_offences_are_counted_and_cost_what_was_chosen() -> None:
+    """Drivers who follow the lane past all lights and signs, one of them in a single environment."""
+    settings: dict[str, Any] = {"frame_skip": 10, "max_episode_steps": None}
+    free, dear = (vector_env("NigelLaneKeeping-v0", 4, offence_cost=cost, **settings) for cost in (0.0, 2.0))
+    single = gymnasium.make("autodrive:NigelLaneKeeping-v0", offence_cost=2.0, **settings)
+    observations, _ = free.reset(seed=3)
+    dear.reset(seed=3)
+    single.reset(seed=3)
+    names = [feature.name for feature in free.task.features]
+    x, y = names.index("ahead_0.4_x"), names.index("ahead_0.4_y")
+    before, infos = np.zeros(4), {}
+    for _ in range(330):
+        steering = 2.0 * np.arctan2(observations[:, y], observations[:, x])
+        actions = np.stack([np.full(4, 0.8), steering], 1).astype(np.float32)
+        observations, rewards, terminated, _, infos = free.step(actions)
+        _, dearer, _, _, others = dear.step(actions)
+        _, alone, _, _, info = single.step(actions[0])
+        assert not terminated.any()
+        offences = infos["red_lights"] + infos["stop_signs"]
+        np.testing.assert_array_equal(dearer, rewards - 2.0 * (offences - before))
+        assert (alone, info["red_lights"]) == (dearer[0], others["red_lights"][0])
+        assert info["stop_signs"] == others["stop_signs"][0]
+        before = offences
+    assert infos["red_lights"].sum() > 0
+    assert "red_lights" not in vector_env("NigelNavigation-v0", 1).step(np.zeros((1, 2)))[4]
+    with pytest.raises(SpecError, match="offence_cost: must be a number from 0 to 1000, not -1"):
+        vector_env("NigelLaneKeeping-v0", 2, offence_cost=-1)
 
 
 @pytest.mark.parametrize(

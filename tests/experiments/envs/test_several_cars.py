@@ -9,7 +9,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from autodrive.base.errors import CommandError, SpecError
@@ -19,7 +22,7 @@ from autodrive.experiments.envs.crossing_env import CrossingParallelEnv, Crossin
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.duel import BEARINGS, CHECKPOINTS
 from autodrive.experiments.envs.duel_env import DuelParallelEnv, DuelVectorEnv
-from autodrive.experiments.envs.registration import SEVERAL_CARS
+from autodrive.experiments.envs.registration import IDS, ROBORACER, SEVERAL_CARS
 
 VARIANTS = ("published", "own")
 KINDS = ((CrossingVectorEnv, CrossingParallelEnv, 4), (DuelVectorEnv, DuelParallelEnv, 2))
@@ -79,6 +82,95 @@ def test_one_car_alone_is_refused() -> None:
     for id_ in SEVERAL_CARS:
         with pytest.raises(SpecError, match=r"several cars: use gymnasium.make_vec"):
             gymnasium.make(f"autodrive:{id_}")
+
+
+class OneCar(gymnasium.Env[Any, Any]):
+    """The car of the last environment of a vector environment of one world; the others do what they like."""
+
+    def __init__(self, vector: Any) -> None:
+        self.vector = vector
+        self.observation_space, self.action_space = vector.single_observation_space, vector.single_action_space
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.vector.action_space.seed(seed)
+        return self.vector.reset(seed=seed, options=options)[0][-1], {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        actions = self.vector.action_space.sample()
+        actions[-1] = action
+        observations, rewards, terminated, truncated, info = self.vector.step(actions)
+        return observations[-1], float(rewards[-1]), bool(terminated[-1]), bool(truncated[-1]), {**info}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize(("vector", "_parallel", "cars"), KINDS)
+def test_the_checker_of_gymnasium_passes_for_a_car_of_a_vector_environment(
+    vector: Any, _parallel: Any, cars: int, variant: str
+) -> None:
+    """Gymnasium has no checker of vector environments: it sees one car, in the autoreset mode of a single one."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(OneCar(vector(cars, variant=variant, autoreset_mode="Disabled")), skip_render_check=True)
+
+
+@pytest.mark.parametrize("id_", [*IDS, ROBORACER, *SEVERAL_CARS])
+def test_what_gymnasium_says_of_vector_environments(id_: str) -> None:
+    """Spaces, metadata, seeds and the wrapper that counts episodes."""
+    envs = gymnasium.make_vec(f"autodrive:{id_}", 4, max_episode_steps=5)
+    assert envs.num_envs == 4
+    assert envs.observation_space == batch_space(envs.single_observation_space, 4)
+    assert envs.action_space == batch_space(envs.single_action_space, 4)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert envs.spec is not None
+    worlds = envs.unwrapped.batch.n  # pyright: ignore[reportAttributeAccessIssue]
+    first = rollout(envs, 3)
+    assert rollout(envs, [3 + k for k in range(worlds)]) == first
+    assert rollout(gymnasium.make_vec(f"autodrive:{id_}", 4, max_episode_steps=5), 3) == first
+    assert rollout(envs, 4) != first
+    counted = RecordEpisodeStatistics(envs)
+    counted.reset(seed=1)
+    for _ in range(5):
+        *_, truncated, info = counted.step(envs.action_space.sample())
+    ended = truncated  # pyright: ignore[reportPossiblyUnboundVariable]
+    assert (info["episode"]["l"][ended] == 5).all()  # pyright: ignore[reportPossiblyUnboundVariable]
+    assert ended.any()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: gymnasium.make("autodrive:NigelParking-v0"),
+        lambda: gymnasium.make("autodrive:RoboRacer-v0"),
+        lambda: gymnasium.make_vec("autodrive:NigelParking-v0", 2),
+        lambda: gymnasium.make_vec("autodrive:NigelCrossing-v0", 4),
+    ],
+)
+def test_an_unknown_option_of_a_reset_is_named(make: Any) -> None:
+    env = make()
+    known = "Known: reset_mask. Did you mean 'reset_mask'" if hasattr(env, "num_envs") else "This environment has none"
+    with pytest.raises(SpecError, match=f"options: 'reset_maks' is not known. {known}"):
+        env.reset(options={"reset_maks": np.ones(2, np.bool_)})
+    env.reset(options={})
+    env.close()
+
+
+def rollout(envs: Any, seed: Any) -> bytes:
+    """The bits of some steps with the same actions; all is in the spaces, and has the types, of Gymnasium."""
+    observations, info = envs.reset(seed=seed)
+    assert isinstance(info, dict)
+    envs.action_space.seed(1)
+    bits = [observations.tobytes()]
+    for _ in range(8):
+        observations, reward, terminated, truncated, info = envs.step(envs.action_space.sample())
+        assert observations in envs.observation_space
+        assert (reward.dtype, terminated.dtype, truncated.dtype) == (np.float64, np.bool_, np.bool_)
+        assert reward.shape == terminated.shape == truncated.shape == (envs.num_envs,)
+        for name in info:
+            if not name.startswith("_"):
+                assert info[f"_{name}"].shape == (envs.num_envs,)
+        bits += [one.tobytes() for one in (observations, reward, terminated, truncated)]
+    return b"".join(bits)
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])

@@ -16,7 +16,9 @@ from autodrive import Command, Frame, make
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError, SpecError
 from autodrive.base.yaml_files import find
+from autodrive.protocol.messages import RedLight, StopSign
 from autodrive.scenario import ScenarioSpec, VehiclePlacement, load_scenario
+from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.vehicles.spec import load_vehicle
 from autodrive.world.batch import BatchWorld, Readings
 from tests.support.cars import car_file
@@ -248,6 +250,48 @@ def test_the_traffic_of_each_world_has_the_bits_of_a_single_world(map_: str, car
             assert_same(readings, k, world.frame)
         fastest = max(fastest, np.abs(readings.velocity[:, own:, 0]).max())
     assert fastest > 0.1
+
+
+def test_the_offences_of_each_world_are_the_events_of_a_single_world() -> None:
+    """Cars cross stop lines of lights at red and at green, and of a stop sign with and without a stop."""
+    line = next(one for one in load_map("tiny_town").stop_lines if one.kind == "stop")
+    light = next(one for one in load_map("tiny_town").stop_lines if one.kind == "traffic_light")
+    places = {"V1": line, "V2": light}
+    cars = {
+        name: {
+            "x": one.pose[0] - 0.8 * math.cos(one.pose[2]),
+            "y": one.pose[1] - 0.8 * math.sin(one.pose[2]),
+            "yaw_deg": math.degrees(one.pose[2]),
+        }
+        for name, one in places.items()
+    }
+    program = {"groups": {"one": [light.prop]}, "phases": [{"green": ["one"], "duration": 2}, {"duration": 1}]}
+    fields = {"map": "tiny_town", "vehicles": cars, "light_programs": {"intersection": None, "own": program}}
+    spec = ScenarioSpec.model_validate(fields)
+    n = 4
+    batch, worlds = BatchWorld(spec, n), [make(spec, seed=k) for k in range(n)]
+    counts = np.zeros((n, 2, 2), int)
+    for step in range(120):
+        if step == 80:
+            batch.reset([0, 3])
+            for k in (0, 3):
+                worlds[k].reset()
+                counts[k] = 0
+        commands = np.zeros((n, 2, 2))
+        for k in range(n):  # they start one after the other; in two worlds they stop just before the line
+            driving = step % 80 - 15 * k
+            is_waiting = driving < 0 or (k in (1, 2) and 17 <= driving < 30)
+            commands[k, :, 0] = 0.0 if is_waiting else 1.0
+        readings = batch.step(commands, ticks=5)
+        for k, world in enumerate(worlds):
+            for _ in range(5):
+                for event in world.step(as_commands(batch.vehicle_names, commands[k])).events:
+                    if isinstance(event, RedLight | StopSign):
+                        counts[k, batch.vehicle_names.index(event.vehicle), int(isinstance(event, StopSign))] += 1
+        np.testing.assert_array_equal(readings.red_light_count, counts[..., 0])
+        np.testing.assert_array_equal(readings.stop_sign_count, counts[..., 1])
+    assert counts[:, 0, 1].tolist() == [1, 0, 0, 0]  # world 3 has not started again yet
+    assert counts[:, 1, 0].tolist() == [0, 0, 1, 0]
 
 
 def test_the_traffic_does_not_depend_on_the_number_of_threads() -> None:

@@ -12,8 +12,16 @@ from autodrive.base.errors import EngineError
 from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import CAMERA, RenderedWorld
-from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of, with_traffic
-from autodrive.experiments.envs.task import CarReadings, Observation
+from autodrive.experiments.envs.settings import (
+    TASKS,
+    Action,
+    Settings,
+    action_space,
+    check_options,
+    commands_of,
+    with_traffic,
+)
+from autodrive.experiments.envs.task import OFFENCES, Observation
 from autodrive.protocol.messages import Command, Frame
 
 VEHICLE = "V1"
@@ -35,19 +43,24 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
         frame_skip: int = 5,
         render_mode: str | None = None,
         traffic: int = 0,
+        offence_cost: float = 0.0,
     ) -> None:
         """`traffic`: cars that drive themselves, on a map with lanes.
 
+        `offence_cost`: subtracted from the reward for each red light and stop sign that is run.
+
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
-        self.settings = Settings(task, observation, action, frame_skip, render_mode, traffic=traffic)
+        self.settings = Settings(
+            task, observation, action, frame_skip, render_mode, traffic=traffic, offence_cost=offence_cost
+        )
         self.render_mode = render_mode
         self.task = with_traffic(TASKS[task](frame_skip), traffic)
         seen = observation or self.task.observation
         self.observation_space = observation_space(self.task, seen)
         self.action_space = action_space(self.settings)
         self._has_camera = seen == "camera"
-        self._episodes = Episodes(self.task, seen, 1)
+        self._episodes = Episodes(self.task, seen, 1, offence_cost)
         self.rendered = RenderedWorld(self.task.scenario, self.settings, has_camera=self._has_camera)
         self.metadata = {**type(self).metadata, "render_fps": 1.0 / self.rendered.step_duration}
 
@@ -58,11 +71,12 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; without a seed the next one of the same random numbers."""
+        check_options(options)
         super().reset(seed=seed)
         world_seed = int(self.np_random.integers(2**31))
         start = self.task.start(self.np_random)
         frame = self.rendered.reset(world_seed, start.poses)
-        self._episodes.begin(FIRST, [start], CarReadings.of_frame(frame))
+        self._episodes.begin(FIRST, [start], self.rendered.cars)
         return self._observation(frame), {}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -73,8 +87,11 @@ class DrivingEnv(gymnasium.Env[Any, Any]):
             frame = self.rendered.step({VEHICLE: Command(throttle, steering)})
         except EngineError:
             frame, is_unstable = self.frame, np.array([True])
-        outcome = self._episodes.advance(CarReadings.of_frame(frame), is_unstable)
-        info = {"is_success": bool(outcome.is_success[0])}
+        cars = self.rendered.cars
+        outcome = self._episodes.advance(cars, is_unstable)
+        info: dict[str, Any] = {"is_success": bool(outcome.is_success[0])}
+        if self.rendered.world.map.stop_lines:
+            info |= zip(OFFENCES, cars.offences[0].tolist(), strict=True)
         return self._observation(frame), float(outcome.reward[0]), bool(outcome.has_ended[0]), False, info
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]

@@ -17,8 +17,16 @@ from autodrive.base.errors import SpecError
 from autodrive.base.suggest import suggest, with_suggestions
 from autodrive.experiments.envs.episodes import Episodes, observation_space
 from autodrive.experiments.envs.rendered_world import batch_camera
-from autodrive.experiments.envs.settings import TASKS, Action, Settings, action_space, commands_of, with_traffic
-from autodrive.experiments.envs.task import Bools, CarReadings, Ground, Observation, Outcome, Start, Task
+from autodrive.experiments.envs.settings import (
+    TASKS,
+    Action,
+    Settings,
+    action_space,
+    check_options,
+    commands_of,
+    with_traffic,
+)
+from autodrive.experiments.envs.task import OFFENCES, Bools, CarReadings, Ground, Observation, Outcome, Start, Task
 from autodrive.world.batch import BatchWorld
 
 
@@ -45,16 +53,18 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         threads: int | None = None,
         render_mode: str | None = None,
         traffic: int = 0,
+        offence_cost: float = 0.0,
     ) -> None:
         """`task`: its name, or one that is already made. `threads`: of the batch; None: one for each core.
 
         `traffic`: cars that drive themselves in each world, on a map with lanes; each episode has its own places,
-        speeds and ways of them.
+        speeds and ways of them. `offence_cost`: subtracted from the reward for each red light and stop sign that is
+        run.
 
         Raises `SpecError` for wrong settings, `GlUnavailable` for images without OpenGL.
         """
         name = task if isinstance(task, str) else None
-        checked = Settings(name, observation, action, frame_skip, traffic=traffic)
+        checked = Settings(name, observation, action, frame_skip, traffic=traffic, offence_cost=offence_cost)
         self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.task = with_traffic(TASKS[task](frame_skip) if isinstance(task, str) else task, traffic)
@@ -77,7 +87,7 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self.batch = BatchWorld(self.task.scenario, num_envs // self.car_count, threads=threads)
         """The worlds."""
         self._camera = batch_camera(self.task.scenario) if seen == "camera" else None
-        self._episodes = Episodes(self.task, seen, num_envs)
+        self._episodes = Episodes(self.task, seen, num_envs, offence_cost)
         self._rngs: list[np.random.Generator | None] = [None] * self.batch.n
         self.steps = np.zeros(num_envs, np.int64)
         """Of the present episodes; a learning library may write others, so that not all are truncated at once."""
@@ -90,12 +100,12 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
 
         Several seeds: one for each world.
         """
+        mask = self._mask(options)
         super().reset(seed=seed if isinstance(seed, int) else None)
         count = self.batch.n
         seeds = [seed + k for k in range(count)] if isinstance(seed, int) else seed or [None] * count
         if len(seeds) != count:
             raise ValueError(f"there must be {count} seeds, one for each world, not {len(seeds)}")
-        mask = self._mask(options)
         for world in np.flatnonzero(self._of_worlds(mask).any(axis=1)).tolist():
             if seeds[world] is not None:
                 self._rngs[world] = seeding.np_random(seeds[world])[0]
@@ -115,21 +125,20 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         self.steps += 1
         is_late = np.zeros(self.num_envs, np.bool_) if self._max_steps is None else self.steps >= self._max_steps
         terminated, truncated = self._ends(outcome, is_late)
-        reward, is_success, stepped = outcome.reward, outcome.is_success, np.ones(self.num_envs, np.bool_)
+        reward, values, stepped = outcome.reward, self._values(outcome), np.ones(self.num_envs, np.bool_)
         info: dict[str, Any] = {}
         if self.autoreset_mode == AutoresetMode.NEXT_STEP and ended.any():
             self._begin(ended)
             stepped = ~ended
-            reward[ended], terminated[ended], truncated[ended], is_success[ended] = 0.0, False, False, False
+            reward[ended], terminated[ended], truncated[ended] = 0.0, False, False
         self._has_ended = ended = terminated | truncated
         if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
             self._has_ended = np.zeros(self.num_envs, np.bool_)
-            info |= self._final(ended, is_success)
+            info |= self._final(ended, values)
             self._begin(ended)
             stepped = ~ended
-            is_success = is_success & stepped
         if stepped.any():
-            info |= {"is_success": is_success, "_is_success": stepped}
+            info |= _masked(values, stepped)
         return self._observations(), reward, terminated, truncated, info
 
     def render(self) -> None:
@@ -191,17 +200,25 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         """Return these worlds to the start."""
         self.batch.reset(worlds, seeds, poses=poses)
 
-    def _final(self, ended: Bools, is_success: Bools) -> dict[str, Any]:
+    def _values(self, outcome: Outcome) -> dict[str, NDArray[Any]]:
+        """What the infos say after a step."""
+        values: dict[str, NDArray[Any]] = {"is_success": outcome.is_success}
+        if self.batch.map.stop_lines:
+            values |= zip(OFFENCES, self._cars().offences.T, strict=True)
+        return values
+
+    def _final(self, ended: Bools, values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         """Observations and infos of the episodes that have just ended."""
         observations = np.full(self.num_envs, None, dtype=object)
         seen = self._observations()
         for row in np.flatnonzero(ended).tolist():
             observations[row] = {k: one[row] for k, one in seen.items()} if isinstance(seen, dict) else seen[row]
-        final = {"is_success": is_success & ended, "_is_success": ended.copy()}
+        final = _masked(values, ended)
         return {"final_obs": observations, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy()}
 
     def _mask(self, options: dict[str, Any] | None) -> Bools:
         """The environments to reset."""
+        check_options(options, "reset_mask")
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, np.bool_)
@@ -212,6 +229,12 @@ class DrivingVectorEnv(VectorEnv[Any, Any, Any]):
         if (self._of_worlds(mask) != self._of_worlds(mask)[:, :1]).any():
             raise ValueError("options['reset_mask'] must be the same for all cars of a world")
         return mask
+
+
+def _masked(values: dict[str, NDArray[Any]], mask: Bools) -> dict[str, NDArray[Any]]:
+    """An info with these values of the environments of a mask, and the mask of each."""
+    masked = {name: np.where(mask, one, np.zeros_like(one)) for name, one in values.items()}
+    return masked | {f"_{name}": mask.copy() for name in values}
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

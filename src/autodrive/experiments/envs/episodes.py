@@ -54,8 +54,11 @@ def observation_space(task: Task, observation: Observation) -> spaces.Space[Any]
 class Episodes:
     """The episodes of n cars: `begin` starts some of them, `advance` judges a step of all, `numbers` observes them."""
 
-    def __init__(self, task: Task, observation: Observation, count: int) -> None:
-        self._task = task
+    def __init__(self, task: Task, observation: Observation, count: int, offence_cost: float = 0.0) -> None:
+        """`offence_cost`: see `Settings`."""
+        self._task, self._offence_cost = task, offence_cost
+        self._offences = np.zeros(count, np.int64)
+        """Before the last step."""
         self._has_scan = observation == "lidar"
         numbers = observed(task, observation)
         written = task.features if observation == "state" else task.features[: task.known]
@@ -73,6 +76,7 @@ class Episodes:
         features = np.zeros((len(rows), self._features.shape[1]))
         self._task.evaluate(cars.rows(rows), memory, features, new_outcome(len(rows)))
         self.memory[rows] = memory
+        self._offences[rows] = 0
         self._features[rows] = features
         self._is_unstable[rows] = False
         self._scan_time[rows] = np.nan
@@ -88,6 +92,10 @@ class Episodes:
             outcome.reward[is_unstable] = FAILURE
             outcome.has_ended[is_unstable] = True
             outcome.is_success[is_unstable] = False
+        if self._offence_cost:
+            offences = cars.offences.sum(axis=1)
+            outcome.reward[:] -= self._offence_cost * (offences - self._offences)
+            self._offences = offences
         return outcome
 
     def numbers(self) -> NDArray[np.float32]:

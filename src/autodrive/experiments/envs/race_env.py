@@ -1,27 +1,58 @@
-"""The PettingZoo environment of a race: 2 to 8 cars RoboRacer on a random track, in one world of a batch."""
+"""The environments of races: 2 to 8 cars RoboRacer in each world, which end one by one or when one has won."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import SpecError
-from autodrive.base.suggest import with_suggestions
-from autodrive.experiments.envs.conditions import Conditions, Drive, Range
-from autodrive.experiments.envs.parallel_env import Cars, checked_cars
-from autodrive.experiments.envs.settings import Action, Settings
-from autodrive.experiments.envs.task import Bools, CarReadings, Observation, Outcome, Start
+from autodrive.experiments.envs.conditions import Conditions
+from autodrive.experiments.envs.roboracer_env import RoboRacerVectorEnv
+from autodrive.experiments.envs.settings import checked_cars
+from autodrive.experiments.envs.several_cars import SeveralCarsParallelEnv, SeveralCarsVectorEnv
+from autodrive.experiments.envs.task import CarReadings, Observation, Outcome
 from autodrive.experiments.envs.time_trial import DRIVEN, TimeTrial
-from autodrive.world.batch import BatchWorld
-
-WORLD = np.zeros(1, np.intp)
 
 
-class RaceParallelEnv(Cars):
+class Race(TimeTrial):
+    """The time trial against others: the first car that has driven all laps has won, and ends the race for all."""
+
+    name = "race"
+
+    def evaluate(self, cars: CarReadings, memory: Floats, features: Floats, outcome: Outcome) -> None:
+        """See `Task.evaluate`; the cars of a world follow each other."""
+        super().evaluate(cars, memory, features, outcome)
+        has_won = outcome.is_success & ~outcome.has_ended & (self.ranks(memory) == 1)
+        outcome.is_success[:] = has_won
+        count = len(self.scenario.vehicles)
+        outcome.has_ended[:] |= np.repeat(has_won.reshape(-1, count).any(axis=1), count)
+
+    def ranks(self, memory: Floats) -> NDArray[np.int64]:
+        """Places of the cars in their race, from 1, shape (n,)."""
+        driven = memory[:, DRIVEN].reshape(-1, len(self.scenario.vehicles))
+        order = np.argsort(-driven, axis=1, kind="stable")
+        return np.argsort(order, axis=1, kind="stable").ravel() + 1
+
+
+class RaceVectorEnv(SeveralCarsVectorEnv, RoboRacerVectorEnv):
+    """Many races, with the settings of `RoboRacerVectorEnv`; a car that collides is an obstacle for the others."""
+
+    task_type = Race
+    task: Race
+
+    def _values(self, outcome: Outcome) -> dict[str, NDArray[Any]]:
+        return {
+            **super()._values(outcome),
+            "rank": self.task.ranks(self._episodes.memory),
+            "distance": self.distance,
+        }
+
+
+class RaceParallelEnv(SeveralCarsParallelEnv):
     """A race of `laps` laps from a grid; observations, rewards and ends are those of `envs.time_trial`.
 
     Agents are 'V1', 'V2', ... The race ends for all of them when the first one has driven all laps; it has
@@ -34,71 +65,34 @@ class RaceParallelEnv(Cars):
         "render_modes": [],
         "is_parallelizable": True,
     }
+    vector: RaceVectorEnv
 
-    @with_suggestions
     def __init__(
         self,
         cars: int = 4,
         *,
         laps: int = 2,
-        tracks: int = 3,
-        track_seed: int = 0,
-        friction: Range = 1.0,
-        mass: Range = 1.0,
-        noise: Range = 0.0,
-        latency: Range = 0.0,
-        fog: Range = 0.0,
-        rain: Range = 0.0,
-        snow: Range = 0.0,
         max_episode_steps: int | None = 4800,
         observation: Observation = "lidar",
-        action: Action = "continuous",
-        frame_skip: int = 5,
+        **settings: Any,
     ) -> None:
-        """`friction`, `mass`, `noise`, `latency`, of each car, and `fog`, `rain`, `snow`: see `Conditions`.
-
-        Raises `SpecError` for wrong settings.
-        """
+        """`settings`: of `RoboRacerVectorEnv`. Raises `SpecError` for wrong settings."""
         if observation == "camera":
             raise SpecError(["observation: a race has no images. Known: state, lidar"])
-        self.conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
-        settings = Settings(TimeTrial.name, observation, action, frame_skip)
-        super().__init__(
-            TimeTrial(frame_skip, tracks, track_seed, checked_cars(cars), laps), settings, max_episode_steps
-        )
-        self.batch = BatchWorld(self.task.scenario, 1, threads=1)
-        """Its only world is that of the race."""
-        self._driver = Drive(self.batch, frame_skip)
+        settings |= {"laps": laps, "max_episode_steps": max_episode_steps, "observation": observation}
+        count = checked_cars(cars)
+        super().__init__(RaceVectorEnv(count, cars=count, autoreset_mode=AutoresetMode.DISABLED, threads=1, **settings))
+
+    @property
+    def conditions(self) -> Conditions:
+        """Friction, mass, noise, latency and weather of the episodes that follow."""
+        return self.vector.conditions
+
+    @conditions.setter
+    def conditions(self, conditions: Conditions) -> None:
+        self.vector.conditions = conditions
 
     @property
     def distance(self) -> Floats:
         """Of all cars since the start line, along the centre line [m], shape (cars,)."""
-        return self._episodes.memory[:, DRIVEN].copy()
-
-    def close(self) -> None:
-        """End the threads of the batch."""
-        self.batch.close()
-
-    def _start(self, seed: int, starts: Sequence[Start], rng: np.random.Generator) -> CarReadings:
-        poses = {name: np.array(pose) for start in starts for name, pose in start.poses.items()}
-        drawn = np.array([self.conditions.draw(rng) for _ in self.possible_agents])
-        friction, mass, noise, latency = drawn.T[:, None]
-        weather = self.conditions.draw_weather(rng)
-        self.batch.reset(WORLD, [seed], poses=poses, grip=friction, mass=mass, noise=noise, weather=weather)
-        self._driver.reset(WORLD, latency)
-        return CarReadings.of_batch(self.batch.readings, len(self.possible_agents))
-
-    def _drive(self, commands: NDArray[np.float64]) -> tuple[CarReadings, Bools]:
-        self._driver.step(commands[None])
-        readings = self.batch.readings
-        return CarReadings.of_batch(readings, len(commands)), np.full(len(commands), readings.is_unstable[0])
-
-    def _judged(self, outcome: Outcome) -> tuple[Bools, list[dict[str, Any]]]:
-        driven = self.distance
-        rank = np.empty(len(driven), np.int64)
-        rank[np.argsort(-driven, kind="stable")] = np.arange(1, len(driven) + 1)
-        has_won = outcome.is_success & ~outcome.has_ended & (rank == 1)
-        columns = zip(has_won.tolist(), rank.tolist(), driven.tolist(), strict=True)
-        return outcome.has_ended | has_won.any(), [
-            dict(zip(("is_success", "rank", "distance"), row, strict=True)) for row in columns
-        ]
+        return self.vector.distance

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.settings import IMAGE_HEIGHT, IMAGE_WIDTH, Settings
-from autodrive.protocol.messages import Command, Frame
+from autodrive.experiments.envs.task import CarReadings
+from autodrive.protocol.messages import Command, Frame, RedLight, Reset, StopSign
 from autodrive.world.factory import make
+from autodrive.world.observer import Request, ResetTo
 
 if TYPE_CHECKING:
     from autodrive.experiments.envs.task import Ground
@@ -43,6 +45,27 @@ def batch_camera(scenario: ScenarioSpec) -> BatchCamera:
     return BatchCamera(scenario, vehicle, CAMERA, size=(IMAGE_WIDTH, IMAGE_HEIGHT), quality=QUALITY)
 
 
+class OffenceCounter:
+    """Counts the events `RedLight` and `StopSign` of each vehicle since the start of an episode."""
+
+    def __init__(self, vehicles: Sequence[str]) -> None:
+        self.counts = {name: [0, 0] for name in vehicles}
+
+    def given(self, commands: Mapping[str, Command]) -> None:
+        """Nothing to count."""
+
+    def executed(self, request: Request) -> None:
+        """A reset begins an episode."""
+        if isinstance(request, Reset | ResetTo):
+            self.counts = {name: [0, 0] for name in self.counts}
+
+    def publish(self, frame: Frame) -> None:
+        """Count what happened."""
+        for event in frame.events:
+            if isinstance(event, RedLight | StopSign):
+                self.counts[event.vehicle][isinstance(event, StopSign)] += 1
+
+
 class RenderedWorld:
     """The World of a scenario; with 'human' it runs in real time, and the page shows it."""
 
@@ -61,6 +84,8 @@ class RenderedWorld:
         self.step_duration = scenario.tick * settings.frame_skip
         """[s]."""
         self.world = make(scenario, cameras=self._cameras if has_camera else False)
+        self._offences = OffenceCounter(self.world.vehicle_names)
+        self.world.observers.append(self._offences)
         self._is_closed = False
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
@@ -108,6 +133,11 @@ class RenderedWorld:
         """Stop the page, and free the renderers."""
         self._is_closed = True
         self._open.close()
+
+    @property
+    def cars(self) -> CarReadings:
+        """What the environments read of the cars."""
+        return CarReadings.of_frame(self.world.frame, self._offences.counts)
 
     def _check_open(self) -> None:
         if self._is_closed:

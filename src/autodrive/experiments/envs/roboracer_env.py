@@ -14,7 +14,7 @@ from autodrive.base.suggest import with_suggestions
 from autodrive.experiments.envs.conditions import Conditions, Drive, Range, whole_number_errors
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
 from autodrive.experiments.envs.race_tracks import AREA
-from autodrive.experiments.envs.settings import MOST_CARS, Action
+from autodrive.experiments.envs.settings import MOST_CARS, Action, check_options
 from autodrive.experiments.envs.task import Observation, Outcome
 from autodrive.experiments.envs.time_trial import DRIVEN, LENGTH, WIDTH, TimeTrial
 from autodrive.protocol.commands import is_number
@@ -38,8 +38,11 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
     or each with its own from these ranges; `track_radius` is the least of the centre line in curves [m], by default the
     width of the track and at least 1 m; `track_area` is the ground of each track along x and y [m]. Each episode is on
     one of them, by its seed. `friction`, `mass`, `noise`, `latency`, `fog`, `rain`, `snow`: see `Conditions`.
-    `conditions` may be replaced at any time, for the episodes that follow.
+    `conditions` may be replaced at any time, for the episodes that follow. `laps`: after which `info["is_success"]`
+    is true.
     """
+
+    task_type: type[TimeTrial] = TimeTrial
 
     @with_suggestions
     def __init__(
@@ -47,6 +50,7 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         num_envs: int = 1,
         *,
         cars: int = 1,
+        laps: int = 1,
         rivalry: float = 0.0,
         tracks: int = 3,
         track_seed: int = 0,
@@ -78,11 +82,12 @@ class RoboRacerVectorEnv(DrivingVectorEnv):
         self.conditions = Conditions(friction, mass, noise, latency, fog, rain, snow)
         super().__init__(
             num_envs,
-            TimeTrial(
+            self.task_type(
                 frame_skip,
                 tracks,
                 track_seed,
                 cars,
+                laps,
                 width=track_width,
                 length=track_length,
                 radius=track_radius,
@@ -162,6 +167,7 @@ class RoboRacerEnv(gymnasium.Env[Any, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; without a seed the next one of the same random numbers."""
+        check_options(options)
         super().reset(seed=seed)
         observations, _ = self.vector.reset(seed=seed)
         return _first(observations), {}

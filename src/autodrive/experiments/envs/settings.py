@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -18,6 +19,7 @@ from autodrive.experiments.envs.navigation import Navigation
 from autodrive.experiments.envs.parking import Parking
 from autodrive.experiments.envs.task import CHOICES, Observation, Task
 from autodrive.experiments.envs.time_trial import TimeTrial
+from autodrive.protocol.commands import is_number
 from autodrive.scenario.scenario import TrafficSpec
 
 Action: TypeAlias = Literal["continuous", "discrete"]
@@ -51,6 +53,8 @@ class Settings:
     """Of the task."""
     traffic: int = 0
     """Cars that drive themselves, 0 to 50; the map must have lanes for them."""
+    offence_cost: float = 0.0
+    """Subtracted from the reward for each red light and stop sign that is run, 0 to 1000."""
 
     def __post_init__(self) -> None:
         choices: dict[str, list[Any]] = {
@@ -67,6 +71,8 @@ class Settings:
         ticks = self.frame_skip
         if isinstance(ticks, bool) or not isinstance(ticks, int) or not 1 <= ticks <= MOST_TICKS:
             errors.append(f"frame_skip: must be a whole number of ticks from 1 to {MOST_TICKS}, not {ticks!r}")
+        if not (is_number(self.offence_cost) and 0.0 <= self.offence_cost <= 1e3):
+            errors.append(f"offence_cost: must be a number from 0 to 1000, not {self.offence_cost!r}")
         errors += whole_number_errors({"traffic": (self.traffic, 0, MOST_TRAFFIC)})
         if errors:
             raise SpecError(errors)
@@ -77,6 +83,24 @@ def with_traffic(task: Task, cars: int) -> Task:
     if cars:
         task.scenario = task.scenario.model_copy(update={"traffic": TrafficSpec(cars=cars)})
     return task
+
+
+def checked_cars(cars: int) -> int:
+    """The number of cars of a world. Raises `SpecError`."""
+    if errors := whole_number_errors({"cars": (cars, 2, MOST_CARS)}):
+        raise SpecError(errors)
+    return cars
+
+
+def check_options(options: Mapping[str, Any] | None, *known: str) -> None:
+    """Raises `SpecError` for an option of `reset` that is not known."""
+    errors = [
+        f"options: {name!r} is not known. {suggest(str(name), [*known]) if known else 'This environment has none.'}"
+        for name in options or {}
+        if name not in known
+    ]
+    if errors:
+        raise SpecError(errors)
 
 
 def action_space(settings: Settings) -> spaces.Space[Any]:

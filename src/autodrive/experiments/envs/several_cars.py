@@ -12,7 +12,7 @@ from pettingzoo import ParallelEnv
 from autodrive.base.arrays import Floats
 from autodrive.base.errors import CommandError
 from autodrive.experiments.envs.driving_vector_env import DrivingVectorEnv
-from autodrive.experiments.envs.settings import action_space
+from autodrive.experiments.envs.settings import Settings, action_space
 from autodrive.experiments.envs.task import Bools, Outcome, Task
 
 
@@ -25,9 +25,9 @@ class SeveralCarsVectorEnv(DrivingVectorEnv):
     them. `info["is_success"]` says whether the car has succeeded in this episode.
     """
 
-    def __init__(self, num_envs: int, task: Task, **settings: Any) -> None:
-        """`settings`: of `DrivingVectorEnv`. Raises `SpecError`."""
-        super().__init__(num_envs, task, **settings)
+    def __init__(self, num_envs: int, *task: Task, **settings: Any) -> None:
+        """`task`, `settings`: of the next class, which is `DrivingVectorEnv` or a subclass. Raises `SpecError`."""
+        super().__init__(num_envs, *task, **settings)
         self.is_live: Bools = np.ones(num_envs, np.bool_)
         """Whether the own episode of each car goes on."""
         self._is_seen: Bools = np.ones(num_envs, np.bool_)
@@ -69,11 +69,31 @@ class SeveralCarsVectorEnv(DrivingVectorEnv):
         return observations
 
 
-class SeveralCarsParallelEnv(ParallelEnv[str, Any, Any]):
-    """One world of a vector environment. Agents are 'V1', 'V2', ...
+class Agents(ParallelEnv[str, Any, Any]):
+    """The cars of one world, each an agent. Agents are 'V1', 'V2', ...
 
     An agent whose episode has ended is no longer in `agents`; its car brakes and stays where it is.
     """
+
+    def __init__(self, task: Task, observation: spaces.Space[Any], settings: Settings) -> None:
+        """`observation`: the space of each agent."""
+        self.render_mode = settings.render_mode
+        self.possible_agents = list(task.scenario.vehicles)
+        self.agents: list[str] = []
+        self.observation_spaces = dict.fromkeys(self.possible_agents, observation)
+        self.action_spaces = {one: action_space(settings) for one in self.possible_agents}
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Of an agent; the same object each time."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Of an agent; the same object each time."""
+        return self.action_spaces[agent]
+
+
+class SeveralCarsParallelEnv(Agents):
+    """One world of a vector environment."""
 
     metadata: dict[str, Any] = {"name": "several_cars", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
 
@@ -83,19 +103,7 @@ class SeveralCarsParallelEnv(ParallelEnv[str, Any, Any]):
         self.vector = vector
         """The environment that does the work."""
         self._no_actions = np.zeros_like(vector.action_space.sample())
-        self.render_mode = None
-        self.possible_agents = list(vector.task.scenario.vehicles)
-        self.agents: list[str] = []
-        self.observation_spaces = dict.fromkeys(self.possible_agents, vector.single_observation_space)
-        self.action_spaces = {one: action_space(vector.settings) for one in self.possible_agents}
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Of an agent; the same object each time."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Of an agent; the same object each time."""
-        return self.action_spaces[agent]
+        super().__init__(vector.task, vector.single_observation_space, vector.settings)
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -125,7 +133,7 @@ class SeveralCarsParallelEnv(ParallelEnv[str, Any, Any]):
             {agent: float(reward[row]) for agent, row in rows.items()},
             {agent: not is_live[row] for agent, row in rows.items()},
             {agent: bool(truncated[row]) for agent, row in rows.items()},
-            {agent: {"is_success": bool(info["is_success"][row])} for agent, row in rows.items()},
+            {agent: {k: one[row].item() for k, one in info.items() if k[0] != "_"} for agent, row in rows.items()},
         )
 
     def close(self) -> None:

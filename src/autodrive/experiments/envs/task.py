@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from autodrive.base.arrays import Floats
+from autodrive.base.arrays import Floats, Integers
 from autodrive.base.jit import jit
 
 if TYPE_CHECKING:
@@ -27,6 +27,10 @@ Observation: TypeAlias = Literal["state", "lidar", "camera"]
 Ground: TypeAlias = tuple[float, float, float]
 """x, y [m] and yaw [rad] on the ground."""
 Bools: TypeAlias = "NDArray[np.bool_]"
+
+
+OFFENCES = "red_lights", "stop_signs"
+"""Names of the columns of `CarReadings.offences` in infos."""
 
 
 class CarReadings(NamedTuple):
@@ -52,6 +56,8 @@ class CarReadings(NamedTuple):
     """[s], shape (n,)."""
     lidar_ranges: Floats
     """[m] as in REP 117, shape (n, n_ray)."""
+    offences: Integers
+    """Red lights and stop signs that were run since the reset, shape (n, 2)."""
     heard: Floats
     """Latest radio message of each of the s cars of the world; `Readings.heard_vehicles`, shape (n, s, 8).
 
@@ -60,9 +66,10 @@ class CarReadings(NamedTuple):
     """Positions of the movable objects [m] in the map frame, shape (n, n_object, 3)."""
 
     @classmethod
-    def of_frame(cls, frame: Frame) -> CarReadings:
-        """The cars of one world, without the traffic."""
-        cars = [car for car in frame.vehicles.values() if not car.is_traffic]
+    def of_frame(cls, frame: Frame, offences: Mapping[str, Sequence[int]] | None = None) -> CarReadings:
+        """The cars of one world, without the traffic. `offences`: of each car by name; None: unknown, and 0."""
+        own = [(name, car) for name, car in frame.vehicles.items() if not car.is_traffic]
+        cars = [car for _, car in own]
         objects = [one.pose.position for one in frame.objects.values()]
         scans = [car.lidar for car in cars if car.lidar is not None]
         assert len(scans) == len(cars), "every car of these scenarios has a LIDAR"
@@ -76,6 +83,7 @@ class CarReadings(NamedTuple):
             np.array([car.collision_count for car in cars]),
             np.array([scan.time for scan in scans]),
             np.array([scan.ranges for scan in scans]),
+            np.array([offences[name] if offences else (0, 0) for name, _ in own], np.int64),
             _heard(frame),
             np.array([objects for _ in cars]).reshape(len(cars), -1, 3),
         ]
@@ -88,7 +96,8 @@ class CarReadings(NamedTuple):
         They may be views, which the next step of the batch overwrites.
         """
         n = len(readings.position)
-        columns = [getattr(readings, name) for name in cls._fields[1:10]] + [readings.heard_vehicles]
+        columns = [getattr(readings, name) for name in cls._fields[1:10]]
+        columns += [np.stack([readings.red_light_count, readings.stop_sign_count], -1), readings.heard_vehicles]
         cars: list[Any] = [one[:, :count].reshape(n * count, *one.shape[2:]) for one in columns]
         time, objects = readings.time, readings.object_pose[:, :, :3]
         if count > 1:

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 
 from autodrive.graphics.render.draw_list import (
+    BEAM_COUNTS,
+    CASTER_COUNTS,
+    LAMP_COUNTS,
     NO_BEAM,
     NO_CASTER,
     NO_LAMP,
@@ -19,12 +22,12 @@ from autodrive.graphics.render.draw_list import (
     shadow_distances,
 )
 from autodrive.graphics.render.fxaa import smoothed
-from autodrive.graphics.render.lighting import reach, strength
+from autodrive.graphics.render.lighting import lights_view, reach, strength
 from autodrive.graphics.render.parts import in_sight, sight_planes
 from autodrive.graphics.render.render_state import VEHICLE
 from autodrive.graphics.render.renderer import IndexRange, Renderer, clip_from_optical
-from autodrive.graphics.render.scene import rigid, rigid_all, signals_of
-from autodrive.graphics.render.shadows import BEAMS, BONES
+from autodrive.graphics.render.scene import LEVEL, rigid, rigid_all, signals_of
+from autodrive.graphics.render.shadows import BEAMS, BONES, DIM
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,8 +47,8 @@ CASTERS, LAMPS = 4, 8
 """Number of vehicles whose shadows an image shows, and of its lamps besides headlights."""
 SLACK = 0.05
 """How far the joints of a vehicle can move its parts [m], with a margin."""
-DIM, STEP = 0.1, 0.02
-"""A vehicle dims the ground so far around it, and ground that is so much higher than the road [m]."""
+STEP = 0.02
+"""A vehicle dims ground that is so much higher than the road [m]."""
 
 Piece: TypeAlias = tuple[bool, IndexRange]
 """Triangles, and whether vehicles cast shadows on them."""
@@ -186,7 +189,7 @@ class BatchRenderer(Renderer):
         points = np.concatenate([below, shade + np.array([*drift, 0.0])], axis=2)
         points = np.concatenate([points - np.array([0.0, 0.0, DIM]), points + np.array([0.0, 0.0, STEP])], axis=2)
         inside = points @ np.swapaxes(planes[:, None, :, :3], -1, -2) + planes[:, None, None, :, 3] > 0.0
-        is_ground = [i for i, r in enumerate(static.ranges) if r.kind == "flat"]
+        is_ground = [i for i, r in enumerate(static.ranges) if r.kind in LEVEL]
         dims[:, is_ground] &= np.all(np.any(inside, axis=2), axis=2)[:, None]
         return dims
 
@@ -194,7 +197,7 @@ class BatchRenderer(Renderer):
         """Numbers of the ranges of the static mesh that look alike, level ground last as in `Renderer`."""
         ranges = self._static.geometry.ranges
         keys: list[tuple[Kind, str]] = [(r.kind, r.textures) for r in ranges]
-        order = sorted(dict.fromkeys(keys), key=lambda key: key[0] == "flat")
+        order = sorted(dict.fromkeys(keys), key=lambda key: key[0] in LEVEL)
         return {key: np.array([i for i, one in enumerate(keys) if one == key]) for key in order}
 
     def _own_vehicle(self) -> tuple[GpuMesh, list[IndexRange]]:
@@ -232,7 +235,7 @@ class BatchRenderer(Renderer):
             if k % RING == 0:  # for as many images as there are targets: llvmpipe waits for what a shader reads
                 for later in range(k, min(k + RING, m)):
                     self._write_camera(part.clips[later], part.eyes[later, :3, 3])
-                    self._draw_behind(later % RING, self._view, part.clips[later], None)
+                    self._draw_behind(later % RING, self._view, part.clips[later])
             if k >= RING:
                 targets[k % RING].read_rgb_into(self._pixels, (k - RING) * self._image_size)
             self._draw_list.frame[...] = 0
@@ -302,14 +305,14 @@ class BatchRenderer(Renderer):
             boxes, centers = self._static.geometry.boxes[static], part.centers[k, posed]
             low = np.concatenate([boxes[:, 0], centers - self._radii[posed, None]])
             high = np.concatenate([boxes[:, 1], centers + self._radii[posed, None]])
-            lights = reach(lamps, low, high)
+            lights = reach(lamps, low, high) & lights_view(lamps, part.clips[k], part.eyes[k, :3, 3])
             power = np.where(lights, strength(lamps, 0.5 * (low + high)), 0.0).max(0, initial=0.0)
             beams = np.nonzero(lights[:, :n_beam].any(0))[0].tolist()
             others = [BEAMS + i for i in best(np.any(lights[:, n_beam:], axis=0), power[n_beam:], LAMPS)]
         return Illumination(
-            filled(list(range(len(casters))), (1, 2, 4), NO_CASTER),
-            filled(beams, (2, 4, 8), NO_BEAM),
-            filled(others, (2, 4, 8), NO_LAMP),
+            filled(list(range(len(casters))), CASTER_COUNTS, NO_CASTER),
+            filled(beams, BEAM_COUNTS, NO_BEAM),
+            filled(others, LAMP_COUNTS, NO_LAMP),
             is_day,
         )
 

@@ -9,11 +9,13 @@ import numpy as np
 
 from autodrive.graphics.render.lighting import LAMP, burning, lamp_table, reach, strength
 from autodrive.graphics.render.look import Daylight
-from autodrive.graphics.render.scene import rigid, rigid_all, signals_of
+from autodrive.graphics.render.scene import LEVEL, rigid, rigid_all, signals_of
 from autodrive.graphics.render.shadows import BEAMS, BONES, CASTERS, columns
 from autodrive.physics.actuators.lights import LAMPS
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from autodrive.base.arrays import Floats
     from autodrive.graphics.render.gpu_mesh import GpuMesh
     from autodrive.graphics.render.quality import Quality
@@ -40,6 +42,9 @@ FRAME = np.dtype(
     ]
 )
 """Uniform block of shaders/frame.glsl; matrices are column-major."""
+
+CASTER_COUNTS, BEAM_COUNTS, LAMP_COUNTS = (1, 2, 4), (2, 4, 8), (2, 4, 8)
+"""How many of each a draw call can have, besides none: each number needs a shader."""
 
 OUTLINE = 0.92
 """A vehicle dims the ground around a rectangle that is smaller than its mesh by this factor."""
@@ -97,7 +102,8 @@ class DrawList:
         self._tables = [lamp_table(spec) for spec in scene.lights]
         self._spheres = static.geometry.spheres
         self._boxes = static.geometry.boxes
-        self._is_flat = np.array([r.kind == "flat" for r in static.geometry.ranges], bool)
+        self._is_ground = np.array([r.kind == "ground" for r in static.geometry.ranges], bool)
+        self._is_flat = np.array([r.kind in LEVEL for r in static.geometry.ranges], bool)
         self._is_shaded = np.zeros(0, bool)
         """For each range of the static mesh: whether shadows of static meshes can fall on it."""
         self.outlines = [outline(model) for model in vehicles]
@@ -105,11 +111,13 @@ class DrawList:
         self.frame = np.zeros((), FRAME)
         self.n_beam = 0
         """Number of headlights in the first slots of the lamps."""
+        self.n_caster = 0
+        """Number of vehicles that cast shadows."""
         self.posed: list[PosedMesh] = []
         self.static_lit: list[Illumination] = []
         """For each range of the static mesh."""
-        self.static_groups = np.zeros(0, np.intp)
-        """The same as numbers: equal ones are equal."""
+        self.lamps = np.zeros(0, LAMP)
+        """Lit lamps, in the order of their slots."""
 
     def set(self, state: RenderState, views: Sequence[View]) -> None:
         """Prepare that state for these views; draws the shadow maps."""
@@ -127,8 +135,9 @@ class DrawList:
                 self._is_shaded = ~self._is_flat | falls
         self.set_sky(state.look, state.time)
         casters = near[: CASTERS - 1]
+        self.n_caster = len(casters)
         self.set_casters(casters, roots, centers.reshape(-1, 3), bones, is_day=state.is_day)
-        lit, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
+        self.lamps, n_beam = self.set_lamps(state.vehicles, near, roots, places, bones, is_day=state.is_day)
 
         spheres = [self._spheres]
         spheres.append((centers.reshape(-1, 3), np.array([m.radius for m in self._vehicles])))
@@ -138,17 +147,11 @@ class DrawList:
         n = len(self._spheres[0])
         low, high = all_centers - all_radii[:, None], all_centers + all_radii[:, None]
         low[:n], high[:n] = self._boxes[:, 0], self._boxes[:, 1]
-        reached = self._reached(low, high, centers.reshape(-1, 3)[casters], lit, n_beam)
+        reached = self._reached(low, high, centers.reshape(-1, 3)[casters], self.lamps, n_beam)
         if state.is_day:
             for i in (*np.nonzero(self._is_shaded)[0].tolist(), *range(n, len(reached))):
                 reached[i] = SHADED if reached[i] is UNREACHED else reached[i]._replace(is_shaded=True)
         self.static_lit = reached[:n]
-        groups: dict[Illumination, int] = {}
-        known = {id(lit): groups.setdefault(lit, len(groups)) for lit in (UNREACHED, SHADED)}
-        self.static_groups = np.array(
-            [known[id(lit)] if id(lit) in known else groups.setdefault(lit, len(groups)) for lit in self.static_lit],
-            np.intp,
-        )
         levels = np.concatenate([np.ones((len(roots), 1)), state.vehicles["lamps"]], axis=1).astype(np.float32)
         glow = [row.tobytes() for row in levels]
         dark = np.eye(1, 1 + len(LAMPS), dtype=np.float32).tobytes()
@@ -165,6 +168,13 @@ class DrawList:
                 lens = self._lenses[3 * number + shown - 1]
                 [ball] = lens.geometry.ranges
                 self.posed.append(PosedMesh(lens, at_rest, dark, ball.center, ball.radius, light))
+
+    def seen_lit(self, lit: Illumination, is_lit: NDArray[np.bool_]) -> Illumination:
+        """The same without lamps that light nothing in a view. `is_lit`: of each lamp, see `lights_view`."""
+        slots = [*range(self.n_beam), *range(BEAMS, BEAMS + len(self.lamps) - self.n_beam)]
+        seen = {slot for slot, is_one in zip(slots, is_lit.tolist(), strict=True) if is_one}
+        beams, lamps = ([slot for slot in own if slot in seen] for own in (lit.beams, lit.lamps))
+        return lit._replace(beams=filled(beams, BEAM_COUNTS, NO_BEAM), lamps=filled(lamps, LAMP_COUNTS, NO_LAMP))
 
     # -- parts ----------------------------------------------------------------------------------------------------
 
@@ -249,15 +259,16 @@ class DrawList:
         n = len(low)
         away, limit = shadow_distances(low, high, casters, self._shadows.drift)
         shaded = away < limit
+        shaded[: len(self._is_ground)] &= ~self._is_ground[:, None]  # see shaders/ground_shade.frag
         lights, power = reach(lamps, low, high), strength(lamps, 0.5 * (low + high))
         found = [UNREACHED] * n
         for i in np.nonzero(shaded.any(1) | lights.any(1))[0].tolist():
             nearest = best(shaded[i], -away[i], self._quality.casters)
             small = best(lights[i, n_beam:], power[i, n_beam:], self._quality.lamps)
             found[i] = Illumination(
-                filled(nearest, (1, 2, 4), NO_CASTER),
-                filled(np.nonzero(lights[i, :n_beam])[0].tolist(), (2, 4, 8), NO_BEAM),
-                filled([slot + BEAMS for slot in small], (2, 4, 8), NO_LAMP),
+                filled(nearest, CASTER_COUNTS, NO_CASTER),
+                filled(np.nonzero(lights[i, :n_beam])[0].tolist(), BEAM_COUNTS, NO_BEAM),
+                filled([slot + BEAMS for slot in small], LAMP_COUNTS, NO_LAMP),
             )
         return found
 

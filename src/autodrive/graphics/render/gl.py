@@ -31,6 +31,7 @@ _INCLUDED = {
     "TONE": "tone.glsl",
     "LIGHT_FORMULAS": "light.glsl",
     "SKY_LIGHT": "sky.glsl",
+    "SHADOW_FORMULAS": "shadow.glsl",
 }
 
 
@@ -81,7 +82,7 @@ def write(program: moderngl.Program, uniform: str, data: bytes) -> None:
 
 
 def source(name: str, **definitions: object) -> str:
-    """A shader of this package with these macros defined; FRAME_FIELDS, TONE, LIGHT_FORMULAS, SKY_LIGHT are files."""
+    """A shader of this package with these macros defined; the words of `_INCLUDED` are files."""
     text = (SHADERS / name).read_text(encoding="utf-8")
     for word, file in _INCLUDED.items():
         text = text.replace(word, (SHADERS / file).read_text(encoding="utf-8")) if word in text else text

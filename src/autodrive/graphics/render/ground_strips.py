@@ -24,7 +24,6 @@ class GroundStrips:
     """Paint and shade of each pixel of a view, from the `Strips` of an asset."""
 
     def __init__(self, context: moderngl.Context, strips: Strips) -> None:
-        self._context = context
         self._program = context.program(source("strip.vert"), source("strip.frag"))
         block = self._program["Camera"]
         assert isinstance(block, moderngl.UniformBlock)
@@ -42,20 +41,14 @@ class GroundStrips:
         self._array = context.vertex_array(self._program, [content], self._indices)
 
     def draw(self, clip: Floats, width: int, height: int) -> None:
-        """Draw what the camera of the uniform block sees, into the first rows and columns of an empty framebuffer.
+        """Add what the camera of the uniform block sees to the image of the ground.
 
         `clip`: its clip space from map axes, shape (4, 4); `width`, `height`: of the image [pixels].
         """
-        context = self._context
         seen = self._parts.indices_of(self._parts.in_sight(clip))
         if len(seen) == 0:
             return
         self._indices.orphan()
         self._indices.write(seen.tobytes())
         write(self._program, "half_size", np.array([0.5 * width, 0.5 * height], np.float32).tobytes())
-        context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
-        context.enable(moderngl.BLEND)
-        context.blend_func = moderngl.ONE, moderngl.ONE
         self._array.render(moderngl.TRIANGLES, len(seen))
-        context.disable(moderngl.BLEND)
-        context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)

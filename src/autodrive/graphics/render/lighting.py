@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from autodrive.graphics.render.look import BEAMS
+from autodrive.graphics.render.parts import in_sight, sight_planes
 from autodrive.physics.actuators.lights import LAMPS, LightsSpec
 
 if TYPE_CHECKING:
@@ -79,6 +80,18 @@ def reach(lit: np.ndarray, low: Floats, high: Floats) -> NDArray[np.bool_]:
     cos = lit["cos_outer"]
     beyond = aside * cos - along * np.sqrt(1.0 - cos**2)
     return (near < lit["range"]) & (beyond < 0.5 * np.linalg.norm(high - low, axis=1)[:, None])
+
+
+def lights_view(lit: np.ndarray, clip: Floats, eye: Floats) -> NDArray[np.bool_]:
+    """Whether each lamp can light something that a view shows, shape (n_lamp,).
+
+    Its range is in sight, and what is in sight is not all behind it. `clip`: clip space from map axes; `eye`: place of
+    the camera, shape (3,).
+    """
+    far = np.linalg.inv(clip) @ np.array([(x, y, 1.0, 1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)]).T
+    corners = np.concatenate([eye[None], (far[:3] / far[3]).T])
+    ahead = np.einsum("cnk,nk->cn", corners[:, None] - lit["place"], lit["aim"])
+    return in_sight(sight_planes(clip), lit["place"], lit["range"]) & np.any(ahead > 0.0, axis=0)
 
 
 def strength(lit: np.ndarray, centers: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -16,10 +16,10 @@ from autodrive.graphics.render.draw_list import FRAME, DrawList, Illumination
 from autodrive.graphics.render.gl import moderngl, open_context, source, write
 from autodrive.graphics.render.gpu_mesh import GpuMesh
 from autodrive.graphics.render.ground_strips import GroundStrips
-from autodrive.graphics.render.lighting import perspective
+from autodrive.graphics.render.lighting import lights_view, perspective
 from autodrive.graphics.render.parts import Parts, in_sight, sight_planes
 from autodrive.graphics.render.quality import quality
-from autodrive.graphics.render.scene import Kind, Skeleton, geometry, lit_lenses, rigid
+from autodrive.graphics.render.scene import LEVEL, Kind, Skeleton, geometry, lit_lenses, rigid
 from autodrive.graphics.render.shadows import BONES, Shadows, columns
 from autodrive.graphics.render.target import DepthLabelTarget, RenderTarget
 from autodrive.physics.sensors.camera_view import RenderedImage, View
@@ -55,6 +55,10 @@ IndexRange: TypeAlias = tuple[int, int, Kind, str]
 
 DrawCall: TypeAlias = "tuple[GpuMesh, IndexRange, bytes | None, bytes | None, Illumination]"
 """What is drawn at once. Bones and glow are None for the static mesh."""
+
+
+SeenLit: TypeAlias = Callable[[Illumination], Illumination]
+"""`DrawList.seen_lit` in a view."""
 
 
 class ShaderVariant(NamedTuple):
@@ -114,8 +118,8 @@ class Renderer:
             scene, self.quality, self._skeletons, self._static, self._vehicles, self._objects, lenses, self._shadows
         )
         ranges = self._static.geometry.ranges
-        looks = sorted({(r.kind == "flat", r.kind, r.textures) for r in ranges})
-        self._looks = np.array([looks.index((r.kind == "flat", r.kind, r.textures)) for r in ranges], np.intp)
+        looks = sorted({(r.kind in LEVEL, r.kind, r.textures) for r in ranges})
+        self._looks = np.array([looks.index((r.kind in LEVEL, r.kind, r.textures)) for r in ranges], np.intp)
         """For each range of the static mesh; level ground has the highest numbers."""
         self._parts = {id(mesh): Parts.of(mesh.geometry, PART_SIZE) for mesh in self._vehicles}
         self._parts[id(self._static)] = Parts.of(self._static.geometry, math.inf)
@@ -165,7 +169,7 @@ class Renderer:
         self._bind()
         targets = [self._target(i, view.intrinsics.width, view.intrinsics.height) for i, view in enumerate(views)]
         for number, view in enumerate(views):  # all before the images: llvmpipe waits for what a shader reads
-            self._draw_behind(number, view, self._look(view), state.look)
+            self._draw_behind(number, view, self._look(view), state.look, is_day=state.is_day)
         for number, (target, view) in enumerate(zip(targets, views, strict=True)):
             target.begin()
             self._use_behind(number, view)
@@ -198,7 +202,7 @@ class Renderer:
         return RenderTarget(self._context, width, height, self.quality.antialiasing)
 
     def _new_behind(self, number: int, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
-        """Likewise: an image of the strips on the ground, and after its rows those of a coarse image of the sky."""
+        """Likewise: an image of strips and shade on the ground; after its rows those of a coarse image of the sky."""
         del number
         texture = self._context.texture((width, height + self._sky_size(height)), 4)  # llvmpipe reads others slowly
         texture.repeat_x = texture.repeat_y = False
@@ -208,31 +212,43 @@ class Renderer:
         """Columns or rows of the coarse image of the sky, for an image with so many."""
         return -(-size // self.quality.sky_step) if self.quality.sky_step > 1 else 0
 
-    def _draw_behind(self, number: int, view: View, clip: Floats, look: Daylight | None) -> None:
-        """Draw what `_new_behind` says, for the view with that number. Without `look` no sky."""
-        is_coarse = look is not None and self._is_sky_coarse(look, view)
-        if self._strips is None and not is_coarse:
-            return
+    def _draw_behind(
+        self, number: int, view: View, clip: Floats, look: Daylight | None = None, *, is_day: bool = True
+    ) -> None:
+        """Draw what `_new_behind` says, for the view with that number. Without `look` neither sky nor shade.
+
+        First what reads textures, as in `_draw_calls`.
+        """
         width, height = view.intrinsics.width, view.intrinsics.height
         frame = self._behind(number, width, height)[1]
         frame.use()
         frame.clear()
-        if look is not None and is_coarse:  # first: it has a texture, as in `_draw_calls`
+        if look is not None and self._is_sky_coarse(view):
             frame.viewport = 0, height, self._sky_size(width), self._sky_size(height)
             self._draw_sky(clip, look, step=self.quality.sky_step)
+        frame.viewport = 0, 0, width, height
+        self._camera.bind_to_uniform_block(1)
+        self._context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+        self._context.enable(moderngl.BLEND)
+        if look is not None:
+            self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_COLOR
+            area = np.array([*(self._shadows.drift if is_day else (0.0, 0.0)), self._shadows.reach], np.float32)
+            vertices = 6 * self._draw_list.n_caster
+            self._draw_plain("ground_shade", vertices, {"area": area.tobytes()}, is_day=is_day)
         if self._strips is not None:
-            frame.viewport = 0, 0, width, height
-            self._camera.bind_to_uniform_block(1)
+            self._context.blend_func = moderngl.ONE, moderngl.ONE
             self._strips.draw(clip, width, height)
+        self._context.disable(moderngl.BLEND)
+        self._context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
 
     def _use_behind(self, number: int, view: View) -> None:
         self._behind(number, view.intrinsics.width, view.intrinsics.height)[0].use(UNITS["behind"])
 
     def _draw_colors(self, view: View, look: Daylight, time: float, is_day: bool) -> None:
         clip = self._look(view)
-        self._draw_calls(self._seen(clip), is_day, weather=look.air.effects)
-        if self._is_sky_coarse(look, view):
-            self._draw_coarse_sky(view)
+        self._draw_calls(self._seen(clip, view), is_day, weather=look.air.effects)
+        if self._is_sky_coarse(view):
+            self._draw_coarse_sky(clip, look, view)
         else:
             self._draw_sky(clip, look)
         self._draw_air(clip, look.air, time, view)
@@ -260,28 +276,41 @@ class Renderer:
                 write(program, "lamps", glow)
             model.draw(program, first, count)
 
-    def _is_sky_coarse(self, look: Daylight, view: View) -> bool:
-        """Stars, and the sun in a small image, are too small for it."""
-        return self.quality.sky_step > 1 and view.intrinsics.width >= COARSE_WIDTH and not _is_starry(look)
+    def _is_sky_coarse(self, view: View) -> bool:
+        """The sun in a small image is too small for it."""
+        return self.quality.sky_step > 1 and view.intrinsics.width >= COARSE_WIDTH
 
     def _draw_sky(self, clip: Floats, look: Daylight, *, step: int = 1) -> None:
-        """`step`: see `Quality.sky_step`."""
-        program, corners = self._sky("AIR" in look.air.effects, _is_starry(look), any(look.dawn), step)
+        """`step`: see `Quality.sky_step`; stars do not fit into an image with fewer pixels."""
+        is_starry = _is_starry(look)
+        flags = {
+            "AIR": "AIR" in look.air.effects,
+            "STARS": is_starry and step == 1,
+            "WIDE": is_starry and step > 1,
+            "DAWN": any(look.dawn),
+            "CLOUDS": self._clouds is not None,
+            "QUICK": self.quality.detail == "reduced",
+        }
+        program, corners = self._sky("sky.frag", tuple(name for name, is_set in flags.items() if is_set), step)
         if self._clouds is not None:
             array, layer = self._clouds
             self._textures[array].use(UNITS["textures"])
             write(program, "layer", np.float32(layer).tobytes())
+        self._fill(program, corners, clip)
+
+    def _draw_coarse_sky(self, clip: Floats, look: Daylight, view: View) -> None:
+        """The sky of `_draw_behind`, and its stars."""
+        program, corners = self._sky("coarse_sky.frag", ("STARS",) if _is_starry(look) else (), 1)
+        k = view.intrinsics
+        size = np.array([self._sky_size(k.width), self._sky_size(k.height), k.width, k.height], np.float32)
+        write(program, "size", size.tobytes())
+        self._fill(program, corners, clip)
+
+    def _fill(self, program: moderngl.Program, corners: moderngl.VertexArray, clip: Floats) -> None:
+        """Draw the far plane."""
         write(program, "map_from_clip", columns(np.asarray(np.linalg.inv(clip), np.float64)))
         self._context.disable(moderngl.CULL_FACE)
         corners.render(moderngl.TRIANGLES, 3)
-        self._context.enable(moderngl.CULL_FACE)
-
-    def _draw_coarse_sky(self, view: View) -> None:
-        """The sky of `_draw_behind`."""
-        k = view.intrinsics
-        size = np.array([self._sky_size(k.width), self._sky_size(k.height), k.width, k.height], np.float32)
-        self._context.disable(moderngl.CULL_FACE)
-        self._draw_plain("coarse_sky", 3, size=size.tobytes())
         self._context.enable(moderngl.CULL_FACE)
 
     def _draw_air(self, clip: Floats, air: Air, time: float, view: View) -> None:
@@ -302,7 +331,7 @@ class Renderer:
             "heads": np.int32(heads).tobytes(),
         }
         if is_foggy:
-            self._draw_plain("beam_fog", 6 * BEAM_FOG_CELLS, **common)
+            self._draw_plain("beam_fog", 6 * BEAM_FOG_CELLS, common)
         k = view.intrinsics
         place = f"{view.position} {view.orientation}".encode()
         seed = zlib.crc32(place, round(1e4 * time)) & 0x7FFFFFFF
@@ -311,13 +340,13 @@ class Renderer:
         numbers = {"seed": seed, "flakes": streaks, "drops": streaks + flakes}
         common |= {name: np.int32(number).tobytes() for name, number in numbers.items()}
         common["shape"] = np.array(shape, np.float32).tobytes()
-        self._draw_plain("precipitation", 6 * (streaks + flakes + drops), **common)
+        self._draw_plain("precipitation", 6 * (streaks + flakes + drops), common)
         self._context.disable(moderngl.BLEND)
         self._context.enable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
 
-    def _draw_plain(self, name: str, vertices: int, **uniforms: bytes) -> None:
+    def _draw_plain(self, name: str, vertices: int, uniforms: dict[str, bytes], *, is_day: bool = False) -> None:
         """Draw triangles that the shaders of that name place by the numbers of their vertices."""
-        program, array = self._plain(name)
+        program, array = self._plain(name, is_day)
         for uniform, data in uniforms.items():
             write(program, uniform, data)
         if vertices:
@@ -327,7 +356,7 @@ class Renderer:
         """Depths [m] and labels, shape (height, width) each."""
         target = self._exact_target(view.intrinsics.width, view.intrinsics.height)
         target.begin()
-        for model, piece, bones, _, _ in self._seen(self._look(view)):
+        for model, piece, bones, _, _ in self._seen(self._look(view), view):
             if model in self._lenses:
                 continue
             program = self._label_program(bones is not None)
@@ -349,23 +378,27 @@ class Renderer:
     def _write_camera(self, clip: Floats, eye: Vector | Floats) -> None:
         self._camera.write(columns(clip) + np.array([*eye, 1.0], np.float32).tobytes())
 
-    def _seen(self, clip: Floats) -> list[DrawCall]:
+    def _seen(self, clip: Floats, view: View) -> list[DrawCall]:
         """Visible meshes: first those that move, which are near, then the static ones, the ground last."""
         self._chosen = []
-        calls = [*self._seen_posed(clip), *self._seen_ranges(clip)]
+        draws = self._draw_list
+        is_lit = lights_view(draws.lamps, clip, np.array(view.position))
+        seen_lit = cache(lambda lit: draws.seen_lit(lit, is_lit))
+        calls = [*self._seen_posed(clip, seen_lit), *self._seen_ranges(clip, seen_lit)]
         if self._chosen:
             self._view_indices.orphan()
             self._view_indices.write(np.concatenate(self._chosen).tobytes())
         return calls
 
-    def _seen_posed(self, clip: Floats) -> Iterator[DrawCall]:
+    def _seen_posed(self, clip: Floats, seen_lit: SeenLit) -> Iterator[DrawCall]:
         posed = self._draw_list.posed
         if not posed:
             return
         centers, radii = np.array([p.center for p in posed]), np.array([p.radius for p in posed])
         seen = np.flatnonzero(in_sight(sight_planes(clip), centers, radii))
         for i in seen[np.argsort(centers[seen] @ clip[3, :3], kind="stable")].tolist():
-            mesh, bones, glow, _, _, lit = posed[i]
+            mesh, bones, glow, _, _, reached = posed[i]
+            lit = seen_lit(reached)
             ranges = mesh.geometry.ranges
             parts = self._parts.get(id(mesh))
             if parts is None:
@@ -378,17 +411,19 @@ class Renderer:
                 if len(own):
                     yield self._meshes[id(mesh)], (*self._choose(parts, own), r.kind, r.textures), bones, glow, lit
 
-    def _seen_ranges(self, clip: Floats) -> Iterator[DrawCall]:
+    def _seen_ranges(self, clip: Floats, seen_lit: SeenLit) -> Iterator[DrawCall]:
         """Ranges that look alike and have the same light are drawn at once."""
-        parts, ranges, draws = self._parts[id(self._static)], self._static.geometry.ranges, self._draw_list
+        parts, ranges = self._parts[id(self._static)], self._static.geometry.ranges
         numbers = parts.in_sight(clip)
         own_range = parts.range[numbers]
-        looks = self._looks[own_range] * (len(ranges) + 2) + draws.static_groups[own_range]
+        lit = [seen_lit(self._draw_list.static_lit[i]) for i in own_range.tolist()]
+        groups = {one: k for k, one in enumerate(dict.fromkeys(lit))}
+        looks = self._looks[own_range] * len(groups) + np.array([groups[one] for one in lit], np.intp)
         for look in np.unique(looks):
-            own = numbers[looks == look]
-            i = int(parts.range[own[0]])
+            first = int(np.argmax(looks == look))
+            i, own = int(own_range[first]), numbers[looks == look]
             place = (*self._choose(parts, own), ranges[i].kind, ranges[i].textures)
-            yield self._meshes[id(self._static)], place, None, None, draws.static_lit[i]
+            yield self._meshes[id(self._static)], place, None, None, lit[first]
 
     def _choose(self, parts: Parts, numbers: NDArray[np.intp]) -> tuple[int, int]:
         """Draw these parts in the present view: first of their indices, and how many."""
@@ -399,33 +434,24 @@ class Renderer:
     # -- programs ---------------------------------------------------------------------------------------------------
 
     def _new_sky(
-        self, is_hazy: bool, is_starry: bool, is_dawn: bool, step: int
+        self, fragment: str, flags: tuple[str, ...], step: int
     ) -> tuple[moderngl.Program, moderngl.VertexArray]:
-        is_quick = self.quality.detail == "reduced"
-        has = {
-            "AIR": is_hazy,
-            "STARS": is_starry,
-            "DAWN": is_dawn,
-            "CLOUDS": self._clouds is not None,
-            "QUICK": is_quick,
-        }
-        flags = [name for name, is_set in has.items() if is_set]
-        program = self._linked("sky.vert", "sky.frag", False, SHARPER=math.log2(step), **dict.fromkeys(flags, 1))
+        program = self._linked("sky.vert", fragment, False, SHARPER=math.log2(step), **dict.fromkeys(flags, 1))
         return program, self._context.vertex_array(program, [])
 
-    def _new_plain(self, name: str) -> tuple[moderngl.Program, moderngl.VertexArray]:
-        program = self._linked(f"{name}.vert", f"{name}.frag", DOWN="1.0")  # the first row is at the top
-        if "behind" in program:
-            program["behind"] = UNITS["behind"]
+    def _new_plain(self, name: str, is_day: bool) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        # the first row is at the top
+        definitions = {"DOWN": "1.0", "TAPS": self.quality.taps} | ({"SUNLIT": 1} if is_day else {})
+        program = self._linked(f"{name}.vert", f"{name}.frag", False, **definitions)
         return program, self._context.vertex_array(program, [])
 
     def _new_program(self, variant: ShaderVariant) -> moderngl.Program:
         is_quick = self.quality.detail == "reduced"
         flags = {
             "QUICK": is_quick,
-            "FLAT": variant.kind == "flat",
-            "FINE": variant.kind == "flat" and variant.is_textured and not is_quick,
-            "STRIPS": variant.kind == "flat" and self._strips is not None,
+            "FLAT": variant.kind in LEVEL,
+            "GROUND": variant.kind == "ground",
+            "FINE": variant.kind in LEVEL and variant.is_textured and not is_quick,
             "MATT": variant.kind == "matt" and is_quick,
             "TEXTURED": variant.is_textured,
             "SUNLIT": variant.is_day,
@@ -435,11 +461,7 @@ class Renderer:
         definitions |= {"CASTERS": variant.casters, "BEAMS": variant.beams, "LAMPS": variant.lamps}
         definitions["TAPS"] = self.quality.taps
         texel = f"vec2({1.0 / self._shadows.beam.size[0]}, {1.0 / self._shadows.beam.size[1]})"
-        program = self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
-        for name, unit in UNITS.items():
-            if name in program:
-                program[name] = unit
-        return program
+        return self._linked("scene.vert", "scene.frag", variant.is_jointed, BEAM_TEXEL=texel, **definitions)
 
     def _linked(self, vertex: str, fragment: str, is_jointed: bool = False, **definitions: object) -> moderngl.Program:
         joints = {"JOINTED": 1, "BONES": BONES} if is_jointed else {}
@@ -448,6 +470,9 @@ class Renderer:
             block = program.get(name, None)
             if isinstance(block, moderngl.UniformBlock):
                 block.binding = binding
+        for name, unit in UNITS.items():
+            if name in program:
+                program[name] = unit
         return program
 
 

@@ -160,8 +160,11 @@ def rigid(position: Vector | Floats, orientation: Quaternion | Floats) -> Floats
 # -- triangles --------------------------------------------------------------------------------------------------
 
 
-Kind: TypeAlias = Literal["flat", "matt", "shiny"]
-"""Level ground, whose normals all point up; other surfaces without gloss; the rest. The first two draw fastest."""
+Kind: TypeAlias = Literal["ground", "flat", "matt", "shiny"]
+"""The ground z = 0; others whose normals all point up; others without gloss; the rest. The first draws fastest."""
+LEVEL = frozenset[Kind]({"ground", "flat"})
+GROUND = 1e-3
+"""Level surfaces that are nearer to z = 0 are ground [m]."""
 
 
 class Range(NamedTuple):
@@ -218,8 +221,8 @@ def geometry(
         textured = next((layers[name][0] for name in found if name), "")
         for (surface, node), name in zip(pairs, found, strict=True):
             own = layers[name][0] if name else textured
-            kind = _kind(surface)
-            kind = "matt" if kind == "flat" and is_whole else kind  # what moves is not level ground
+            kind = _kind(surface, skeleton.place_of[node.name])
+            kind = "matt" if kind in LEVEL and is_whole else kind  # what moves is not level ground
             groups.setdefault((kind, own), []).append((surface, node))
         for (kind, array), members in groups.items():
             parts = [_vertices(surface, node, skeleton, layers) for surface, node in members]
@@ -246,9 +249,10 @@ def _material(surface: MeshSurface) -> Material:
     return surface.material.beneath or surface.material
 
 
-def _kind(surface: MeshSurface) -> Kind:
+def _kind(surface: MeshSurface, place: Floats) -> Kind:
     if np.all(surface.normals[:, 2] > 0.999):
-        return "flat"
+        height = surface.positions @ place[2, :3] + place[2, 3]
+        return "ground" if np.all(np.abs(height) < GROUND) else "flat"
     return "matt" if surface.material.roughness >= 0.6 and surface.material.metallic == 0.0 else "shiny"
 
 

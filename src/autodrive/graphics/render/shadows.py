@@ -36,6 +36,8 @@ FINE = 0.006
 """If the texels of the static shadow map would be larger, it covers only what is near the cameras [m]."""
 NEAR, NEAR_STEP = 4.0, 2.0
 """How far around the middle of a view it reaches then, for a camera on the ground, and the step of its place [m]."""
+DIM = 0.1
+"""A vehicle dims the ground so far around it [m]."""
 SKIN = 1.2
 """Surfaces are moved so far towards the sun, against shadow acne: texels of the coarsest map."""
 
@@ -99,6 +101,11 @@ class Shadows:
         """How far the shadow of a vehicle reaches on level ground, shape (2,): its height over the sun's slope [m]."""
         x, y, z = self.sun_direction
         return -0.25 * np.array([x, y]) / z
+
+    @property
+    def reach(self) -> float:
+        """How far around its centre a vehicle dims the ground, but for its drift [m]."""
+        return self._extent + DIM
 
     def _map(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         texture = self._context.depth_texture((width, height))

@@ -140,6 +140,7 @@ class BatchWorld(OneThread):
             edges=c.map.drivable_edges,
             separation=SEPARATION / spec.tick,
             lights=TrafficLights(self.light_names, programs, spec.tick).table(spec.time_of_day),
+            stop_lines=c.stop_line_table,
             roads=self._traffic.roads,
             bodies=self._traffic.bodies,
             channel=channel_of(spec.v2x or V2xSpec(), spec.tick),
@@ -225,6 +226,8 @@ class BatchWorld(OneThread):
         w.state.qpos[chosen] = qpos
         for column in (w.tick, w.is_unstable, w.throttle, w.steering, w.collision_count):
             column[chosen] = 0
+        w.red_light_count[chosen] = w.stop_sign_count[chosen] = 0
+        w.ahead[chosen], w.has_stopped[chosen] = np.nan, False
         w.last_contact[chosen] = NEVER
         w.has_collided[chosen] = w.is_off_road[chosen] = False
         tables: dict[tuple[object, ...], tuple[Table, Table]] = {}

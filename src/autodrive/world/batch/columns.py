@@ -19,7 +19,7 @@ from autodrive.scenario.maps.roads import Roads
 from autodrive.world.compile import CompiledScenario
 from autodrive.world.referee import NEVER
 from autodrive.world.traffic.drive import Bodies, Drivers, Plan, new_drivers, new_plan
-from autodrive.world.traffic_lights import LightTable
+from autodrive.world.traffic_lights import LightTable, StopLineTable
 from autodrive.world.v2x import Channel, RadioColumns, new_messages, radio_columns
 
 
@@ -49,6 +49,14 @@ class Worlds(NamedTuple):
     """Whether there was a new collision in the last call, shape (n, v)."""
     is_off_road: NDArray[np.bool_]
     """Shape (n, v)."""
+    ahead: Floats
+    """From the front of each vehicle to each stop line [m]; see `StopLineReferee`, shape (n, v, m)."""
+    has_stopped: NDArray[np.bool_]
+    """Before a stop sign, shape (n, v, m)."""
+    red_light_count: Integers
+    """Events `RedLight` since the reset, shape (n, v)."""
+    stop_sign_count: Integers
+    """Likewise `StopSign`."""
     light_state: Integers
     """`TrafficLightState` of each light, shape (n, l)."""
     light_time: Floats
@@ -70,6 +78,7 @@ class Rules(NamedTuple):
     separation: float
     """Ticks between two collisions with the same object."""
     lights: LightTable
+    stop_lines: StopLineTable
     roads: Roads
     """On which the traffic drives."""
     bodies: Bodies
@@ -92,13 +101,16 @@ class Thread(NamedTuple):
     messages: Floats
     """Of the radio: see `v2x.new_messages`."""
     plan: Plan
+    has_crossed: NDArray[np.bool_]
+    """Which vehicle has crossed which stop line, shape (v, m)."""
     seen_lights: Integers
     """What drivers of the traffic see of each traffic light, shape (l,)."""
 
 
 def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: int) -> Worlds:
     """Worlds of zeros with the Model of the scenario; LIDARs, and rolling ones, have at most so many rays."""
-    v, model, lights = len(compiled.vehicles), compiled.model, len(compiled.map.traffic_lights)
+    v, model = len(compiled.vehicles), compiled.model
+    lights, lines = len(compiled.map.traffic_lights), len(compiled.map.stop_lines)
     columns = State(*(np.zeros((n, *column.shape)) for column in compiled.state._replace(**_NO_SHAPES)))
     return Worlds(
         state=columns,
@@ -112,6 +124,10 @@ def empty_worlds(compiled: CompiledScenario, n: int, rays: int, rolling_rays: in
         collision_count=np.zeros((n, v), np.int64),
         has_collided=np.zeros((n, v), np.bool_),
         is_off_road=np.zeros((n, v), np.bool_),
+        ahead=np.full((n, v, lines), np.nan),
+        has_stopped=np.zeros((n, v, lines), np.bool_),
+        red_light_count=np.zeros((n, v), np.int64),
+        stop_sign_count=np.zeros((n, v), np.int64),
         light_state=np.zeros((n, lights), np.int64),
         light_time=np.full((n, lights), np.nan),
         radio=radio_columns(compiled.spec.v2x, n, v, lights, compiled.spec.tick),
@@ -135,6 +151,7 @@ def new_thread(compiled: CompiledScenario, engine: Engine, rays: int) -> Thread:
         shape_rotation=shapes.rotation.copy(),
         sensors=working_memory(shapes, len(compiled.vehicles), rays),
         messages=new_messages(len(compiled.vehicles), compiled.map.light_poses),
+        has_crossed=np.zeros((len(compiled.vehicles), len(compiled.map.stop_lines)), np.bool_),
         plan=new_plan(compiled.spec.traffic.cars),
         seen_lights=np.zeros(len(compiled.map.traffic_lights), np.int64),
     )

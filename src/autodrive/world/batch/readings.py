@@ -85,6 +85,10 @@ class Readings(NamedTuple):
     """Whether there was a new collision in the last call of `step`, shape (n, v)."""
     is_off_road: NDArray[np.bool_]
     """Whether a wheel is outside the drivable area, shape (n, v)."""
+    red_light_count: Integers
+    """Events `RedLight` since the reset, shape (n, v)."""
+    stop_sign_count: Integers
+    """Events `StopSign` since the reset, shape (n, v)."""
     light_state: Integers
     """`TrafficLightState` of the l traffic lights of the map, as their programs say, shape (n, l)."""
     light_time_to_change: Floats
@@ -151,6 +155,8 @@ def readings_of(worlds: Worlds, time: Floats, n_object: int) -> Readings:
         collision_count=worlds.collision_count,
         has_collided=worlds.has_collided,
         is_off_road=worlds.is_off_road,
+        red_light_count=worlds.red_light_count,
+        stop_sign_count=worlds.stop_sign_count,
         light_state=worlds.light_state,
         light_time_to_change=worlds.light_time,
         heard_vehicles=worlds.radio.heard[:, :, :v, : CONTENT + LAMPS],

@@ -17,7 +17,7 @@ from autodrive.physics.tick import advance, move_shapes, observe
 from autodrive.world.batch.columns import Rules, Thread, Worlds, model_of, state_of
 from autodrive.world.referee import any_wheel_outside, begins_collision
 from autodrive.world.traffic.drive import UNREGULATED, Seen, drive, drivers_of
-from autodrive.world.traffic_lights import show_lights
+from autodrive.world.traffic_lights import count_offences, note_stop_lines, show_lights
 from autodrive.world.v2x import LIGHT_STATE, TIME_TO_CHANGE, transmit, write_vehicles
 
 
@@ -90,6 +90,8 @@ def step_worlds(
                 k, now, substeps, motion_of(state), own.shapes, worlds.noise, worlds.readings, thread.sensors, sensors
             )
             _signal(k, worlds, state, thread, sensors, rules, now)
+            if rules.stop_lines.lines.shape[0] > 0:
+                _judge_stop_lines(k, worlds, state, thread, rules)
 
 
 @jit_uncounted
@@ -133,6 +135,28 @@ def _drive_traffic(k: int, worlds: Worlds, state: State, thread: Thread, rules: 
         worlds.throttle[k],
         worlds.steering[k],
     )
+
+
+@inlined
+def _judge_stop_lines(k: int, worlds: Worlds, state: State, thread: Thread, rules: Rules) -> None:
+    """Count who crossed a stop line of world k at red, or at a stop sign without a stop."""
+    if note_stop_lines(
+        rules.stop_lines,
+        state.vehicle_position,
+        state.vehicle_orientation,
+        state.vehicle_velocity,
+        worlds.ahead[k],
+        worlds.has_stopped[k],
+        thread.has_crossed,
+    ):
+        count_offences(
+            rules.stop_lines,
+            worlds.light_state[k],
+            worlds.has_stopped[k],
+            thread.has_crossed,
+            worlds.red_light_count[k],
+            worlds.stop_sign_count[k],
+        )
 
 
 @inlined

@@ -1,14 +1,15 @@
 // Physically based shading: sun with shadow, sky, headlights with shadows, small lamps. Formulas: glTF 2.0, appendix B.
-// FLAT: level ground, STRIPS: with paint and shade. FLAT and MATT have no gloss. QUICK: lamps cause no gloss. STILL: shadows of static meshes reach this
-// draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows, headlights and other lamps that reach it.
+// FLAT: its normal points up, GROUND: also at z = 0. FLAT and MATT have no gloss. QUICK: lamps cause no gloss.
+// STILL: shadows of static meshes reach this draw call. CASTERS, BEAMS, LAMPS: number of vehicle shadows (of the ground:
+// see ground_shade.frag), headlights and other lamps that reach it.
 layout(std140) uniform Frame { FRAME_FIELDS };
 layout(std140) uniform Camera { mat4 clip_from_map; vec4 eye; };
 
 uniform sampler2DArray textures;
-#ifdef STRIPS
-uniform sampler2D behind;  // paint and shade of each pixel of level ground
+#ifdef GROUND
+uniform sampler2D behind;  // for each pixel of it: paint, shade, shadow of vehicles, sky that they hide
 #endif
-uniform sampler2DShadow still_map, caster_map, beam_map;
+uniform sampler2DShadow still_map, beam_map;
 #if CASTERS > 0
 uniform int casters[CASTERS];
 #else
@@ -39,34 +40,14 @@ out vec4 pixel;
 TONE
 LIGHT_FORMULAS
 
-float shadow(sampler2DShadow map, vec3 at, vec2 texel) {
-#if TAPS == 1
-    return texture(map, at);
-#else
-    float sum = 0.0;
-    for (int i = -1; i <= 1; i++)
-        for (int j = -1; j <= 1; j++) sum += texture(map, at + vec3(vec2(i, j) * texel, 0.0));
-    return sum / 9.0;
-#endif
-}
-
+SHADOW_FORMULAS
 float sunlit() {
     float lit = 1.0;
-    vec3 at, off;
 #ifdef STILL
-    at = in_sun * still_scale.xyz + still_offset.xyz;
-    off = abs(at - 0.5);
+    vec3 at = in_sun * still_scale.xyz + still_offset.xyz, off = abs(at - 0.5);
     lit = max(off.x, off.y) < 0.499 ? shadow(still_map, at, vec2(still_scale.w)) : 1.0;
 #endif
-    for (int i = 0; i < CASTERS; i++) {
-        vec4 tile = caster_tile[casters[i]];
-        at = in_sun * caster_half.zzw + caster_offset[casters[i]].xyz;
-        off = abs(at - 0.5);
-        bool inside = max(off.x, off.y) < 0.48 &&  // filtering at the border would read the next tile
-                       at.z < 1.0 && tile.w > 0.0;
-        float own = shadow(caster_map, vec3(tile.xy + at.xy * tile.z, at.z), vec2(tile.w));
-        lit = min(lit, inside ? own : 1.0);
-    }
+    for (int i = 0; i < CASTERS; i++) lit = min(lit, beside(casters[i], in_sun));
     return lit;
 }
 
@@ -95,8 +76,8 @@ void main() {
     vec3 n = normalize(facing);
 #endif
     vec3 color = own_color;
-#ifdef STRIPS
-    vec2 strip = place.z < 0.001 ? texelFetch(behind, ivec2(gl_FragCoord.xy), 0).rg : vec2(0.0);
+#ifdef GROUND
+    vec4 own = texelFetch(behind, ivec2(gl_FragCoord.xy), 0);
 #endif
 #ifdef TEXTURED
     vec3 texel = texture(textures, vec3(own_uv.xy, own_finish.z)).rgb;
@@ -108,8 +89,8 @@ void main() {
     color *= texel * texel;  // textures are stored as square roots of linear values
 #endif
 #endif
-#ifdef STRIPS
-    color = mix(color, PAINT, min(strip.r, 1.0));
+#ifdef GROUND
+    color = mix(color, PAINT, own.r);
 #endif
 #if !defined(JOINTED) && (defined(WET) || defined(SNOW))
     color = weathered(color, n);
@@ -122,11 +103,14 @@ void main() {
     f.specular = mix(vec3(0.04), color, metallic);
 
     float open = openness() * own_uv.z;
-#ifdef STRIPS
-    open *= 1.0 - min(strip.g, 0.8);
+#ifdef GROUND
+    open *= (1.0 - min(own.g, 0.8)) * (1.0 - own.a);
 #endif
 #ifdef SUNLIT
     float lit = sunlit();
+#ifdef GROUND
+    lit = min(lit, 1.0 - own.b);
+#endif
 #else
     float lit = 1.0;
 #endif

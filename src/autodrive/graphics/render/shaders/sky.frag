@@ -1,4 +1,5 @@
 // The sky. SHARPER: levels of detail of the clouds that are added, because pixels of a coarse image are larger.
+// WIDE: without what is too small for it, which shaders/coarse_sky.frag adds.
 layout(std140) uniform Frame { FRAME_FIELDS };
 #ifdef CLOUDS
 uniform sampler2DArray textures;
@@ -10,9 +11,15 @@ out vec4 pixel;
 TONE
 SKY_LIGHT
 void main() {
-    vec3 d = normalize(ray), seen = sky_light(d);
-#ifdef AIR
-    seen = mix(horizon.rgb * 0.31831, seen, exp(-3.0 * exposure.z / (max(d.z, 0.0) + 0.02)));  // a layer of 3 m
+    vec3 d = normalize(ray);
+#ifdef WIDE
+    vec4 seen = wide_light(d);
+#else
+    vec4 seen = vec4(sky_light(d), 1.0);
 #endif
-    pixel = vec4(shown(seen * exposure.x), 1.0);
+#ifdef AIR
+    float share = exp(-3.0 * exposure.z / (max(d.z, 0.0) + 0.02));  // a layer of 3 m
+    seen = vec4(mix(horizon.rgb * 0.31831, seen.rgb, share), share * seen.a);
+#endif
+    pixel = vec4(shown(seen.rgb * exposure.x), seen.a);
 }

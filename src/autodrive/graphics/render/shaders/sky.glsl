@@ -17,7 +17,17 @@ vec3 star_light(vec3 d) {
 }
 #endif
 
-vec3 sky_light(vec3 d) {
+// What is too small for a coarse image: stars, and the sun or the moon. `clear`: as in `wide_light`.
+vec3 small_light(vec3 d, float clear) {
+    vec3 seen = sun_color.rgb * (12.0 * clear * clear * smoothstep(0.99988, 0.99994, dot(d, sun_place.xyz)));
+#ifdef STARS
+    seen += star_light(d) * (clear * clamp(1.0 - 8.0 * zenith.g, 0.0, 1.0) * (1.0 - dawn.w));
+#endif
+    return seen;
+}
+
+// The rest, and the share of the stars that clouds let pass.
+vec4 wide_light(vec3 d) {
     float up = clamp(d.z, 0.0, 1.0), c = dot(d, sun_place.xyz);
     vec3 seen = mix(horizon.rgb, zenith.rgb, sqrt(up)) * 0.31831;
     vec3 warm = vec3(0.0);
@@ -29,10 +39,6 @@ vec3 sky_light(vec3 d) {
 #endif
     float off = 1.0 - c, clear = 1.0;
     vec3 bright = sun_color.rgb * (0.0025 / (0.002 + off));
-    bright += sun_color.rgb * (12.0 * smoothstep(0.99988, 0.99994, c));
-#ifdef STARS
-    seen += clamp(1.0 - 8.0 * zenith.g, 0.0, 1.0) * (1.0 - dawn.w) * star_light(d);
-#endif
 #ifdef CLOUDS
     vec2 at = d.xy / (up + 0.14);
     float cover = dawn.w, shape = smoothstep(0.0, 0.16, up);
@@ -47,7 +53,11 @@ vec3 sky_light(vec3 d) {
     vec3 body = lit * (1.0 - 0.3 * heap * clamp(1.6 * low.r - 0.9 + cover, 0.0, 1.0)) * (0.82 + 0.36 * high.r);
     seen = mix(seen, body, heap);
     clear = (1.0 - thin) * (1.0 - heap);
-    clear *= clear;
 #endif
-    return seen + bright * clear;
+    return vec4(seen + bright * clear * clear, clear);
+}
+
+vec3 sky_light(vec3 d) {
+    vec4 seen = wide_light(d);
+    return seen.rgb + small_light(d, seen.a);
 }

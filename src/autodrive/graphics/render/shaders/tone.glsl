@@ -2,8 +2,8 @@
 // nights black; then the sRGB transfer function, by square roots (error below 0.01, in the mean 0.0001) unless EXACT.
 vec3 shown(vec3 c) {
     float peak = max(c.r, max(c.g, c.b)), low = 0.76, d = 1.0 - low;
-    float bright = 1.0 - d * d / (peak + d - low);
-    vec3 pressed = mix(c * (bright / max(peak, 1e-4)), vec3(bright), 1.0 - 1.0 / (0.15 * (peak - bright) + 1.0));
+    float bright = 1.0 - d * d / (peak + d - low), excess = 0.15 * (peak - bright);
+    vec3 pressed = (c + excess * peak) * (bright / (peak * (1.0 + excess)));
     c = clamp(peak < low ? c : pressed, 0.0, 1.0);
 #ifdef EXACT
     return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));

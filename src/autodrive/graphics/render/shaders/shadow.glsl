@@ -1,0 +1,23 @@
+// Shadows. TAPS: samples for a soft edge.
+uniform sampler2DShadow caster_map;
+
+float shadow(sampler2DShadow map, vec3 at, vec2 texel) {
+#if TAPS == 1
+    return texture(map, at);
+#else
+    float sum = 0.0;
+    for (int i = -1; i <= 1; i++)
+        for (int j = -1; j <= 1; j++) sum += texture(map, at + vec3(vec2(i, j) * texel, 0.0));
+    return sum / 9.0;
+#endif
+}
+
+// Share of the sun that passes beside the vehicle in that slot. `in_sun`: place in the axes of the sun.
+float beside(int slot, vec3 in_sun) {
+    vec4 tile = caster_tile[slot];
+    vec3 at = in_sun * caster_half.zzw + caster_offset[slot].xyz, off = abs(at - 0.5);
+    bool inside = max(off.x, off.y) < 0.48 &&  // filtering at the border would read the next tile
+                  at.z < 1.0 && tile.w > 0.0;
+    float lit = shadow(caster_map, vec3(tile.xy + at.xy * tile.z, at.z), vec2(tile.w));
+    return inside ? lit : 1.0;
+}
