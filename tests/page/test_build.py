@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import shapely
 
 import autodrive
 from autodrive.base.yaml_files import read
-from autodrive.protocol.messages import Command, EditMap, MapModule, MapWall, Pause
+from autodrive.protocol.messages import EditMap, MapModule, MapWall, Pause
 from autodrive.scenario.maps.map import load_map
 from autodrive.scenario.maps.spec import MapSpec
 from tests.page.test_access import wrong_targets
@@ -345,28 +344,6 @@ def test_all_of_building_is_done_with_fingers_on_a_tablet(plane: PageServer, new
         move(([x, y], [x - 40.0, y]), ([x + 60.0, y], [x + 120.0, y]))
         tab.wait_until(lambda before=before: pixels() > 1.3 * before)
         assert parts(tab) == places
-
-
-def test_a_vehicle_drives_while_it_is_built_and_stands_where_its_road_is_removed(
-    mini_map: PageServer, new_tab: NewTab
-) -> None:
-    tab = new_tab(size=(1000, 640)).open(f"{mini_map.url}?quality=low")
-    tab.click("build-button")
-    tab.wait_until(lambda: tab.get("build-bar").is_visible())
-    start = mini_map.vehicle.pose.position
-    mini_map.simulation.submit("V1", Command(throttle=0.3), "person")
-    tab.wait_until(lambda: math.dist(mini_map.vehicle.pose.position, start) > 0.3)
-    mini_map.simulation.submit("V1", Command(), "person")
-    tab.wait_until(lambda: math.hypot(*mini_map.vehicle.velocity) < 1e-3)
-    x, y, _ = stood = mini_map.vehicle.pose.position
-    beneath = [one.name for one in mini_map.simulation.world.map.modules if shapely.intersects_xy(one.drivable, x, y)]
-    assert beneath
-    assert "beside the drivable area" not in tab.text("build-problems")
-    mini_map.request(EditMap(dict.fromkeys(beneath)))
-    tab.wait_until(lambda: "'V1' stands beside the drivable area" in tab.text("build-problems"))
-    later = mini_map.frame.time + 0.5
-    tab.wait_until(lambda: mini_map.frame.time > later)
-    assert math.dist(mini_map.vehicle.pose.position, stood) < 1e-3
 
 
 def yaw_of(tab: Tab, name: str) -> float:
