@@ -14,6 +14,7 @@ import time
 import zlib
 from collections import Counter
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -32,6 +33,7 @@ from autodrive.connect.server.served import Served
 from autodrive.protocol.devkit_profile import DevkitSettings
 from autodrive.protocol.messages import Command, Frame, Operation
 from autodrive.protocol.native import Source
+from autodrive.run.own_files import UserFiles
 from autodrive.world import World
 from tests.support.hardening import cases, memory
 from tests.support.native_clients import pack, scene_files
@@ -239,6 +241,13 @@ OPERATIONS: tuple[dict[str, Any], ...] = (
     {"type": "GenerateTrack", "seed": 1, "length": 20.0, "width": 1.0, "barrier": "duct"},
     {"type": "ImportTrack", "picture": RING, "text": RING_SHEET, "start": [25.0, 5.0], "gap": 0.1, "is_reversed": True},
     {"type": "ImportTrack", "picture": zlib.compress(RING), "text": RING_SHEET},
+    {"type": "OpenFile", "name": "mine.yaml"},
+    {"type": "OpenFile", "name": "sent.yaml", "text": "title: x\nmap: plane\nvehicles: {V1: {type: nigel}}\n"},
+    {"type": "OpenFile", "name": "sent.yaml", "text": "width: 1.2\npoints: [0 0, 9 0, 9 5, 0 5]"},
+    {"type": "ListFiles"},
+    {"type": "SaveFile", "name": "mine", "kind": "map", "title": "x", "replaces": True},
+    {"type": "SaveFile", "name": "mine", "kind": "scenario", "title": "x", "replaces": True},
+    {"type": "ExportMap", "name": "mine", "resolution": 0.2},
     {"type": "SaveMap", "title": "x"},
     {"type": "Undo"},
     {"type": "Redo"},
@@ -287,7 +296,9 @@ def no_renderer(_: World) -> Any:
     raise AutodriveError("no scene cameras here")
 
 
-def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mutated_messages_of_native_clients(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr("autodrive.connect.server.rate_limit.RATE", 1e9)
     monkeypatch.setattr("autodrive.connect.server.rate_limit.BYTES", 1e12)
     simulation = Simulation(autodrive.make("plane"), load=autodrive.make, pause_on_error=True)
@@ -297,7 +308,14 @@ def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, mo
     clients, at_start, begin = cases(30, 2000), list[float](), time.monotonic()
 
     async def attack() -> None:
-        hub = Hub(Served(simulation, scene_files, scenarios={"plane": "Plane"}, renderer_factory=no_renderer))
+        served = Served(
+            simulation,
+            scene_files,
+            scenarios={"plane": "Plane"},
+            renderer_factory=no_renderer,
+            own_files=UserFiles(tmp_path / "own"),
+        )
+        hub = Hub(served)
         scope = {"subprotocols": ["autodrive.v2"]}
         async with hub:
             for number in range(clients):
@@ -325,6 +343,8 @@ def test_mutated_messages_of_native_clients(caplog: pytest.LogCaptureFixture, mo
     print(f"{clients} clients in {time.monotonic() - begin:.0f} s; memory {at_start[0]:.1f} MB, then {end:.1f} MB")
     assert not errors
     assert not simulation.error
+    assert [path.name for path in tmp_path.iterdir()] == ["own"]
+    assert all(path.suffix == ".yaml" and path.is_file() for path in (tmp_path / "own").iterdir())
     assert not [one for one in caplog.records if one.exc_info or one.levelno >= logging.ERROR]
     if cases(short=False, long=True):
         assert end < 1.05 * at_start[0]

@@ -18,6 +18,7 @@ from autodrive.connect.server.served import PageOptions, Served
 from autodrive.connect.server.server import Server
 from autodrive.graphics.cameras.jpeg import JpegEncoder, images_of
 from autodrive.run.options import RunOptions
+from autodrive.run.own_files import UserFiles
 from autodrive.run.recordings import ClientRecordings
 from autodrive.run.world_loader import WorldLoader
 from autodrive.world.simulation import Simulation
@@ -60,7 +61,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
         stack.callback(lambda: simulation.world.close())  # noqa: PLW0108  the world at the end, not the present one
         bridge = DevkitBridge(simulation, images=partial(images_of, encoder=encoder))
         stack.callback(bridge.close)
-        folder = tmp_path_factory.mktemp("recordings")
+        folder, own = tmp_path_factory.mktemp("recordings"), tmp_path_factory.mktemp("own")
         recordings = ClientRecordings(simulation, folder, scenario=lambda: loader.scenario, encoder=encoder)
         stack.callback(recordings.stop_now)
         served = Served(
@@ -72,6 +73,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
             cameras_error=lambda: loader.cameras_error,
             want_pictures=loader.set_viewed,
             recording=recordings,
+            own_files=UserFiles(own),
         )
 
         def serve(token: str | None = None) -> Server:
@@ -80,7 +82,7 @@ def running(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[P
         server = serve()
         stack.enter_context(simulation)
         stack.enter_context(server)
-        yield PageServer(simulation, server, bridge, lambda: loader.scenario, serve)
+        yield PageServer(simulation, server, bridge, lambda: loader.scenario, serve, own)
 
 
 @pytest.fixture

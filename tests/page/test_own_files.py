@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import base64
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from playwright.sync_api import Download
 
 from autodrive import Command
 from autodrive.base.png import encode_png
-from autodrive.protocol.messages import Pause, Step
+from autodrive.protocol.messages import EditTrack, GenerateTrack, Pause, Step, TrackLine
 from autodrive.scenario.tracks.importer import export_track
 from autodrive.scenario.tracks.track import Track
-from tests.page.test_track_builder import opened
+from tests.page.test_track_builder import OVAL, line, opened
 from tests.support.page import NewTab, PageServer, Tab
 
 DROP = """files => {
@@ -23,6 +25,12 @@ DROP = """files => {
         data.items.add(new File([Uint8Array.from(atob(text), one => one.charCodeAt(0))], name))
     window.dispatchEvent(new DragEvent('drop', { dataTransfer: data, cancelable: true }))
 }"""
+
+
+def track_line(track: TrackLine) -> dict[str, Any]:
+    """As the page has it."""
+    points = [[round(x, 3), round(y, 3)] for x, y in track.points]
+    return {"points": points, "width": track.width, "barrier": track.barrier}
 
 
 def drop(tab: Tab, *files: tuple[str, bytes]) -> None:
@@ -134,3 +142,110 @@ def test_what_is_no_picture_says_so_and_changes_nothing(plane: PageServer, new_t
     tab.click("picture-cancel")
     tab.get("picture").wait_for(state="detached")
     assert plane.simulation.world is before
+
+
+@pytest.fixture
+def folder(plane: PageServer) -> Path:
+    """The empty folder of the user."""
+    for path in plane.folder.iterdir():
+        path.unlink()
+    return plane.folder
+
+
+def test_a_track_is_saved_in_the_folder_opened_from_it_and_replaced_after_a_question(
+    plane: PageServer, new_tab: NewTab, folder: Path
+) -> None:
+    plane.request(EditTrack(OVAL))
+    plane.request(Pause())
+    tab = opened(plane, new_tab)
+    tab.wait_until(lambda: line(tab) is not None)
+    assert not tab.get("build-own").is_visible()
+
+    def save(name: str) -> None:
+        tab.click("build-save")
+        tab.get("save-title").fill("My oval")
+        tab.get("save-name").fill(name)
+        tab.click("save-map-folder")
+
+    save("my oval")
+    tab.wait_until((folder / "my oval.yaml").is_file)
+    assert Track.load(folder / "my oval.yaml").title == "My oval"
+    assert tab.value("store.hasUnsavedEdits.value") is False
+    save("../outside")  # the name of a file, not a path
+    tab.wait_until((folder / "outside.yaml").is_file)
+    assert not (folder.parent / "outside.yaml").exists()
+    plane.request(GenerateTrack(3))
+    tab.wait_until(lambda: line(tab) != track_line(OVAL))
+    before = (folder / "my oval.yaml").read_text()
+    save("my oval")
+    tab.get("replace-dialog").wait_for()
+    tab.page.screenshot(path="/tmp/own_replace.png")
+    tab.click("replace-dialog-cancel")
+    assert (folder / "my oval.yaml").read_text() == before
+    own = tab.get("build-own")
+    tab.wait_until(lambda: own.locator("option").all_inner_texts()[1:] == ["My oval (track)", "My oval (track)"])
+    own.select_option("my oval.yaml")
+    tab.get("discard-dialog").wait_for()  # the random track is not saved
+    tab.click("discard-dialog-discard")
+    tab.wait_until(lambda: line(tab) == track_line(OVAL))
+    plane.request(GenerateTrack(3))
+    tab.wait_until(lambda: line(tab) != track_line(OVAL))
+    save("my oval")
+    tab.click("replace-dialog-replace")
+    tab.wait_until(lambda: (folder / "my oval.yaml").read_text() != before)
+
+
+def test_scenario_files_are_opened_from_the_folder_and_by_dropping_them(
+    plane: PageServer, new_tab: NewTab, folder: Path
+) -> None:
+    (folder / "mine.yaml").write_text("title: Two of mine\nmap: oval\nvehicles: {A: {}, B: {x: 2}}\n")
+    tab = new_tab(size=(1280, 720)).open(plane.url + "?quality=low")
+    tab.wait_for_image()
+    tab.show("menu")
+    tab.wait_until(lambda: "Two of mine" in tab.get("scenario").inner_text())
+    tab.get("scenario").select_option("folder/mine.yaml")
+    tab.wait_until(lambda: tab.value("store.scene.value.title") == "Two of mine")
+    assert tab.value("Object.keys(store.scene.value.vehicles)") == ["A", "B"]
+    drop(tab, ("other.yaml", b"title: Sent\nmap: plane\nvehicles: {C: {}}\n"))
+    tab.wait_until(lambda: tab.value("store.scene.value.title") == "Sent")
+    assert tab.value("store.isBuilding.value") is False
+    before = plane.simulation.world
+    drop(tab, ("evil.yaml", b"map: plane\nvehicles: {C: {type: nigel, own_sensors: {x: 'a.py:A'}}}\n"))
+    tab.wait_until(lambda: "Python files" in tab.page.locator(".notices").inner_text())
+    lawn = "- {module: straight_road, x: 0, y: 0}\n"
+    drop(tab, ("huge.yaml", f"title: Huge\nplacements:\n{lawn * 1001}".encode()))
+    tab.wait_until(lambda: "1000" in tab.page.locator(".notices").inner_text())
+    assert plane.simulation.world is before
+
+
+def test_the_map_is_exported_and_imported_again(
+    plane: PageServer, new_tab: NewTab, folder: Path, tmp_path: Path
+) -> None:
+    plane.request(EditTrack(OVAL))
+    plane.request(Pause())
+    tab = opened(plane, new_tab)
+    tab.wait_until(lambda: line(tab) is not None)
+    given = track_of(plane)
+    assert given is not None
+    tab.click("build-save")
+    tab.get("save-name").fill("my oval")
+    tab.click("save-map-export")
+    downloads: list[Download] = []
+
+    def note(download: Download) -> None:  # playwright takes no builtin function
+        downloads.append(download)
+
+    tab.page.on("download", note)
+    tab.click("export-dialog-export")
+    tab.wait_until(lambda: len(downloads) == 2)
+    files = {one.suggested_filename: Path(one.path()).read_bytes() for one in downloads}
+    assert files.keys() == {"my_oval.png", "my_oval.yaml"}
+    drop(tab, *files.items())
+    tab.click("discard-dialog-discard")  # an export is no file of the simulator
+    tab.get("picture").wait_for()
+    tab.click("picture-use")
+    tab.wait_until(lambda: track_of(plane) is not given)
+    again = track_of(plane)
+    assert again is not None
+    lines = [shapely.MultiLineString([shapely.LinearRing(wall) for wall in one.walls]) for one in (again, given)]
+    assert shapely.hausdorff_distance(*lines, densify=0.02) < 0.05  # a pixel

@@ -54,6 +54,8 @@ class PageServer:
     scenario: Callable[[], str]
     with_token: Callable[[str], contextlib.AbstractContextManager[Server]]
     """Another server of the same simulation that requires a token."""
+    folder: Path
+    """With files of the user."""
 
     @property
     def url(self) -> str:

@@ -1,8 +1,9 @@
 // The actions of the user, called by buttons and keys. A failed request is shown as a notice.
 import type { Connection } from './connection'
-import type { ServerOperation } from './messages'
+import type { Response, ServerOperation } from './messages'
+import { clamp } from './scene/clamp'
 import type { SceneView } from './scene/view'
-import { clamp, zoomCamera } from './scene/zoom'
+import { zoomCamera } from './scene/zoom'
 import type { Camera, Store } from './store'
 
 export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's Eye", 'Orbit', 'Fly']
@@ -10,6 +11,13 @@ export const CAMERAS: readonly Camera[] = ["Driver's Eye", "Bird's Eye", "God's 
 const FLYING = 'Keys and pads move the camera, not the vehicle: W A S D, arrows, Page Up, Page Down; Shift: faster.'
 /** [rad] */
 const ORBIT_STEP = Math.PI / 36
+
+/** What a request gave, or the problems because of which it failed. */
+export interface Attempt {
+  response: Response | null
+  text: string | null
+  errors: readonly string[]
+}
 
 export class Actions {
   /** The 3D view, as soon as it is loaded. */
@@ -32,12 +40,13 @@ export class Actions {
     return text
   }
 
-  /** Sends a request; returns the text of its Response, or why it failed. */
-  async attempt(operation: ServerOperation): Promise<{ text: string | null; errors: readonly string[] }> {
+  /** Sends a request; returns its Response and its text, or why it failed. */
+  async attempt(operation: ServerOperation): Promise<Attempt> {
     try {
-      return { text: (await this.connection.request(operation)).text, errors: [] }
+      const response = await this.connection.request(operation)
+      return { response, text: response.text, errors: [] }
     } catch (error) {
-      return { text: null, errors: problems(error) }
+      return { response: null, text: null, errors: problems(error) }
     }
   }
 

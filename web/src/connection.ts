@@ -81,6 +81,9 @@ export class Connection {
         store.cameraImages.clear()
         store.drawings.clear()
         store.drawingChanges.value += 1
+        store.shapes.value = null
+        store.contacts.value = {}
+        store.forceScale.value = 0
         if (!(store.vehicle.value in message.vehicles)) store.vehicle.value = Object.keys(message.vehicles)[0] ?? ''
         store.scene.value = message
         break
@@ -94,6 +97,12 @@ export class Connection {
         if (message.drawing) store.drawings.set(message.name, message)
         else store.drawings.delete(message.name)
         store.drawingChanges.value += 1
+        break
+      case 'Shapes':
+        store.shapes.value = message
+        break
+      case 'Contacts':
+        store.contacts.value = message.vehicles
         break
       case 'Picture':
         store.cameraImages.set(`${message.vehicle}/${message.camera}`, message)

@@ -6,6 +6,7 @@ import { Builder } from './building/builder'
 import { openMapFiles } from './building/map_files'
 import { TrackBuilder } from './building/track_builder'
 import { trackPointer } from './building/track_pointer'
+import { UserFiles } from './building/user_files'
 import { Connection } from './connection'
 import { Driver } from './driving/driver'
 import { listenToGamepad } from './driving/gamepad'
@@ -25,6 +26,7 @@ import { h } from './panels/element'
 import { firstSteps } from './panels/first_steps'
 import { help } from './panels/help'
 import { openMapForRaces, openPanelsOnWideScreens, showOnePanelOnSmallScreens } from './panels/layout'
+import { legend } from './panels/legend'
 import { logPanel } from './panels/log'
 import { measure } from './panels/measure'
 import { menu } from './panels/menu'
@@ -66,6 +68,9 @@ const programs = connectDialog(store)
 const editor = new Editor(store, actions)
 const builder = new Builder(store, actions)
 const trackBuilder = new TrackBuilder(store, actions)
+const userFiles = new UserFiles(store, actions)
+/** Saves the edited scenario. */
+const save = () => saveScenario(store, editor, userFiles)
 
 /** Actions of keys that are not held. */
 const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
@@ -86,6 +91,9 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
   log: () => (store.isLogOpen.value = !store.isLogOpen.value),
   minimap: () => (store.isMapOpen.value = !store.isMapOpen.value),
   trails: () => (store.areTrailsShown.value = !store.areTrailsShown.value),
+  shapes: () => (store.areShapesShown.value = !store.areShapesShown.value),
+  forces: () => (store.areForcesShown.value = !store.areForcesShown.value),
+  axes: () => (store.areAxesShown.value = !store.areAxesShown.value),
   measure: () => (store.isMeasuring.value = !store.isMeasuring.value),
   describe: () => (store.isDescribed.value = !store.isDescribed.value),
   'zoom-in': () => actions.zoom(1),
@@ -106,7 +114,7 @@ const KEY_ACTIONS: Partial<Record<KeyAction, () => void>> = {
 }
 
 const bar = toolbar(store, keys.toggle)
-const mainMenu = menu(store, connection, actions, programs.open, () => saveScenario(store, editor))
+const mainMenu = menu(store, connection, actions, programs.open, save)
 document.body.prepend(bar, mainMenu)
 const recording = recorder(store, actions)
 mainMenu.append(recording.section)
@@ -116,7 +124,7 @@ showOnePanelOnSmallScreens(store)
 openMapForRaces(store)
 const vehicleEvents = new VehicleEvents()
 const log = logOf(store)
-const dock = h('div', { class: 'dock' }, minimap(store, trails), logPanel(store, log))
+const dock = h('div', { class: 'dock' }, minimap(store, trails), legend(store, connection), logPanel(store, log))
 const measured = measure(store, canvas, () => actions.view)
 const hints = [
   banner(store, actions),
@@ -137,9 +145,10 @@ canvas.after(measured)
 const view = () => actions.view
 canvas.after(editPointer(store, editor, canvas, view))
 canvas.after(buildPointer(store, builder, canvas, view), trackPointer(store, trackBuilder, canvas, view))
-const mayDiscardMap = () => mayDiscard(store, 'Another map', () => saveScenario(store, editor))
-const openFiles = openMapFiles(store, builder, mayDiscardMap, askPicture)
-document.body.append(...edit(store, editor, view), ...build(store, builder, editor, view, openFiles))
+const mayDiscardMap = () => mayDiscard(store, 'Another map', save)
+const openFiles = openMapFiles(store, builder, userFiles, mayDiscardMap, askPicture)
+document.body.append(...edit(store, editor, view, save))
+document.body.append(...build(store, builder, editor, view, { openFiles, userFiles, save, mayDiscard: mayDiscardMap }))
 document.querySelector('#build')?.append(...track(store, trackBuilder, view))
 listenToEditKeys(store, editor, () => driver.stop())
 listenToBuildKeys(store, builder, editor, () => driver.stop())

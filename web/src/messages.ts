@@ -523,6 +523,49 @@ export interface ImportTrack {
 }
 
 /**
+ * Open a scenario, map or track: a file of the user's folder by its name, or the `text` of any file, called `name`.
+ *
+ * A map or track is the edit of a `UseMap`; a scenario is loaded as by a `LoadScenario`. A text names only vehicles,
+ * maps, modules, tracks and rules of the simulator and of the present scenario: no other file is read.
+ */
+export interface OpenFile {
+  type: 'OpenFile'
+  name: string
+  text?: string
+}
+
+/**
+ * Request the files of the user's folder, in the `files` of the Response.
+ */
+export interface ListFiles {
+  type: 'ListFiles'
+}
+
+/**
+ * Write the map or scenario with all edits into the user's folder, as NAME.yaml, with that title if there is one.
+ *
+ * A file of that name is replaced only if `replaces`. The `text` of the Response is the name of the file.
+ */
+export interface SaveFile {
+  type: 'SaveFile'
+  name: string
+  kind?: 'map' | 'scenario'
+  title?: string
+  replaces?: boolean
+}
+
+/**
+ * Request the map for map_server of ROS: the `picture` (PNG) and `text` (YAML, for NAME.png) of the Response.
+ *
+ * `resolution`: edge of a pixel [m]. Gaps between the ducts of a track are closed.
+ */
+export interface ExportMap {
+  type: 'ExportMap'
+  name?: string
+  resolution?: number
+}
+
+/**
  * First contact of a vehicle with another object.
  *
  * `other` is the name of the vehicle, box or fixed object; `impulse` [N s] is the magnitude of the contact impulse
@@ -671,7 +714,7 @@ export interface Hello {
  * Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
  *
  * `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
- * are sent.
+ * are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
  * `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
  * the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
  * backlog.
@@ -684,6 +727,8 @@ export interface Subscribe {
   picture_width?: number | null
   picture_quality?: number
   drawings?: boolean
+  shapes?: boolean
+  contacts?: boolean
 }
 
 /**
@@ -713,7 +758,7 @@ export interface Release {
 export interface Request {
   type: 'Request'
   id: number
-  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack
+  operation: Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 }
 
 /**
@@ -730,6 +775,8 @@ export interface Starting {
 
 /**
  * The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
+ *
+ * `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none.
  */
 export interface Welcome {
   type: 'Welcome'
@@ -737,6 +784,7 @@ export interface Welcome {
   version: string
   name: string
   scenarios: Record<string, string>
+  folder: string
 }
 
 /**
@@ -901,6 +949,31 @@ export interface Scene {
 }
 
 /**
+ * Shapes in the frame of their body, or in the map if they are fixed; arrays row after row.
+ *
+ * `kind` int64, shape (n,): 2 sphere, 5 cylinder, 6 box. `size` [m], shape (n, 3): radius; radius and half height
+ * (axis z); half sizes. `position` of the centre [m], shape (n, 3); `rotation`: its matrix, row-major, shape (n, 9).
+ */
+export interface CollisionShapes {
+  kind: BigInt64Array
+  size: Float64Array
+  position: Float64Array
+  rotation: Float64Array
+}
+
+/**
+ * Collision shapes by vehicle and object, the fixed ones, and sensors in the frame of their vehicle.
+ *
+ * Sent once after each Scene.
+ */
+export interface Shapes {
+  type: 'Shapes'
+  bodies: Record<string, CollisionShapes>
+  fixed: CollisionShapes
+  sensors: Record<string, Record<string, Pose>>
+}
+
+/**
  * State of the connection to a devkit script; `error` is the reason why there is none.
  */
 export interface BridgeStatus {
@@ -984,6 +1057,26 @@ export interface Drawn {
   name: string
   drawing: Drawing | null
   until: number
+}
+
+/**
+ * Forces on a vehicle, each with the part: the name of a wheel, or of what the body of the vehicle touches.
+ *
+ * `position` [m] and `force` [N], in the vehicle frame, row after row, shape (n, 3). Force of the ground on a wheel at
+ * the end of the tick, as if the ground were level; mean over the tick of all contacts with another body.
+ */
+export interface ContactForces {
+  parts: (string)[]
+  position: Float64Array
+  force: Float64Array
+}
+
+/**
+ * Contact forces of each vehicle, of the latest tick; sent before a Frame.
+ */
+export interface Contacts {
+  type: 'Contacts'
+  vehicles: Record<string, ContactForces>
 }
 
 /**
@@ -1290,10 +1383,19 @@ export interface Curve {
 }
 
 /**
+ * A file of the user's folder, and its title.
+ */
+export interface OwnFile {
+  kind: 'scenario' | 'map' | 'track'
+  title: string
+}
+
+/**
  * A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
  *
  * `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
- * or `SaveRecording`; warnings, for an edit or an `ImportTrack`.
+ * or `SaveRecording`; the name of the file, for a `SaveFile`; warnings, for an edit or an `ImportTrack`. `files`: by
+ * name, for a `ListFiles`. `picture`: a PNG, for an `ExportMap`, whose YAML file is the `text`.
  * `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
  */
 export interface Response {
@@ -1302,6 +1404,8 @@ export interface Response {
   frame: Frame
   text: string
   curves: Record<string, Curve>
+  files: Record<string, OwnFile>
+  picture: Uint8Array
 }
 
 /**
@@ -1317,7 +1421,7 @@ export interface Error {
   id: number | null
 }
 
-export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack
+export type ServerOperation = Reset | Pause | Resume | Step | SetSpeed | Seek | Teleport | Hold | SetSceneLight | SetTimeOfDay | SetWeather | Draw | SetTrafficLight | SetDrivingMode | Retire | LoadScenario | Place | AddBox | RemoveBox | SetSensor | EditMap | UseMap | CloseLoop | EditTrack | GenerateTrack | Undo | Redo | SaveScenario | SaveMap | ConnectBridge | DisconnectBridge | SetCamera | StartRecording | StopRecording | SaveRecording | PlotRecording | ImportTrack | OpenFile | ListFiles | SaveFile | ExportMap
 
 export type Event = Collision | OffRoad | BackOnRoad | RedLight | StopSign | CheckpointPassed | LapCompleted | RacePenalty | SetBack | WrongWay | RaceStatusChanged
 
@@ -1325,7 +1429,7 @@ export type MapPart = MapModule | MapWall | MapBlock | MapProp
 
 export type ClientMessage = Hello | Subscribe | Drive | Release | Request
 
-export type ServerMessage = Starting | Welcome | Scene | Status | Scan | Drawn | Picture | Rendered | Response | Error | Frame
+export type ServerMessage = Starting | Welcome | Scene | Shapes | Status | Scan | Drawn | Contacts | Picture | Rendered | Response | Error | Frame
 
 /** The weathers that have a name, in the order of the devkit. */
 export const WEATHERS: Record<string, Weather> = {

@@ -1,6 +1,7 @@
 // Requests remote rendering while the quality is 'stream'; falls back to 'low' if the simulator cannot render.
 import type { Connection } from './connection'
-import { clamp, lensZoomOf } from './scene/zoom'
+import { clamp } from './scene/clamp'
+import { lensZoomOf } from './scene/zoom'
 import type { Fly, Store } from './store'
 
 /** Maximum width [pixels] and rate [Hz] of the images. */

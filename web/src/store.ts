@@ -1,5 +1,18 @@
 // The latest messages of the server and the choices of the user; the interface between connection, scene and panels.
-import type { Drawn, Event, Frame, LidarScan, Picture, Scene, Starting, Status, Welcome } from './messages'
+import type {
+  ContactForces,
+  Drawn,
+  Event,
+  Frame,
+  LidarScan,
+  OwnFile,
+  Picture,
+  Scene,
+  Shapes,
+  Starting,
+  Status,
+  Welcome,
+} from './messages'
 import { Observable } from './observable'
 
 export type Link = 'connecting' | 'starting' | 'open' | 'lost'
@@ -51,6 +64,8 @@ export class Store {
   /** How far the start of the simulator is, while the link is 'starting'. */
   readonly starting = new Observable<Starting | null>(null)
   readonly welcome = new Observable<Welcome | null>(null)
+  /** The files of the user's folder, by name; null: there is no folder. */
+  readonly files = new Observable<Record<string, OwnFile> | null>(null)
   readonly scene = new Observable<Scene | null>(null)
   readonly status = new Observable<Status | null>(null)
   readonly frame = new Observable<Frame | null>(null)
@@ -61,6 +76,12 @@ export class Store {
   /** What scripts have drawn, by name; `drawingChanges` counts the changes. */
   readonly drawings = new Map<string, Drawn>()
   readonly drawingChanges = new Observable(0)
+  /** Collision shapes and sensors of the Scene, while they are asked for. */
+  readonly shapes = new Observable<Shapes | null>(null)
+  /** The latest contact forces by vehicle, while they are asked for. */
+  readonly contacts = new Observable<Record<string, ContactForces>>({})
+  /** Force of an arrow of 10 cm [N]; 0: not known yet. */
+  readonly forceScale = new Observable(0)
   readonly rendered = new Observable<Rendered | null>(null)
   /** Whether the first image of the simulator's renderer is awaited. */
   readonly isStreamStarting = new Observable(false)
@@ -102,6 +123,10 @@ export class Store {
   readonly areTrailsShown = new Observable(false)
   /** Whether the drawings of scripts are shown in the scene. */
   readonly areDrawingsShown = new Observable(true)
+  /** Whether the collision shapes, contact forces, and axes of vehicles and sensors are drawn in the scene. */
+  readonly areShapesShown = new Observable(false)
+  readonly areForcesShown = new Observable(false)
+  readonly areAxesShown = new Observable(false)
   /** Whether a screen reader gets the scene in words. */
   readonly isDescribed = new Observable(false)
   /** Whether a click on the ground sets a point of a measured distance. */
@@ -117,6 +142,8 @@ export class Store {
   readonly preview = new Observable<Placement | null>(null)
   /** Whether the LIDAR scan is drawn in the scene. */
   readonly isScanShown = new Observable(true)
+  /** Range at which the colours of the LIDAR points end [m]; 0: there are none yet. */
+  readonly scanFarthest = new Observable(0)
   /** Direction of the LIDAR measurement of the HUD in the vehicle frame [rad], left positive. */
   readonly bearing = new Observable(0)
   /** Frame rate of the 3D view, averaged over half a second [Hz]. */

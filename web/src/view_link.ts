@@ -6,8 +6,9 @@ import type { Weather } from './messages'
 import { WEATHERS } from './messages'
 import type { Observable } from './observable'
 import { clockTime } from './panels/element'
+import { clamp } from './scene/clamp'
 import { within } from './scene/flight'
-import { clamp, ORBIT_DISTANCE } from './scene/zoom'
+import { ORBIT_DISTANCE } from './scene/zoom'
 import type { Camera, Fly, Orbit, Quality, Store } from './store'
 
 /** Delay after a change [ms]: browsers limit how often a page may change its URL. */
@@ -119,6 +120,9 @@ export function followViewInLink(store: Store, actions: Actions): void {
     map: flag(store.isMapOpen),
     trails: flag(store.areTrailsShown),
     drawings: flag(store.areDrawingsShown),
+    shapes: flag(store.areShapesShown),
+    forces: flag(store.areForcesShown),
+    axes: flag(store.areAxesShown),
     scan: flag(store.isScanShown),
     weather: state(
       (text) => {

@@ -16,6 +16,7 @@ import {
   snapped,
   transformTo,
 } from '../src/building/fitting'
+import { UserFiles } from '../src/building/user_files'
 import { Editor } from '../src/editing/editor'
 import type { Projection } from '../src/editing/outline'
 import type { EditMap, MapModule, MapPort, MapScene, ModuleScene } from '../src/messages'
@@ -58,6 +59,8 @@ function mapOf(parts: Record<string, MapModule> = {}, ports: MapScene['ports'] =
 
 const opened: Store[] = []
 
+const yes = () => Promise.resolve(true)
+
 function page(map: MapScene = mapOf()) {
   const it = connectedPage(['V1'])
   const scene = { ...sceneOf(['V1']), map_scene: map }
@@ -66,13 +69,12 @@ function page(map: MapScene = mapOf()) {
   const builder = new Builder(it.store, actions)
   const editor = new Editor(it.store, actions)
   document.body.append(
-    ...build(
-      it.store,
-      builder,
-      editor,
-      () => null,
-      async () => {},
-    ),
+    ...build(it.store, builder, editor, () => null, {
+      userFiles: new UserFiles(it.store, actions),
+      openFiles: async () => {},
+      save: yes,
+      mayDiscard: yes,
+    }),
   )
   listenToBuildKeys(it.store, builder, editor, () => {})
   it.store.isBuilding.value = true
@@ -265,7 +267,7 @@ test('a group is selected, moved, turned, copied and removed in one edit each', 
   builder.toggle('c')
   press('Delete')
   expect(socket.request.parts).toEqual({ a: null, c: null })
-  const many = Object.fromEntries(Array.from({ length: 600 }, (_, i) => [`road_${i}`, part('straight', i, 0)]))
+  const many = Object.fromEntries(Array.from({ length: 1001 }, (_, i) => [`road_${i}`, part('straight', i, 0)]))
   expect(await builder.put(many)).toBe(false)
   expect(socket.request.parts).toEqual({ a: null, c: null })
   press('KeyA', { key: 'a', ctrlKey: true })

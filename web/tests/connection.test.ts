@@ -88,7 +88,15 @@ describe('requests', () => {
     const second = connection.request({ type: 'Resume' })
     socket.respond('not now')
     await expect(second).rejects.toThrow('not now')
-    socket.receive({ type: 'Response', id: socket.of('Request')[0].id, frame: frameOf(), text: '', curves: {} })
+    socket.receive({
+      type: 'Response',
+      id: socket.of('Request')[0].id,
+      frame: frameOf(),
+      text: '',
+      curves: {},
+      files: {},
+      picture: new Uint8Array(),
+    })
     await expect(first).resolves.toBeTruthy()
   })
 

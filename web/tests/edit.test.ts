@@ -1,15 +1,21 @@
 // Edit mode: what the pointer hits, keys, buttons and the requests that they send.
 import { beforeEach, expect, test, vi } from 'vitest'
 import { Actions, problems } from '../src/actions'
+import type { UserFiles } from '../src/building/user_files'
 import { listenToEditKeys } from '../src/editing/edit_keys'
 import { Editor } from '../src/editing/editor'
 import { cornersOf, type Extent, handleOf, isHit, type Projection, poseOf } from '../src/editing/outline'
 import { edit } from '../src/panels/edit'
+import { saveScenario } from '../src/panels/save_dialog'
+import type { Store } from '../src/store'
 import { connectedPage, frameOf, sceneOf, statusOf } from './support'
 
 const CAR: Extent = { ahead: 0.07, size: [0.28, 0.2, 0.2], below: 0.03 }
 /** From above: 100 pixels per metre, y of the screen downwards, things higher up appear larger. */
 const above: Projection = (x, y, z) => [400 + 100 * x * (1 + z), 300 - 100 * y * (1 + z)]
+
+const save = (store: Store, editor: Editor): Promise<boolean> =>
+  saveScenario(store, editor, { folder: '' } as UserFiles)
 
 function page() {
   const it = connectedPage(['V1'])
@@ -122,7 +128,14 @@ test('an error is one sentence for each problem, without the paths of files', ()
 
 test('a box that is refused leaves the fields at the latest box that was not', async () => {
   const { store, socket, editor } = page()
-  document.body.append(...edit(store, editor, () => null))
+  document.body.append(
+    ...edit(
+      store,
+      editor,
+      () => null,
+      () => save(store, editor),
+    ),
+  )
   const field = document.querySelector<HTMLInputElement>("[data-testid='edit-size-z']") as HTMLInputElement
   field.value = '-1'
   field.dispatchEvent(new Event('change'))
@@ -151,7 +164,14 @@ test('Ctrl+Z and Ctrl+Shift+Z undo and redo what there is', () => {
 
 test('the bar and the panel send requests and show the selection', async () => {
   const { store, socket, editor } = page()
-  document.body.append(...edit(store, editor, () => null))
+  document.body.append(
+    ...edit(
+      store,
+      editor,
+      () => null,
+      () => save(store, editor),
+    ),
+  )
   const get = <Element extends HTMLElement>(id: string) =>
     document.querySelector<Element>(`[data-testid="${id}"]`) as Element
   const set = (id: string, value: string) => {

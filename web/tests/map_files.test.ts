@@ -3,6 +3,7 @@ import { afterEach, beforeEach, expect, test, vi } from 'vitest'
 import { Actions } from '../src/actions'
 import { Builder } from '../src/building/builder'
 import { type AskPicture, linkWith, MAX_LINK, openMapFiles, packed, unpacked } from '../src/building/map_files'
+import { UserFiles } from '../src/building/user_files'
 import { connectedPage, sceneOf } from './support'
 
 /** The map of 150 modules, at different places. */
@@ -19,9 +20,11 @@ function page(mayDiscard = () => Promise.resolve(true)) {
   const it = connectedPage(['V1'])
   const builder = new Builder(it.store, new Actions(it.store, it.connection))
   const use = vi.spyOn(builder, 'use').mockResolvedValue(true)
+  const userFiles = new UserFiles(it.store, new Actions(it.store, it.connection))
+  const openText = vi.spyOn(userFiles, 'open').mockResolvedValue(true)
   const ask = vi.fn<AskPicture>().mockResolvedValue(true)
-  const open = openMapFiles(it.store, builder, mayDiscard, ask)
-  return { ...it, use, ask, open }
+  const open = openMapFiles(it.store, builder, userFiles, mayDiscard, ask)
+  return { ...it, use, openText, ask, open }
 }
 
 function drop(...files: File[]): void {
@@ -59,20 +62,27 @@ test('the map of a link is opened once the simulator has a scene; a cut link say
 })
 
 test('a file that is dropped is opened, unless it is no map or edits would be lost', async () => {
-  const { store, use } = page(() => Promise.resolve(false))
+  const { store, openText } = page(() => Promise.resolve(false))
   drop(new File([TOWN], 'town.yaml'))
-  await vi.waitFor(() => expect(use).toHaveBeenCalledWith({ text: TOWN }))
-  use.mockClear()
+  await vi.waitFor(() => expect(openText).toHaveBeenCalledWith('town.yaml', TOWN))
+  await vi.waitFor(() => expect(store.isBuilding.value).toBe(true))
+  store.isBuilding.value = false
+  drop(new File(['map: oval\nvehicles: {V1: {}}\n'], 'mine.yaml'))
+  await vi.waitFor(() => expect(openText).toHaveBeenCalledTimes(2))
+  expect(store.isBuilding.value).toBe(false) // a scenario is there to be driven
+  openText.mockClear()
   drop(new File(['x'], 'photo.jpg'))
   expect(store.warning.value).toMatch(/photo.jpg is not the YAML file/)
-  drop(new File(['x'.repeat(70_000)], 'huge.yaml'))
-  expect(store.warning.value).toMatch(/70000 bytes; a map has at most 60000/)
+  drop(new File(['x'.repeat(1_100_000)], 'huge.yaml'))
+  expect(store.warning.value).toMatch(/1100000 bytes; at most 1048576 are possible/)
+  drop(new File(['\n'], 'empty.yaml'))
+  await vi.waitFor(() => expect(store.warning.value).toMatch(/empty.yaml is empty/))
   drop(new File(['x'], 'a.yaml'), new File(['y'], 'b.yaml'))
   expect(store.warning.value).toMatch(/one file only/)
   store.hasUnsavedEdits.value = true
   drop(new File([TOWN], 'town.yaml'))
   await new Promise((resolve) => setTimeout(resolve))
-  expect(use).not.toHaveBeenCalled()
+  expect(openText).not.toHaveBeenCalled()
   store.hasUnsavedEdits.value = false
 })
 

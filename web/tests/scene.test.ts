@@ -3,12 +3,14 @@ import { describe, expect, test } from 'vitest'
 
 import type { Frame, LidarScan } from '../src/messages'
 import { Headlights, TailLights } from '../src/messages'
+import { Observable } from '../src/observable'
 import { flown, flownNearer } from '../src/scene/flight'
 import { LAMPS, lampBrightness } from '../src/scene/lamps'
 import { MotionInterpolator } from '../src/scene/motion'
 import { isSoftware, QualityChoice } from '../src/scene/quality'
 import { ScanView } from '../src/scene/scan'
 import { Skeleton } from '../src/scene/skeleton'
+import { TURBO } from '../src/scene/turbo'
 import { heightAfter, ORBIT_DISTANCE, wheelClicks, zoomCamera } from '../src/scene/zoom'
 import { Store } from '../src/store'
 import { frameOf, pose, sceneOf, vehicleOf } from './support'
@@ -213,12 +215,40 @@ describe('the skeleton', () => {
   })
 })
 
+describe('the colours of a scan', () => {
+  /** Where the colours end after these scans, each of one range [m]. */
+  function ends(...scans: number[]): number[] {
+    const motion = new MotionInterpolator()
+    drive(motion, 1)
+    const farthest = new Observable(0)
+    const view = new ScanView(farthest)
+    return scans.map((range) => {
+      const scan = { time: 0.9, ranges: Float32Array.from([0.09, range]), angle_min: 0, angle_increment: 1 }
+      view.show({ ...scan, scan_time: 0.1, time_increment: 0 } as unknown as LidarScan, 'V1', pose(), motion)
+      return farthest.value
+    })
+  }
+
+  test('end at a round distance beyond all points, which seldom changes', () => {
+    expect(ends(3.2, 4.9, 2.1, 5.1, 4, 3.4, 0.9)).toEqual([5, 5, 5, 10, 10, 5, 1])
+    expect(ends(Infinity)).toEqual([0.1].map((one) => expect.closeTo(one)))
+  })
+
+  test('are those of turbo, which is brightest in the middle and dark at both ends', () => {
+    const brightness = TURBO.map(([red, green, blue]) => 0.3 * red + 0.6 * green + 0.1 * blue)
+    const top = brightness.indexOf(Math.max(...brightness))
+    expect(Math.abs(top - (TURBO.length - 1) / 2)).toBeLessThanOrEqual(1)
+    expect(brightness.slice(0, top)).toEqual(brightness.slice(0, top).sort((a, b) => a - b))
+    expect(brightness.slice(top)).toEqual(brightness.slice(top).sort((a, b) => b - a))
+  })
+})
+
 describe('the fan of a scan', () => {
   /** Number of triangles that the fan of a scan at rest draws. */
   function triangles(ranges: number[], increment: number): number {
     const motion = new MotionInterpolator()
     drive(motion, 1)
-    const view = new ScanView()
+    const view = new ScanView(new Observable(0))
     const scan = { time: 0.9, ranges: Float32Array.from(ranges), angle_min: 0, angle_increment: increment }
     const whole = { ...scan, scan_time: 0.1, time_increment: 0 } as unknown as LidarScan
     view.show(whole, 'V1', pose(), motion)

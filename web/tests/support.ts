@@ -85,7 +85,7 @@ export class FakeSocket {
   respond(frame: Frame | string, text = ''): void {
     const id = this.of('Request').at(-1)?.id ?? 0
     if (typeof frame === 'string') this.receive({ type: 'Error', code: 'request', text: frame, id })
-    else this.receive({ type: 'Response', id, frame, text, curves: {} })
+    else this.receive({ type: 'Response', id, frame, text, curves: {}, files: {}, picture: new Uint8Array() })
   }
 }
 
@@ -124,7 +124,7 @@ export function connectedPage(vehicles: readonly string[] = ['V1']) {
 
 export function welcome(): ServerMessage {
   const scenarios = { plane: 'Empty plane', two_cars: 'Two cars' }
-  return { type: 'Welcome', protocol: 2, version: '0', name: 'page-1', scenarios }
+  return { type: 'Welcome', protocol: 2, version: '0', name: 'page-1', scenarios, folder: '' }
 }
 
 export function sceneOf(vehicles: readonly string[], scenario = 'plane'): Scene {

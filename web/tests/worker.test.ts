@@ -54,7 +54,7 @@ test('a busy page gets every response and error, and no Frame after a later Scen
   const { receive, taken } = workerOfBusyPage()
   taken()
   receive(frameOf(['V1'], { tick: 1, events: [offRoad(1)] }))
-  const answer = { frame: frameOf(), text: '', curves: {} }
+  const answer = { frame: frameOf(), text: '', curves: {}, files: {}, picture: new Uint8Array() }
   receive({ type: 'Response', id: 1, ...answer }, { type: 'Response', id: 2, ...answer })
   receive({ type: 'Error', code: 'request', text: 'no', id: 3 }, sceneOf(['V1']), frameOf(['V1'], { tick: 2 }))
   const messages = taken()

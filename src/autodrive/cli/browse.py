@@ -16,7 +16,18 @@ KindName: TypeAlias = Literal["scenario", "map", "track", "vehicle", "module", "
 """What a YAML file can describe: `Kind`, without its imports."""
 
 
-def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")]) -> None:
+def list_(
+    collection: Annotated[Collection, typer.Argument(help="What to list.")],
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Also list the scenarios, maps or tracks of that folder.",
+            exists=True,
+            file_okay=False,
+        ),
+    ] = None,
+) -> None:
     """List the scenarios, maps, tracks, vehicles, modules or rules of races of the package."""
     from autodrive.base.yaml_files import titles
     from autodrive.cli.spec_files import SPECS
@@ -24,6 +35,12 @@ def list_(collection: Annotated[Collection, typer.Argument(help="What to list.")
     kind = cast("Kind", collection.removesuffix("s"))
     for name, title in titles(kind, SPECS[kind]).items():
         typer.echo(f"{name:<24} {title}".rstrip())
+    if folder is not None:
+        from autodrive.run.own_files import UserFiles
+
+        for name, one in UserFiles(folder).listed().items():
+            if one.kind == kind:
+                typer.echo(f"{folder / name!s:<24} {one.title}".rstrip())
 
 
 def show(

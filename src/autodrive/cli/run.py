@@ -95,6 +95,12 @@ def run(
     recordings: Annotated[
         Path, typer.Option(metavar="FOLDER", help="Folder for recordings that are started in the page.")
     ] = Path("recordings"),
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Folder with your own scenarios, maps and tracks, which the page lists and saves."
+        ),
+    ] = None,
     record: Record = None,
     record_last: Annotated[
         float | None,
@@ -155,6 +161,7 @@ def run(
         ),
         summary=summary,
         recordings=recordings,
+        folder=folder,
         record=record,
         record_last=record_last,
         cameras=cameras,

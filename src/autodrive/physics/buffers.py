@@ -40,6 +40,9 @@ class VehicleContacts(NamedTuple):
     """Between a vehicle and a solid [N s], shape (n, n_solid)."""
     position: Floats
     """A point of that contact [m], shape (n, n_solid, 3)."""
+    push: Floats
+    """Impulse on the vehicle in map axes [N s], and the sum of the points of the contacts, each times the magnitude of
+    its impulse [N s m]; only of the pairs, shape (n, n_solid, 6)."""
     pairs: Integers
     """The (vehicle, solid) pairs with an impulse, shape (n_max, 2)."""
     pair_count: Integers
@@ -67,6 +70,8 @@ class Scratch(NamedTuple):
     """Force and torque of one contact of the engine, shape (6,)."""
     contact_position: Floats
     """Position of that contact [m], shape (3,)."""
+    contact_frame: Floats
+    """Its axes in the map, the normal first, from the first to the second geom, shape (9,)."""
     contact_geoms: NDArray[np.int32]
     """The two geoms of that contact, shape (2,)."""
 
@@ -78,6 +83,7 @@ def vehicle_contacts(model: Model, pairs_max: int = 64) -> VehicleContacts:
         solid_vehicle=np.array([-1, *model.shapes.vehicle.tolist()], dtype=np.int64),
         impulse=np.zeros((n, n_solid)),
         position=np.zeros((n, n_solid, 3)),
+        push=np.zeros((n, n_solid, 6)),
         pairs=np.zeros((pairs_max, 2), dtype=np.int64),
         pair_count=np.zeros(1, dtype=np.int64),
     )
@@ -96,5 +102,6 @@ def scratch(model: Model, n_body: int) -> Scratch:
         wheel_contacts=np.zeros(4, dtype=WHEEL_CONTACT),
         contact_force=np.zeros(6),
         contact_position=np.zeros(3),
+        contact_frame=np.zeros(9),
         contact_geoms=np.zeros(2, dtype=np.int32),
     )

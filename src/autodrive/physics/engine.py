@@ -113,7 +113,7 @@ class Views(NamedTuple):
     slots: Slots
     """Of the fixed shapes near the bodies."""
     contact_layout: Integers
-    """Offsets in bytes: from one contact to the next, and within a contact to its position and its two geoms."""
+    """Offsets in bytes: from one contact to the next, and within a contact to its position, geoms and axes."""
 
 
 FLOOR = 1
@@ -312,7 +312,7 @@ class Engine:
             contact_count=_memory(data._address + layout.contact_count, ctypes.c_int32),
             contacts=_memory(data._address + layout.contacts, ctypes.c_int64),
             warnings=data.warning.number[_BAD],
-            contact_layout=np.array([layout.stride, layout.position, layout.geoms], dtype=np.int64),
+            contact_layout=np.array([layout.stride, layout.position, layout.geoms, layout.axes], dtype=np.int64),
         )
 
     def forget_warnings(self) -> None:
@@ -371,6 +371,7 @@ class _Layout(NamedTuple):
     stride: int
     position: int
     geoms: int
+    axes: int
 
 
 @functools.cache
@@ -408,6 +409,7 @@ def _data_layout() -> _Layout:
         stride=contact.dist.strides[0],
         position=contact.pos.ctypes.data - start,
         geoms=contact.geom.ctypes.data - start,
+        axes=contact.frame.ctypes.data - start,
     )
 
 

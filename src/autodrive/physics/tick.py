@@ -261,8 +261,14 @@ def _note_contacts(model: Model, views: Views, contacts: VehicleContacts, scratc
     count = views.contact_count[0]
     if count == 0:
         return
-    stride, position, geoms = views.contact_layout[0], views.contact_layout[1], views.contact_layout[2]
-    force, where, pair = scratch.contact_force, scratch.contact_position, scratch.contact_geoms
+    layout, push = views.contact_layout, contacts.push
+    stride, position, geoms, axes = layout[0], layout[1], layout[2], layout[3]
+    force, where, pair, frame = (
+        scratch.contact_force,
+        scratch.contact_position,
+        scratch.contact_geoms,
+        scratch.contact_frame,
+    )
     for c in range(count):
         contact = views.contacts[0] + c * stride
         copy_memory(pair.ctypes.data, contact + geoms, 8)
@@ -284,4 +290,13 @@ def _note_contacts(model: Model, views: Views, contacts: VehicleContacts, scratc
                 copy_memory(where.ctypes.data, contact + position, 24)
                 for axis in range(3):
                     contacts.position[vehicle, other, axis] = where[axis]
+                for k in range(6):
+                    push[vehicle, other, k] = 0.0
             contacts.impulse[vehicle, other] += impulse
+            copy_memory(where.ctypes.data, contact + position, 24)
+            copy_memory(frame.ctypes.data, contact + axes, 72)
+            sign = model.dt if side == 1 else -model.dt  # the force acts on the second geom
+            for axis in range(3):
+                along = force[0] * frame[axis] + force[1] * frame[3 + axis] + force[2] * frame[6 + axis]
+                push[vehicle, other, axis] += sign * along
+                push[vehicle, other, 3 + axis] += impulse * where[axis]

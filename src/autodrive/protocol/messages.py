@@ -274,7 +274,7 @@ class Retire(msgspec.Struct, frozen=True, tag=True):
 class LoadScenario(msgspec.Struct, frozen=True, tag=True):
     """Load the scenario of that name; clients stay connected."""
 
-    name: Name
+    name: Annotated[str, msgspec.Meta(max_length=1000)]
 
 
 # Edits change the scenario of the running world. Simulated time continues. All clients share one history of edits.

@@ -10,8 +10,11 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from autodrive.protocol.messages import (
+    Array,
     CameraIntrinsics,
     Command,
     Drawing,
@@ -23,7 +26,7 @@ from autodrive.protocol.messages import (
     Pose,
     TrackLine,
 )
-from autodrive.protocol.own_files import FileOperation
+from autodrive.protocol.own_files import FileOperation, OwnFile
 from autodrive.protocol.ports import DEVKIT_PORT
 from autodrive.protocol.replay import Curve, RecordingOperation, RecordingStatus, Timeline
 
@@ -55,7 +58,7 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     """Selects what the client is sent. Before the first Subscribe: Frames at 60 Hz, no scans, no pictures.
 
     `frame_rate`: largest rate of Frames in wall time [Hz], None: each tick, 0: none. `scans`, `drawings`: whether they
-    are sent.
+    are sent; likewise `shapes` (`Shapes`) and `contacts` (`Contacts`), which cost time only while a client wants them.
     `picture_rate`: largest rate of pictures of each camera in wall time [Hz], 0: none; `picture_width` [pixels], None:
     the width of the camera; `picture_quality` of the JPEG, 1 to 100. A slow client gets the latest Frame, never a
     backlog.
@@ -67,6 +70,8 @@ class Subscribe(msgspec.Struct, frozen=True, tag=True):
     picture_width: int | None = None
     picture_quality: int = 75
     drawings: bool = False
+    shapes: bool = False
+    contacts: bool = False
 
 
 class Drive(msgspec.Struct, frozen=True, tag=True):
@@ -149,13 +154,17 @@ class Starting(msgspec.Struct, frozen=True, tag=True):
 
 
 class Welcome(msgspec.Struct, frozen=True, tag=True):
-    """The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded."""
+    """The answer to the Hello: versions, the display name of the client, and the scenarios that can be loaded.
+
+    `folder`: name of the folder with files of the user, see `ListFiles`; empty: there is none.
+    """
 
     protocol: int
     version: str
     name: str
     scenarios: dict[str, str]
     """Name -> title."""
+    folder: str = ""
 
 
 class Lamp(msgspec.Struct, frozen=True):
@@ -388,6 +397,48 @@ class Drawn(msgspec.Struct, frozen=True, tag=True):
     until: float
 
 
+class CollisionShapes(msgspec.Struct, frozen=True, gc=False):
+    """Shapes in the frame of their body, or in the map if they are fixed; arrays row after row.
+
+    `kind` int64, shape (n,): 2 sphere, 5 cylinder, 6 box. `size` [m], shape (n, 3): radius; radius and half height
+    (axis z); half sizes. `position` of the centre [m], shape (n, 3); `rotation`: its matrix, row-major, shape (n, 9).
+    """
+
+    kind: NDArray[np.int64]
+    size: Array
+    position: Array
+    rotation: Array
+
+
+class Shapes(msgspec.Struct, frozen=True, tag=True):
+    """Collision shapes by vehicle and object, the fixed ones, and sensors in the frame of their vehicle.
+
+    Sent once after each Scene.
+    """
+
+    bodies: dict[str, CollisionShapes]
+    fixed: CollisionShapes
+    sensors: dict[str, dict[str, Pose]]
+
+
+class ContactForces(msgspec.Struct, frozen=True, gc=False):
+    """Forces on a vehicle, each with the part: the name of a wheel, or of what the body of the vehicle touches.
+
+    `position` [m] and `force` [N], in the vehicle frame, row after row, shape (n, 3). Force of the ground on a wheel at
+    the end of the tick, as if the ground were level; mean over the tick of all contacts with another body.
+    """
+
+    parts: tuple[str, ...]
+    position: Array
+    force: Array
+
+
+class Contacts(msgspec.Struct, frozen=True, tag=True):
+    """Contact forces of each vehicle, of the latest tick; sent before a Frame."""
+
+    vehicles: dict[str, ContactForces]
+
+
 class Picture(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A new image of a sensor camera as JPEG; sent before the first Frame that it belongs to."""
 
@@ -412,7 +463,8 @@ class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     """A request succeeded; `frame` is the Frame after it, with all events since the last Frame sent.
 
     `text`: the scenario or map as YAML, for a `SaveScenario` or `SaveMap`; the path of the file, for a `StopRecording`
-    or `SaveRecording`; warnings, for an edit or an `ImportTrack`.
+    or `SaveRecording`; the name of the file, for a `SaveFile`; warnings, for an edit or an `ImportTrack`. `files`: by
+    name, for a `ListFiles`. `picture`: a PNG, for an `ExportMap`, whose YAML file is the `text`.
     `curves`: by plot, for a `PlotRecording`; `text` says whether the recording is still being read.
     """
 
@@ -420,6 +472,8 @@ class Response(msgspec.Struct, frozen=True, tag=True, gc=False):
     frame: Frame
     text: str = ""
     curves: dict[str, Curve] = {}
+    files: dict[str, OwnFile] = {}
+    picture: bytes = b""
 
 
 class Error(msgspec.Struct, frozen=True, tag=True, gc=False):
@@ -435,6 +489,18 @@ class Error(msgspec.Struct, frozen=True, tag=True, gc=False):
 
 
 ServerMessage: TypeAlias = (
-    Starting | Welcome | Scene | Status | Scan | Drawn | Picture | Rendered | Response | Error | Frame
+    Starting
+    | Welcome
+    | Scene
+    | Shapes
+    | Status
+    | Scan
+    | Drawn
+    | Contacts
+    | Picture
+    | Rendered
+    | Response
+    | Error
+    | Frame
 )
 """A streamed Frame has no scans and images, which are messages of their own, and all events since the last one sent."""

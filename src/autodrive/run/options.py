@@ -53,6 +53,8 @@ class RunOptions(PageOptions):
     """JPEG quality of the images that a devkit script receives, 1 to 100."""
     recordings: Path = Path("recordings")
     """Folder of the recordings that clients start."""
+    folder: Path | None = None
+    """Folder with scenarios, maps and tracks of the user, which the page opens and saves."""
     has_page: bool = True
     """Whether the page and the native protocol are served."""
 

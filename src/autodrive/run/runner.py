@@ -314,6 +314,7 @@ def _page_server(options: RunOptions) -> Server:
 def _served(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Served:
     """What the server serves."""
     from autodrive.connect.server.served import Served, scene_renderer_factory
+    from autodrive.run.own_files import UserFiles
 
     loader = run.loader
     return Served(
@@ -323,6 +324,7 @@ def _served(run: Run, recordings: ClientRecordings, refusal: Refusal) -> Served:
         scenarios=loader.scenarios,
         jpeg_encoder=run.encoder,
         recording=recordings,
+        own_files=UserFiles(run.options.folder),
         cameras_error=lambda: loader.cameras_error,
         want_pictures=loader.set_viewed,
         renderer_factory=scene_renderer_factory(run.options.camera_quality),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import yaml
 from pydantic import ValidationError
@@ -16,6 +16,7 @@ from autodrive.base import yaml_files
 from autodrive.base.errors import SpecError
 from autodrive.base.python_files import load
 from autodrive.base.specs import Described, Key, Spec
+from autodrive.base.suggest import suggest
 from autodrive.base.yaml_files import Kind, Source
 from autodrive.scenario.descriptions import Descriptions, Specs
 from autodrive.scenario.maps.module import ModuleSpec
@@ -117,6 +118,35 @@ def read_module(name: str | Path) -> Described[ModuleSpec]:
 def files_of(specs: Specs) -> dict[str, str]:
     """Texts of map, modules, vehicles and race, by kind and name as the scenario and the map name them."""
     return {name: one.text for name, one in _files(specs).items()}
+
+
+def check_names(scenario: ScenarioSpec, known: Specs) -> None:
+    """Raises `SpecError` if a scenario from elsewhere names a file that is neither of the simulator nor in `known`.
+
+    So a text that a client sends reads no file and runs no code.
+    """
+    files = {name for key in _files(known) for name in (key, _absolute(key))}
+    sensors = {one for vehicle in known.scenario.vehicles.values() for one in vehicle.own_sensors.values()}
+    errors: list[str] = []
+
+    def check(kind: str, name: str) -> str:
+        names = yaml_files.names(cast("Kind", kind)) + (yaml_files.names("track") if kind == "map" else [])
+        if name not in names and not {f"{kind}/{name}", _absolute(f"{kind}/{name}")} & files:
+            errors.append(f"{kind} '{name}' is not of the simulator. {suggest(name, names)}")
+        return name
+
+    _renamed(scenario, check)
+    for name, vehicle in scenario.vehicles.items():
+        if {*vehicle.own_sensors.values()} - sensors:
+            errors.append(f"vehicles.{name}.own_sensors: sensors are Python files; start the simulator with this file")
+    if errors:
+        raise SpecError(errors)
+
+
+def _absolute(key: str) -> str:
+    """Kind and name of a file, with its absolute path."""
+    kind, _, name = key.partition("/")
+    return f"{kind}/{Path(name).absolute()}" if Path(name).suffix in YAML else key
 
 
 def write_to(folder: Path, scenario: ScenarioSpec, files: Mapping[str, str]) -> ScenarioSpec:

@@ -6,6 +6,7 @@ import type { MapModule, MapPart, MapProblem, MapProp, MapScene, ModuleScene, Se
 import { Observable } from '../observable'
 import { stem } from '../scenario_title'
 import type { Store } from '../store'
+import { MAX_FILE } from './bytes'
 import {
   connectedParts,
   fittingModules,
@@ -38,8 +39,8 @@ export type Hand =
 
 const QUARTER = Math.PI / 2
 const TURN = Math.PI / 12
-/** Longest edit [characters]; the simulator accepts messages of 64 KiB. */
-const MAX_LENGTH = 60_000
+/** Parts that one edit may change. */
+const MAX_PARTS = 1000
 /** Sizes of new walls and blocks [m]. */
 const WALL = { thickness: 0.1, height: 0.25, is_closed: false }
 const BLOCK_HEIGHT = 0.3
@@ -419,8 +420,8 @@ export class Builder {
     const known = this.scene?.parts ?? {}
     const seen = Object.fromEntries(Object.keys(parts).map((name) => [name, known[name] ?? null]))
     const operation = { type: 'EditMap', parts, seen } as const
-    if (JSON.stringify(operation).length > MAX_LENGTH) {
-      this.store.warning.value = 'These are too many pieces for one edit. Select fewer.'
+    if (Object.keys(parts).length > MAX_PARTS || JSON.stringify(operation).length > MAX_FILE) {
+      this.store.warning.value = `These are too many pieces for one edit. Select at most ${MAX_PARTS}.`
       return Promise.resolve(false)
     }
     return this.request(operation)

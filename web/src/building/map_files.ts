@@ -2,11 +2,10 @@
 import { Observable } from '../observable'
 import type { Store } from '../store'
 import type { Builder } from './builder'
-import { through } from './bytes'
+import { MAX_FILE, through } from './bytes'
 import { type Picture, type PictureOptions, readPicture, type Sheet, sheetOf } from './picture'
+import type { UserFiles } from './user_files'
 
-/** Largest text of a map [characters]. */
-export const MAX_TEXT = 60_000
 /** Longest value in a link; browsers accept longer ones, but programs that send links cut them. */
 export const MAX_LINK = 30_000
 /** Name of the map in the fragment of a link. */
@@ -25,7 +24,7 @@ export async function unpacked(link: string): Promise<string | null> {
   const [length, value = ''] = link.split('.')
   try {
     const bytes = Uint8Array.from(atob(value.replaceAll('-', '+').replaceAll('_', '/')), (one) => one.charCodeAt(0))
-    const plain = await through(bytes, new DecompressionStream('deflate'), 4 * MAX_TEXT)
+    const plain = await through(bytes, new DecompressionStream('deflate'), MAX_FILE)
     return plain.length === Number(length) ? new TextDecoder('utf-8', { fatal: true }).decode(plain) : null
   } catch {
     return null
@@ -52,6 +51,7 @@ export type AskPicture = (
 export function openMapFiles(
   store: Store,
   builder: Builder,
+  userFiles: UserFiles,
   mayDiscard: () => Promise<boolean>,
   askPicture: AskPicture,
 ): (files: readonly File[]) => Promise<void> {
@@ -61,11 +61,7 @@ export function openMapFiles(
   const mayReplace = async (): Promise<boolean> => !store.hasUnsavedEdits.value || mayDiscard()
 
   async function use(text: string): Promise<void> {
-    if (text.length > MAX_TEXT)
-      store.warning.value = `A map has at most ${MAX_TEXT} characters; this one has ${text.length}.`
-    else if (await mayReplace()) {
-      if (await builder.use({ text })) store.isBuilding.value = true
-    }
+    if ((await mayReplace()) && (await builder.use({ text }))) store.isBuilding.value = true
   }
 
   async function openPicture(file: File, own: Sheet | null): Promise<void> {
@@ -85,13 +81,18 @@ export function openMapFiles(
   }
 
   async function openText(file: File): Promise<void> {
-    if (file.size > MAX_TEXT) {
-      store.warning.value = `The file ${file.name} has ${file.size} bytes; a map has at most ${MAX_TEXT}.`
+    if (file.size > MAX_FILE) {
+      store.warning.value = `The file ${file.name} has ${file.size} bytes; at most ${MAX_FILE} are possible.`
       return
     }
     const text = await file.text()
     const found = sheetOf(file.name, text)
-    if (!found) return use(text)
+    if (!found) {
+      if (!text.trim()) store.warning.value = `The file ${file.name} is empty.`
+      else if ((await mayReplace()) && (await userFiles.open(file.name, text)) && !isScenario(text))
+        store.isBuilding.value = true
+      return
+    }
     sheet.value = found
     if (!isAsking)
       store.notice.value = `The file ${file.name} describes the picture ${found.image}. Drop that picture, too.`
@@ -109,7 +110,7 @@ export function openMapFiles(
     else if (isAsking) store.warning.value = 'Another picture is open. Close its window first.'
     else if (texts.length === 0) await openPicture(pictures[0], null)
     else {
-      const own = sheetOf(texts[0].name, texts[0].size > MAX_TEXT ? '' : await texts[0].text())
+      const own = sheetOf(texts[0].name, texts[0].size > MAX_FILE ? '' : await texts[0].text())
       if (own) await openPicture(pictures[0], own)
       else
         store.warning.value = `The file ${texts[0].name} does not describe a picture: it has no image and resolution.`
@@ -145,6 +146,11 @@ function openLink(store: Store, use: (text: string) => Promise<void>): void {
       else void use(text)
     })
   })
+}
+
+/** Whether a text is that of a scenario. */
+function isScenario(text: string): boolean {
+  return /^(map|vehicles)\s*:/m.test(text)
 }
 
 /** A name without its ending. */

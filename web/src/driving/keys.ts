@@ -19,6 +19,9 @@ export type KeyAction =
   | 'log'
   | 'minimap'
   | 'trails'
+  | 'shapes'
+  | 'forces'
+  | 'axes'
   | 'measure'
   | 'describe'
   | 'zoom-in'
@@ -72,6 +75,9 @@ export const KEYS: Record<string, readonly Key[]> = {
     { action: 'log', codes: ['KeyO'], description: 'Log' },
     { action: 'minimap', codes: ['KeyQ'], description: 'Small map' },
     { action: 'trails', codes: ['KeyT'], description: 'Driven lines' },
+    { action: 'shapes', codes: ['Digit1'], description: 'Collision shapes' },
+    { action: 'forces', codes: ['Digit2'], description: 'Contact forces' },
+    { action: 'axes', codes: ['Digit3'], description: 'Axes of vehicles and sensors' },
     { action: 'measure', codes: ['KeyX'], description: 'Measure a distance' },
     { action: 'zoom-in', codes: ['Equal', 'NumpadAdd'], isRepeated: true, description: 'Zoom in' },
     { action: 'zoom-out', codes: ['Minus', 'NumpadSubtract'], isRepeated: true, description: 'Zoom out' },

@@ -1,5 +1,6 @@
 // Build mode: its bar of buttons, and the panel with the pieces, the problems and the selected part.
 import type { Builder } from '../building/builder'
+import type { UserFiles } from '../building/user_files'
 import type { Editor } from '../editing/editor'
 import type { MapModule, MapProblem, MapScene } from '../messages'
 import { Observable } from '../observable'
@@ -10,7 +11,7 @@ import { barButton, nameEdit, numberField } from './edit'
 import { h, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
 import { COPY, DETAILS, LOOP, MIRROR, REDO, REMOVE, SAVE, SET, TURN_LEFT, UNDO } from './icons'
-import { saveMap, saveScenario } from './save_dialog'
+import { saveMap } from './save_dialog'
 
 /** In a window of this width [CSS pixels] the panel would cover the scene; a button opens it. */
 const NARROW = 719
@@ -18,8 +19,15 @@ const DEGREE = Math.PI / 180
 /** A vehicle that has moved farther stands elsewhere [m]. */
 const NEAR = 0.05
 
-/** Opens files of the user. */
-export type OpenFiles = (files: readonly File[]) => Promise<void>
+/** How files of the user are opened and saved. */
+export interface Files {
+  userFiles: UserFiles
+  openFiles: (files: readonly File[]) => Promise<void>
+  /** Saves the edited scenario; returns whether it did. */
+  save: () => Promise<boolean>
+  /** Asks whether unsaved edits may be lost. */
+  mayDiscard: () => Promise<boolean>
+}
 
 /** The bar and the panel; they are shown in Build mode. */
 export function build(
@@ -27,11 +35,11 @@ export function build(
   builder: Builder,
   editor: Editor,
   view: () => SceneView | null,
-  openFiles: OpenFiles,
+  files: Files,
 ): HTMLElement[] {
   const isPanelOpen = new Observable(innerWidth > NARROW)
-  const buttons = bar(store, builder, editor, isPanelOpen)
-  const details = panel(store, builder, view, isPanelOpen, openFiles)
+  const buttons = bar(store, builder, editor, isPanelOpen, files)
+  const details = panel(store, builder, view, isPanelOpen, files)
   const show = (): void => {
     const isBuilding = store.isBuilding.value
     buttons.hidden = !isBuilding
@@ -50,7 +58,13 @@ export function build(
   return [buttons, details]
 }
 
-function bar(store: Store, builder: Builder, editor: Editor, isPanelOpen: Observable<boolean>): HTMLElement {
+function bar(
+  store: Store,
+  builder: Builder,
+  editor: Editor,
+  isPanelOpen: Observable<boolean>,
+  files: Files,
+): HTMLElement {
   const buttons = {
     set: barButton('build-set', 'Set', SET, 'Set the piece in hand (Enter)', () => void builder.set()),
     turn: barButton('build-turn', 'Turn', TURN_LEFT, 'Turn, or join by the next end (R)', () => builder.turn(1)),
@@ -84,7 +98,7 @@ function bar(store: Store, builder: Builder, editor: Editor, isPanelOpen: Observ
       'Done',
     ),
   }
-  const save = (): Promise<boolean> => saveMap(builder, () => saveScenario(store, editor))
+  const save = (): Promise<boolean> => saveMap(store, builder, files.userFiles, files.save)
   isPanelOpen.watch((isOpen) => buttons.details.setAttribute('aria-expanded', String(isOpen)))
   store.status.watch((status) => {
     nameEdit(buttons.undo, 'Undo', status?.undo ?? '', 'Ctrl+Z')
@@ -113,7 +127,7 @@ function panel(
   builder: Builder,
   view: () => SceneView | null,
   isPanelOpen: Observable<boolean>,
-  openFiles: OpenFiles,
+  files: Files,
 ): HTMLElement {
   return h(
     'aside',
@@ -121,7 +135,7 @@ function panel(
     selection(store, builder),
     pieces(store, builder, view, isPanelOpen),
     problems(store, builder),
-    start(store, builder, openFiles),
+    start(store, builder, files),
   )
 }
 
@@ -306,7 +320,7 @@ function problems(store: Store, builder: Builder): HTMLElement {
 }
 
 /** Maps of the simulator and files to start from. */
-function start(store: Store, builder: Builder, openFiles: OpenFiles): HTMLElement {
+function start(store: Store, builder: Builder, { userFiles, openFiles, mayDiscard }: Files): HTMLElement {
   const select = choice('build-template', (name) => name && void builder.use({ name }), {
     'aria-label': 'Start from a map',
   })
@@ -323,7 +337,18 @@ function start(store: Store, builder: Builder, openFiles: OpenFiles): HTMLElemen
     if (files.length > 0) void openFiles(files)
   })
   const open = h('button', { testid: 'build-open-file', onclick: () => file.click() }, 'Open a file')
-  return section('Start from', select, h('div', { class: 'row' }, open, file))
+  const own = choice('build-own', (name) => name && void openOwn(name), { 'aria-label': 'Open a file of the folder' })
+  const openOwn = async (name: string): Promise<void> => {
+    own.value = ''
+    if (!store.hasUnsavedEdits.value || (await mayDiscard())) await userFiles.open(name)
+  }
+  store.files.watch((files) => {
+    const titles = Object.entries(files ?? {}).map(([name, { kind, title }]) => [name, `${title || name} (${kind})`])
+    own.hidden = titles.length === 0
+    setOptions(own, { '': `Choose from the folder ${userFiles.folder}`, ...Object.fromEntries(titles) })
+    own.value = ''
+  })
+  return section('Start from', select, own, h('div', { class: 'row' }, open, file))
 }
 
 /** The problem without the advice for a file. */

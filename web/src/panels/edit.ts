@@ -7,7 +7,6 @@ import type { Store } from '../store'
 import { h, icon, setText } from './element'
 import { choice, labelled, section, setOptions } from './fields'
 import { ADD, DETAILS, REDO, REMOVE, SAVE, TURN_LEFT, TURN_RIGHT, UNDO } from './icons'
-import { saveScenario } from './save_dialog'
 import { sensors } from './sensors'
 
 const DEGREE = Math.PI / 180
@@ -17,9 +16,14 @@ const TURN = 15 * DEGREE
 const NARROW = 719
 
 /** The bar and the panel; they are shown in Edit mode. */
-export function edit(store: Store, editor: Editor, view: () => SceneView | null): HTMLElement[] {
+export function edit(
+  store: Store,
+  editor: Editor,
+  view: () => SceneView | null,
+  save: () => Promise<boolean>,
+): HTMLElement[] {
   const isPanelOpen = new Observable(innerWidth > NARROW)
-  const [buttons, details] = [bar(store, editor, view, isPanelOpen), panel(store, editor)]
+  const [buttons, details] = [bar(store, editor, view, isPanelOpen, save), panel(store, editor)]
   const show = (): void => {
     buttons.hidden = !store.isEditing.value
     details.hidden = !store.isEditing.value || !isPanelOpen.value
@@ -42,6 +46,7 @@ function bar(
   editor: Editor,
   view: () => SceneView | null,
   isPanelOpen: Observable<boolean>,
+  save: () => Promise<boolean>,
 ): HTMLElement {
   const turn = (angle: number) => {
     editor.shift(0, 0, angle)
@@ -58,13 +63,7 @@ function bar(
     right: barButton('edit-right', 'Turn right', TURN_RIGHT, 'Turn right by 15° (])', () => turn(-TURN), true),
     undo: barButton('edit-undo', 'Undo', UNDO, '', () => void editor.undo()),
     redo: barButton('edit-redo', 'Redo', REDO, '', () => void editor.redo()),
-    save: barButton(
-      'edit-save',
-      'Save as scenario',
-      SAVE,
-      'Download the scenario as a YAML file',
-      () => void saveScenario(store, editor),
-    ),
+    save: barButton('edit-save', 'Save as scenario', SAVE, 'Download the scenario as a YAML file', () => void save()),
     details: barButton(
       'edit-details',
       'Details',

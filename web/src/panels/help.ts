@@ -15,6 +15,9 @@ const NAMES: Record<string, string> = {
   Minus: '−',
   NumpadAdd: 'Num +',
   NumpadSubtract: 'Num −',
+  Digit1: '1',
+  Digit2: '2',
+  Digit3: '3',
 }
 
 /** Caps are separated by ' | '. */

@@ -9,6 +9,7 @@ import { bridge } from './bridge'
 import { h, setText } from './element'
 import { choice, labelled, row, section, segments, setOptions, state } from './fields'
 import { clock } from './hud_rows'
+import { rangeScale } from './range_scale'
 import { mayDiscard } from './save_dialog'
 import type { Theme } from './theme'
 import { savedTheme, setTheme } from './theme'
@@ -27,6 +28,8 @@ const QUALITIES: Record<Quality, string> = {
 const MAX_TICKS = 10000
 /** Speed: as fast as possible. */
 const MAX = 'max'
+/** Begins the names of scenarios of the user's folder. */
+const OWN = 'folder/'
 const SPEEDS = [
   ['0.25', '¼'],
   ['0.5', '½'],
@@ -177,9 +180,13 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
   async function load(name: string): Promise<void> {
     isLoading = select.disabled = true
     showText(error, '')
-    showText(note, `Loading ${scenarioTitle(name, store.welcome.value?.scenarios[name] ?? '')}…`)
+    const title = store.welcome.value?.scenarios[name] ?? store.files.value?.[name.slice(OWN.length)]?.title ?? ''
+    showText(note, `Loading ${scenarioTitle(name, title)}…`)
     try {
-      await connection.request({ type: 'LoadScenario', name })
+      const isOwn = name.startsWith(OWN)
+      await connection.request(
+        isOwn ? { type: 'OpenFile', name: name.slice(OWN.length) } : { type: 'LoadScenario', name },
+      )
     } catch (reason) {
       showText(error, sentence(reason))
     }
@@ -191,7 +198,10 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
     const scene = store.scene.value
     const titles = { ...(scene && { [scene.scenario]: scene.title }), ...store.welcome.value?.scenarios }
     const shown = Object.entries(titles).map(([name, title]) => [name, scenarioTitle(name, title)])
-    setOptions(select, Object.fromEntries(shown))
+    const own = Object.entries(store.files.value ?? {})
+      .filter(([name, { kind }]) => kind === 'scenario' && !scene?.scenario.endsWith(`/${name}`))
+      .map(([name, { title }]) => [OWN + name, `${scenarioTitle(name, title)} (${store.welcome.value?.folder})`])
+    setOptions(select, Object.fromEntries([...shown, ...own]))
     if (isLoading) return
     if (scene) select.value = scene.scenario
     const activity = store.status.value?.note
@@ -199,6 +209,7 @@ function scenario(store: Store, connection: Connection, save: () => Promise<bool
   }
 
   store.welcome.watch(show)
+  store.files.watch(show)
   store.scene.watch(show)
   store.status.watch((status) => (status?.note ? showText(note, sentence(status.note)) : show()))
   return section('Scenario', select, note, error)
@@ -217,7 +228,11 @@ function view(store: Store): HTMLElement {
   store.quality.watch((value) => (quality.value = value))
   const scan = h('input', { type: 'checkbox', testid: 'lidar', role: 'switch' })
   scan.addEventListener('change', () => (store.isScanShown.value = scan.checked))
-  store.isScanShown.watch((isShown) => (scan.checked = isShown))
+  const scale = rangeScale('Range of the LIDAR points', store.scanFarthest)
+  store.isScanShown.watch((isShown) => {
+    scan.checked = isShown
+    scale.hidden = !isShown
+  })
   const theme = segments<Theme>('theme', 'Theme', THEMES, (value) => {
     setTheme(value)
     theme.show(value)
@@ -227,6 +242,7 @@ function view(store: Store): HTMLElement {
     'View',
     labelled('Quality', quality),
     labelled('Show LIDAR scan', scan),
+    scale,
     h('div', { class: 'labelled' }, h('span', {}, 'Theme'), theme.element),
   )
 }

@@ -3,7 +3,7 @@
 
 import type { Scene } from '../messages'
 import { sceneUrl } from '../scene/assets'
-import { clamp } from '../scene/zoom'
+import { clamp } from '../scene/clamp'
 import type { Store } from '../store'
 import type { Trails } from '../trails'
 import { vehicleColour } from '../vehicle_colours'

@@ -1,23 +1,54 @@
 // The dialog that saves the edited scenario: its title and the name of its file.
 import type { Builder } from '../building/builder'
 import { linkWith } from '../building/map_files'
+import type { UserFiles } from '../building/user_files'
 import type { Editor } from '../editing/editor'
-import { scenarioTitle } from '../scenario_title'
+import { scenarioTitle, stem } from '../scenario_title'
 import type { Store } from '../store'
 import { h } from './element'
-import { ask } from './question'
+import { ask, type Choice } from './question'
 
 /** Added to the title of the scenario that was edited. */
 const EDITED = ' (edited)'
 
-/** Asks for title and name, then downloads the file; returns whether it was saved. */
-export async function saveScenario(store: Store, editor: Editor): Promise<boolean> {
+/** Asks for title and name, then downloads the file or saves it in the user's folder; returns whether it was saved. */
+export async function saveScenario(store: Store, editor: Editor, files: UserFiles): Promise<boolean> {
   const scene = store.scene.value
   const before = scene ? scenarioTitle(scene.scenario, scene.title) : ''
   const value = before.endsWith(EDITED) ? before : `${before}${EDITED}`
   const { fields, title, name } = named(value, editor.fileName)
-  const choice = await ask('save-dialog', 'Save as scenario', fields, [['save', 'Save', true]])
-  return choice === 'save' && editor.save(title.value.trim(), name.value.trim())
+  const choice = await ask('save-dialog', 'Save as scenario', fields, [...inFolder(files), ['save', 'Save', true]])
+  const named_ = [title.value.trim(), name.value.trim()] as const
+  if (choice === 'folder') return saveInFolder(files, 'scenario', ...named_)
+  return choice === 'save' && editor.save(...named_)
+}
+
+/** The choice to save in the user's folder, if there is one. */
+function inFolder({ folder }: UserFiles): Choice[] {
+  return folder ? [['folder', `Save in the folder ${folder}`]] : []
+}
+
+/** Saves in the folder; asks before a file there is replaced. */
+async function saveInFolder(files: UserFiles, kind: 'map' | 'scenario', title: string, name: string): Promise<boolean> {
+  const replaces = await files.has(name)
+  const text = `The folder ${files.folder} has a file ${stem(name)}.yaml already.`
+  const question = [h('p', {}, text)]
+  if (replaces && (await ask('replace-dialog', 'Replace the file?', question, [['replace', 'Replace']])) !== 'replace')
+    return false
+  return files.save({ kind, title, name, replaces })
+}
+
+/** Asks for the size of a pixel, then downloads picture and YAML file. */
+async function exportMap(store: Store, files: UserFiles, name: string): Promise<boolean> {
+  const isTrack = Boolean(store.scene.value?.track_scene)
+  const edge = h('input', {
+    ...{ type: 'number', testid: 'export-resolution', min: 0.001, max: 1, step: 'any', required: true },
+    value: isTrack ? 0.05 : 0.02,
+  })
+  const note = h('p', {}, 'A picture (PNG) and its YAML file for map_server of ROS: white is free, black is occupied.')
+  const field = h('label', { class: 'named' }, h('span', {}, 'Edge of a pixel [m]'), edge)
+  const choice = await ask('export-dialog', 'Export the map', [note, field], [['export', 'Export', true]])
+  return choice === 'export' && files.exportMap(name, Number(edge.value))
 }
 
 /** Asks whether unsaved edits may be lost. */
@@ -52,23 +83,33 @@ async function showLink(text: string): Promise<boolean> {
 }
 
 /** Asks for title and name, then downloads the map, or its scenario; returns whether it was saved. */
-export async function saveMap(builder: Builder, saveWithVehicles: () => Promise<boolean>): Promise<boolean> {
+export async function saveMap(
+  store: Store,
+  builder: Builder,
+  files: UserFiles,
+  saveWithVehicles: () => Promise<boolean>,
+): Promise<boolean> {
   const { fields, title, name } = named('My map', 'my_map')
   const problems = builder.problemCount
   const note =
     problems > 0 && h('p', {}, `${problems} problems are left. The file says that the map is a draft; it can be run.`)
-  const choices = [
+  const choices: Choice[] = [
     ['link', 'Link'],
+    ['export', 'Export for ROS'],
     ['scenario', 'Save as scenario'],
+    ...inFolder(files),
     ['map', 'Save the map', true],
-  ] as const
+  ]
   const choice = await ask('save-map', 'Save the map', [...fields, note], choices)
   if (choice === 'scenario') return saveWithVehicles()
   if (choice === 'link') {
     const text = await builder.text(title.value.trim())
     return text !== null && showLink(text)
   }
-  return choice === 'map' && builder.save(title.value.trim(), name.value.trim())
+  const named_ = [title.value.trim(), name.value.trim()] as const
+  if (choice === 'folder') return saveInFolder(files, 'map', ...named_)
+  if (choice === 'export') return exportMap(store, files, named_[1])
+  return choice === 'map' && builder.save(...named_)
 }
 
 /** Fields for the title and the name of a file. */

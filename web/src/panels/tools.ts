@@ -26,10 +26,16 @@ export function tools(store: Store, actions: Actions): HTMLElement {
     labelled('Small map', toggleSwitch('minimap-switch', 'Key Q', store.isMapOpen)),
     labelled('Describe the scene', toggleSwitch('describe-switch', DESCRIBE, store.isDescribed)),
     labelled('Driven lines', toggleSwitch('trails-switch', 'Key T', store.areTrailsShown)),
+    labelled('Collision shapes', toggleSwitch('shapes-switch', SHAPES, store.areShapesShown)),
+    labelled('Contact forces', toggleSwitch('forces-switch', FORCES, store.areForcesShown)),
+    labelled('Axes', toggleSwitch('axes-switch', AXES, store.areAxesShown)),
     labelled('Drawings of programs', toggleSwitch('drawings-switch', DRAWINGS, store.areDrawingsShown)),
   )
 }
 
+const SHAPES = 'What vehicles and movable boxes collide with, and fixed shapes near the vehicle (key 1)'
+const FORCES = 'Arrows for the forces of the ground on the wheels, and of collisions on the body (key 2)'
+const AXES = 'Axes of the vehicles and of their sensors: x red, y green, z blue (key 3)'
 const DRAWINGS = 'Points, lines and texts that programs draw into the scene'
 const DESCRIBE = 'Each second a line of text for screen readers: place, speed and nearest obstacle (key Y)'
 

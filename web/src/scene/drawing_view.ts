@@ -1,111 +1,19 @@
-// Points, lines and texts that programs draw into the scene, in one draw call.
-import {
-  BufferAttribute,
-  type BufferGeometry,
-  CanvasTexture,
-  GLSL3,
-  InstancedBufferAttribute,
-  InstancedBufferGeometry,
-  Mesh,
-  ShaderMaterial,
-  Vector2,
-  type WebGLRenderer,
-} from 'three'
-
+// Points, lines and texts that programs draw into the scene.
 import type { Drawing } from '../messages'
 import type { Store } from '../store'
+import { dot, letters, line, type Primitive, Strokes } from './strokes'
 
 /** The simulator draws no more points, lines and characters. */
 const MAX_PRIMITIVES = 10000
-/** Least width of a line and diameter of a point [pixels]. */
-const LEAST = 2
-/** Columns and rows of the image with the characters, and size of one [pixels]; characters beyond them are squares. */
-const [COLUMNS, ROWS, WIDTH, HEIGHT] = [32, 16, 32, 64]
-const [POINT, LINE, CHARACTER] = [0, 1, 2]
-const NO_CHARACTER = '\u25a1'
-
-const VERTEX = /* glsl */ `
-in vec3 begin;
-in vec3 end;
-in vec4 tint;
-in vec4 shape;  // kind, size [m], place in the text, number of the character
-uniform vec2 image;
-out vec4 shade;
-out vec2 place;
-flat out float kind;
-void main() {
-  shade = tint;
-  kind = shape.x;
-  place = position.xy;
-  vec3 a = (viewMatrix * vec4(begin, 1.0)).xyz;
-  vec3 b = (viewMatrix * vec4(end, 1.0)).xyz;
-  float near = -0.01;
-  if (kind == ${LINE}.0) {
-    // the part in front of the camera
-    if (a.z > near && b.z <= near) a = mix(b, a, (near - b.z) / (a.z - b.z));
-    if (b.z > near && a.z <= near) b = mix(a, b, (near - a.z) / (b.z - a.z));
-  }
-  vec3 seen = position.x > 0.0 ? b : a;
-  float pixel = 2.0 * max(-seen.z, 0.01) / (projectionMatrix[1][1] * image.y);
-  float half_size = 0.5 * max(shape.y, kind == ${CHARACTER}.0 ? 0.0 : ${LEAST}.0 * pixel);
-  vec2 offset = half_size * position.xy;
-  if (kind == ${LINE}.0) {
-    vec2 along = b.xy / max(-b.z, 0.01) - a.xy / max(-a.z, 0.01);
-    along = dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0);
-    offset = half_size * (position.x * along + position.y * vec2(-along.y, along.x));
-  } else if (kind == ${CHARACTER}.0) {
-    offset = half_size * vec2(0.5 * position.x + shape.z, position.y);
-    float number = shape.w;
-    place = vec2(mod(number, ${COLUMNS}.0), floor(number / ${COLUMNS}.0));
-    place = (place + vec2(0.5 + 0.5 * position.x, 0.5 - 0.5 * position.y)) / vec2(${COLUMNS}.0, ${ROWS}.0);
-  }
-  gl_Position = projectionMatrix * vec4(seen.xy + offset, seen.z, 1.0);
-  // in front of the ground that it lies on, also for a camera just above it
-  vec3 ray = normalize((vec4(seen, 0.0) * viewMatrix).xyz);
-  float lift = half_size / max(abs(ray.z), 0.1) + 0.004;
-  vec4 lifted = projectionMatrix * vec4(seen * max(1.0 - lift / length(seen), 0.1), 1.0);
-  gl_Position.z = lifted.z / lifted.w * gl_Position.w;
-  if (seen.z > near) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
-}
-`
-const FRAGMENT = /* glsl */ `
-uniform sampler2D characters;
-in vec4 shade;
-in vec2 place;
-flat in float kind;
-out vec4 pixel;
-void main() {
-  float far = kind == ${POINT}.0 ? length(place) : abs(place.y);
-  float cover = clamp((1.0 - far) / max(fwidth(far), 1e-4), 0.0, 1.0);
-  if (kind == ${CHARACTER}.0) cover = texture(characters, place).a;
-  pixel = vec4(shade.rgb, shade.a * cover);
-  if (pixel.a < 0.01) discard;
-}
-`
+/** The colour of a drawing without one. */
+const ORANGE: [number, number, number, number] = [1, 0.58, 0, 1]
 
 export class DrawingView {
-  readonly mesh: Mesh
-  private readonly geometry = new InstancedBufferGeometry()
-  private readonly characters = new Characters()
-  private readonly uniforms = { image: { value: new Vector2(1, 1) }, characters: { value: this.characters.texture } }
-  private readonly material = new ShaderMaterial({
-    ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3, uniforms: this.uniforms },
-    ...{ transparent: true, depthWrite: false },
-  })
+  private readonly strokes = new Strokes()
+  readonly mesh = this.strokes.mesh
   private changes = -1
   /** The simulated time at which the next drawing disappears [s]. */
   private next = Number.POSITIVE_INFINITY
-
-  constructor() {
-    const corners = new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0])
-    this.geometry.setAttribute('position', new BufferAttribute(corners, 3))
-    this.geometry.setIndex([0, 1, 2, 0, 2, 3])
-    this.mesh = new Mesh(this.geometry as BufferGeometry, this.material)
-    this.mesh.frustumCulled = false
-    this.mesh.renderOrder = 13
-    this.mesh.visible = false
-    this.mesh.onBeforeRender = (renderer) => this.fit(renderer)
-  }
 
   /** Shows the drawings of the store that have not disappeared yet. */
   update(store: Store): void {
@@ -114,100 +22,22 @@ export class DrawingView {
       this.changes = store.drawingChanges.value
       for (const [name, { until }] of store.drawings) if (until <= time) store.drawings.delete(name)
       this.next = Math.min(...[...store.drawings.values()].map(({ until }) => until), Number.POSITIVE_INFINITY)
-      this.fill([...store.drawings.values()].flatMap(({ drawing }) => drawing ?? []))
+      const all = [...store.drawings.values()].flatMap(({ drawing }) => (drawing ? primitives(drawing) : []))
+      this.strokes.fill(all.slice(0, MAX_PRIMITIVES))
     }
-    this.mesh.visible = store.areDrawingsShown.value && this.geometry.instanceCount > 0
+    this.mesh.visible = store.areDrawingsShown.value && this.strokes.count > 0
   }
 
   dispose(): void {
-    this.geometry.dispose()
-    this.material.dispose()
-    this.characters.texture.dispose()
-  }
-
-  private fill(drawings: readonly Drawing[]): void {
-    const all = drawings.flatMap((drawing) => this.primitives(drawing)).slice(0, MAX_PRIMITIVES)
-    this.geometry.dispose() // the attributes have other lengths
-    for (const [name, size] of [
-      ['begin', 3],
-      ['end', 3],
-      ['tint', 4],
-      ['shape', 4],
-    ] as const) {
-      const values = new Float32Array(size * all.length)
-      for (const [i, one] of all.entries()) values.set(one[name], size * i)
-      this.geometry.setAttribute(name, new InstancedBufferAttribute(values, size))
-    }
-    this.geometry.instanceCount = all.length
-  }
-
-  private primitives({ kind, points, text, color, size }: Drawing): Primitive[] {
-    const from = (begin: number[], end: number[], ...shape: number[]) => ({ begin, end, tint: color, shape })
-    if (kind === 'points') return points.map((point) => from(point, point, POINT, size, 0, 0))
-    if (kind === 'text') {
-      const letters = [...(text ?? '')]
-      return letters.map((letter, i) => {
-        const at = i - 0.5 * (letters.length - 1)
-        return from(points[0], points[0], CHARACTER, size ?? 0, at, this.characters.number(letter))
-      })
-    }
-    const step = kind === 'path' ? 1 : 2
-    const lines: Primitive[] = []
-    for (let i = 0; i + 1 < points.length; i += step) lines.push(from(points[i], points[i + 1], LINE, size ?? 0, 0, 0))
-    return lines
-  }
-
-  /** Sets the size of the image that is drawn. */
-  private fit(renderer: WebGLRenderer): void {
-    renderer.getDrawingBufferSize(this.uniforms.image.value)
-    this.material.uniformsNeedUpdate = true
+    this.strokes.dispose()
   }
 }
 
-/** What is drawn with one quad: points of the map [m], a colour, and the numbers of its kind. */
-interface Primitive {
-  begin: number[]
-  end: number[]
-  tint: number[]
-  shape: number[]
-}
-
-/** An image of the characters that were used. */
-class Characters {
-  readonly texture: CanvasTexture
-  private readonly numbers = new Map<string, number>()
-  private readonly context: CanvasRenderingContext2D | null
-
-  constructor() {
-    const canvas = document.createElement('canvas')
-    ;[canvas.width, canvas.height] = [COLUMNS * WIDTH, ROWS * HEIGHT]
-    this.context = canvas.getContext('2d')
-    this.texture = new CanvasTexture(canvas)
-    this.texture.flipY = false
-    this.number(NO_CHARACTER)
-  }
-
-  /** The number of a character in the image. */
-  number(letter: string): number {
-    const known = this.numbers.get(letter)
-    if (known !== undefined) return known
-    const number = this.numbers.size
-    if (number >= COLUMNS * ROWS) return 0
-    this.numbers.set(letter, number)
-    if (this.context) {
-      const [x, y] = [(number % COLUMNS) * WIDTH, Math.floor(number / COLUMNS) * HEIGHT]
-      this.context.save()
-      this.context.beginPath()
-      this.context.rect(x, y, WIDTH, HEIGHT)
-      this.context.clip()
-      this.context.font = `600 ${0.8 * HEIGHT}px ui-monospace, monospace`
-      this.context.textAlign = 'center'
-      this.context.textBaseline = 'middle'
-      this.context.fillStyle = '#fff'
-      this.context.fillText(letter, x + WIDTH / 2, y + HEIGHT / 2, WIDTH)
-      this.context.restore()
-    }
-    this.texture.needsUpdate = true
-    return number
-  }
+function primitives({ kind, points, text = '', color = ORANGE, size = 0 }: Drawing): Primitive[] {
+  if (kind === 'points') return points.map((point) => dot(point, color, size))
+  if (kind === 'text') return letters(text, points[0], color, size)
+  const step = kind === 'path' ? 1 : 2
+  const lines: Primitive[] = []
+  for (let i = 0; i + 1 < points.length; i += step) lines.push(line(points[i], points[i + 1], color, size))
+  return lines
 }

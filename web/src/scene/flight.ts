@@ -1,7 +1,6 @@
 // The fly camera: its place in the map, and how keys, pads and dragging move it.
-import { MathUtils } from 'three'
-
 import type { Fly, FlyInput, Store } from '../store'
+import { clamp } from './clamp'
 
 /** Speed [m/s] and rate of turning [rad/s] of a held key; with Shift they are multiplied. */
 const SPEED = 1.5
@@ -48,8 +47,8 @@ function lookedAside(fly: Fly, left: number, up: number): Fly {
 export function within({ x, y, z, azimuth, elevation }: Fly): Fly {
   const once = azimuth - 2 * Math.PI * Math.round(azimuth / (2 * Math.PI))
   return {
-    ...{ x: MathUtils.clamp(x, ...EXTENT), y: MathUtils.clamp(y, ...EXTENT), z: MathUtils.clamp(z, ...HEIGHT) },
-    ...{ azimuth: once, elevation: MathUtils.clamp(elevation, ...ELEVATION) },
+    ...{ x: clamp(x, EXTENT), y: clamp(y, EXTENT), z: clamp(z, HEIGHT) },
+    ...{ azimuth: once, elevation: clamp(elevation, ELEVATION) },
   }
 }
 

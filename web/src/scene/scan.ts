@@ -1,4 +1,4 @@
-// The LIDAR scan of the selected vehicle in the scene: its points and a transparent fan.
+// The LIDAR scan of the selected vehicle in the scene: its points, coloured by range, and a transparent fan.
 import {
   BufferAttribute,
   BufferGeometry,
@@ -14,7 +14,10 @@ import {
 } from 'three'
 
 import type { LidarScan, Pose } from '../messages'
+import type { Observable } from '../observable'
+import { niceStep } from '../panels/scales'
 import { type MotionInterpolator, type PlacedObject, quaternion } from './motion'
+import { TURBO } from './turbo'
 
 const COLOR = 'vec3(0.30, 0.86, 1.0)'
 /** Diameter of a point [CSS pixels]. */
@@ -22,9 +25,19 @@ const SIZE = 5
 /** Distance by which a point is drawn nearer to the camera than it is [m]. */
 const LIFT = 0.004
 
+/** Part of the distance of the colours below which they are adapted to nearer points. */
+const SHRINK = 0.35
+
 const VERTEX = /* glsl */ `
 uniform float size;
+uniform float farthest;
+uniform vec3 turbo[${TURBO.length}];
+in float range;
+out vec3 shade;
 void main() {
+  float step = clamp(range / farthest, 0.0, 1.0) * ${(TURBO.length - 1).toFixed(1)};
+  int below = min(int(step), ${TURBO.length - 2});
+  shade = mix(turbo[below], turbo[below + 1], step - float(below));
   vec3 seen = (viewMatrix * vec4(position, 1.0)).xyz;
   seen -= ${LIFT} * normalize(seen);  // in front of the surface it lies on
   gl_Position = projectionMatrix * vec4(seen, 1.0);
@@ -33,11 +46,12 @@ void main() {
 `
 const FRAGMENT = /* glsl */ `
 uniform float brightness;
+in vec3 shade;
 out vec4 pixel;
 void main() {
   float far = length(gl_PointCoord - 0.5) * 2.0;
   if (far > 1.0) discard;
-  pixel = vec4(${COLOR}, brightness * smoothstep(1.0, 0.6, far));
+  pixel = vec4(shade, mix(1.0, brightness, 0.5) * smoothstep(1.0, 0.6, far));
 }
 `
 /** Radius within which the fan fades out [m]; a larger one would tint the whole image. */
@@ -70,7 +84,14 @@ export class ScanView {
   private readonly center = new Vector3()
   private readonly pointMaterial = new ShaderMaterial({
     ...{ vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3 },
-    ...{ uniforms: { size: { value: SIZE }, brightness: this.brightness } },
+    ...{
+      uniforms: {
+        size: { value: SIZE },
+        brightness: this.brightness,
+        farthest: { value: 1 },
+        turbo: { value: COLOURS },
+      },
+    },
     ...{ transparent: true, depthWrite: false },
   })
   private readonly fanMaterial = new ShaderMaterial({
@@ -80,7 +101,8 @@ export class ScanView {
   })
   private shown: LidarScan | null = null
 
-  constructor() {
+  /** `farthest` [m] is set to the range at which the colours end. */
+  constructor(private readonly farthest: Observable<number>) {
     for (const [thing, order] of [
       [new Mesh(this.fan, this.fanMaterial), 20],
       [new Points(this.points, this.pointMaterial), 21],
@@ -118,7 +140,9 @@ export class ScanView {
   private update(scan: LidarScan, mount: Pose, begin: PlacedObject, end: PlacedObject): void {
     const n = scan.ranges.length
     const points = attribute(this.points, n)
+    const ranges = attribute(this.points, n, 'range', 1)
     const fan = attribute(this.fan, 3 * n)
+    this.fitColours(scan)
     const [mx, my, mz] = mount.position
     quaternion(mount, turn)
     let hits = 0
@@ -142,6 +166,7 @@ export class ScanView {
         fan.setXYZ(corners++, points.getX(hits - 1), points.getY(hits - 1), points.getZ(hits - 1))
         fan.setXYZ(corners++, hit.x, hit.y, hit.z)
       }
+      ranges.setX(hits, range)
       points.setXYZ(hits++, hit.x, hit.y, hit.z)
       isOpen = true
     }
@@ -153,7 +178,16 @@ export class ScanView {
     this.center.copy(center)
     this.points.setDrawRange(0, hits)
     this.fan.setDrawRange(0, corners)
-    points.needsUpdate = fan.needsUpdate = true
+    points.needsUpdate = ranges.needsUpdate = fan.needsUpdate = true
+  }
+
+  /** Lets the colours end at a round distance beyond all points, which does not change with each scan. */
+  private fitColours(scan: LidarScan): void {
+    let far = 0
+    for (const range of scan.ranges) if (Number.isFinite(range) && range > far) far = range
+    const { value: now } = this.farthest
+    if (far > now || far < SHRINK * now) this.farthest.value = far > 0 ? niceStep(far) : now
+    this.pointMaterial.uniforms.farthest.value = this.farthest.value || 1
   }
 
   dispose(): void {
@@ -161,17 +195,18 @@ export class ScanView {
   }
 }
 
-/** The positions of a geometry with at least `count` points. */
-function attribute(geometry: BufferGeometry, count: number): BufferAttribute {
-  const known = geometry.getAttribute('position') as BufferAttribute | undefined
+/** An attribute of a geometry with at least `count` points. */
+function attribute(geometry: BufferGeometry, count: number, name = 'position', size = 3): BufferAttribute {
+  const known = geometry.getAttribute(name) as BufferAttribute | undefined
   if (known && known.count >= count) return known
   geometry.dispose()
-  const made = new BufferAttribute(new Float32Array(3 * count), 3)
+  const made = new BufferAttribute(new Float32Array(size * count), size)
   made.setUsage(DynamicDrawUsage)
-  geometry.setAttribute('position', made)
+  geometry.setAttribute(name, made)
   return made
 }
 
+const COLOURS = TURBO.map(([red, green, blue]) => new Vector3(red, green, blue))
 const first: PlacedObject = { position: new Vector3(), orientation: new Quaternion() }
 const last: PlacedObject = { position: new Vector3(), orientation: new Quaternion() }
 const pose: PlacedObject = { position: new Vector3(), orientation: new Quaternion() }

@@ -10,6 +10,7 @@ import { EditCamera } from './edit_camera'
 import { type Asset, loadAsset } from './glb'
 import { drawLabels, Labels } from './labels'
 import { MotionInterpolator } from './motion'
+import { OverlayView } from './overlay_view'
 import { showPreview } from './preview'
 import { type Profile, QualityChoice } from './quality'
 import { RemoteImage } from './remote_image'
@@ -70,10 +71,11 @@ class View implements SceneView {
   private readonly motion = new MotionInterpolator()
   private readonly viewpoints: Viewpoints
   private readonly editCamera: EditCamera
-  private readonly scan = new ScanView()
+  private readonly scan: ScanView
   private readonly labels: Labels
   private readonly trailView = new TrailView()
   private readonly drawingView = new DrawingView()
+  private readonly overlayView = new OverlayView()
   private readonly remote: RemoteImage
   private readonly choice: QualityChoice
   private readonly assets = new Map<string, Asset>()
@@ -99,6 +101,7 @@ class View implements SceneView {
     this.profile = this.choice.profile(store.quality.value)
     this.viewpoints = new Viewpoints(canvas, store)
     this.labels = new Labels(canvas)
+    this.scan = new ScanView(store.scanFarthest)
     this.editCamera = new EditCamera(canvas)
     this.remote = new RemoteImage(canvas)
     this.remote.onImage = () => this.countStreamed()
@@ -190,6 +193,7 @@ class View implements SceneView {
     this.labels.dispose()
     this.trailView.dispose()
     this.drawingView.dispose()
+    this.overlayView.dispose()
     this.viewpoints.dispose()
     this.editCamera.dispose()
     this.remote.dispose()
@@ -267,7 +271,7 @@ class View implements SceneView {
     const { scene } = this
     if (!scene || !this.assets.has(scene.model)) return
     this.world = new World(scene, this.assets, this.profile)
-    this.world.scene.add(this.scan.group, this.trailView.mesh, this.drawingView.mesh)
+    this.world.scene.add(this.scan.group, this.trailView.mesh, this.drawingView.mesh, this.overlayView.group)
     this.resize()
     this.choice.restart(performance.now() / 1000)
   }
@@ -361,6 +365,7 @@ class View implements SceneView {
     this.scan.show(scan, followed, spec.lidar, motion)
     this.trailView.update(scene, this.trails, store.areTrailsShown.value, state.isDay)
     this.drawingView.update(store)
+    this.overlayView.update(store, state, vehicle)
     this.draw = () => renderer.render(world, viewpoints.camera, state, followed, 0)
     renderer.render(world, viewpoints.camera, state, followed, dt)
     this.images++

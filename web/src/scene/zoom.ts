@@ -1,6 +1,7 @@
 // The mouse wheel zooms every camera in the same direction: up is nearer.
 import type { Scene } from '../messages'
 import type { Store } from '../store'
+import { clamp } from './clamp'
 import { flownNearer } from './flight'
 
 /** Change of the distance or of the focal length by a click of the mouse wheel. */
@@ -44,8 +45,4 @@ export function heightAfter(scene: Scene, height: number, clicks: number): numbe
   const spec = scene.scene_cameras["Bird's Eye"]
   const next = Math.round((height - spec.step * clicks) * 1e6) / 1e6
   return clamp(next, [spec.lowest, spec.highest])
-}
-
-export function clamp(value: number, [low, high]: readonly [number, number]): number {
-  return Math.min(Math.max(value, low), high)
 }

@@ -73,6 +73,11 @@ class Broadcast:
             client.offer(self.encoded.latest, (), self._loop.time())
         client.on_drawings()
 
+    def watch_contacts(self) -> None:
+        """Let the World report contact forces if a client wants them."""
+        if self._world is not None:
+            self._world.watch_contacts(any(client.subscription.contacts for client in self._clients))
+
     def _take_items(self) -> None:
         for item in self.queue.take():
             if self._loading is not None:
@@ -106,6 +111,7 @@ class Broadcast:
 
     def _send(self, update: FrameUpdate) -> None:
         self.encoded.latest = update.frame
+        self.encoded.contact_forces = update.world.contact_forces
         now = self._loop.time()
         self.remote_views.offer(update.frame, now)
         is_early = False
@@ -134,7 +140,7 @@ class Broadcast:
             new = immutable_files(loaded.files, "scene")
             self.files = self._scene_files_now | new  # a client may still be loading the previous scene
             self._scene_files_now = new
-            self.encoded.set_scene(loaded.scene)
+            self.encoded.set_scene(loaded.scene, world)
         except Exception:
             log.exception("server: the scene files cannot be loaded; clients get no scene")
         try:
@@ -142,7 +148,10 @@ class Broadcast:
         except Exception:
             log.exception("server: the scene cameras cannot be started; clients get no images of them")
         self.note = ""
+        if self._world is not None:
+            self._world.watch_contacts(False)
         self._world = world
+        self.watch_contacts()
         for client in self._clients:
             client.on_scene_change()
         self._loading = None

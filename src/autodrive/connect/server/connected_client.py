@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from autodrive.protocol.codec import encode
 from autodrive.protocol.messages import Event, Frame
-from autodrive.protocol.native import Drawn, Error, Response, Scan, Scene, Subscribe
+from autodrive.protocol.native import ContactForces, Drawn, Error, Response, Scan, Scene, Subscribe
+from autodrive.protocol.own_files import OwnFile
 from autodrive.protocol.replay import Curve
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ MAX_REPLIES, MAX_UNSENT = 200, 2**24
 """Responses and Errors that wait for a client, and their size [bytes]; a client that lets more wait is disconnected."""
 
 NO_CURVES: dict[str, Curve] = {}
+NO_FILES: dict[str, OwnFile] = {}
 
 Send = Callable[[bytes], Awaitable[None]]
 
@@ -46,6 +48,8 @@ class ConnectedClient:
         self._replies: deque[tuple[bytes, Frame | None]] = deque()
         self._unsent = 0
         self._sent_scene: Scene | None = None
+        self._sent_shapes: Scene | None = None
+        self._sent_contacts: dict[str, ContactForces] = {}
         self._status: bytes | None = None
         self._rendered: bytes | None = None
         self._sent_frame: Frame | None = None
@@ -68,9 +72,17 @@ class ConnectedClient:
         """Queue an Error."""
         self._add_reply(encode(error), None)
 
-    def respond(self, id: int, frame: Frame, text: str = "", curves: dict[str, Curve] = NO_CURVES) -> None:
+    def respond(
+        self,
+        id: int,
+        frame: Frame,
+        text: str = "",
+        curves: dict[str, Curve] = NO_CURVES,
+        files: dict[str, OwnFile] = NO_FILES,
+        picture: bytes = b"",
+    ) -> None:
         """Queue the Response to a request; its Frame holds all events since the last Frame sent."""
-        response = Response(id, self._encoded.streamed(frame, self._take_events()), text, curves)
+        response = Response(id, self._encoded.streamed(frame, self._take_events()), text, curves, files, picture)
         self._sent_frame = frame
         self._is_frame_due = False
         self._add_reply(encode(response), frame)
@@ -93,8 +105,8 @@ class ConnectedClient:
         self._wake.set()
 
     def on_drawings(self) -> None:
-        """Send the drawings that are new, if it wants them."""
-        if self.subscription.drawings:
+        """Send the drawings that are new, and the shapes, if it wants them."""
+        if self.subscription.drawings or self.subscription.shapes:
             self._wake.set()
 
     def on_scene_change(self) -> None:
@@ -151,6 +163,9 @@ class ConnectedClient:
                 rendered, self._rendered = self._rendered, None
                 await send(rendered)
             if self._encoded.scene is scene:
+                if self.subscription.shapes and scene is not self._sent_shapes:
+                    self._sent_shapes = scene
+                    await send(self._encoded.shapes_bytes())
                 await self._send_drawings(send)
                 await self._send_frame(send)
 
@@ -178,6 +193,10 @@ class ConnectedClient:
             if rate:
                 now = asyncio.get_running_loop().time()
                 self._next_frame = max(self._next_frame + 1.0 / rate, now - 0.5 / rate)
+            forces = self._encoded.contact_forces
+            if self.subscription.contacts and forces is not self._sent_contacts:
+                self._sent_contacts = forces
+                await send(self._encoded.contacts_bytes())
             await send(self._encoded.frame_bytes(latest, self._take_events()))
 
     async def _send_readings(self, frame: Frame, send: Send) -> None:

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 from autodrive.protocol.codec import encode, streamed
 from autodrive.protocol.messages import CameraImage, Event, Frame, LidarScan
-from autodrive.protocol.native import Drawn, Picture, Scan, Scene, Subscribe
+from autodrive.protocol.native import ContactForces, Contacts, Drawn, Picture, Scan, Scene, Subscribe
+from autodrive.world.contacts import shapes_of
 
 if TYPE_CHECKING:
     from autodrive.graphics.cameras.jpeg import JpegEncoder
+    from autodrive.world import World
 
 MIN_WIDTH = 16
 """Smallest width of a picture [pixels]."""
@@ -26,6 +28,9 @@ class EncodedFrames:
         self.latest: Frame | None = None
         self.scene_bytes = b""
         self.drawings: dict[str, Drawn] = {}
+        self.contact_forces: dict[str, ContactForces] = {}
+        self._shapes: tuple[Scene | None, bytes] = None, b""
+        self._contacts: tuple[dict[str, ContactForces], bytes] = {}, b""
         self.has_pictures = jpeg_encoder is not None
         self._jpeg_encoder = jpeg_encoder
         self._streamed: tuple[Frame | None, Frame | None] = None, None
@@ -35,9 +40,10 @@ class EncodedFrames:
         self._drawn: dict[str, tuple[Drawn, bytes]] = {}
         self._pictures: dict[tuple[str, str], tuple[CameraImage, dict[tuple[int, int], bytes]]] = {}
 
-    def set_scene(self, scene: Scene) -> None:
+    def set_scene(self, scene: Scene, world: World) -> None:
         """Replace the Scene and discard the scans and pictures of the previous one."""
         self.scene = scene
+        self._world = world
         self.scene_bytes = encode(scene)
         self._scans.clear()
         self._pictures.clear()
@@ -66,6 +72,18 @@ class EncodedFrames:
         if known is None or known[0] is not scan.scan:
             known = self._scans[scan.vehicle] = scan.scan, encode(scan)
         return known[1]
+
+    def shapes_bytes(self) -> bytes:
+        """The encoded collision shapes of the Scene."""
+        if self._shapes[0] is not self.scene:
+            self._shapes = self.scene, encode(shapes_of(self._world.compiled))
+        return self._shapes[1]
+
+    def contacts_bytes(self) -> bytes:
+        """The encoded contact forces."""
+        if self._contacts[0] is not self.contact_forces:
+            self._contacts = self.contact_forces, encode(Contacts(self.contact_forces))
+        return self._contacts[1]
 
     def set_drawings(self, drawings: dict[str, Drawn]) -> bool:
         """Replace the drawings; whether they are others."""

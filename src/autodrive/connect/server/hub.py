@@ -113,7 +113,9 @@ class Hub:
             return
         scope[IS_CLIENT] = True
         client = ConnectedClient(self._free_name(hello.name), self.broadcast.encoded, scope.get(ABORT, lambda: None))
-        await send_bytes(encode(Welcome(PROTOCOL, __version__, client.name, dict(self._served.scenarios))))
+        served = self._served
+        welcome = Welcome(PROTOCOL, __version__, client.name, dict(served.scenarios), served.own_files.folder)
+        await send_bytes(encode(welcome))
         await self._serve_client(client, receive, send, send_bytes)
 
     def _has_room(self) -> bool:
@@ -143,6 +145,7 @@ class Hub:
             self._requests.forget(client)
             self.broadcast.remote_views.forget(client)
             self._update_wanted_pictures()
+            self.broadcast.watch_contacts()
             self._send_status_soon()
             with contextlib.suppress(asyncio.CancelledError, Exception):
                 await sending
@@ -187,6 +190,7 @@ class Hub:
     def _subscribe(self, client: ConnectedClient, subscription: Subscribe) -> None:
         client.subscribe(subscription)
         self._update_wanted_pictures()
+        self.broadcast.watch_contacts()
         self.broadcast.offer_latest(client)
 
     def _update_wanted_pictures(self) -> None:

@@ -28,9 +28,10 @@ from autodrive.protocol.messages import (
     UseMap,
 )
 from autodrive.protocol.native import ConnectBridge, DisconnectBridge, Error, Request, SetCamera
-from autodrive.protocol.own_files import ImportTrack
+from autodrive.protocol.own_files import ExportMap, ImportTrack, ListFiles, OpenFile, OwnFile, SaveFile
 from autodrive.protocol.replay import Curve, PlotRecording, SaveRecording, StartRecording, StopRecording
 from autodrive.world.editing.edits import edited
+from autodrive.world.editing.map_export import exported_map
 from autodrive.world.editing.track_edits import imported_track
 from autodrive.world.placement import warnings_about
 
@@ -56,6 +57,9 @@ OF_SERVER = (
     StopRecording,
     SaveRecording,
     PlotRecording,
+    ListFiles,
+    SaveFile,
+    ExportMap,
 )
 """Operations of the server; all others are operations of the simulation, which executes one at a time."""
 LEAST_WORK = {ConnectBridge: 0.05, SetCamera: 0.004, StartRecording: 0.05}
@@ -68,6 +72,8 @@ class Answer(NamedTuple):
 
     text: str = ""
     curves: dict[str, Curve] = {}  # noqa: RUF012  nobody changes it
+    files: dict[str, OwnFile] = {}  # noqa: RUF012  nobody changes it
+    picture: bytes = b""
 
 
 NO_ANSWER = Answer()
@@ -112,6 +118,7 @@ class Requests:
         self._scenarios = served.scenarios
         self._recording = served.recording
         self._replay = served.replay
+        self._own_files = served.own_files
         self._refusal = served.refusal
         self._recording_lock = asyncio.Lock()
         self._prepare_scene = prepare_scene
@@ -203,12 +210,14 @@ class Requests:
                     self._start(turn, lambda: _no_answer(self._bridge.disconnect()))
                 case StartRecording() | StopRecording() | SaveRecording() as operation:
                     self._start(turn, lambda: self._record(operation))
+                case ListFiles() | SaveFile() | ExportMap() as operation:
+                    self._start(turn, lambda: asyncio.to_thread(self._file_answer, operation))
                 case PlotRecording() as plot:
                     self._start(turn, lambda: self._plot(plot))
                 case SetCamera() as view:
                     self._remote_views.set_view(turn.client, view, self._clock())
                     self._respond(turn, self._simulation.frame)
-                case LoadScenario() | AddBox() | ImportTrack() as operation:
+                case LoadScenario() | AddBox() | ImportTrack() | OpenFile() as operation:
                     self._is_busy = True
                     if isinstance(operation, LoadScenario):
                         self.note = f"loading the scenario {self._scenarios[operation.name] or operation.name}"
@@ -223,7 +232,7 @@ class Requests:
     def _respond(self, turn: Turn, frame: Frame, answer: Answer = NO_ANSWER) -> None:
         for one in (turn, *turn.older):
             for id in one.entry.ids:
-                one.client.respond(id, frame, answer.text, answer.curves)
+                one.client.respond(id, frame, *answer)
         self._end(turn)
 
     def _refuse(self, turn: Turn, error: BaseException) -> None:
@@ -260,25 +269,28 @@ class Requests:
             return ""
         return f"scenario '{operation.name}' is not known. {suggest(operation.name, list(self._scenarios))}"
 
-    async def _submit_prepared(self, turn: Turn, operation: LoadScenario | AddBox | ImportTrack) -> None:
+    async def _submit_prepared(self, turn: Turn, operation: LoadScenario | AddBox | ImportTrack | OpenFile) -> None:
         """Make what takes long while time goes on in the present World, then pass the operation to the simulation."""
         try:
             self._submit(turn, *await asyncio.to_thread(self._prepare, operation))
         except Exception as error:
             self._refuse(turn, error)
 
-    def _prepare(self, operation: LoadScenario | AddBox | ImportTrack) -> tuple[Operation, str]:
+    def _prepare(self, operation: Operation | ImportTrack | OpenFile) -> tuple[Operation, str]:
         """Make a World and its scene, the mesh of a box, or a track; the first one takes seconds.
 
         Returns the operation of the simulation, and warnings. Raises `AutodriveError`.
         """
+        if self._replay is not None:  # it refuses them
+            return operation if isinstance(operation, LoadScenario | AddBox) else UseMap("a file"), ""
         if isinstance(operation, ImportTrack):
-            # the replay refuses the edit
-            return imported_track(operation) if self._replay is None else (UseMap("track"), "")
+            return imported_track(operation)
+        if isinstance(operation, OpenFile):
+            operation = self._own_files.opened(operation, self._simulation.world)
         if isinstance(operation, LoadScenario):
             if world := self._simulation.prepare(operation.name):
                 self._prepare_scene(world)
-        elif self._replay is None:
+        elif isinstance(operation, AddBox):
             from autodrive.world.scene_files import box_file  # noqa: PLC0415  imports what draws meshes
 
             world = self._simulation.world
@@ -376,6 +388,19 @@ class Requests:
                     return Answer(await asyncio.to_thread(self._recording.stop))
                 case SaveRecording():
                     return Answer(await asyncio.to_thread(self._recording.save))
+
+    def _file_answer(self, operation: ListFiles | SaveFile | ExportMap) -> Answer:
+        """In another thread: the world that it sees is the present one."""
+        match operation:
+            case ListFiles():
+                return Answer(files=self._own_files.listed())
+            case SaveFile(name=name, kind=kind, title=title, replaces=replaces):
+                simulation = self._simulation
+                text = simulation.map_text(title) if kind == "map" else simulation.scenario_text(title)
+                return Answer(self._own_files.save(name, text, replaces=replaces))
+            case ExportMap(name=name, resolution=resolution):
+                text, picture = exported_map(self._simulation.world.map, name, resolution)
+                return Answer(text, picture=picture)
 
     async def _plot(self, request: PlotRecording) -> Answer:
         if self._replay is None:

@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from autodrive.base.errors import AutodriveError
+from autodrive.protocol.messages import LoadScenario, UseMap
 from autodrive.protocol.replay import Curve, PlotRecording, RecordingStatus
 
 if TYPE_CHECKING:
@@ -14,9 +15,13 @@ if TYPE_CHECKING:
     from autodrive.graphics.cameras.jpeg import JpegEncoder
     from autodrive.graphics.cameras.scene_views import SceneViews
     from autodrive.protocol.native import Drive, ServerOperation
+    from autodrive.protocol.own_files import OpenFile, OwnFile
     from autodrive.world import World
     from autodrive.world.scene_files import SceneFiles
     from autodrive.world.simulation.paced import Paced
+
+
+NO_FOLDER = "this simulator has no folder for files of the user; start it with: autodrive run --folder FOLDER"
 
 
 class Replayed(Protocol):
@@ -56,6 +61,30 @@ class RecordingControl:
         raise AutodriveError("nothing is recorded")
 
 
+class OwnFiles:
+    """The files of the user that clients open and save; this one has none. The methods are called in other threads.
+
+    All raise `AutodriveError`.
+    """
+
+    folder: str = ""
+    """Name of the folder; empty: there is none."""
+
+    def listed(self) -> dict[str, OwnFile]:
+        """The files of the folder, by name."""
+        raise AutodriveError(NO_FOLDER)
+
+    def opened(self, operation: OpenFile, world: World) -> LoadScenario | UseMap:
+        """The operation that opens a file or text beside the present World."""
+        if not operation.text:
+            raise AutodriveError(NO_FOLDER)
+        return UseMap(text=operation.text)
+
+    def save(self, name: str, text: str, *, replaces: bool) -> str:
+        """Write NAME.yaml, and return its name; a file that is there stays unless `replaces`."""
+        raise AutodriveError(NO_FOLDER)
+
+
 def scene_renderer_factory(quality: str = "auto") -> Callable[[World], SceneViews]:
     """A factory of renderers with that quality; the renderer is imported when the first one starts."""
 
@@ -93,6 +122,8 @@ class Served:
     """Starts the process that renders the scene cameras of a World."""
     recording: RecordingControl = field(default_factory=RecordingControl)
     """Makes recordings on request."""
+    own_files: OwnFiles = field(default_factory=OwnFiles)
+    """Opens and saves the files of the user."""
     replay: Replayed | None = None
     """The recording that `simulation`, a Player, shows; None: it is a Simulation."""
     refusal: Callable[[ServerOperation | Drive], str] = lambda message: ""

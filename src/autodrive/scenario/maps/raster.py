@@ -77,14 +77,18 @@ def write_occupancy(map_: Map, folder: Path, resolution: float = 0.01, *, free: 
     """Write NAME.png and NAME.yaml for map_server of ROS; returns the path of the YAML file."""
     make_folder(folder)
     write_file(folder / f"{map_.name}.png", encode_png(occupancy(map_, resolution, free=free)))
-    x, y = map_.bounds[:2]
     path = folder / f"{map_.name}.yaml"
-    write_file(
-        path,
-        f"image: {map_.name}.png\nmode: trinary\nresolution: {resolution:g}\norigin: [{x:.9g}, {y:.9g}, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-    )
+    write_file(path, sheet(map_, map_.name, resolution))
     return path
+
+
+def sheet(map_: Map, name: str, resolution: float) -> str:
+    """The YAML file of the picture NAME.png."""
+    x, y = map_.bounds[:2]
+    return (
+        f"image: {name}.png\nmode: trinary\nresolution: {resolution:g}\norigin: [{x:.9g}, {y:.9g}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
 
 
 def labels(map_: Map, resolution: float = 0.01) -> NDArray[np.uint8]:

@@ -172,11 +172,7 @@ def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> lis
     In the map, the gaps between ducts are closed.
     """
     make_folder(folder)
-    right, left = (shapely.Polygon(edge).buffer(0) for edge in track.edges)
-    free = shapely.symmetric_difference(right, left)
-    if track.walls:
-        free = functools.reduce(shapely.symmetric_difference, map(shapely.Polygon, track.walls))
-    solid = shapely.difference(shapely.buffer(free, max(track.barrier.width, 2.0 * resolution)), free)
+    solid, free = solid_and_free(track, resolution)
     paths = [write_ros_map(folder, track.name, solid, free, resolution=resolution)]
     paths.append(folder / f"{track.name}_centerline.csv")
     write_centre_line(paths[-1], track.centre_line)
@@ -184,6 +180,15 @@ def export_track(track: Track, folder: Path, *, resolution: float = 0.05) -> lis
         paths.append(folder / f"{track.name}_raceline.csv")
         write_race_line(paths[-1], track.race_line)
     return paths
+
+
+def solid_and_free(track: Track, resolution: float) -> tuple[BaseGeometry, BaseGeometry]:
+    """The barriers without gaps, at least two pixels of `resolution` [m] thick, and the area between them."""
+    right, left = (shapely.Polygon(edge).buffer(0) for edge in track.edges)
+    free = shapely.symmetric_difference(right, left)
+    if track.walls:
+        free = functools.reduce(shapely.symmetric_difference, map(shapely.Polygon, track.walls))
+    return shapely.difference(shapely.buffer(free, max(track.barrier.width, 2.0 * resolution)), free), free
 
 
 def _walls(

@@ -115,10 +115,19 @@ def _occupancy(spec: RosMapSpec, grey: Floats) -> Floats:
 def write_ros_map(
     folder: Path, name: str, solid: BaseGeometry, free: BaseGeometry, *, resolution: float, margin: float = 0.5
 ) -> Path:
-    """Write NAME_map.png and NAME_map.yaml; pixels whose centre is neither in `solid` nor in `free` are unknown.
+    """Write NAME_map.png and NAME_map.yaml, as `drawn` returns them; the path of the YAML file."""
+    text, picture = drawn(f"{name}_map", solid, free, resolution=resolution, margin=margin)
+    make_folder(folder)
+    write_file(folder / f"{name}_map.png", picture)
+    path = folder / f"{name}_map.yaml"
+    write_file(path, text)
+    return path
 
-    Returns the path of the YAML file.
-    """
+
+def drawn(
+    name: str, solid: BaseGeometry, free: BaseGeometry, *, resolution: float, margin: float = 0.5
+) -> tuple[str, bytes]:
+    """The YAML file of NAME.png, and that picture; pixels whose centre is neither in `solid` nor `free` are unknown."""
     x0, y0, x1, y1 = solid.bounds
     x0, y0 = (math.floor((low - margin) / resolution) * resolution for low in (x0, y0))
     columns, rows = math.ceil((x1 + margin - x0) / resolution), math.ceil((y1 + margin - y0) / resolution)
@@ -127,12 +136,8 @@ def write_ros_map(
     for area, value in ((free, FREE), (solid, OCCUPIED)):
         shapely.prepare(area)
         image[shapely.intersects_xy(area, x, y)] = value
-    make_folder(folder)
-    write_file(folder / f"{name}_map.png", encode_png(image))
-    path = folder / f"{name}_map.yaml"
-    write_file(
-        path,
-        f"image: {name}_map.png\nresolution: {resolution:.9g}\norigin: [{x0:.9g}, {y0:.9g}, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.45\nfree_thresh: 0.196\n",
+    text = (
+        f"image: {name}.png\nresolution: {resolution:.9g}\norigin: [{x0:.9g}, {y0:.9g}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.45\nfree_thresh: 0.196\n"
     )
-    return path
+    return text, encode_png(image)

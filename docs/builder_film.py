@@ -1,0 +1,322 @@
+"""Makes the film of builder.md in the page: a town and a track are built and driven on: `uv run docs/builder_film.py`.
+
+The simulator is paused and steps from image to image, so that the film does not depend on the speed of the machine.
+"""
+
+from __future__ import annotations
+
+import math
+import runpy
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import simplejpeg
+from playwright.sync_api import Page, sync_playwright
+
+from autodrive import Command
+from autodrive.protocol.messages import Pause, Step
+from autodrive.recording.film.video import Video
+from autodrive.run.options import RunOptions
+from autodrive.run.runner import RunObserver, opened
+from autodrive.scenario.maps.map import Map
+from autodrive.world.simulation import Simulation
+
+HERE = Path(__file__).parent
+FILE = HERE / "builder.webm"
+SIZE = 1024, 640
+RATE = 6
+"""Images per second of the film."""
+BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+FLAGS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox")
+OVERLAY = """
+localStorage.setItem('autodrive.first-steps', 'seen')
+addEventListener('DOMContentLoaded', () => {
+  const add = (id, style) => {
+    const one = document.body.appendChild(document.createElement('div'))
+    one.id = id
+    one.style.cssText = `position:fixed;z-index:99;pointer-events:none;${style}`
+  }
+  add('film-caption', 'top:60px;left:66%;transform:translateX(-50%);padding:10px 22px;border-radius:8px;' +
+    'font:600 19px sans-serif;color:#fff;background:rgb(0 0 0/75%);white-space:nowrap')
+  add('film-pointer', 'width:22px;height:22px;margin:-11px 0 0 -11px;border-radius:50%;' +
+    'border:3px solid #d81b60;background:rgb(216 27 96/35%)')
+  addEventListener('pointermove', ({ clientX, clientY }) => {
+    const { style } = document.querySelector('#film-pointer')
+    style.left = `${clientX}px`
+    style.top = `${clientY}px`
+  }, true)
+})
+"""
+
+
+class Film:
+    """The page, and the video of its images."""
+
+    def __init__(self, page: Page, video: Video, simulation: Simulation) -> None:
+        self.page = page
+        self.simulation = simulation
+        self._video = video
+        self._at = (SIZE[0] / 2, SIZE[1] / 2)
+
+    def value(self, expression: str) -> Any:
+        """The value of an expression about the page."""
+        return self.page.evaluate(f"() => autodrive.{expression}")
+
+    def wait(self, condition: Callable[[], object]) -> None:
+        """Wait until the page is so far; fails after two minutes."""
+        end = time.monotonic() + 60.0
+        while not condition():
+            if time.monotonic() > end:
+                self.page.screenshot(path="/tmp/film_failed.png")
+                raise TimeoutError("the page did not get that far")
+            self.page.wait_for_timeout(30)
+
+    def wait_for_image(self, count: int = 2) -> None:
+        """Wait until the 3D view has shown that many more images."""
+        before, end = (
+            self.value("store.imageCount.value"),
+            time.monotonic() + 3.0,
+        )  # nothing is drawn if nothing changes
+        self.wait(lambda: self.value("store.imageCount.value") >= before + count or time.monotonic() > end)
+
+    def take(self, seconds: float = 1.0 / RATE) -> None:
+        """Add the image of the page for that time."""
+        jpeg = self.page.screenshot(type="jpeg", quality=92, timeout=120_000)
+        image = simplejpeg.decode_jpeg(jpeg, "RGB")
+        for _ in range(max(1, round(seconds * RATE))):
+            self._video.write(image)
+
+    def caption(self, text: str, seconds: float = 2.5) -> None:
+        """Show a text at the top from now on."""
+        print(f"{self._video.images / RATE:5.1f} s  {text}", flush=True)
+        self.page.evaluate("text => (document.querySelector('#film-caption').textContent = text)", text)
+        self.take(seconds)
+
+    def point(self, x: float, y: float, images: int = 2) -> None:
+        """Move the pointer."""
+        x0, y0 = self._at
+        for i in range(1, images + 1):
+            share = 0.5 - 0.5 * math.cos(math.pi * i / images)
+            self.page.mouse.move(x0 + share * (x - x0), y0 + share * (y - y0))
+            self.take()
+        self._at = (x, y)
+
+    def click(self, id: str) -> None:
+        """Click a button of the page."""
+        element = self.page.get_by_test_id(id)
+        element.scroll_into_view_if_needed()
+        box = element.bounding_box()
+        assert box is not None
+        self.point(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        element.click()
+        self.wait_for_image()
+        self.take()
+
+    def screen(self, x: float, y: float) -> tuple[float, float]:
+        """Where a point of the map is on the screen."""
+        found = self.page.evaluate("([x, y]) => autodrive.view.screenPoint(x, y, 0)", [x, y])
+        return found[0], found[1]
+
+    def click_map(self, x: float, y: float) -> None:
+        """Click a point of the map, and wait for the edit."""
+        before = self.simulation.undo_name, self.value("store.scene.value.model")
+        self.point(*self.screen(x, y))
+        self.page.mouse.click(*self._at)
+        self.wait(lambda: (self.simulation.undo_name, self.value("store.scene.value.model")) != before)
+        self.wait_for_image()
+        self.take(0.4)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Drag from one point of the map to another."""
+        before = self.value("store.scene.value.model")
+        self.point(*self.screen(*start))
+        self.page.mouse.down()
+        self.point(*self.screen(*end), images=5)
+        self.page.mouse.up()
+        self.wait(lambda: self.value("store.scene.value.model") != before)
+        self.wait_for_image()
+        self.take(0.5)
+
+    def drive(self, seconds: float, command: Callable[[], Command], speed: float = 1.0) -> None:
+        """Let the car drive that long in the film, with the commands of each tick."""
+        ticks = round(speed * 100 / RATE)
+        for _ in range(round(seconds * RATE)):
+            for _ in range(ticks):
+                self.simulation.request(Step(1, {"V1": command()})).result()
+            tick = self.simulation.frame.tick
+            self.wait(lambda tick=tick: self.value("store.frame.value.tick") >= tick)
+            self.wait_for_image(1)
+            self.take()
+
+
+def lane_follower(map_: Map, simulation: Simulation) -> Callable[[], Command]:
+    """Pure pursuit along the lanes; at a crossing straight ahead."""
+    lanes = map_.lane_graph.lanes
+    vehicle = simulation.frame.vehicles["V1"]
+    x, y, _ = vehicle.pose.position
+    near = min(range(len(lanes)), key=lambda i: float(np.hypot(*(lanes[i].points - (x, y)).T).min()))
+    route = np.empty((0, 2))
+    lane = near
+    for _ in range(60):
+        route = np.vstack([route, lanes[lane].points])
+        heading = _heading(lanes[lane].points[-2:])
+        lane = min(
+            lanes[lane].successors,
+            key=lambda i: abs(math.remainder(_heading(lanes[i].points[[0, -1]]) - heading, 2.0 * math.pi)),
+        )
+    at = 0
+
+    def command() -> Command:
+        nonlocal at
+        pose = simulation.frame.vehicles["V1"].pose
+        x, y, _ = pose.position
+        w, _, _, z = pose.orientation
+        window = np.hypot(*(route[at : at + 200] - (x, y)).T)
+        at += int(window.argmin())
+        ahead = np.flatnonzero(np.hypot(*(route[at : at + 300] - (x, y)).T) > 0.3)
+        goal = route[at + int(ahead[0])] if len(ahead) else route[-1]
+        bearing = math.atan2(goal[1] - y, goal[0] - x) - 2.0 * math.atan2(z, w)
+        curvature = 2.0 * math.sin(bearing) / math.hypot(goal[0] - x, goal[1] - y)
+        return Command(0.8, max(-1.0, min(1.0, math.atan(0.14154 * curvature) / math.radians(30.0))))
+
+    return command
+
+
+def _heading(points: np.ndarray) -> float:
+    (x0, y0), (x1, y1) = points
+    return math.atan2(y1 - y0, x1 - x0)
+
+
+def gap_follower(simulation: Simulation) -> Callable[[], Command]:
+    """The race program of the examples, for the car on the small track."""
+    follow = runpy.run_path(str(HERE.parent / "examples" / "racing" / "follow_the_gap.py"))["command"]
+
+    def command() -> Command:
+        scan = simulation.frame.vehicles["V1"].lidar
+        if scan is None:
+            return Command()
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+        throttle, steering = follow(scan.ranges, np.where(angles > math.pi, angles - 2.0 * math.pi, angles))
+        return Command(min(1.0, 12.0 * throttle), steering)
+
+    return command
+
+
+def town(film: Film) -> None:
+    """A figure eight from modules, with buildings, and a car on it."""
+    page, simulation = film.page, film.simulation
+    film.caption("Build mode: take a piece, and click the plane")
+    film.click("build-button")
+    film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
+    page.wait_for_timeout(1500)
+    page.evaluate("() => autodrive.view.showArea(-1.2, -0.3, 8)")
+    film.wait_for_image(3)
+    film.take(1.0)
+    film.click("piece-four_way_intersection")
+    film.click_map(0.0, 0.0)
+    film.caption("A road snaps to an open end; Set adds the next piece")
+    for side in (0.7, -0.7):
+        film.click("piece-curved_road")
+        x, y = (film.value(f"store.scene.value.map_scene.parts.four_way_intersection_1.{key}") for key in "xy")
+        film.click_map(x + side, y)
+        for _ in range(2):
+            before = len(film.value("store.scene.value.map_scene.parts"))
+            film.wait(lambda: page.get_by_test_id("build-set").is_enabled())
+            film.click("build-set")
+            film.wait(lambda before=before: len(film.value("store.scene.value.map_scene.parts")) == before + 1)
+            film.wait_for_image()
+            film.take(0.5)
+        page.keyboard.press("Escape")
+    film.caption("No problems: both loops are closed. Add a few buildings")
+    film.click("piece-block")
+    for x0, y0, x1, y1 in ((1.0, 1.0, 1.5, 1.6), (-1.5, -1.5, -1.0, -1.0)):
+        film.point(*film.screen(x0, y0))
+        page.mouse.click(*film.screen(x0, y0))
+        film.click_map(x1, y1)
+    page.keyboard.press("Escape")
+    film.caption("Place the car on a road, and drive")
+    film.point(*film.screen(0.1, 0.1))
+    page.mouse.click(*film.screen(0.1, 0.1))
+    film.wait(lambda: page.get_by_test_id("build-car").is_visible())
+    film.click("build-car")
+    film.take(1.0)
+    film.click("build-done")
+    page.evaluate("() => { autodrive.store.camera.value = 'Orbit' }")
+    film.wait_for_image(3)
+    film.drive(16.0, lane_follower(simulation.world.map, simulation), speed=2.0)
+
+
+def track(film: Film) -> None:
+    """A race track by points, and a car that laps it with its LIDAR."""
+    page, simulation = film.page, film.simulation
+    film.caption("A race track: drag its points")
+    film.click("build-button")
+    page.wait_for_timeout(500)
+    film.wait_for_image(3)
+    film.click("track-new")
+    film.wait(lambda: film.value("store.scene.value.track_scene") is not None)
+    page.wait_for_timeout(1500)
+    film.wait_for_image(3)
+    film.take(1.0)
+    for index, end in ((6, (0.0, 3.0)), (0, (0.0, -4.0)), (3, (12.5, 1.5))):
+        x, y = film.value(f"store.scene.value.track_scene.line.points[{index}]")
+        film.drag((x, y), end)
+    film.caption("A bend that is too tight is red while you drag; Undo takes it back", 1.0)
+    x, y = film.value("store.scene.value.track_scene.line.points[8]")
+    film.drag((x, y), (x + 2.5, y - 4.5))
+    film.take(2.0)
+    film.click("build-undo")
+    film.take(1.0)
+    film.caption("Save it as a file, or as a link that contains the track", 0.5)
+    film.click("build-save")
+    film.take(1.5)
+    film.click("save-map-link")
+    film.wait(lambda: page.get_by_test_id("map-link").is_visible())
+    film.take(2.0)
+    film.click("link-dialog-cancel")
+    film.caption("Drive: a script follows the gap with the LIDAR", 0.5)
+    film.click("build-done")
+    page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
+    film.wait_for_image(3)
+    film.drive(10.0, gap_follower(simulation), speed=3.0)
+    page.evaluate("() => { autodrive.store.camera.value = 'Orbit' }")
+    film.wait_for_image(3)
+    film.drive(10.0, gap_follower(simulation), speed=3.0)
+    film.caption("Your own map, in a few minutes", 2.5)
+
+
+def main() -> None:
+    """Write the film."""
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        sys.exit("the film needs a browser: sudo apt-get install chromium")
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        options = RunOptions("plane", port=0, cameras=False, recordings=Path(folder))
+        run = opened(stack, options, RunObserver())
+        run.simulation.start()
+        run.simulation.request(Pause()).result()
+        playwright = stack.enter_context(sync_playwright())
+        window = playwright.chromium.launch(executable_path=browser, args=list(FLAGS))
+        stack.callback(window.close)
+        page = window.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
+        page.add_init_script(OVERLAY)
+        page.goto(f"{run.link}?quality=low#menu=0&hud=0")
+        film = Film(page, stack.enter_context(Video(FILE, SIZE, RATE)), run.simulation)
+        film.wait(lambda: film.value("view") is not None)
+        film.wait_for_image(3)
+        film.caption("Your own town and track, in the browser", 3.0)
+        town(film)
+        track(film)
+    print(f"{FILE}: {FILE.stat().st_size / 1e6:.1f} MB")
+
+
+if __name__ == "__main__":
+    main()

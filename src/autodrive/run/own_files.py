@@ -1,0 +1,119 @@
+"""Files of the user that clients open and save: the folder of `--folder`, and texts that clients send."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from autodrive.base.cache import make_folder, write_file
+from autodrive.base.errors import AutodriveError
+from autodrive.base.suggest import suggest
+from autodrive.base.yaml_files import MAX_BYTES, Source, checked_source, source
+from autodrive.connect.server.served import NO_FOLDER, OwnFiles
+from autodrive.protocol.messages import LoadScenario, UseMap
+from autodrive.protocol.own_files import OpenFile, OwnFile
+from autodrive.scenario.files import check_names
+from autodrive.scenario.scenario import YAML, ScenarioSpec
+
+if TYPE_CHECKING:
+    from autodrive.world import World
+
+MAX_FILES = 1000
+"""In a folder."""
+NAME = re.compile(r"[^\W_][\w -]{0,59}")
+"""Of a file, without its ending."""
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
+"""Names of devices of Windows."""
+KEY = re.compile(r"^(\w+)\s*:[ \t]*(.*)$", re.MULTILINE)
+"""A key of a file, at the beginning of its line, and its value."""
+
+
+class UserFiles(OwnFiles):
+    """The files of a folder, which is made if it is not there, and of texts; None: texts only."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        self._texts: tempfile.TemporaryDirectory[str] | None = None
+        if folder is not None:
+            make_folder(folder)
+            self.folder = folder.resolve().name or str(folder)
+
+    def listed(self) -> dict[str, OwnFile]:
+        """The YAML files of the folder by name; what their keys say that they are."""
+        return {path.name: _described(path) for path in self._paths()}
+
+    def opened(self, operation: OpenFile, world: World) -> LoadScenario | UseMap:
+        """A scenario is loaded from its file; one that a client sends has a file of its own until the next one."""
+        name, text = operation.name, operation.text
+        if text:
+            found = Source(text, f"the text of '{name}'")
+            if not _is_scenario(found.tree):
+                return UseMap(text=text)
+            check_names(checked_source(found, ScenarioSpec), world.specs)
+            return LoadScenario(str(self._written(name, text)))
+        paths = {path.name: path for path in self._paths()}
+        if name not in paths:
+            raise AutodriveError(f"'{name}' is not in the folder '{self.folder}'. {suggest(name, list(paths))}")
+        found = source(paths[name])
+        return LoadScenario(str(paths[name])) if _is_scenario(found.tree) else UseMap(text=found.text)
+
+    def save(self, name: str, text: str, *, replaces: bool) -> str:
+        """Write NAME.yaml into the folder, never elsewhere."""
+        paths = self._paths()
+        if not NAME.fullmatch(name) or RESERVED.fullmatch(name):
+            raise AutodriveError(
+                f"'{name}' cannot be the name of a file: it must have at most 60 letters, digits, spaces, '_' and '-', "
+                "and begin with a letter or digit"
+            )
+        assert self._folder is not None
+        path = self._folder / f"{name}.yaml"
+        if path.is_symlink():
+            raise AutodriveError(f"'{path.name}' is a link to another place: choose another name")
+        if os.path.lexists(path):
+            if not replaces:
+                raise AutodriveError(f"'{path.name}' is in the folder already: choose another name, or replace it")
+        elif len(paths) >= MAX_FILES:
+            raise AutodriveError(f"the folder '{self.folder}' has {len(paths)} files; at most {MAX_FILES} are possible")
+        if len(data := text.encode()) > MAX_BYTES:
+            raise AutodriveError(f"the file would have {len(data)} bytes; at most {MAX_BYTES} are possible")
+        write_file(path, data)
+        return path.name
+
+    def _paths(self) -> list[Path]:
+        """The YAML files of the folder, sorted. Raises `AutodriveError`."""
+        if self._folder is None:
+            raise AutodriveError(NO_FOLDER)
+        try:
+            found = (path for path in self._folder.iterdir() if path.suffix in YAML and path.is_file())
+            return sorted(itertools.islice(found, MAX_FILES))
+        except OSError as error:
+            raise AutodriveError(f"the folder '{self.folder}' cannot be read: {error.strerror or error}") from None
+
+    def _written(self, name: str, text: str) -> Path:
+        """A file with that text, which replaces the one before."""
+        self._texts = self._texts or tempfile.TemporaryDirectory(prefix="autodrive_")
+        folder = Path(self._texts.name)
+        for before in folder.iterdir():
+            before.unlink()
+        stem = re.sub(r"[^\w-]+", "_", Path(name).stem)[:60] or "scenario"
+        write_file(folder / f"{stem}.yaml", text)
+        return folder / f"{stem}.yaml"
+
+
+def _described(path: Path) -> OwnFile:
+    """Without parsing, so that many large files are listed quickly."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            keys = dict(KEY.findall(file.read(MAX_BYTES)))
+    except OSError:
+        keys = {}
+    kind = "scenario" if _is_scenario(keys) else "track" if {"centre_line", "points"} & keys.keys() else "map"
+    return OwnFile(kind, keys.get("title", "").strip().strip("\"'")[:200])
+
+
+def _is_scenario(tree: Any) -> bool:
+    return isinstance(tree, dict) and bool({"map", "vehicles"} & tree.keys())

@@ -1,0 +1,242 @@
+"""The folder of the user: listed, opened and saved by clients; nothing outside of it is read or written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import autodrive
+from autodrive import AutodriveError, Client
+from autodrive.base.png import decode_png
+from autodrive.connect.server.served import PageOptions, Served
+from autodrive.connect.server.server import Server
+from autodrive.protocol.messages import MapModule, SaveScenario, TrackLine
+from autodrive.protocol.own_files import ExportMap, ListFiles, OpenFile, OwnFile, SaveFile
+from autodrive.run.own_files import UserFiles
+from autodrive.scenario.maps.map import load_map
+from autodrive.scenario.maps.raster import occupancy
+from autodrive.scenario.maps.spec import MAX_PLACEMENTS
+from autodrive.scenario.tracks.track import Track
+from autodrive.world.simulation import Simulation
+from tests.support.native_clients import native_client, scene_files
+
+TRACK = TrackLine(((0.0, 0.0), (6.0, 0.0), (9.0, 3.0), (6.0, 6.0), (0.0, 6.0)))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "loop.yaml").write_text("title: My loop\npoints: [0 0, 9 0, 9 6, 0 6]\nwidth: 1.0\n")
+    (tmp_path / "mine" / "town.yml").write_text("placements: [{module: lawn, x: 0, y: 0}]\n")
+    (tmp_path / "mine" / "two.yaml").write_text("title: 'Two'\nmap: mini_map\nvehicles: {V1: {}, V2: {x: 2}}\n")
+    (tmp_path / "mine" / "notes.txt").write_text("no map")
+    (tmp_path / "secret.yaml").write_text("title: Secret\nmap: plane\n")
+    return tmp_path / "mine"
+
+
+@pytest.fixture
+def simulation() -> Iterator[Simulation]:
+    with Simulation(autodrive.make("mini_map"), load=autodrive.make) as running:
+        yield running
+
+
+@pytest.fixture
+def server(simulation: Simulation, folder: Path) -> Iterator[Server]:
+    served = Served(simulation, scene_files, scenarios={"plane": "Plane"}, own_files=UserFiles(folder))
+    with Server(served, PageOptions(port=0)) as serving:
+        yield serving
+
+
+@pytest.fixture
+def sim(server: Server) -> Iterator[Client]:
+    with Client(server.address) as client:
+        yield client
+
+
+def ask(sim: Client, operation: OpenFile | ListFiles | SaveFile | ExportMap | SaveScenario) -> str:
+    sim.connection.request(operation)
+    return sim.connection.text
+
+
+def test_the_files_of_the_folder_are_listed_and_opened(server: Server, simulation: Simulation, sim: Client) -> None:
+    with native_client(server) as it:
+        assert it.until("Welcome")["folder"] == "mine"
+        assert it.ask("ListFiles")["files"] == {
+            "loop.yaml": {"kind": "track", "title": "My loop"},
+            "town.yml": {"kind": "map", "title": ""},
+            "two.yaml": {"kind": "scenario", "title": "Two"},
+        }
+    ask(sim, OpenFile("loop.yaml"))
+    assert simulation.world.map.track is not None
+    assert simulation.undo_name == "open a map"
+    ask(sim, OpenFile("two.yaml"))
+    assert simulation.world.vehicle_names == ("V1", "V2") or [*simulation.world.vehicle_names] == ["V1", "V2"]
+    assert simulation.undo_name == ""
+
+
+@pytest.mark.parametrize("name", ["../secret.yaml", "notes.txt", "/etc/passwd", "", "loop", "\0", "mine/../loop.yaml"])
+def test_what_is_not_in_the_folder_is_not_opened(sim: Client, simulation: Simulation, name: str) -> None:
+    before = simulation.world
+    with pytest.raises(AutodriveError, match="is not in the folder 'mine'"):
+        ask(sim, OpenFile(name))
+    assert simulation.world is before
+
+
+def test_a_map_is_saved_opened_again_and_replaced_only_if_that_is_wanted(
+    sim: Client, simulation: Simulation, folder: Path
+) -> None:
+    sim.edit_track(TRACK)
+    assert ask(sim, SaveFile("round", "map", "Round")) == "round.yaml"
+    track = Track.load(folder / "round.yaml")
+    assert track.title == "Round"
+    before = (folder / "round.yaml").read_text()
+    sim.use_map("oval")
+    with pytest.raises(AutodriveError, match=r"'round.yaml' is in the folder already: choose another name, or replace"):
+        ask(sim, SaveFile("round"))
+    assert (folder / "round.yaml").read_text() == before
+    ask(sim, OpenFile("round.yaml"))
+    assert simulation.world.map.track is not None
+    assert simulation.world.map.track.length == track.length
+    sim.use_map("oval")
+    ask(sim, SaveFile("round", "scenario", "Oval", replaces=True))
+    assert UserFiles(folder).listed()["round.yaml"] == OwnFile("scenario", "Oval")
+    assert autodrive.make(str(folder / "round.yaml")).map.bounds == simulation.world.map.bounds
+
+
+@pytest.mark.parametrize(
+    "name", ["../round", "a/b", "a\\b", ".hidden", "", "con", "LPT1", "a" * 61, "a.b", "a\n", "~", "\0", "a:b", "ä/"]
+)
+def test_a_name_that_leaves_the_folder_is_refused(sim: Client, folder: Path, name: str) -> None:
+    before = sorted(folder.parent.rglob("*"))
+    with pytest.raises(AutodriveError, match="cannot be the name of a file"):
+        ask(sim, SaveFile(name, replaces=True))
+    assert sorted(folder.parent.rglob("*")) == before
+
+
+def test_a_link_to_another_place_is_not_written(sim: Client, folder: Path) -> None:
+    (folder / "link.yaml").symlink_to(folder.parent / "secret.yaml")
+    with pytest.raises(AutodriveError, match=r"'link.yaml' is a link to another place"):
+        ask(sim, SaveFile("link", replaces=True))
+    assert "Secret" in (folder.parent / "secret.yaml").read_text()
+
+
+def test_a_full_folder_takes_no_more_files(sim: Client, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("autodrive.run.own_files.MAX_FILES", 3)
+    with pytest.raises(AutodriveError, match="the folder 'mine' has 3 files; at most 3 are possible"):
+        ask(sim, SaveFile("more"))
+    assert not (folder / "more.yaml").exists()
+
+
+SCENARIO = "title: Sent\nmap: {map}\nvehicles:\n  V1: {{type: {type}{more}}}\n"
+
+
+def sent(map_: str = "oval", type_: str = "nigel", more: str = "") -> str:
+    return SCENARIO.format(map=map_, type=type_, more=more)
+
+
+def test_the_text_of_a_scenario_is_loaded_without_edits_and_its_own_map_too(
+    sim: Client, simulation: Simulation
+) -> None:
+    ask(sim, OpenFile("sent.yaml", sent()))
+    assert simulation.world.spec.title == "Sent"
+    sim.edit_map({"road": MapModule("curved_road", 9.0, 9.0)})
+    text = ask(sim, SaveScenario())
+    bounds = simulation.world.map.bounds
+    ask(sim, OpenFile("plane.yaml", sent("plane")))
+    assert simulation.world.map.bounds != bounds
+    ask(sim, OpenFile("../../again.yaml", text))
+    assert simulation.world.map.bounds == bounds
+    ask(sim, OpenFile("track", "points: [0 0, 9 0, 9 6, 0 6]\nwidth: 1.0\n"))
+    assert simulation.world.map.track is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (sent("/etc/passwd"), "map '/etc/passwd' is not of the simulator"),
+        (sent("../secret.yaml"), "map '../secret.yaml' is not of the simulator"),
+        (sent("../../scenario/data/maps/oval"), "is not of the simulator"),
+        (sent(type_="./car.yaml"), "vehicle './car.yaml' is not of the simulator. Known: nigel"),
+        (sent(more=", own_sensors: {x: 'attack.py:Attack'}"), "sensors are Python files"),
+        (
+            sent("{title: x, placements: [{module: ../x.yaml, x: 0, y: 0}]}"),
+            "module '../x.yaml' is not of the simulator",
+        ),
+        (sent() + "race: {rules: /etc/hosts.yaml}\n", "ruleset '/etc/hosts.yaml' is not of the simulator"),
+        (sent() + "speed: 3\n", r"speed \(line 5\)"),
+        (sent()[:-20], "invalid YAML|line"),
+        ("vehicles: []", "vehicles"),
+        ("", "is not in the folder"),
+        ("just text", "expected 'key: value' lines"),
+        ("title: x\nwheels: 4\n", r"wheels \(line 2\)"),
+        (
+            "placements:\n" + "- {module: straight_road, x: 0, y: 0}\n" * (MAX_PLACEMENTS + 1),
+            rf"placements.*(at most )?{MAX_PLACEMENTS}",
+        ),
+        (
+            "a: &a [x, x]\n" + "".join(f"{k}: [*a, *a]\n" for k in "bc") + "placements: &p [*p]\n",
+            "inside its own anchor",
+        ),
+    ],
+)
+def test_a_foreign_text_is_refused_and_the_draft_stays(
+    sim: Client, simulation: Simulation, text: str, message: str
+) -> None:
+    sim.edit_track(TRACK)
+    before = simulation.world
+    with pytest.raises(AutodriveError) as error:
+        ask(sim, OpenFile("bad.yaml", text))
+    assert re.search(message, str(error.value)), error.value
+    assert simulation.world is before
+    assert simulation.undo_name == "make a track"
+
+
+def test_a_file_of_nearly_a_mebibyte_is_opened(sim: Client, simulation: Simulation) -> None:
+    text = Track.load("fast").text()
+    padded = text + "# " + "x" * 9000 + "\n"
+    while len(padded) < 2**20 - 9100:
+        padded += "# " + "x" * 9000 + "\n"
+    ask(sim, OpenFile("fast.yaml", padded))
+    assert simulation.world.map.track is not None
+
+
+def test_without_a_folder_texts_are_opened_and_nothing_else(simulation: Simulation) -> None:
+    with (
+        Server(Served(simulation, scene_files, own_files=UserFiles(None)), PageOptions(port=0)) as server,
+        Client(server.address) as sim,
+    ):
+        for operation in (ListFiles(), SaveFile("x"), OpenFile("x")):
+            with pytest.raises(AutodriveError, match="autodrive run --folder FOLDER"):
+                ask(sim, operation)
+        ask(sim, OpenFile("sent", sent()))
+        assert simulation.world.spec.title == "Sent"
+
+
+def test_who_may_not_control_may_not_write(simulation: Simulation, folder: Path) -> None:
+    """As the viewers of a race; and nobody is connected without the token, see test_access.py."""
+    served = Served(simulation, scene_files, own_files=UserFiles(folder), refusal=lambda message: "a race is running")
+    with (
+        Server(served, PageOptions(port=0)) as server,
+        Client(server.address) as sim,
+        pytest.raises(AutodriveError, match="a race is running"),
+    ):
+        ask(sim, SaveFile("mine"))
+    assert not (folder / "mine.yaml").exists()
+
+
+def test_the_map_is_exported_for_map_server(server: Server, simulation: Simulation) -> None:
+    with native_client(server) as it:
+        answer = it.ask("ExportMap", name="town", resolution=0.02)
+        assert "image: town.png" in answer["text"]
+        assert (decode_png(answer["picture"])[..., 0] == occupancy(load_map("mini_map"), 0.02)).all()
+        assert "choose a greater edge" in it.ask("ExportMap", resolution=0.001)["text"]
+        it.ask("EditTrack", track={"points": TRACK.points})
+        given = simulation.world.map.track
+        answer = it.ask("ExportMap", name="mine", resolution=0.05)
+        it.ask("ImportTrack", picture=answer["picture"], text=answer["text"])
+        again = simulation.world.map.track
+        assert given is not None and again is not None  # noqa: PT018
+        assert again.length == pytest.approx(given.length, rel=0.02)
