@@ -431,6 +431,11 @@ class Trainer:
         (weight, bias), *rest = policy.layers
         wide = np.zeros((len(weight), len(self.inputs)), np.float32)
         wide[:, places] = weight * np.array(policy.scale) / self.scale[places]
+        (low, high), (least, most) = policy.throttle, self.problem.throttle
+        last, offset = rest[-1][0].copy(), rest[-1][1].copy()
+        last[0] *= (high - low) / (most - least)  # the same throttle, of another range
+        offset[0] = (offset[0] * (high - low) + (high + low) - (most + least)) / (most - least)
+        rest[-1] = last, offset
         given = [one for layer in ((wide, bias), *rest) for one in layer] + [np.full(2, -1.5, np.float32)]
         self.agent = eqx.tree_at(_of_actor, self.agent, [jnp.asarray(one) for one in given])
         self.only_values = ONLY_VALUES
