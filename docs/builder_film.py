@@ -1,5 +1,6 @@
 """Makes the film of builder.md in the page: a town and a track are built and driven on: `uv run docs/builder_film.py`.
 
+`uv run docs/builder_film.py town` makes the first part only.
 The simulator is paused and steps from image to image, so that the film does not depend on the speed of the machine.
 """
 
@@ -31,7 +32,7 @@ from autodrive.world.simulation import Simulation
 HERE = Path(__file__).parent
 FILE = HERE / "builder.webm"
 SIZE = 1024, 640
-RATE = 6
+RATE = 5
 """Images per second of the film."""
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox")
@@ -216,12 +217,12 @@ def town(film: Film) -> None:
     film.click("build-button")
     film.wait(lambda: page.get_by_test_id("build-bar").is_visible())
     page.wait_for_timeout(1500)
-    page.evaluate("() => autodrive.view.showArea(-1.2, -0.3, 8)")
+    page.evaluate("() => autodrive.view.showArea(-0.4, 0, 4)")
     film.wait_for_image(3)
     film.take(1.0)
     film.click("piece-four_way_intersection")
     film.click_map(0.0, 0.0)
-    film.caption("A road snaps to an open end; Set adds the next piece")
+    film.caption("A road snaps to an open end; Enter adds the next one")
     for side in (0.7, -0.7):
         film.click("piece-curved_road")
         x, y = (film.value(f"store.scene.value.map_scene.parts.four_way_intersection_1.{key}") for key in "xy")
@@ -229,14 +230,14 @@ def town(film: Film) -> None:
         for _ in range(2):
             before = len(film.value("store.scene.value.map_scene.parts"))
             film.wait(lambda: page.get_by_test_id("build-set").is_enabled())
-            film.click("build-set")
+            page.keyboard.press("Enter")
             film.wait(lambda before=before: len(film.value("store.scene.value.map_scene.parts")) == before + 1)
             film.wait_for_image()
             film.take(0.5)
-        page.keyboard.press("Escape")
+        film.wait(lambda: page.get_by_test_id("build-set").is_disabled())  # the loop is closed: nothing is in hand
     film.caption("No problems: both loops are closed. Add a few buildings")
     film.click("piece-block")
-    for x0, y0, x1, y1 in ((1.0, 1.0, 1.5, 1.6), (-1.5, -1.5, -1.0, -1.0)):
+    for x0, y0, x1, y1 in ((0.55, 0.55, 0.85, 0.85), (-0.85, -0.85, -0.55, -0.55)):
         film.point(*film.screen(x0, y0))
         page.mouse.click(*film.screen(x0, y0))
         film.click_map(x1, y1)
@@ -250,7 +251,7 @@ def town(film: Film) -> None:
     film.click("build-done")
     page.evaluate("() => { autodrive.store.camera.value = 'Orbit' }")
     film.wait_for_image(3)
-    film.drive(16.0, lane_follower(simulation.world.map, simulation), speed=2.0)
+    film.drive(12.0, lane_follower(simulation.world.map, simulation), speed=2.5)
 
 
 def track(film: Film) -> None:
@@ -285,10 +286,10 @@ def track(film: Film) -> None:
     film.click("build-done")
     page.evaluate('() => { autodrive.store.camera.value = "Driver\'s Eye" }')
     film.wait_for_image(3)
-    film.drive(10.0, gap_follower(simulation), speed=3.0)
+    film.drive(9.0, gap_follower(simulation), speed=3.0)
     page.evaluate("() => { autodrive.store.camera.value = 'Orbit' }")
     film.wait_for_image(3)
-    film.drive(10.0, gap_follower(simulation), speed=3.0)
+    film.drive(9.0, gap_follower(simulation), speed=3.0)
     film.caption("Your own map, in a few minutes", 2.5)
 
 
@@ -297,6 +298,7 @@ def main() -> None:
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         sys.exit("the film needs a browser: sudo apt-get install chromium")
+    parts = [part for part in (town, track) if part.__name__ in (sys.argv[1:] or ["town", "track"])]
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         options = RunOptions("plane", port=0, cameras=False, recordings=Path(folder))
@@ -313,8 +315,8 @@ def main() -> None:
         film.wait(lambda: film.value("view") is not None)
         film.wait_for_image(3)
         film.caption("Your own town and track, in the browser", 3.0)
-        town(film)
-        track(film)
+        for part in parts:
+            part(film)
     print(f"{FILE}: {FILE.stat().st_size / 1e6:.1f} MB")
 
 
